@@ -1,0 +1,52 @@
+// NumPy arrays in and out, shared by all bindings.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <algorithm>
+#include <initializer_list>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "mechanism.hpp"
+
+namespace leastaction {
+
+namespace nb = nanobind;
+
+template <int n>
+using In = nb::ndarray<const double, nb::ndim<n>, nb::c_contig, nb::device::cpu>;
+using Out = nb::ndarray<nb::numpy, double, nb::c_contig>;
+
+// A new NumPy array that owns its memory; not initialised.
+inline Out new_array(std::initializer_list<std::size_t> shape) {
+    std::size_t size = 1;
+    for (const std::size_t n : shape) size *= n;
+    double* data = new double[std::max<std::size_t>(size, 1)];
+    nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+    return Out(data, shape.size(), shape.begin(), owner);
+}
+
+inline Out copy_of(const std::vector<double>& values, std::initializer_list<std::size_t> shape) {
+    Out out = new_array(shape);
+    std::copy(values.begin(), values.end(), out.data());
+    return out;
+}
+
+// Length check with the name of the argument; shapes are checked in Python, this is the last fence before memory.
+inline void expect(std::size_t got, std::size_t expected, const char* what) {
+    if (got != expected)
+        throw std::invalid_argument(std::string(what) + ": got length " + std::to_string(got) + ", expected " +
+                                    std::to_string(expected));
+}
+
+// Between the user's order of variables and the internal one.
+inline std::vector<double> to_internal(const Mechanism& m, const double* values, int n) {
+    std::vector<double> out(n);
+    for (int i = 0; i < n; ++i) out[i] = values[m.external[i]];
+    return out;
+}
+
+}  // namespace leastaction

@@ -1,0 +1,177 @@
+// Python access to the linear-quadratic recursion. Shapes are checked here once more, because a wrong
+// one would read past the end of an array; meaning and defaults live in leastaction.optimal.
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "linear_quadratic.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace leastaction {
+namespace {
+
+using Input = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+using Output = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
+using MaybeInput = std::optional<Input>;
+using MaybeOutput = std::optional<Output>;
+
+void require(bool condition, const char* what) {
+    if (!condition) throw std::invalid_argument(std::string("linear-quadratic problem: ") + what);
+}
+
+template <class Array>
+bool has_shape(const Array& array, std::initializer_list<std::size_t> shape) {
+    if (array.ndim() != shape.size()) return false;
+    std::size_t axis = 0;
+    for (std::size_t size : shape) {
+        if (array.shape(axis++) != size) return false;
+    }
+    return true;
+}
+
+const double* checked(const MaybeInput& array, std::initializer_list<std::size_t> shape, const char* what) {
+    if (!array) return nullptr;
+    require(has_shape(*array, shape), what);
+    return array->data();
+}
+
+// (rows,), (rows, cols), (N, rows) with per_stage, or (N, rows, cols).
+HessianBlock block(const MaybeInput& array, std::size_t N, std::size_t rows, std::size_t cols, bool per_stage,
+                   bool diagonal, const char* what) {
+    if (!array) return {};
+    require(!diagonal || rows == cols, what);
+    bool fits = false;
+    if (per_stage) {
+        fits = diagonal ? has_shape(*array, {N, rows}) : has_shape(*array, {N, rows, cols});
+    } else {
+        fits = diagonal ? has_shape(*array, {rows}) : has_shape(*array, {rows, cols});
+    }
+    require(fits, what);
+    const std::size_t stride = per_stage ? (diagonal ? rows : rows * cols) : 0;
+    return {array->data(), static_cast<std::ptrdiff_t>(stride), diagonal};
+}
+
+// One axis more than a constant matrix or diagonal means one block per stage; (N, rows) and
+// (rows, cols) both have two axes, so the caller says whether a diagonal is meant.
+HessianBlock block(const MaybeInput& array, bool diagonal, std::size_t N, std::size_t rows, std::size_t cols,
+                   const char* what) {
+    if (!array) return {};
+    const bool per_stage = array->ndim() == (diagonal ? 2U : 3U);
+    return block(array, N, rows, cols, per_stage, diagonal, what);
+}
+
+struct Sizes {
+    std::size_t N, nx, nu;
+};
+
+Sizes sizes(const Input& A, const Input& B) {
+    require(A.ndim() == 3 && A.shape(1) == A.shape(2), "A must have shape (N, nx, nx)");
+    require(B.ndim() == 3 && B.shape(0) == A.shape(0) && B.shape(1) == A.shape(1), "B must have shape (N, nx, nu)");
+    return {A.shape(0), A.shape(1), B.shape(2)};
+}
+
+LinearQuadraticProblem dynamics(const Input& A, const Input& B) {
+    const Sizes n = sizes(A, B);
+    LinearQuadraticProblem problem;
+    problem.horizon = static_cast<std::ptrdiff_t>(n.N);
+    problem.nx = static_cast<std::ptrdiff_t>(n.nx);
+    problem.nu = static_cast<std::ptrdiff_t>(n.nu);
+    problem.A = A.data();
+    problem.B = B.data();
+    return problem;
+}
+
+LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, const Output& C, const Output& b,
+                            const Output& P0, const MaybeOutput& P_all, const MaybeInput& Q, bool Q_diagonal,
+                            const MaybeInput& R, bool R_diagonal, const MaybeInput& S, const MaybeInput& H,
+                            const MaybeInput& q, const MaybeInput& r, const MaybeInput& c, const MaybeInput& Q_final,
+                            const MaybeInput& q_final, bool regularize, bool use_structure) {
+    const auto [N, nx, nu] = sizes(A, B);
+    LinearQuadraticProblem problem = dynamics(A, B);
+    problem.Q = block(Q, Q_diagonal, N, nx, nx, "Q must have shape (nx) or (nx, nx), or N of them");
+    problem.R = block(R, R_diagonal, N, nu, nu, "R must have shape (nu) or (nu, nu), or N of them");
+    problem.S = block(S, false, N, nx, nu, "S must have shape (nx, nu), or N of them");
+    problem.H = checked(H, {N, nx + nu, nx + nu}, "H must have shape (N, nx + nu, nx + nu)");
+    problem.q = checked(q, {N, nx}, "q must have shape (N, nx)");
+    problem.r = checked(r, {N, nu}, "r must have shape (N, nu)");
+    problem.c = checked(c, {N, nx}, "c must have shape (N, nx)");
+    problem.Q_final =
+        block(Q_final, N, nx, nx, false, Q_final && Q_final->ndim() == 1, "Q_final must have shape (nx) or (nx, nx)");
+    problem.q_final = checked(q_final, {nx}, "q_final must have shape (nx)");
+
+    require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
+    require(has_shape(C, {N, nu}), "C must have shape (N, nu)");
+    require(has_shape(b, {N + 1, nx}), "b must have shape (N + 1, nx)");
+    require(has_shape(P0, {nx, nx}), "P0 must have shape (nx, nx)");
+    require(!P_all || has_shape(*P_all, {N + 1, nx, nx}), "P_all must have shape (N + 1, nx, nx)");
+    const LinearQuadraticOutput output{K.data(), C.data(), b.data(), P0.data(), P_all ? P_all->data() : nullptr};
+    const LinearQuadraticOptions options{regularize, use_structure};
+
+    nb::gil_scoped_release release;
+    return solve_linear_quadratic(problem, options, output);
+}
+
+void forward(const Input& A, const Input& B, const Input& K, const Input& C, const MaybeInput& c, const Output& dx,
+             const Output& du) {
+    const auto [N, nx, nu] = sizes(A, B);
+    LinearQuadraticProblem problem = dynamics(A, B);
+    problem.c = checked(c, {N, nx}, "c must have shape (N, nx)");
+    require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
+    require(has_shape(C, {N, nu}), "C must have shape (N, nu)");
+    require(has_shape(dx, {N + 1, nx}), "dx must have shape (N + 1, nx)");
+    require(has_shape(du, {N, nu}), "du must have shape (N, nu)");
+    nb::gil_scoped_release release;
+    sweep_forward(problem, K.data(), C.data(), dx.data(), du.data());
+}
+
+void adjoint(const Input& A, const Input& B, const Input& K, const Input& q, const Input& r, const Input& q_final,
+             const Output& z) {
+    const auto [N, nx, nu] = sizes(A, B);
+    LinearQuadraticProblem problem = dynamics(A, B);
+    problem.q = checked(q, {N, nx}, "q must have shape (N, nx)");
+    problem.r = checked(r, {N, nu}, "r must have shape (N, nu)");
+    problem.q_final = checked(q_final, {nx}, "q_final must have shape (nx)");
+    require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
+    require(has_shape(z, {N + 1, nx}), "z must have shape (N + 1, nx)");
+    nb::gil_scoped_release release;
+    sweep_adjoint(problem, K.data(), z.data());
+}
+
+}  // namespace
+
+void bind_linear_quadratic(nb::module_& m) {
+    using Report = LinearQuadraticReport;
+    nb::enum_<Report::Status>(m, "LinearQuadraticStatus")
+        .value("solved", Report::Status::solved)
+        .value("indefinite", Report::Status::indefinite)
+        .value("not_finite", Report::Status::not_finite);
+    nb::class_<Report>(m, "LinearQuadraticReport")
+        .def_ro("status", &Report::status)
+        .def_ro("stage", &Report::stage)
+        .def_ro("smallest_eigenvalue", &Report::smallest_eigenvalue)
+        .def_ro("shifted_stages", &Report::shifted_stages)
+        .def_ro("largest_shift", &Report::largest_shift)
+        .def_ro("constant", &Report::constant)
+        .def_ro("structured_stages", &Report::structured_stages);
+
+    m.def("solve_linear_quadratic", &solve, "A"_a, "B"_a, "K"_a, "C"_a, "b"_a, "P0"_a, "P_all"_a.none(), nb::kw_only(),
+          "Q"_a.none() = nb::none(), "Q_diagonal"_a = false, "R"_a.none() = nb::none(), "R_diagonal"_a = false,
+          "S"_a.none() = nb::none(), "H"_a.none() = nb::none(), "q"_a.none() = nb::none(), "r"_a.none() = nb::none(),
+          "c"_a.none() = nb::none(), "Q_final"_a.none() = nb::none(), "q_final"_a.none() = nb::none(),
+          "regularize"_a = false, "use_structure"_a = true,
+          "Backward recursion of the affine LQ problem; writes K, C, b, P0 and, if given, P_all.");
+    m.def("sweep_forward", &forward, "A"_a, "B"_a, "K"_a, "C"_a, "c"_a.none(), "dx"_a, "du"_a,
+          "Closed-loop linear roll-out from dx[0]; writes dx[1:] and du.");
+    m.def("sweep_adjoint", &adjoint, "A"_a, "B"_a, "K"_a, "q"_a, "r"_a, "q_final"_a, "z"_a,
+          "Adjoint of the closed-loop linearisation; writes z.");
+}
+
+}  // namespace leastaction

@@ -1,0 +1,150 @@
+// The midpoint integrator over whole trajectories; one step is a trajectory of one step.
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+
+#include <optional>
+
+#include "arrays.hpp"
+#include "trajectory.hpp"
+
+using namespace nanobind::literals;
+
+namespace leastaction {
+
+namespace {
+
+class Midpoint {
+public:
+    Midpoint(std::shared_ptr<Mechanism> mechanism, const std::string& split, double tolerance, int max_iterations)
+        : mechanism_(std::move(mechanism)) {
+        if (split == "symmetric")
+            settings_.split = Split::symmetric;
+        else if (split == "left")
+            settings_.split = Split::left;
+        else
+            throw std::invalid_argument("split: got '" + split + "', expected 'symmetric' or 'left'");
+        settings_.tolerance = tolerance;
+        settings_.max_iterations = max_iterations;
+    }
+
+    nb::dict roll_out(const In<1>& t, const In<1>& x0, const std::optional<In<2>>& xbar, const In<2>& ubar,
+                      const std::optional<In<3>>& K, const std::optional<In<1>>& velocity) const {
+        const Mechanism& m = *mechanism_;
+        const std::size_t N = steps_of(t), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
+        expect(x0.size(), nx, "x0");
+        expect(ubar.size(), N * nu, "ubar");
+        if (K) {
+            if (!xbar) throw std::invalid_argument("feedback gains need a nominal trajectory xbar");
+            expect(xbar->shape(0), N + 1, "xbar");
+            expect(xbar->shape(1), nx, "state in xbar");
+            expect(K->size(), N * nu * nx, "K");
+        }
+        if (velocity) expect(velocity->size(), m.n_dynamic, "velocity");
+        Out X = new_array({N + 1, nx}), U = new_array({N, nu}), lam = new_array({N, nc});
+        std::copy_n(x0.data(), nx, X.data());
+        MidpointStep step(mechanism_, settings_);
+        RollOut result;
+        {
+            nb::gil_scoped_release release;
+            result = leastaction::roll_out(step, static_cast<int>(N), t.data(), K ? xbar->data() : nullptr, ubar.data(),
+                                           K ? K->data() : nullptr, velocity ? velocity->data() : nullptr, X.data(),
+                                           U.data(), lam.data());
+        }
+        nb::dict out;
+        out["x"] = X;
+        out["u"] = U;
+        out["lam"] = lam;
+        out["steps"] = result.steps;
+        out["iterations"] = result.iterations;
+        out["factorizations"] = result.factorizations;
+        out["rank_deficient"] = result.rank_deficient;
+        out["status"] = static_cast<int>(result.failure.status);
+        out["failed_iterations"] = result.failure.iterations;
+        std::vector<double> residual(m.n_dynamic + nc, 0.0);  // dynamics in the user's order, then constraints
+        if (result.failure.status != StepStatus::converged) {
+            for (int i = 0; i < m.n_dynamic; ++i) residual[m.external[i]] = step.residual[i];
+            std::copy(step.residual.begin() + m.n_dynamic, step.residual.end(), residual.begin() + m.n_dynamic);
+        }
+        out["residual"] = copy_of(residual, {residual.size()});
+        return out;
+    }
+
+    nb::dict linearize(const In<1>& t, const In<2>& x, const In<2>& u, int threads, bool multipliers) const {
+        const Mechanism& m = *mechanism_;
+        const std::size_t N = check(t, x, u), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
+        const std::size_t memo_size = StepMemo(m).size();
+        Out A = new_array({N, nx, nx}), B = new_array({N, nx, nu}), lam = new_array({N, nc});
+        Out lam_x = new_array({multipliers ? N : 0, nc, nx}), lam_u = new_array({multipliers ? N : 0, nc, nu});
+        Out memo = new_array({N, memo_size});
+        int done = 0;
+        {
+            nb::gil_scoped_release release;
+            done = leastaction::linearize(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(), threads,
+                                          A.data(), B.data(), lam.data(), multipliers ? lam_x.data() : nullptr,
+                                          multipliers ? lam_u.data() : nullptr, memo.data());
+        }
+        nb::dict out;
+        out["A"] = A;
+        out["B"] = B;
+        out["lam"] = lam;
+        if (multipliers) {
+            out["lam_x"] = lam_x;
+            out["lam_u"] = lam_u;
+        }
+        out["memo"] = memo;
+        out["steps"] = done;
+        return out;
+    }
+
+    Out curvatures(const In<1>& t, const In<2>& x, const In<2>& u, const In<3>& A, const In<3>& B, const In<2>& memo,
+                   const std::optional<In<2>>& w, const std::optional<In<2>>& w_lam, int threads) const {
+        const Mechanism& m = *mechanism_;
+        const std::size_t N = check(t, x, u), nx = m.n_states(), nu = m.n_controls();
+        expect(A.size(), N * nx * nx, "A");
+        expect(B.size(), N * nx * nu, "B");
+        expect(memo.size(), N * StepMemo(m).size(), "memo");
+        if (w) expect(w->size(), N * nx, "w");
+        if (w_lam) expect(w_lam->size(), N * m.n_constraints(), "w_lam");
+        Out H = new_array({N, nx + nu, nx + nu});
+        {
+            nb::gil_scoped_release release;
+            leastaction::curvatures(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(), A.data(), B.data(),
+                                    memo.data(), w ? w->data() : nullptr, w_lam ? w_lam->data() : nullptr, threads,
+                                    H.data());
+        }
+        return H;
+    }
+
+private:
+    static std::size_t steps_of(const In<1>& t) {
+        if (t.size() < 1) throw std::invalid_argument("t: at least one time is needed");
+        return t.size() - 1;
+    }
+    std::size_t check(const In<1>& t, const In<2>& x, const In<2>& u) const {
+        const std::size_t N = steps_of(t);
+        expect(x.size(), (N + 1) * mechanism_->n_states(), "x");
+        expect(u.size(), N * mechanism_->n_controls(), "u");
+        return N;
+    }
+
+    std::shared_ptr<Mechanism> mechanism_;
+    MidpointSettings settings_;
+};
+
+}  // namespace
+
+void bind_midpoint(nb::module_& module) {
+    nb::class_<Midpoint>(module, "Midpoint", "Midpoint variational integrator of one mechanism: settings, no state.")
+        .def(nb::init<std::shared_ptr<Mechanism>, const std::string&, double, int>(), "mechanism"_a,
+             "split"_a = "symmetric", "tolerance"_a = 1e-13, "max_iterations"_a = 50)
+        .def("roll_out", &Midpoint::roll_out, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
+             "velocity"_a.none(), "Steps from x0 over the times t under u = ubar - K (x - xbar).")
+        .def("linearize", &Midpoint::linearize, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "multipliers"_a = false,
+             "A and B of every step, the multipliers, and the memo that curvatures() takes.")
+        .def("curvatures", &Midpoint::curvatures, "t"_a, "x"_a, "u"_a, "A"_a, "B"_a, "memo"_a, "w"_a.none(),
+             "w_lam"_a.none(), "threads"_a = 0, "Hessians by (x, u) of w.x_next + w_lam.lam of every step.");
+}
+
+}  // namespace leastaction

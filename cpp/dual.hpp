@@ -1,0 +1,84 @@
+// Dual numbers: a value and its derivative along one direction.
+//
+// The kernel is written once on a generic scalar; run on duals it returns the next order of derivative along a
+// direction. Dual<Dual<double>> (a hyper-dual) gives two directions.
+#pragma once
+
+#include <cmath>
+
+namespace leastaction {
+
+template <class T>
+struct Dual {
+    T v{};  // value
+    T d{};  // derivative
+
+    Dual() = default;
+    Dual(double value) : v(value) {}
+    Dual(const T& value, const T& derivative) : v(value), d(derivative) {}
+};
+
+template <class T>
+Dual<T> operator+(const Dual<T>& a, const Dual<T>& b) {
+    return {a.v + b.v, a.d + b.d};
+}
+template <class T>
+Dual<T> operator-(const Dual<T>& a, const Dual<T>& b) {
+    return {a.v - b.v, a.d - b.d};
+}
+template <class T>
+Dual<T> operator-(const Dual<T>& a) {
+    return {-a.v, -a.d};
+}
+template <class T>
+Dual<T> operator*(const Dual<T>& a, const Dual<T>& b) {
+    return {a.v * b.v, a.v * b.d + a.d * b.v};
+}
+template <class T>
+Dual<T> operator*(double a, const Dual<T>& b) {
+    return {a * b.v, a * b.d};
+}
+template <class T>
+Dual<T> operator*(const Dual<T>& a, double b) {
+    return b * a;
+}
+template <class T>
+Dual<T> operator+(const Dual<T>& a, double b) {
+    return {a.v + b, a.d};
+}
+template <class T>
+Dual<T> operator+(double a, const Dual<T>& b) {
+    return b + a;
+}
+template <class T>
+Dual<T> operator-(const Dual<T>& a, double b) {
+    return {a.v - b, a.d};
+}
+template <class T>
+Dual<T> operator-(double a, const Dual<T>& b) {
+    return {a - b.v, -b.d};
+}
+template <class T>
+Dual<T>& operator+=(Dual<T>& a, const Dual<T>& b) {
+    a.v += b.v;
+    a.d += b.d;
+    return a;
+}
+template <class T>
+Dual<T>& operator-=(Dual<T>& a, const Dual<T>& b) {
+    a.v -= b.v;
+    a.d -= b.d;
+    return a;
+}
+inline void sincos_of(double a, double& s, double& c) {
+    s = std::sin(a);
+    c = std::cos(a);
+}
+template <class T>
+void sincos_of(const Dual<T>& a, Dual<T>& s, Dual<T>& c) {
+    sincos_of(a.v, s.v, c.v);
+    s.d = c.v * a.d;
+    c.d = -(s.v * a.d);
+}
+
+}  // namespace leastaction

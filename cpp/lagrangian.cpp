@@ -1,0 +1,197 @@
+#include "lagrangian.hpp"
+
+namespace leastaction {
+
+namespace {
+
+constexpr int lanes = 8;
+
+// The doubles of a scalar: its value, and for a dual its derivative.
+inline double part_of(double x, int) { return x; }
+inline double part_of(const Dual<double>& x, int part) { return part == 0 ? x.v : x.d; }
+
+// Rotational inertia in world axes about the world origin: R I R' - m [c][c].
+template <class T>
+Inertia<T> world_inertia(const Body& body, const Pose<T>& pose, const Vec3<T>& h) {
+    const Sym3<double>& s = body.inertia;
+    const Vec3<T> c = h;  // m c
+    Inertia<T> out;
+    out.m = T(body.mass);
+    out.h = h;
+    const Vec3<T> a0 = s.xx * pose.R.c0 + s.xy * pose.R.c1 + s.xz * pose.R.c2;
+    const Vec3<T> a1 = s.xy * pose.R.c0 + s.yy * pose.R.c1 + s.yz * pose.R.c2;
+    const Vec3<T> a2 = s.xz * pose.R.c0 + s.yz * pose.R.c1 + s.zz * pose.R.c2;
+    const auto entry = [&](T Vec3<T>::*r, T Vec3<T>::*k) {
+        return a0.*r * pose.R.c0.*k + a1.*r * pose.R.c1.*k + a2.*r * pose.R.c2.*k;
+    };
+    out.I = {entry(&Vec3<T>::x, &Vec3<T>::x), entry(&Vec3<T>::y, &Vec3<T>::y), entry(&Vec3<T>::z, &Vec3<T>::z),
+             entry(&Vec3<T>::x, &Vec3<T>::y), entry(&Vec3<T>::x, &Vec3<T>::z), entry(&Vec3<T>::y, &Vec3<T>::z)};
+    if (body.mass != 0) {
+        const double r = 1.0 / body.mass;
+        const Vec3<T> b = r * c;
+        out.I.xx += c.y * b.y + c.z * b.z;
+        out.I.yy += c.x * b.x + c.z * b.z;
+        out.I.zz += c.x * b.x + c.y * b.y;
+        out.I.xy += -(c.x * b.y);
+        out.I.xz += -(c.x * b.z);
+        out.I.yz += -(c.y * b.z);
+    }
+    return out;
+}
+
+}  // namespace
+
+void PairDerivatives::resize(std::size_t n) {
+    stride = (n + lanes - 1) / lanes * lanes + lanes;
+    for (auto* plane : {&vv, &v_q, &q_v, &qq}) plane->assign(n * stride, 0.0);
+}
+
+template <class T>
+Lagrangian<T>::Lagrangian(const Mechanism& mechanism)
+    : at(mechanism.joints.size()), mechanism_(mechanism) {
+    const std::size_t n = mechanism.n_massive;
+    L_q.assign(mechanism.n_variables(), T{});
+    L_v.assign(mechanism.n_variables(), T{});
+    V_.resize(n);
+    W_.resize(n);
+    h_own_.resize(n);
+    h_.resize(n);
+    m_.resize(n);
+    H_own_.resize(n);
+    H_.resize(n);
+    IC_.resize(n);
+    stride_ = (n + lanes - 1) / lanes * lanes + lanes;
+    for (int part = 0; part < parts; ++part) {
+        S_wide_[part].assign(6 * stride_, 0.0);
+        W_wide_[part].assign(6 * stride_, 0.0);
+        G_wide_[part].assign(3 * stride_, 0.0);
+        A_wide_[part].assign(6 * n, 0.0);
+        B_wide_[part].assign(6 * n, 0.0);
+    }
+}
+
+template <class T>
+void Lagrangian<T>::gradient(const T* q, const T* v) {
+    const Mechanism& m = mechanism_;
+    const int n = m.n_massive;
+    for (int i = 0; i < n; ++i) {
+        const Joint& joint = m.joints[i];
+        place(joint, q[joint.variable], i, at);
+        const Motion<T>& S = at.twist[i];
+        V_[i] = joint.parent < 0 ? v[joint.variable] * S : V_[joint.parent] + v[joint.variable] * S;
+        W_[i] = cross(S, V_[i]);
+
+        const Body& body = m.bodies[i];
+        const Pose<T>& pose = at.pose[i];
+        m_[i] = T(body.mass);
+        const Vec3<T> c = pose.R * body.com + pose.p;
+        const Vec3<T> momentum = body.mass * (V_[i].v + cross(V_[i].w, c));
+        h_[i] = body.mass * c;
+        h_own_[i] = h_[i];
+        const Vec3<T> spin = pose.R * (body.inertia * transposed_times(pose.R, V_[i].w));
+        H_[i] = {momentum, spin + cross(c, momentum)};
+        H_own_[i] = H_[i];
+    }
+    const Vec3<double>& g = m.gravity;
+    for (int i = n - 1; i >= 0; --i) {
+        const Joint& joint = m.joints[i];
+        const Motion<T>& S = at.twist[i];
+        L_v[joint.variable] = dot(H_[i], S);
+        const T weight = m_[i] * dot(g, S.v) + dot(cross(h_[i], g), S.w);
+        L_q[joint.variable] = weight - dot(H_[i], W_[i]);
+        if (joint.parent >= 0) {
+            H_[joint.parent] += H_[i];
+            h_[joint.parent] += h_[i];
+            m_[joint.parent] += m_[i];
+        }
+    }
+}
+
+template <class T>
+void Lagrangian<T>::hessian() {
+    const Mechanism& m = mechanism_;
+    const int n = m.n_massive;
+    if (pairs.stride == 0) pairs.resize(n);
+    const Vec3<double>& g = m.gravity;
+    for (int i = 0; i < n; ++i) IC_[i] = world_inertia(m.bodies[i], at.pose[i], h_own_[i]);
+    for (int i = n - 1; i >= 0; --i) {
+        const Joint& joint = m.joints[i];
+        if (joint.parent >= 0) IC_[joint.parent] += IC_[i];
+        const Motion<T>& S = at.twist[i];
+        const Force<T> A = IC_[i] * S;
+        const Force<T> B = cross_dual(S, H_[i]) - IC_[i] * W_[i];
+        const Vec3<T> G = cross(S.w, g);
+        const T s[6] = {S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z};
+        const T w[6] = {W_[i].v.x, W_[i].v.y, W_[i].v.z, W_[i].w.x, W_[i].w.y, W_[i].w.z};
+        const T a[6] = {A.f.x, A.f.y, A.f.z, A.n.x, A.n.y, A.n.z};
+        const T b[6] = {B.f.x, B.f.y, B.f.z, B.n.x, B.n.y, B.n.z};
+        const T gv[3] = {G.x, G.y, G.z};
+        for (int part = 0; part < parts; ++part) {
+            for (int c = 0; c < 6; ++c) {
+                S_wide_[part][c * stride_ + i] = part_of(s[c], part);
+                W_wide_[part][c * stride_ + i] = part_of(w[c], part);
+                A_wide_[part][i * 6 + c] = part_of(a[c], part);
+                B_wide_[part][i * 6 + c] = part_of(b[c], part);
+            }
+            for (int c = 0; c < 3; ++c) G_wide_[part][c * stride_ + i] = part_of(gv[c], part);
+        }
+    }
+    for (int i = 0; i < n; ++i) pair_products(i);
+}
+
+// The products of row i with all joints of its runs, `lanes` joints at a time. For a dual scalar the derivative of each
+// product: by the product rule the sum of two products of plain numbers.
+template <class T>
+void Lagrangian<T>::pair_products(int i) {
+    const std::size_t row = i * pairs.stride;
+    for (const auto& [first, last] : mechanism_.runs[i]) {
+        for (int j = first; j < last; j += lanes) {
+            double vv[lanes] = {}, v_q[lanes] = {}, q_v[lanes] = {}, qq[lanes] = {};
+            for (int product = 0; product < parts; ++product) {
+                const double* A = &A_wide_[parts - 1 - product][i * 6];
+                const double* B = &B_wide_[parts - 1 - product][i * 6];
+                for (int c = 0; c < 6; ++c) {
+                    const double a = A[c], b = B[c];
+                    const double* S = &S_wide_[product][c * stride_ + j];
+                    const double* W = &W_wide_[product][c * stride_ + j];
+                    for (int l = 0; l < lanes; ++l) {
+                        vv[l] += a * S[l];
+                        v_q[l] -= a * W[l];
+                        q_v[l] += b * S[l];
+                        qq[l] -= b * W[l];
+                    }
+                }
+                for (int c = 0; c < 3; ++c) {
+                    const double* G = &G_wide_[product][c * stride_ + j];
+                    for (int l = 0; l < lanes; ++l) qq[l] -= A[c] * G[l];
+                }
+            }
+            const auto store = [&](std::vector<double>& plane, const double (&values)[lanes]) {
+                for (int l = 0; l < lanes; ++l) plane[row + j + l] = values[l];
+            };
+            store(pairs.vv, vv);
+            store(pairs.v_q, v_q);
+            store(pairs.q_v, q_v);
+            store(pairs.qq, qq);
+        }
+    }
+}
+
+template <class T>
+T Lagrangian<T>::kinetic_energy() const {
+    T twice{};
+    for (int i = 0; i < mechanism_.n_massive; ++i) twice += dot(H_own_[i], V_[i]);
+    return 0.5 * twice;
+}
+
+template <class T>
+T Lagrangian<T>::potential_energy() const {
+    T energy(mechanism_.fixed_potential);
+    for (int i = 0; i < mechanism_.n_massive; ++i) energy += T(-1.0) * dot(mechanism_.gravity, h_own_[i]);
+    return energy;
+}
+
+template class Lagrangian<double>;
+template class Lagrangian<Dual<double>>;
+
+}  // namespace leastaction

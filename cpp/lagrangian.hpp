@@ -1,0 +1,68 @@
+// The one kernel for the Lagrangian L = T - V of the bodies under uniform gravity, its gradient and its Hessian.
+//
+// World coordinates, spatial vectors at the world origin. With joint twists S_i, V_i = V_parent + S_i v_i, and, summed
+// over all that is behind joint i, the inertia IC_i = sum I_k and the momentum H_i = sum I_k V_k; gravity g as the motion
+// a_g = [g; 0]; W_i = S_i x V_i and G_i = S_i x a_g:
+//
+//   L_v[i] = S_i.H_i                      L_q[i] = S_i.(IC_i a_g) - H_i.W_i
+//
+// and for every j that is i or an ancestor of i, with A_i = IC_i S_i and B_i = S_i x* H_i - IC_i W_i:
+//
+//   L_vv[i,j]       =  A_i.S_j            d(L_v[i])/dq_j = -A_i.W_j
+//   d(L_v[j])/dq_i  =  B_i.S_j            L_qq[i,j]      = -B_i.W_j - A_i.G_j
+//
+// Pairs in different branches are zero. The gradient is O(n), the Hessian O(n depth). On Dual<double> the same sweep
+// gives the third order along one direction.
+#pragma once
+
+#include <vector>
+
+#include "mechanism.hpp"
+
+namespace leastaction {
+
+// Second derivatives by pair of massive joints (i, j), j in the path of i, in rows of `stride`.
+// Only entries on paths are meaningful; others hold whatever the wide loops left there.
+struct PairDerivatives {
+    std::size_t stride = 0;
+    std::vector<double> vv, v_q, q_v, qq;  // L_vv, d(L_v[i])/dq_j, d(L_v[j])/dq_i, L_qq
+
+    void resize(std::size_t n);
+};
+
+template <class T>
+class Lagrangian {
+public:
+    explicit Lagrangian(const Mechanism& mechanism);
+
+    // Gradient at (q, v), both in internal order; fills L_q and L_v (internal order) and leaves `at` placed.
+    void gradient(const T* q, const T* v);
+    // Second derivatives at the point of the last gradient; for a dual scalar, their derivatives along the direction.
+    void hessian();
+
+    T kinetic_energy() const;    // at the point of the last gradient
+    T potential_energy() const;  // of uniform gravity
+
+    Placement<T> at;
+    std::vector<T> L_q, L_v;
+    PairDerivatives pairs;
+
+private:
+    const Mechanism& mechanism_;
+    std::vector<Motion<T>> V_, W_;
+    std::vector<Vec3<T>> h_own_, h_;    // first moments: of the own body, of all behind the joint
+    std::vector<T> m_;                  // mass behind the joint
+    std::vector<Force<T>> H_own_, H_;
+    std::vector<Inertia<T>> IC_;
+    // Component-major copies for the wide pair products: parts 0 the value, 1 the derivative (duals only).
+    static constexpr int parts = sizeof(T) / sizeof(double);
+    std::vector<double> S_wide_[parts], W_wide_[parts], G_wide_[parts], A_wide_[parts], B_wide_[parts];
+    std::size_t stride_;
+
+    void pair_products(int i);
+};
+
+extern template class Lagrangian<double>;
+extern template class Lagrangian<Dual<double>>;
+
+}  // namespace leastaction

@@ -1,0 +1,382 @@
+#include "midpoint.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace leastaction {
+
+namespace {
+
+constexpr double slow_contraction = 0.05;  // an iteration that gains less asks for a fresh Newton matrix
+constexpr double rounding_floor = 1e-9;    // where the residual stops falling below this, rounding is reached
+constexpr int max_halvings = 8;
+
+using Rows = Eigen::Map<NewtonMatrix::Matrix>;
+
+}  // namespace
+
+MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings)
+    : mechanism_(std::move(mechanism)),
+      settings_(settings),
+      nd_(mechanism_->n_dynamic),
+      nq_(mechanism_->n_variables()),
+      nu_(mechanism_->n_inputs),
+      nk_(mechanism_->n_kinematic),
+      nc_(mechanism_->n_constraints()),
+      n_theta_(nq_ + nd_ + nu_ + nk_),
+      ld_((n_theta_ + nc_ + 7) / 8 * 8),
+      lagrangian_(*mechanism_),
+      dual_(*mechanism_),
+      newton_(*mechanism_),
+      at1_(mechanism_->joints.size()),
+      at2_(mechanism_->joints.size()),
+      dual_at1_(mechanism_->joints.size()) {
+    const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
+    const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_, ld = ld_;
+    for (auto* a : {&q1, &q2, &q_mid_, &v_}) sized(*a, nq);
+    for (auto* a : {&p1, &p2, &f_, &q2_kept_}) sized(*a, nd);
+    sized(u, nu_);
+    for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
+    for (auto* a : {&residual, &residual_scale, &correction_, &mu_}) sized(*a, ny);
+    for (auto* a : {&f_q_, &f_v_}) sized(*a, nd * nq);
+    sized(f_u_, nd * nu_);
+    for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
+    for (auto* a : {&D11_, &D12_, &D22_}) sized(*a, nq * nq);
+    sized(Y, ny * ld);
+    sized(P2, nd * ld);
+    sized(H, static_cast<std::size_t>(n_theta_) * n_theta_);
+    G_y_.resize(nd, nd);
+    W_yy_.resize(ny, ny);
+    for (auto* a : {&W_yth_, &Z_}) a->resize(ny, n_theta_);
+    for (auto* a : {&W_thth_, &T_}) a->resize(n_theta_, n_theta_);
+    dual_q_.resize(nq);
+    dual_v_.resize(nq);
+    dual_q1_.resize(nq);
+}
+
+void MidpointStep::place_constraints(const double* q, Placement<double>& at) {
+    for (const int j : mechanism_->constraint_joints) place(mechanism_->joints[j], q[mechanism_->joints[j].variable], j, at);
+}
+
+void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
+    std::fill(C, C + nc_ * nq_, 0.0);
+    for (int c = 0; c < nc_; ++c) {
+        const auto& constraint = *mechanism_->constraints[c];
+        constraint.evaluate(at, q, Order::gradient, local_);
+        h_[c] = local_.value;
+        h_scale_[c] = local_.scale;
+        for (std::size_t i = 0; i < constraint.support().size(); ++i)
+            C[c * nq_ + constraint.support()[i]] = local_.gradient[i];
+    }
+}
+
+void MidpointStep::place_start() {
+    place_constraints(q1.data(), at1_);
+    constraint_gradients(at1_, q1.data(), C1_.data());
+    have_factors_ = false;
+}
+
+void MidpointStep::advance() {
+    q1.swap(q2);
+    p1.swap(p2);
+    std::swap(at1_, at2_);
+    C1_.swap(C2_);
+}
+
+void MidpointStep::evaluate(double dt) {
+    for (int i = 0; i < nq_; ++i) {
+        q_mid_[i] = 0.5 * (q1[i] + q2[i]);
+        v_[i] = (q2[i] - q1[i]) / dt;
+    }
+    lagrangian_.gradient(q_mid_.data(), v_.data());
+    std::fill(f_.begin(), f_.end(), 0.0);
+    for (const auto& force : mechanism_->forces) force->add_force(q_mid_.data(), v_.data(), u.data(), f_.data());
+    place_constraints(q2.data(), at2_);
+    constraint_gradients(at2_, q2.data(), C2_.data());
+
+    const double km = kappa_minus(dt), kp = kappa_plus(dt);
+    double size = 0;
+    for (int i = 0; i < nd_; ++i) {
+        const double half_slope = 0.5 * dt * lagrangian_.L_q[i], momentum = lagrangian_.L_v[i];
+        residual[i] = p1[i] + half_slope - momentum + km * f_[i];
+        p2[i] = half_slope + momentum + kp * f_[i];
+        size = std::max({size, std::abs(p1[i]), std::abs(half_slope), std::abs(momentum), std::abs(km * f_[i])});
+    }
+    for (int c = 0; c < nc_; ++c) {
+        const double* row = &C1_[c * nq_];
+        for (int i = 0; i < nd_; ++i) {
+            const double term = row[i] * lam[c];
+            residual[i] -= term;
+            size = std::max(size, std::abs(term));
+        }
+        residual[nd_ + c] = h_[c];
+        residual_scale[nd_ + c] = h_scale_[c];
+    }
+    std::fill(residual_scale.begin(), residual_scale.begin() + nd_, size);
+}
+
+double MidpointStep::relative_residual() const {
+    double out = 0;
+    for (std::size_t i = 0; i < residual.size(); ++i) {
+        const double r = std::abs(residual[i]);
+        if (!std::isfinite(r)) return std::numeric_limits<double>::infinity();
+        if (r > 0) out = std::max(out, r / residual_scale[i]);
+    }
+    return out;
+}
+
+bool MidpointStep::refresh(double dt) {
+    lagrangian_.hessian();
+    std::fill(newton_.M.begin(), newton_.M.end(), 0.0);
+    const PairDerivatives& d = lagrangian_.pairs;
+    for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
+        const int i = mechanism_->joints[joint].variable;
+        if (i >= nd_) continue;
+        for (const int ancestor : mechanism_->path[joint]) {
+            const int j = mechanism_->joints[ancestor].variable;
+            if (j >= nd_) continue;
+            const std::size_t at = joint * d.stride + ancestor;
+            const double even = 0.25 * dt * d.qq[at] - d.vv[at] / dt, odd = 0.5 * (d.q_v[at] - d.v_q[at]);
+            newton_.M[i * nd_ + j] = even + odd;
+            if (i != j) newton_.M[j * nd_ + i] = even - odd;
+        }
+    }
+    if (!mechanism_->forces.empty()) {
+        std::fill(f_q_.begin(), f_q_.end(), 0.0);
+        std::fill(f_v_.begin(), f_v_.end(), 0.0);
+        std::fill(f_u_.begin(), f_u_.end(), 0.0);
+        for (const auto& force : mechanism_->forces)
+            force->add_jacobians(q_mid_.data(), v_.data(), u.data(), f_q_.data(), f_v_.data(), f_u_.data());
+        const double km = kappa_minus(dt);
+        for (int i = 0; i < nd_; ++i)
+            for (int j = 0; j < nd_; ++j)
+                newton_.M[i * nd_ + j] += km * (0.5 * f_q_[i * nq_ + j] + f_v_[i * nq_ + j] / dt);
+    }
+    have_factors_ = newton_.factor(C1_.data(), C2_.data(), nq_);
+    factored_dt_ = dt;
+    return have_factors_;
+}
+
+StepReport MidpointStep::solve(double dt) {
+    StepReport report;
+    double previous = std::numeric_limits<double>::infinity();
+    bool fresh = false;  // the last correction was made with the Newton matrix of its own point
+    int halvings = 0;
+    if (factored_dt_ != dt) have_factors_ = false;
+    for (;; ++report.iterations) {
+        evaluate(dt);
+        report.residual = relative_residual();
+        const bool finite = std::isfinite(report.residual);
+        if (report.residual <= settings_.tolerance) break;
+        if (finite && fresh && report.residual > 0.25 * previous && std::max(report.residual, previous) < rounding_floor)
+            break;
+        if (report.iterations >= settings_.max_iterations || (!finite && !fresh && halvings == 0 && !have_factors_)) {
+            report.status = finite ? StepStatus::no_convergence : StepStatus::not_finite;
+            return report;
+        }
+        const bool grew = !(report.residual <= 2.0 * previous);
+        if (grew && fresh && halvings < max_halvings) {
+            // A full Newton step that makes things worse was too long: halve it.
+            ++halvings;
+            for (int i = 0; i < nd_; ++i) q2[i] = 0.5 * (q2[i] + q2_kept_[i]);
+            for (int c = 0; c < nc_; ++c) lam[c] = 0.5 * (lam[c] + lam_kept_[c]);
+            continue;
+        }
+        if (!finite) {
+            // Too far with the old Newton matrix: back to where it was, with a fresh one.
+            if (fresh || report.iterations == 0) {
+                report.status = StepStatus::not_finite;
+                return report;
+            }
+            std::copy(q2_kept_.begin(), q2_kept_.end(), q2.begin());
+            lam = lam_kept_;
+            previous = std::numeric_limits<double>::infinity();
+            have_factors_ = false;
+            continue;
+        }
+        fresh = !have_factors_ || report.residual > slow_contraction * previous;
+        if (fresh) {
+            ++report.factorizations;
+            if (!refresh(dt)) {
+                report.status = StepStatus::singular;
+                return report;
+            }
+        }
+        halvings = 0;
+        previous = report.residual;
+        std::copy(q2.begin(), q2.begin() + nd_, q2_kept_.begin());
+        lam_kept_ = lam;
+        for (int i = 0; i < nd_ + nc_; ++i) correction_[i] = -residual[i];
+        newton_.solve(correction_.data(), correction_.data() + nd_, 1, 1);
+        for (int i = 0; i < nd_; ++i) q2[i] += correction_[i];
+        for (int c = 0; c < nc_; ++c) lam[c] += correction_[nd_ + c];
+    }
+    report.rank_deficient = newton_.rank_deficient();
+    return report;
+}
+
+void MidpointStep::add_pair_derivatives(double dt) {
+    for (auto* D : {&D11_, &D12_, &D22_}) std::fill(D->begin(), D->end(), 0.0);
+    const PairDerivatives& d = lagrangian_.pairs;
+    for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
+        const int i = mechanism_->joints[joint].variable;
+        for (const int ancestor : mechanism_->path[joint]) {
+            const int j = mechanism_->joints[ancestor].variable;
+            const std::size_t at = joint * d.stride + ancestor;
+            const double qq = 0.25 * dt * d.qq[at], vv = d.vv[at] / dt;
+            const double sum = 0.5 * (d.q_v[at] + d.v_q[at]), odd = 0.5 * (d.q_v[at] - d.v_q[at]);
+            D11_[i * nq_ + j] = D11_[j * nq_ + i] = qq - sum + vv;
+            D22_[i * nq_ + j] = D22_[j * nq_ + i] = qq + sum + vv;
+            D12_[i * nq_ + j] = qq - vv + odd;  // row: by q1, column: by q2
+            if (i != j) D12_[j * nq_ + i] = qq - vv - odd;
+        }
+    }
+}
+
+bool MidpointStep::differentiate(double dt) {
+    // The Newton matrix at the solution itself, and with it every derivative.
+    if (!refresh(dt)) return false;
+    add_pair_derivatives(dt);
+    const int ld = ld_, at_p = nq_, at_u = nq_ + nd_, at_rho2 = at_u + nu_, at_h = n_theta_;
+    const double km = kappa_minus(dt), kp = kappa_plus(dt);
+
+    // Right-hand side -F_th, solved in place for Y.
+    std::fill(Y.begin(), Y.end(), 0.0);
+    std::fill(P2.begin(), P2.end(), 0.0);
+    for (int i = 0; i < nd_; ++i) {
+        double* y = &Y[i * ld];
+        double* p = &P2[i * ld];
+        const double *fq = &f_q_[i * nq_], *fv = &f_v_[i * nq_];
+        for (int j = 0; j < nq_; ++j) {
+            y[j] = -(D11_[i * nq_ + j] + km * (0.5 * fq[j] - fv[j] / dt));
+            p[j] = D12_[j * nq_ + i] + kp * (0.5 * fq[j] - fv[j] / dt);
+        }
+        y[at_p + i] = -1.0;
+        for (int a = 0; a < nu_; ++a) {
+            y[at_u + a] = -km * f_u_[i * nu_ + a];
+            p[at_u + a] = kp * f_u_[i * nu_ + a];
+        }
+        for (int k = 0; k < nk_; ++k) {
+            const int j = nd_ + k;
+            y[at_rho2 + k] = -(D12_[i * nq_ + j] + km * (0.5 * fq[j] + fv[j] / dt));
+            p[at_rho2 + k] = D22_[i * nq_ + j] + kp * (0.5 * fq[j] + fv[j] / dt);
+        }
+    }
+    for (int c = 0; c < nc_; ++c) {
+        const auto& constraint = *mechanism_->constraints[c];
+        const auto& support = constraint.support();
+        const std::size_t m = support.size();
+        constraint.evaluate(at1_, q1.data(), Order::hessian, local_);
+        for (std::size_t a = 0; a < m; ++a) {
+            if (support[a] >= nd_) continue;
+            double* y = &Y[support[a] * ld];
+            for (std::size_t b = 0; b < m; ++b) y[support[b]] += lam[c] * local_.hessian[a * m + b];
+        }
+        double* y = &Y[(nd_ + c) * ld];
+        for (int k = 0; k < nk_; ++k) y[at_rho2 + k] = -C2_[c * nq_ + nd_ + k];
+        y[at_h + c] = -1.0;  // a shift of h: F2 = h + s
+    }
+    newton_.solve(Y.data(), Y.data() + nd_ * ld, n_theta_ + nc_, ld);
+
+    // p2 depends on th directly (above) and through q2: D2D2Ld + D2fd+.
+    for (int i = 0; i < nd_; ++i)
+        for (int j = 0; j < nd_; ++j)
+            G_y_(i, j) = D22_[i * nq_ + j] + kp * (0.5 * f_q_[i * nq_ + j] + f_v_[i * nq_ + j] / dt);
+    Rows p2_rows(P2.data(), nd_, ld), q2_rows(Y.data(), nd_, ld);
+    p2_rows.noalias() += G_y_ * q2_rows;
+    return true;
+}
+
+// With the multipliers mu of the step's equations, mu = -F_y^-T (w_y + G_y' w_p), which are the derivatives of the
+// weighted sum by p1 and by a shift of h, the Hessian is [Y; I]' W [Y; I], W the Hessian of mu.F + w_p.G by (y, th).
+// The Lagrangian's part of mu.F + w_p.G is the derivative of L along dq = dt/2 (mu + w_p), dv = w_p - mu, so W
+// comes from one dual sweep; of the constraints, -mu.Dh(q1)'lam is a derivative of h along mu.
+void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, const double* w_lam) {
+    const int ld = ld_, ny = nd_ + nc_, at_p = nq_, at_rho2 = nq_ + nd_ + nu_, at_h = n_theta_;
+    std::fill(mu_.begin(), mu_.end(), 0.0);
+    const auto add_row = [&](double weight, const double* row) {
+        if (weight == 0.0) return;
+        for (int i = 0; i < nd_; ++i) mu_[i] += weight * row[at_p + i];
+        for (int c = 0; c < nc_; ++c) mu_[nd_ + c] += weight * row[at_h + c];
+    };
+    for (int i = 0; i < nd_; ++i) {
+        add_row(w_q[i], &Y[i * ld]);
+        add_row(w_p[i], &P2[i * ld]);
+    }
+    for (int c = 0; c < nc_; ++c) add_row(w_lam[c], &Y[(nd_ + c) * ld]);
+
+    for (int i = 0; i < nq_; ++i) {
+        const double mu = i < nd_ ? mu_[i] : 0.0, w = i < nd_ ? w_p[i] : 0.0;
+        dual_q_[i] = {0.5 * (q1[i] + q2[i]), 0.5 * dt * (mu + w)};
+        dual_v_[i] = {(q2[i] - q1[i]) / dt, w - mu};
+        dual_q1_[i] = {q1[i], mu};
+    }
+    dual_.gradient(dual_q_.data(), dual_v_.data());
+    dual_.hessian();
+
+    W_yy_.setZero();
+    W_yth_.setZero();
+    W_thth_.setZero();
+    // Second derivatives by (q1, q2), each put where the variable lives: q2 is y (dynamic) or rho2 (kinematic).
+    const auto add_12 = [&](int i1, int j2, double value) {
+        if (j2 < nd_)
+            W_yth_(j2, i1) += value;
+        else
+            W_thth_(i1, at_rho2 + j2 - nd_) += value;  // upper triangle
+    };
+    const auto add_22 = [&](int i, int j, double value) {  // called for both (i, j) and (j, i)
+        if (i < nd_ && j < nd_)
+            W_yy_(i, j) += value;
+        else if (i < nd_)
+            W_yth_(i, at_rho2 + j - nd_) += value;
+        else if (j >= nd_ && i <= j)
+            W_thth_(at_rho2 + i - nd_, at_rho2 + j - nd_) += value;
+    };
+    const PairDerivatives& d = dual_.pairs;
+    for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
+        const int i = mechanism_->joints[joint].variable;
+        for (const int ancestor : mechanism_->path[joint]) {
+            const int j = mechanism_->joints[ancestor].variable;
+            const std::size_t at = joint * d.stride + ancestor;
+            const double qq = 0.25 * d.qq[at], vv = d.vv[at] / (dt * dt);
+            const double sum = 0.5 * (d.q_v[at] + d.v_q[at]) / dt, odd = 0.5 * (d.q_v[at] - d.v_q[at]) / dt;
+            W_thth_(std::min(i, j), std::max(i, j)) += qq - sum + vv;
+            add_22(i, j, qq + sum + vv);
+            add_12(i, j, qq - vv + odd);
+            if (i != j) {
+                add_22(j, i, qq + sum + vv);
+                add_12(j, i, qq - vv - odd);
+            }
+        }
+    }
+    for (const int j : mechanism_->constraint_joints)
+        place(mechanism_->joints[j], dual_q1_[mechanism_->joints[j].variable], j, dual_at1_);
+    place_constraints(q2.data(), at2_);
+    for (int c = 0; c < nc_; ++c) {
+        const auto& constraint = *mechanism_->constraints[c];
+        const auto& support = constraint.support();
+        const int m = static_cast<int>(support.size());
+        constraint.evaluate(dual_at1_, dual_q1_.data(), Order::hessian, dual_local_);
+        for (int a = 0; a < m; ++a) {
+            W_yth_(nd_ + c, support[a]) -= dual_local_.gradient[a].d;  // d(Dh mu)/dq1
+            for (int b = 0; b < m; ++b)
+                if (support[a] <= support[b])
+                    W_thth_(support[a], support[b]) -= lam[c] * dual_local_.hessian[a * m + b].d;
+        }
+        constraint.evaluate(at2_, q2.data(), Order::hessian, local_);
+        for (int a = 0; a < m; ++a)
+            for (int b = 0; b < m; ++b) add_22(support[a], support[b], mu_[nd_ + c] * local_.hessian[a * m + b]);
+    }
+
+    // H = W_thth + Y'Z + Z'Y with Z = W_yy Y / 2 + W_yth.
+    Rows y_rows(Y.data(), ny, ld);
+    Z_ = W_yth_;
+    Z_.noalias() += (0.5 * W_yy_) * y_rows.leftCols(n_theta_);
+    T_.noalias() = y_rows.leftCols(n_theta_).transpose() * Z_;
+    for (int i = 0; i < n_theta_; ++i)
+        for (int j = i; j < n_theta_; ++j)
+            H[i * n_theta_ + j] = H[j * n_theta_ + i] = W_thth_(i, j) + T_(i, j) + T_(j, i);
+}
+
+}  // namespace leastaction

@@ -1,0 +1,105 @@
+// The midpoint variational integrator and its exact derivatives (dissertation chapter 4 and appendix A.2).
+//
+// With Ld(q1, q2) = dt L((q1 + q2)/2, (q2 - q1)/dt) one step solves, for the dynamic part of q2 and the multipliers,
+//
+//   F1 = p1 + D1Ld(q1, q2) + fd-(q1, q2, u) - Dh(q1)' lam = 0,   F2 = h(q2) = 0,
+//   p2 = D2Ld(q1, q2) + fd+(q1, q2, u),
+//
+// where the kinematic part of q2 is given. Forces act at the midpoint: split `symmetric` fd- = fd+ = dt/2 f (second
+// order), split `left` fd- = dt f, fd+ = 0 (dissertation 4.12).
+//
+// State and input of the step as a discrete system, in the user's order of variables:
+//   x = [q; rho; p; v_rho],   u = [inputs; rho_next],   rho+ = rho_next,   v_rho+ = (rho_next - rho)/dt.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "lagrangian.hpp"
+#include "newton_matrix.hpp"
+
+namespace leastaction {
+
+enum class Split { symmetric, left };
+enum class StepStatus { converged = 0, no_convergence = 1, not_finite = 2, singular = 3 };
+
+struct MidpointSettings {
+    Split split = Split::symmetric;
+    double tolerance = 1e-13;  // residual relative to the size of its terms
+    int max_iterations = 50;
+};
+
+struct StepReport {
+    StepStatus status = StepStatus::converged;
+    int iterations = 0;
+    int factorizations = 0;
+    double residual = 0;          // largest relative residual
+    bool rank_deficient = false;  // constraints were redundant: least-norm multiplier
+};
+
+// One step and all that is derived from it, with its work space; one object per thread.
+// Everything is in internal order of the variables (see Mechanism).
+class MidpointStep {
+public:
+    MidpointStep(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings);
+
+    // Problem and unknowns. Before solve(): q1, p1, u, the kinematic part of q2, and guesses of the rest of q2 and lam.
+    std::vector<double> q1, p1, u, q2, lam, p2;
+
+    // Calls for a new evaluation of Dh(q1); without it the last step's Dh(q2) is taken over by advance().
+    void place_start();
+    StepReport solve(double dt);
+    // Makes (q2, p2) the start of the next step; keeps the factors of the Newton matrix.
+    void advance();
+
+    // After solve(): derivatives of (q2, lam) and of p2 by th = [q1 | p1 | u | rho2], and of (q2, p2) by a shift of
+    // the constraints h (columns). Returns false where the Newton matrix is singular.
+    bool differentiate(double dt);
+    int n_theta() const { return n_theta_; }
+    int ld() const { return ld_; }
+    std::vector<double> Y;    // (n_dynamic + n_constraints) x ld: d(q2; lam)/d[th | shift of h]
+    std::vector<double> P2;  // n_dynamic x ld: dp2/d[th | shift of h]
+
+    // Second derivatives by th, contracted with weights on the next state and the multipliers: the Hessian of
+    // w_q.q2 + w_p.p2 + w_lam.lam, n_theta x n_theta row-major. Needs Y and P2 of differentiate(), and q1, q2, u, lam.
+    void curvature(double dt, const double* w_q, const double* w_p, const double* w_lam);
+    std::vector<double> H;
+
+    // Where solve() stood when it gave up, for the error message: residuals by row, dynamics then constraints.
+    std::vector<double> residual, residual_scale;
+
+    const Mechanism& mechanism() const { return *mechanism_; }
+
+private:
+    void evaluate(double dt);                       // residuals and p2 at (q2, lam)
+    double relative_residual() const;
+    bool refresh(double dt);                        // Newton matrix at the point of the last evaluate()
+    void add_pair_derivatives(double dt);           // D1D1Ld, D1D2Ld, D2D2Ld into D11_, D12_, D22_
+    void place_constraints(const double* q, Placement<double>& at);
+    void constraint_gradients(const Placement<double>& at, const double* q, double* C);
+    double kappa_minus(double dt) const { return settings_.split == Split::left ? dt : 0.5 * dt; }
+    double kappa_plus(double dt) const { return settings_.split == Split::left ? 0.0 : 0.5 * dt; }
+
+    std::shared_ptr<const Mechanism> mechanism_;
+    MidpointSettings settings_;
+    int nd_, nq_, nu_, nk_, nc_, n_theta_, ld_;
+
+    Lagrangian<double> lagrangian_;
+    Lagrangian<Dual<double>> dual_;
+    NewtonMatrix newton_;
+    Placement<double> at1_, at2_;
+    Placement<Dual<double>> dual_at1_;
+    LocalTaylor<double> local_;
+    LocalTaylor<Dual<double>> dual_local_;
+    std::vector<double> q_mid_, v_, f_, f_q_, f_v_, f_u_;
+    std::vector<double> C1_, C2_, h_, h_scale_;
+    std::vector<double> correction_, q2_kept_, lam_kept_;
+    std::vector<double> D11_, D12_, D22_;          // nq x nq
+    NewtonMatrix::Matrix G_y_, W_yy_, W_yth_, W_thth_, Z_, T_;  // second order, see curvature()
+    std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
+    std::vector<double> mu_;
+    bool have_factors_ = false;
+    double factored_dt_ = 0;
+};
+
+}  // namespace leastaction

@@ -1,0 +1,125 @@
+#include "newton_matrix.hpp"
+
+#include <cmath>
+
+namespace leastaction {
+
+namespace {
+
+// Pivots of the Schur complement below this part of the largest one mean redundant constraints.
+constexpr double rank_tolerance = 1e-11;
+
+inline void subtract_multiple(double* a, double factor, const double* b, int n) {
+    for (int i = 0; i < n; ++i) a[i] -= factor * b[i];
+}
+
+}  // namespace
+
+NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
+    : M(static_cast<std::size_t>(mechanism.n_dynamic) * mechanism.n_dynamic),
+      coupled_(mechanism.coupled),
+      n_(mechanism.n_dynamic),
+      nc_(mechanism.n_constraints()),
+      reciprocal_(n_),
+      M_inv_C1t_(n_, nc_),
+      C2_(nc_, n_),
+      schur_(nc_, nc_),
+      pivots_(nc_),
+      column_(nc_) {}
+
+bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
+    for (int k = n_ - 1; k >= 0; --k) {
+        double* row = &M[static_cast<std::size_t>(k) * n_];
+        const double pivot = row[k];
+        if (!(std::abs(pivot) > 0.0) || !std::isfinite(pivot)) return false;
+        reciprocal_[k] = 1.0 / pivot;
+        const auto& coupled = coupled_[k];
+        if (coupled.empty()) continue;
+        // Zero entries between the coupled ones cost less than jumping over them.
+        const int first = coupled.front(), width = coupled.back() + 1 - first;
+        for (const int i : coupled) {
+            double* target = &M[static_cast<std::size_t>(i) * n_];
+            const double l = target[k] * reciprocal_[k];
+            target[k] = l;
+            subtract_multiple(target + first, l, row + first, width);
+        }
+    }
+    rank_deficient_ = false;
+    if (nc_ == 0) return true;
+
+    for (int c = 0; c < nc_; ++c)
+        for (int i = 0; i < n_; ++i) {
+            M_inv_C1t_(i, c) = C1[c * ld + i];
+            C2_(c, i) = C2[c * ld + i];
+        }
+    solve_M(M_inv_C1t_.data(), nc_, nc_);
+    schur_.noalias() = C2_.lazyProduct(M_inv_C1t_);
+    const Eigen::MatrixXd unfactored = schur_;
+    double largest = 0, smallest = INFINITY;
+    for (int k = 0; k < nc_; ++k) {
+        int best = k;
+        for (int i = k + 1; i < nc_; ++i)
+            if (std::abs(schur_(i, k)) > std::abs(schur_(best, k))) best = i;
+        pivots_[k] = best;
+        if (best != k) schur_.row(k).swap(schur_.row(best));
+        const double pivot = std::abs(schur_(k, k));
+        if (!std::isfinite(pivot)) return false;
+        largest = std::max(largest, pivot);
+        smallest = std::min(smallest, pivot);
+        if (pivot == 0) break;
+        for (int i = k + 1; i < nc_; ++i) {
+            schur_(i, k) /= schur_(k, k);
+            subtract_multiple(&schur_(i, k) + 1, schur_(i, k), &schur_(k, k) + 1, nc_ - k - 1);
+        }
+    }
+    if (smallest <= rank_tolerance * largest) {
+        rank_deficient_ = true;
+        orthogonal_.setThreshold(rank_tolerance);
+        orthogonal_.compute(unfactored);
+    }
+    return true;
+}
+
+void NewtonMatrix::solve_M(double* b, int cols, int ld) const {
+    for (int k = n_ - 1; k >= 0; --k)
+        for (const int i : coupled_[k])
+            subtract_multiple(b + i * ld, M[static_cast<std::size_t>(i) * n_ + k], b + k * ld, cols);
+    for (int k = 0; k < n_; ++k) {
+        double* row = b + k * ld;
+        const double* factors = &M[static_cast<std::size_t>(k) * n_];
+        for (const int j : coupled_[k]) subtract_multiple(row, factors[j], b + j * ld, cols);
+        for (int c = 0; c < cols; ++c) row[c] *= reciprocal_[k];
+    }
+}
+
+void NewtonMatrix::solve(double* f, double* g, int cols, int ld) {
+    solve_M(f, cols, ld);
+    if (nc_ == 0) return;
+    // l = S^-1 (g - C2 M^-1 f),  y = M^-1 f + (M^-1 C1') l
+    for (int c = 0; c < nc_; ++c)
+        for (int i = 0; i < n_; ++i)
+            if (C2_(c, i) != 0.0) subtract_multiple(g + c * ld, C2_(c, i), f + i * ld, cols);
+    if (rank_deficient_) {
+        for (int col = 0; col < cols; ++col) {
+            for (int c = 0; c < nc_; ++c) column_(c) = g[c * ld + col];
+            column_ = orthogonal_.solve(column_);
+            for (int c = 0; c < nc_; ++c) g[c * ld + col] = column_(c);
+        }
+    } else {
+        for (int k = 0; k < nc_; ++k)
+            if (pivots_[k] != k)
+                for (int col = 0; col < cols; ++col) std::swap(g[k * ld + col], g[pivots_[k] * ld + col]);
+        for (int k = 0; k < nc_; ++k)
+            for (int i = k + 1; i < nc_; ++i) subtract_multiple(g + i * ld, schur_(i, k), g + k * ld, cols);
+        for (int k = nc_ - 1; k >= 0; --k) {
+            for (int i = k + 1; i < nc_; ++i) subtract_multiple(g + k * ld, schur_(k, i), g + i * ld, cols);
+            const double r = 1.0 / schur_(k, k);
+            for (int col = 0; col < cols; ++col) g[k * ld + col] *= r;
+        }
+    }
+    for (int i = 0; i < n_; ++i)
+        for (int c = 0; c < nc_; ++c)
+            if (M_inv_C1t_(i, c) != 0.0) subtract_multiple(f + i * ld, -M_inv_C1t_(i, c), g + c * ld, cols);
+}
+
+}  // namespace leastaction

@@ -1,0 +1,43 @@
+// Independent work over several threads.
+#pragma once
+
+#include <algorithm>
+#include <exception>
+#include <thread>
+#include <vector>
+
+namespace leastaction {
+
+// Threads to use: as asked for, or as many as the machine has (requested <= 0); never more than there is work.
+inline int thread_count(int requested, int work) {
+    const int available = std::max(1u, std::thread::hardware_concurrency());
+    return std::max(1, std::min(requested > 0 ? requested : available, work));
+}
+
+// Calls body(begin, end) for contiguous parts of [0, n), each in a thread of its own, and waits for all of them.
+// The first exception is passed on.
+template <class Body>
+void parallel_ranges(int n, int threads, const Body& body) {
+    threads = thread_count(threads, n);
+    if (threads <= 1) {
+        if (n > 0) body(0, n);
+        return;
+    }
+    std::vector<std::exception_ptr> errors(threads);
+    std::vector<std::thread> pool;
+    const auto run = [&](int i) {
+        try {
+            body(static_cast<int>(static_cast<long>(n) * i / threads),
+                 static_cast<int>(static_cast<long>(n) * (i + 1) / threads));
+        } catch (...) {
+            errors[i] = std::current_exception();
+        }
+    };
+    for (int i = 1; i < threads; ++i) pool.emplace_back(run, i);
+    run(0);
+    for (auto& thread : pool) thread.join();
+    for (const auto& error : errors)
+        if (error) std::rethrow_exception(error);
+}
+
+}  // namespace leastaction
