@@ -1,10 +1,13 @@
 #include "lagrangian.hpp"
 
+#include <Eigen/Core>
+
 namespace leastaction {
 
 namespace {
 
 constexpr int lanes = 8;
+using Wide = Eigen::Array<double, lanes, 1>;
 
 // The doubles of a scalar: its value, and for a dual its derivative.
 inline double part_of(double x, int) { return x; }
@@ -74,23 +77,26 @@ template <class T>
 void Lagrangian<T>::gradient(const T* q, const T* v) {
     const Mechanism& m = mechanism_;
     const int n = m.n_massive;
+    place(m.joints, m.massive_joints, q, at);
     for (int i = 0; i < n; ++i) {
         const Joint& joint = m.joints[i];
-        place(joint, q[joint.variable], i, at);
         const Motion<T>& S = at.twist[i];
         V_[i] = joint.parent < 0 ? v[joint.variable] * S : V_[joint.parent] + v[joint.variable] * S;
         W_[i] = cross(S, V_[i]);
 
         const Body& body = m.bodies[i];
-        const Pose<T>& pose = at.pose[i];
         m_[i] = T(body.mass);
+        if (body.is_empty()) {  // one of several joints in a row: no body of its own
+            h_[i] = h_own_[i] = Vec3<T>{};
+            H_[i] = H_own_[i] = Force<T>{};
+            continue;
+        }
+        const Pose<T>& pose = at.pose[i];
         const Vec3<T> c = pose.R * body.com + pose.p;
         const Vec3<T> momentum = body.mass * (V_[i].v + cross(V_[i].w, c));
-        h_[i] = body.mass * c;
-        h_own_[i] = h_[i];
+        h_[i] = h_own_[i] = body.mass * c;
         const Vec3<T> spin = pose.R * (body.inertia * transposed_times(pose.R, V_[i].w));
-        H_[i] = {momentum, spin + cross(c, momentum)};
-        H_own_[i] = H_[i];
+        H_[i] = H_own_[i] = {momentum, spin + cross(c, momentum)};
     }
     const Vec3<double>& g = m.gravity;
     for (int i = n - 1; i >= 0; --i) {
@@ -113,7 +119,8 @@ void Lagrangian<T>::hessian() {
     const int n = m.n_massive;
     if (pairs.stride == 0) pairs.resize(n);
     const Vec3<double>& g = m.gravity;
-    for (int i = 0; i < n; ++i) IC_[i] = world_inertia(m.bodies[i], at.pose[i], h_own_[i]);
+    for (int i = 0; i < n; ++i)
+        IC_[i] = m.bodies[i].is_empty() ? Inertia<T>{} : world_inertia(m.bodies[i], at.pose[i], h_own_[i]);
     for (int i = n - 1; i >= 0; --i) {
         const Joint& joint = m.joints[i];
         if (joint.parent >= 0) IC_[joint.parent] += IC_[i];
@@ -146,33 +153,26 @@ void Lagrangian<T>::pair_products(int i) {
     const std::size_t row = i * pairs.stride;
     for (const auto& [first, last] : mechanism_.runs[i]) {
         for (int j = first; j < last; j += lanes) {
-            double vv[lanes] = {}, v_q[lanes] = {}, q_v[lanes] = {}, qq[lanes] = {};
+            Wide vv = Wide::Zero(), v_q = Wide::Zero(), q_v = Wide::Zero(), qq = Wide::Zero();
             for (int product = 0; product < parts; ++product) {
                 const double* A = &A_wide_[parts - 1 - product][i * 6];
                 const double* B = &B_wide_[parts - 1 - product][i * 6];
+                const double* S = &S_wide_[product][j];
+                const double* W = &W_wide_[product][j];
+                const double* G = &G_wide_[product][j];
                 for (int c = 0; c < 6; ++c) {
-                    const double a = A[c], b = B[c];
-                    const double* S = &S_wide_[product][c * stride_ + j];
-                    const double* W = &W_wide_[product][c * stride_ + j];
-                    for (int l = 0; l < lanes; ++l) {
-                        vv[l] += a * S[l];
-                        v_q[l] -= a * W[l];
-                        q_v[l] += b * S[l];
-                        qq[l] -= b * W[l];
-                    }
+                    const Wide s = Eigen::Map<const Wide>(S + c * stride_), w = Eigen::Map<const Wide>(W + c * stride_);
+                    vv += A[c] * s;
+                    v_q -= A[c] * w;
+                    q_v += B[c] * s;
+                    qq -= B[c] * w;
                 }
-                for (int c = 0; c < 3; ++c) {
-                    const double* G = &G_wide_[product][c * stride_ + j];
-                    for (int l = 0; l < lanes; ++l) qq[l] -= A[c] * G[l];
-                }
+                for (int c = 0; c < 3; ++c) qq -= A[c] * Eigen::Map<const Wide>(G + c * stride_);
             }
-            const auto store = [&](std::vector<double>& plane, const double (&values)[lanes]) {
-                for (int l = 0; l < lanes; ++l) plane[row + j + l] = values[l];
-            };
-            store(pairs.vv, vv);
-            store(pairs.v_q, v_q);
-            store(pairs.q_v, q_v);
-            store(pairs.qq, qq);
+            Eigen::Map<Wide>(&pairs.vv[row + j]) = vv;
+            Eigen::Map<Wide>(&pairs.v_q[row + j]) = v_q;
+            Eigen::Map<Wide>(&pairs.q_v[row + j]) = q_v;
+            Eigen::Map<Wide>(&pairs.qq[row + j]) = qq;
         }
     }
 }

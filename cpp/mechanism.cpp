@@ -35,10 +35,6 @@ Body merged(const Body& a, const Body& b) {
     return out;
 }
 
-bool has_mass(const Body& b) {
-    return b.mass != 0 || b.inertia.xx != 0 || b.inertia.yy != 0 || b.inertia.zz != 0;
-}
-
 bool is_identity(const Mat3<double>& R) {
     return R.c0.x == 1 && R.c0.y == 0 && R.c0.z == 0 && R.c1.x == 0 && R.c1.y == 1 && R.c1.z == 0 && R.c2.x == 0 &&
            R.c2.y == 0 && R.c2.z == 1;
@@ -139,13 +135,13 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
         if (joint < 0)
             m->fixed_potential -= b.mass * dot(gravity_, b.com);
         else
-            body[joint] = has_mass(body[joint]) ? merged(body[joint], b) : b;
+            body[joint] = body[joint].is_empty() ? b : merged(body[joint], b);
     }
 
     // Massive joints first, in depth-first preorder; then the others, parents before children as they came.
     std::vector<char> massive(nj, 0);
     for (int j = nj - 1; j >= 0; --j) {
-        massive[j] = massive[j] || has_mass(body[j]);
+        massive[j] = massive[j] || !body[j].is_empty();
         if (massive[j] && joints_[j].parent >= 0) massive[joints_[j].parent] = 1;
     }
     std::vector<int> order;
@@ -230,6 +226,12 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
     for (const auto& constraint : m->constraints)
         looked_at.insert(constraint->joints().begin(), constraint->joints().end());
     m->constraint_joints.assign(looked_at.begin(), looked_at.end());
+    for (const int joint : m->constraint_joints) {
+        bool free = false;
+        for (int j = joint; j >= 0; j = m->joints[j].parent) free = free || m->joints[j].variable < n_dynamic_;
+        (free ? m->free_constraint_joints : m->prescribed_constraint_joints).push_back(joint);
+    }
+    for (int i = 0; i < m->n_massive; ++i) m->massive_joints.push_back(i);
     return m;
 }
 

@@ -20,6 +20,8 @@ struct Body {
     double mass = 0;
     Vec3<double> com;
     Sym3<double> inertia;
+
+    bool is_empty() const { return mass == 0 && inertia.xx == 0 && inertia.yy == 0 && inertia.zz == 0; }
 };
 
 class Mechanism {
@@ -52,7 +54,9 @@ public:
 
     std::vector<std::unique_ptr<ConfigurationFunction>> constraints, potentials;
     std::vector<std::unique_ptr<GeneralizedForce>> forces;
-    std::vector<int> constraint_joints;  // all joints that constraints look at, ascending
+    std::vector<int> massive_joints;  // 0 .. n_massive - 1
+    // All joints that constraints look at, ascending; those that a dynamic variable moves, and those that none does.
+    std::vector<int> constraint_joints, free_constraint_joints, prescribed_constraint_joints;
 };
 
 class MechanismBuilder {

@@ -11,6 +11,8 @@ namespace {
 constexpr double slow_contraction = 0.05;  // an iteration that gains less asks for a fresh Newton matrix
 constexpr double rounding_floor = 1e-9;    // where the residual stops falling below this, rounding is reached
 constexpr int max_halvings = 8;
+constexpr double fresh_price = 0.5;         // of a new Newton matrix, in iterations
+constexpr double same_point = 1e-14;       // relative moves below this leave the Newton matrix exact
 
 using Rows = Eigen::Map<NewtonMatrix::Matrix>;
 
@@ -55,10 +57,6 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     dual_q1_.resize(nq);
 }
 
-void MidpointStep::place_constraints(const double* q, Placement<double>& at) {
-    for (const int j : mechanism_->constraint_joints) place(mechanism_->joints[j], q[mechanism_->joints[j].variable], j, at);
-}
-
 void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
     std::fill(C, C + nc_ * nq_, 0.0);
     for (int c = 0; c < nc_; ++c) {
@@ -72,7 +70,7 @@ void MidpointStep::constraint_gradients(const Placement<double>& at, const doubl
 }
 
 void MidpointStep::place_start() {
-    place_constraints(q1.data(), at1_);
+    place(mechanism_->joints, mechanism_->constraint_joints, q1.data(), at1_);
     constraint_gradients(at1_, q1.data(), C1_.data());
     have_factors_ = false;
 }
@@ -92,7 +90,7 @@ void MidpointStep::evaluate(double dt) {
     lagrangian_.gradient(q_mid_.data(), v_.data());
     std::fill(f_.begin(), f_.end(), 0.0);
     for (const auto& force : mechanism_->forces) force->add_force(q_mid_.data(), v_.data(), u.data(), f_.data());
-    place_constraints(q2.data(), at2_);
+    place(mechanism_->joints, mechanism_->free_constraint_joints, q2.data(), at2_);
     constraint_gradients(at2_, q2.data(), C2_.data());
 
     const double km = kappa_minus(dt), kp = kappa_plus(dt);
@@ -138,8 +136,8 @@ bool MidpointStep::refresh(double dt) {
             if (j >= nd_) continue;
             const std::size_t at = joint * d.stride + ancestor;
             const double even = 0.25 * dt * d.qq[at] - d.vv[at] / dt, odd = 0.5 * (d.q_v[at] - d.v_q[at]);
-            newton_.M[i * nd_ + j] = even + odd;
-            if (i != j) newton_.M[j * nd_ + i] = even - odd;
+            newton_.M[i * newton_.stride + j] = even + odd;
+            if (i != j) newton_.M[j * newton_.stride + i] = even - odd;
         }
     }
     if (!mechanism_->forces.empty()) {
@@ -151,11 +149,23 @@ bool MidpointStep::refresh(double dt) {
         const double km = kappa_minus(dt);
         for (int i = 0; i < nd_; ++i)
             for (int j = 0; j < nd_; ++j)
-                newton_.M[i * nd_ + j] += km * (0.5 * f_q_[i * nq_ + j] + f_v_[i * nq_ + j] / dt);
+                newton_.M[i * newton_.stride + j] += km * (0.5 * f_q_[i * nq_ + j] + f_v_[i * nq_ + j] / dt);
     }
     have_factors_ = newton_.factor(C1_.data(), C2_.data(), nq_);
     factored_dt_ = dt;
     return have_factors_;
+}
+
+// Whether a new Newton matrix is cheaper than going on with the old one. Within a step the contraction decides. At its
+// start: an old matrix gains a factor `old_rate_` an iteration, a new one is done in two, at the price of `fresh_price`
+// iterations. Each refresh makes the estimate a little more hopeful, so that the old matrix is tried again.
+bool MidpointStep::wants_refresh(const StepReport& report, double previous) {
+    if (report.iterations == 1 && report.factorizations == 0) old_rate_ = std::min(report.residual / previous, 0.5);
+    if (report.factorizations > 0) return report.residual > slow_contraction * previous;
+    const double iterations = std::log(report.residual / settings_.tolerance) / -std::log(old_rate_);
+    const bool refresh = iterations > 2.0 + fresh_price;
+    if (refresh) old_rate_ *= 0.9;
+    return refresh;
 }
 
 StepReport MidpointStep::solve(double dt) {
@@ -164,6 +174,8 @@ StepReport MidpointStep::solve(double dt) {
     bool fresh = false;  // the last correction was made with the Newton matrix of its own point
     int halvings = 0;
     if (factored_dt_ != dt) have_factors_ = false;
+    factored_at_solution_ = false;
+    place(mechanism_->joints, mechanism_->prescribed_constraint_joints, q2.data(), at2_);
     for (;; ++report.iterations) {
         evaluate(dt);
         report.residual = relative_residual();
@@ -195,7 +207,7 @@ StepReport MidpointStep::solve(double dt) {
             have_factors_ = false;
             continue;
         }
-        fresh = !have_factors_ || report.residual > slow_contraction * previous;
+        fresh = !have_factors_ || wants_refresh(report, previous);
         if (fresh) {
             ++report.factorizations;
             if (!refresh(dt)) {
@@ -208,8 +220,13 @@ StepReport MidpointStep::solve(double dt) {
         std::copy(q2.begin(), q2.begin() + nd_, q2_kept_.begin());
         lam_kept_ = lam;
         for (int i = 0; i < nd_ + nc_; ++i) correction_[i] = -residual[i];
-        newton_.solve(correction_.data(), correction_.data() + nd_, 1, 1);
-        for (int i = 0; i < nd_; ++i) q2[i] += correction_[i];
+        newton_.solve(correction_.data(), correction_.data() + nd_);
+        double moved = 0;
+        for (int i = 0; i < nd_; ++i) {
+            q2[i] += correction_[i];
+            moved = std::max(moved, std::abs(correction_[i]) / (1.0 + std::abs(q2[i])));
+        }
+        factored_at_solution_ = fresh && moved < same_point;
         for (int c = 0; c < nc_; ++c) lam[c] += correction_[nd_ + c];
     }
     report.rank_deficient = newton_.rank_deficient();
@@ -235,8 +252,8 @@ void MidpointStep::add_pair_derivatives(double dt) {
 }
 
 bool MidpointStep::differentiate(double dt) {
-    // The Newton matrix at the solution itself, and with it every derivative.
-    if (!refresh(dt)) return false;
+    // One Newton matrix, at the solution itself, serves every derivative.
+    if (!factored_at_solution_ && !refresh(dt)) return false;
     add_pair_derivatives(dt);
     const int ld = ld_, at_p = nq_, at_u = nq_ + nd_, at_rho2 = at_u + nu_, at_h = n_theta_;
     const double km = kappa_minus(dt), kp = kappa_plus(dt);
@@ -350,9 +367,8 @@ void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, co
             }
         }
     }
-    for (const int j : mechanism_->constraint_joints)
-        place(mechanism_->joints[j], dual_q1_[mechanism_->joints[j].variable], j, dual_at1_);
-    place_constraints(q2.data(), at2_);
+    place(mechanism_->joints, mechanism_->constraint_joints, dual_q1_.data(), dual_at1_);
+    place(mechanism_->joints, mechanism_->constraint_joints, q2.data(), at2_);
     for (int c = 0; c < nc_; ++c) {
         const auto& constraint = *mechanism_->constraints[c];
         const auto& support = constraint.support();

@@ -75,8 +75,8 @@ private:
     double relative_residual() const;
     bool refresh(double dt);                        // Newton matrix at the point of the last evaluate()
     void add_pair_derivatives(double dt);           // D1D1Ld, D1D2Ld, D2D2Ld into D11_, D12_, D22_
-    void place_constraints(const double* q, Placement<double>& at);
     void constraint_gradients(const Placement<double>& at, const double* q, double* C);
+    bool wants_refresh(const StepReport& report, double previous);
     double kappa_minus(double dt) const { return settings_.split == Split::left ? dt : 0.5 * dt; }
     double kappa_plus(double dt) const { return settings_.split == Split::left ? 0.0 : 0.5 * dt; }
 
@@ -99,7 +99,9 @@ private:
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
     std::vector<double> mu_;
     bool have_factors_ = false;
+    bool factored_at_solution_ = false;  // factors and pair derivatives are those of the solution
     double factored_dt_ = 0;
+    double old_rate_ = 0.5;  // contraction seen with the Newton matrix of an earlier step
 };
 
 }  // namespace leastaction

@@ -9,27 +9,34 @@ namespace {
 // Pivots of the Schur complement below this part of the largest one mean redundant constraints.
 constexpr double rank_tolerance = 1e-11;
 
+// a -= factor b over whole lanes: n is rounded up to a multiple of eight, rows are padded for it.
 inline void subtract_multiple(double* a, double factor, const double* b, int n) {
-    for (int i = 0; i < n; ++i) a[i] -= factor * b[i];
+    using Wide = Eigen::Array<double, NewtonMatrix::lanes, 1>;
+    for (int i = 0; i < n; i += NewtonMatrix::lanes) Eigen::Map<Wide>(a + i) -= factor * Eigen::Map<const Wide>(b + i);
 }
+
+int padded(int n) { return (n + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes; }
 
 }  // namespace
 
 NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
-    : M(static_cast<std::size_t>(mechanism.n_dynamic) * mechanism.n_dynamic),
+    : stride(padded(mechanism.n_dynamic) + lanes),
+      M(static_cast<std::size_t>(mechanism.n_dynamic) * stride),
       coupled_(mechanism.coupled),
       n_(mechanism.n_dynamic),
       nc_(mechanism.n_constraints()),
+      nc_padded_(padded(nc_)),
+      L_t_(M.size()),
       reciprocal_(n_),
-      M_inv_C1t_(n_, nc_),
+      M_inv_C1t_(Matrix::Zero(n_, nc_padded_)),
       C2_(nc_, n_),
-      schur_(nc_, nc_),
+      schur_(nc_, nc_padded_ + lanes),
       pivots_(nc_),
       column_(nc_) {}
 
 bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
     for (int k = n_ - 1; k >= 0; --k) {
-        double* row = &M[static_cast<std::size_t>(k) * n_];
+        double* row = &M[static_cast<std::size_t>(k) * stride];
         const double pivot = row[k];
         if (!(std::abs(pivot) > 0.0) || !std::isfinite(pivot)) return false;
         reciprocal_[k] = 1.0 / pivot;
@@ -38,9 +45,9 @@ bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
         // Zero entries between the coupled ones cost less than jumping over them.
         const int first = coupled.front(), width = coupled.back() + 1 - first;
         for (const int i : coupled) {
-            double* target = &M[static_cast<std::size_t>(i) * n_];
+            double* target = &M[static_cast<std::size_t>(i) * stride];
             const double l = target[k] * reciprocal_[k];
-            target[k] = l;
+            L_t_[static_cast<std::size_t>(k) * stride + i] = l;
             subtract_multiple(target + first, l, row + first, width);
         }
     }
@@ -52,9 +59,9 @@ bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
             M_inv_C1t_(i, c) = C1[c * ld + i];
             C2_(c, i) = C2[c * ld + i];
         }
-    solve_M(M_inv_C1t_.data(), nc_, nc_);
-    schur_.noalias() = C2_.lazyProduct(M_inv_C1t_);
-    const Eigen::MatrixXd unfactored = schur_;
+    solve_M(M_inv_C1t_.data(), nc_, nc_padded_);
+    schur_.leftCols(nc_).noalias() = C2_.lazyProduct(M_inv_C1t_.leftCols(nc_));
+    unfactored_ = schur_.leftCols(nc_);
     double largest = 0, smallest = INFINITY;
     for (int k = 0; k < nc_; ++k) {
         int best = k;
@@ -75,7 +82,7 @@ bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
     if (smallest <= rank_tolerance * largest) {
         rank_deficient_ = true;
         orthogonal_.setThreshold(rank_tolerance);
-        orthogonal_.compute(unfactored);
+        orthogonal_.compute(unfactored_);
     }
     return true;
 }
@@ -83,13 +90,38 @@ bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
 void NewtonMatrix::solve_M(double* b, int cols, int ld) const {
     for (int k = n_ - 1; k >= 0; --k)
         for (const int i : coupled_[k])
-            subtract_multiple(b + i * ld, M[static_cast<std::size_t>(i) * n_ + k], b + k * ld, cols);
+            subtract_multiple(b + i * ld, L_t_[static_cast<std::size_t>(k) * stride + i], b + k * ld, cols);
     for (int k = 0; k < n_; ++k) {
         double* row = b + k * ld;
-        const double* factors = &M[static_cast<std::size_t>(k) * n_];
+        const double* factors = &M[static_cast<std::size_t>(k) * stride];
         for (const int j : coupled_[k]) subtract_multiple(row, factors[j], b + j * ld, cols);
         for (int c = 0; c < cols; ++c) row[c] *= reciprocal_[k];
     }
+}
+
+void NewtonMatrix::solve_M(double* b) const {
+    for (int k = n_ - 1; k >= 0; --k) {
+        if (coupled_[k].empty()) continue;
+        const int first = coupled_[k].front(), width = coupled_[k].back() + 1 - first;
+        subtract_multiple(b + first, b[k], &L_t_[static_cast<std::size_t>(k) * stride + first], width);
+    }
+    for (int k = 0; k < n_; ++k) {
+        if (!coupled_[k].empty()) {
+            const int first = coupled_[k].front(), width = coupled_[k].back() + 1 - first;
+            b[k] -= Eigen::Map<const Eigen::VectorXd>(&M[static_cast<std::size_t>(k) * stride + first], width)
+                        .dot(Eigen::Map<const Eigen::VectorXd>(b + first, width));
+        }
+        b[k] *= reciprocal_[k];
+    }
+}
+
+void NewtonMatrix::solve(double* f, double* g) {
+    solve_M(f);
+    if (nc_ == 0) return;
+    Eigen::Map<Eigen::VectorXd> y(f, n_), l(g, nc_);
+    l.noalias() -= C2_ * y;
+    solve_schur(g);
+    y.noalias() += M_inv_C1t_.leftCols(nc_) * l;
 }
 
 void NewtonMatrix::solve(double* f, double* g, int cols, int ld) {
@@ -99,6 +131,28 @@ void NewtonMatrix::solve(double* f, double* g, int cols, int ld) {
     for (int c = 0; c < nc_; ++c)
         for (int i = 0; i < n_; ++i)
             if (C2_(c, i) != 0.0) subtract_multiple(g + c * ld, C2_(c, i), f + i * ld, cols);
+    solve_schur(g, cols, ld);
+    for (int i = 0; i < n_; ++i)
+        for (int c = 0; c < nc_; ++c)
+            if (M_inv_C1t_(i, c) != 0.0) subtract_multiple(f + i * ld, -M_inv_C1t_(i, c), g + c * ld, cols);
+}
+
+void NewtonMatrix::solve_schur(double* g) const {
+    if (rank_deficient_) {
+        Eigen::Map<Eigen::VectorXd> l(g, nc_);
+        l = orthogonal_.solve(Eigen::VectorXd(l));
+        return;
+    }
+    for (int k = 0; k < nc_; ++k) std::swap(g[k], g[pivots_[k]]);
+    for (int k = 0; k < nc_; ++k)
+        for (int i = k + 1; i < nc_; ++i) g[i] -= schur_(i, k) * g[k];
+    for (int k = nc_ - 1; k >= 0; --k) {
+        for (int i = k + 1; i < nc_; ++i) g[k] -= schur_(k, i) * g[i];
+        g[k] /= schur_(k, k);
+    }
+}
+
+void NewtonMatrix::solve_schur(double* g, int cols, int ld) {
     if (rank_deficient_) {
         for (int col = 0; col < cols; ++col) {
             for (int c = 0; c < nc_; ++c) column_(c) = g[c * ld + col];
@@ -117,9 +171,6 @@ void NewtonMatrix::solve(double* f, double* g, int cols, int ld) {
             for (int col = 0; col < cols; ++col) g[k * ld + col] *= r;
         }
     }
-    for (int i = 0; i < n_; ++i)
-        for (int c = 0; c < nc_; ++c)
-            if (M_inv_C1t_(i, c) != 0.0) subtract_multiple(f + i * ld, -M_inv_C1t_(i, c), g + c * ld, cols);
 }
 
 }  // namespace leastaction

@@ -21,25 +21,35 @@ public:
 
     explicit NewtonMatrix(const Mechanism& mechanism);
 
-    std::vector<double> M;  // n x n row-major; filled by the caller, overwritten by its factors
+    static constexpr int lanes = 8;  // rows are padded, so that wide loops may run past their ends
+
+    const int stride;       // of the rows of M
+    std::vector<double> M;  // n rows; filled by the caller, overwritten by its factors
 
     // C1, C2: n_constraints x `ld`, row-major, of which the first n columns are used. False where M is singular.
     bool factor(const double* C1, const double* C2, int ld);
     bool rank_deficient() const { return rank_deficient_; }
 
     // Solves for many right-hand sides at once: rows f (n x cols) and g (n_constraints x cols), row-major with leading
-    // dimension ld, overwritten by y and l.
+    // dimension ld, a multiple of `lanes` and at least cols, overwritten by y and l.
     void solve(double* f, double* g, int cols, int ld);
+    // The same for one right-hand side, f (n) and g (n_constraints).
+    void solve(double* f, double* g);
 
 private:
     void solve_M(double* b, int cols, int ld) const;
+    void solve_M(double* b) const;
+    void solve_schur(double* g, int cols, int ld);
+    void solve_schur(double* g) const;
 
     const std::vector<std::vector<int>>& coupled_;
-    int n_, nc_;
+    int n_, nc_, nc_padded_;
+    std::vector<double> L_t_;            // the lower factors once more, by rows, for one right-hand side
     std::vector<double> reciprocal_;     // of the pivots
-    Matrix M_inv_C1t_;                   // n x nc
+    Matrix M_inv_C1t_;                   // n x nc, padded
     Matrix C2_;                          // nc x n
-    Matrix schur_;                       // nc x nc, its LU factors
+    Matrix schur_;                       // nc x nc, padded; its LU factors
+    Matrix unfactored_;
     std::vector<int> pivots_;
     Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> orthogonal_;
     Eigen::VectorXd column_;

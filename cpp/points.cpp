@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "sincos.hpp"
+
 namespace leastaction {
 
 namespace {
@@ -53,8 +55,11 @@ Axis axis_of(const Motion<double>& t) {
     return Axis::screw;
 }
 
+namespace {
+
+// One joint, given that its parent is placed; s and c are the sine and cosine of q.
 template <class T>
-void place(const Joint& joint, const T& q, int index, Placement<T>& out) {
+inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, int index, Placement<T>& out) {
     Pose<T>& pose = out.pose[index];
     if (joint.parent < 0) {
         const Mat3<double>& R = joint.base.R;
@@ -71,21 +76,17 @@ void place(const Joint& joint, const T& q, int index, Placement<T>& out) {
         twist = {v, Vec3<T>{}};
         pose.p += q * v;
     };
-    T s, c;
     switch (joint.axis) {
         case Axis::rx:
             about(pose.R.c0);
-            sincos_of(q, s, c);
             turn(pose.R.c1, pose.R.c2, s, c);
             break;
         case Axis::ry:
             about(pose.R.c1);
-            sincos_of(q, s, c);
             turn(pose.R.c2, pose.R.c0, s, c);
             break;
         case Axis::rz:
             about(pose.R.c2);
-            sincos_of(q, s, c);
             turn(pose.R.c0, pose.R.c1, s, c);
             break;
         case Axis::tx:
@@ -106,7 +107,22 @@ void place(const Joint& joint, const T& q, int index, Placement<T>& out) {
     }
 }
 
-template void place(const Joint&, const double&, int, Placement<double>&);
-template void place(const Joint&, const Dual<double>&, int, Placement<Dual<double>>&);
+}  // namespace
+
+template <class T>
+void place(const std::vector<Joint>& joints, const std::vector<int>& list, const T* q, Placement<T>& out) {
+    const int n = static_cast<int>(list.size());
+    for (int i = 0; i < n; ++i) out.angle[i] = value_of(q[joints[list[i]].variable]);
+    sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
+    for (int i = 0; i < n; ++i) {
+        const Joint& joint = joints[list[i]];
+        const T& x = q[joint.variable];
+        place_one(joint, x, with_slope(x, out.sine[i], out.cosine[i]), with_slope(x, out.cosine[i], -out.sine[i]),
+                  list[i], out);
+    }
+}
+
+template void place(const std::vector<Joint>&, const std::vector<int>&, const double*, Placement<double>&);
+template void place(const std::vector<Joint>&, const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
 
 }  // namespace leastaction

@@ -33,8 +33,10 @@ template <class T>
 struct Placement {
     std::vector<Pose<T>> pose;      // by joint, after its motion
     std::vector<Motion<T>> twist;  // by joint, world coordinates, at the world origin
+    std::vector<double> angle, sine, cosine;  // work space of place()
 
-    explicit Placement(std::size_t joints) : pose(joints), twist(joints) {}
+    explicit Placement(std::size_t joints)
+        : pose(joints), twist(joints), angle(joints + 8), sine(joints + 8), cosine(joints + 8) {}
 
     Vec3<T> position(const Point& point) const {
         if (point.joint < 0) return {T(point.offset.x), T(point.offset.y), T(point.offset.z)};
@@ -43,12 +45,13 @@ struct Placement {
     }
 };
 
-// Places one joint, given that its parent is placed.
+// Places the listed joints at q, parents before children.
 template <class T>
-void place(const Joint& joint, const T& q, int index, Placement<T>& out);
+void place(const std::vector<Joint>& joints, const std::vector<int>& list, const T* q, Placement<T>& out);
 
-extern template void place(const Joint&, const double&, int, Placement<double>&);
-extern template void place(const Joint&, const Dual<double>&, int, Placement<Dual<double>>&);
+extern template void place(const std::vector<Joint>&, const std::vector<int>&, const double*, Placement<double>&);
+extern template void place(const std::vector<Joint>&, const std::vector<int>&, const Dual<double>*,
+                           Placement<Dual<double>>&);
 
 // Reads a twist in the joint's base frame: one of the six primitive axes where it is one, else a screw.
 Axis axis_of(const Motion<double>& twist);

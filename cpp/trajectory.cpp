@@ -68,7 +68,8 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
                  const double* velocity, double* X, double* U, double* lam) {
     const Layout at(step.mechanism());
     RollOut out;
-    std::vector<double> v(at.nd, 0.0), v_before(at.nd, 0.0);
+    // Dynamic velocities and multipliers of the last steps, the newest first, to extrapolate from.
+    std::vector<double> v(at.nd, 0.0), v1(at.nd, 0.0), v2(at.nd, 0.0), lam1(at.nc, 0.0), lam2(at.nc, 0.0);
     if (velocity)
         for (int i = 0; i < at.nd; ++i) v[i] = velocity[at.m.external[i]];
     std::vector<double> deviation(at.nx);
@@ -92,9 +93,15 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
         } else {
             at.input(u, step);
         }
-        // Guess: the velocity goes on as it did, changing as it did.
-        const double change = k >= 2 ? 1.0 : 0.0;
-        for (int i = 0; i < at.nd; ++i) step.q2[i] = step.q1[i] + dt * (v[i] + change * (v[i] - v_before[i]));
+        // Guess: velocities and multipliers go on as the parabola through their last values does.
+        const double c1 = k >= 3 ? 3.0 : k == 2 ? 2.0 : 1.0, c2 = k >= 3 ? -3.0 : k == 2 ? -1.0 : 0.0, c3 = k >= 3 ? 1.0 : 0.0;
+        for (int i = 0; i < at.nd; ++i) step.q2[i] = step.q1[i] + dt * (c1 * v[i] + c2 * v1[i] + c3 * v2[i]);
+        for (int c = 0; c < at.nc; ++c) {
+            const double newest = step.lam[c];
+            step.lam[c] = c1 * newest + c2 * lam1[c] + c3 * lam2[c];
+            lam2[c] = lam1[c];
+            lam1[c] = newest;
+        }
         const StepReport report = step.solve(dt);
         out.iterations += report.iterations;
         out.factorizations += report.factorizations;
@@ -105,7 +112,8 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
         }
         at.state(step, dt, X + static_cast<std::size_t>(k + 1) * at.nx);
         std::copy(step.lam.begin(), step.lam.end(), lam + static_cast<std::size_t>(k) * at.nc);
-        v.swap(v_before);
+        v2.swap(v1);
+        v1.swap(v);
         for (int i = 0; i < at.nd; ++i) v[i] = (step.q2[i] - step.q1[i]) / dt;
         step.advance();
         out.steps = k + 1;

@@ -3,6 +3,8 @@
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
 
+#include <numeric>
+
 #include "arrays.hpp"
 #include "lagrangian.hpp"
 
@@ -62,7 +64,7 @@ ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
     const int nq = m.n_variables(), nc = m.n_constraints();
     const std::vector<double> internal = to_internal(m, q.data(), nq);
     Placement<double> at(m.joints.size());
-    for (const int j : m.constraint_joints) place(m.joints[j], internal[m.joints[j].variable], j, at);
+    place(m.joints, m.constraint_joints, internal.data(), at);
     ConstraintRows out{std::vector<double>(nc), std::vector<double>(static_cast<std::size_t>(nc) * nq)};
     LocalTaylor<double> local;
     for (int c = 0; c < nc; ++c) {
@@ -79,10 +81,10 @@ Out joint_poses(const Mechanism& m, const In<2>& q) {
     expect(q.shape(1), nq, "q");
     Out out = new_array({count, nj, 4, 4});
     Placement<double> at(nj);
+    std::vector<int> all(nj);
+    std::iota(all.begin(), all.end(), 0);
     for (std::size_t k = 0; k < count; ++k) {
-        const double* row = q.data() + k * nq;
-        for (std::size_t j = 0; j < nj; ++j)
-            place(m.joints[j], row[m.external[m.joints[j].variable]], static_cast<int>(j), at);
+        place(m.joints, all, to_internal(m, q.data() + k * nq, static_cast<int>(nq)).data(), at);
         for (std::size_t j = 0; j < nj; ++j) {
             const Pose<double>& pose = at.pose[m.joint_of_builder[j]];
             const Mat3<double>& R = pose.R;
