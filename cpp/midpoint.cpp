@@ -11,6 +11,7 @@ namespace {
 constexpr double slow_contraction = 0.05;  // an iteration that gains less asks for a fresh Newton matrix
 constexpr double rounding_floor = 1e-9;    // where the residual stops falling below this, rounding is reached
 constexpr int max_halvings = 8;
+constexpr int strip = 32;                  // rows of the Hessian made at a time
 constexpr double fresh_price = 0.5;         // of a new Newton matrix, in iterations
 constexpr double same_point = 1e-14;       // relative moves below this leave the Newton matrix exact
 
@@ -44,14 +45,13 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     for (auto* a : {&f_q_, &f_v_}) sized(*a, nd * nq);
     sized(f_u_, nd * nu_);
     for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
-    for (auto* a : {&D11_, &D12_, &D22_}) sized(*a, nq * nq);
     sized(Y, ny * ld);
     sized(P2, nd * ld);
     sized(H, static_cast<std::size_t>(n_theta_) * n_theta_);
     G_y_.resize(nd, nd);
     W_yy_.resize(ny, ny);
     for (auto* a : {&W_yth_, &Z_}) a->resize(ny, n_theta_);
-    for (auto* a : {&W_thth_, &T_}) a->resize(n_theta_, n_theta_);
+    W_thth_.resize(n_theta_, n_theta_);
     dual_q_.resize(nq);
     dual_v_.resize(nq);
     dual_q1_.resize(nq);
@@ -168,7 +168,7 @@ bool MidpointStep::wants_refresh(const StepReport& report, double previous) {
     return refresh;
 }
 
-StepReport MidpointStep::solve(double dt) {
+StepReport MidpointStep::solve(double dt, bool known) {
     StepReport report;
     double previous = std::numeric_limits<double>::infinity();
     bool fresh = false;  // the last correction was made with the Newton matrix of its own point
@@ -228,13 +228,33 @@ StepReport MidpointStep::solve(double dt) {
         }
         factored_at_solution_ = fresh && moved < same_point;
         for (int c = 0; c < nc_; ++c) lam[c] += correction_[nd_ + c];
+        if (known && factored_at_solution_) break;
     }
     report.rank_deficient = newton_.rank_deficient();
     return report;
 }
 
-void MidpointStep::add_pair_derivatives(double dt) {
-    for (auto* D : {&D11_, &D12_, &D22_}) std::fill(D->begin(), D->end(), 0.0);
+bool MidpointStep::differentiate(double dt) {
+    // One Newton matrix, at the solution itself, serves every derivative.
+    if (!factored_at_solution_ && !refresh(dt)) return false;
+    const int ld = ld_, at_p = nq_, at_u = nq_ + nd_, at_rho2 = at_u + nu_, at_h = n_theta_;
+    const double km = kappa_minus(dt), kp = kappa_plus(dt);
+
+    // The right-hand side -F_th, solved in place for Y, and the direct part of dp2/dth; G_y = dp2/dq2.
+    std::fill(Y.begin(), Y.end(), 0.0);
+    std::fill(P2.begin(), P2.end(), 0.0);
+    G_y_.setZero();
+    // Second derivatives of Ld for rows i, dynamic: by q1_i q1_j, q1_i q2_j, q2_i q1_j and q2_i q2_j.
+    const auto add = [&](int i, int j, double d11, double d12, double d21, double d22) {
+        Y[i * ld + j] -= d11;
+        P2[i * ld + j] += d21;
+        if (j < nd_) {
+            G_y_(i, j) += d22;
+        } else {
+            Y[i * ld + at_rho2 + j - nd_] -= d12;
+            P2[i * ld + at_rho2 + j - nd_] += d22;
+        }
+    };
     const PairDerivatives& d = lagrangian_.pairs;
     for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
         const int i = mechanism_->joints[joint].variable;
@@ -243,41 +263,21 @@ void MidpointStep::add_pair_derivatives(double dt) {
             const std::size_t at = joint * d.stride + ancestor;
             const double qq = 0.25 * dt * d.qq[at], vv = d.vv[at] / dt;
             const double sum = 0.5 * (d.q_v[at] + d.v_q[at]), odd = 0.5 * (d.q_v[at] - d.v_q[at]);
-            D11_[i * nq_ + j] = D11_[j * nq_ + i] = qq - sum + vv;
-            D22_[i * nq_ + j] = D22_[j * nq_ + i] = qq + sum + vv;
-            D12_[i * nq_ + j] = qq - vv + odd;  // row: by q1, column: by q2
-            if (i != j) D12_[j * nq_ + i] = qq - vv - odd;
+            if (i < nd_) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
+            if (j < nd_ && i != j) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
         }
     }
-}
-
-bool MidpointStep::differentiate(double dt) {
-    // One Newton matrix, at the solution itself, serves every derivative.
-    if (!factored_at_solution_ && !refresh(dt)) return false;
-    add_pair_derivatives(dt);
-    const int ld = ld_, at_p = nq_, at_u = nq_ + nd_, at_rho2 = at_u + nu_, at_h = n_theta_;
-    const double km = kappa_minus(dt), kp = kappa_plus(dt);
-
-    // Right-hand side -F_th, solved in place for Y.
-    std::fill(Y.begin(), Y.end(), 0.0);
-    std::fill(P2.begin(), P2.end(), 0.0);
-    for (int i = 0; i < nd_; ++i) {
-        double* y = &Y[i * ld];
-        double* p = &P2[i * ld];
-        const double *fq = &f_q_[i * nq_], *fv = &f_v_[i * nq_];
-        for (int j = 0; j < nq_; ++j) {
-            y[j] = -(D11_[i * nq_ + j] + km * (0.5 * fq[j] - fv[j] / dt));
-            p[j] = D12_[j * nq_ + i] + kp * (0.5 * fq[j] - fv[j] / dt);
-        }
-        y[at_p + i] = -1.0;
-        for (int a = 0; a < nu_; ++a) {
-            y[at_u + a] = -km * f_u_[i * nu_ + a];
-            p[at_u + a] = kp * f_u_[i * nu_ + a];
-        }
-        for (int k = 0; k < nk_; ++k) {
-            const int j = nd_ + k;
-            y[at_rho2 + k] = -(D12_[i * nq_ + j] + km * (0.5 * fq[j] + fv[j] / dt));
-            p[at_rho2 + k] = D22_[i * nq_ + j] + kp * (0.5 * fq[j] + fv[j] / dt);
+    for (int i = 0; i < nd_; ++i) Y[i * ld + at_p + i] = -1.0;
+    if (!mechanism_->forces.empty()) {
+        for (int i = 0; i < nd_; ++i) {
+            for (int j = 0; j < nq_; ++j) {
+                const double f_q = 0.5 * f_q_[i * nq_ + j], f_v = f_v_[i * nq_ + j] / dt;
+                add(i, j, km * (f_q - f_v), km * (f_q + f_v), kp * (f_q - f_v), kp * (f_q + f_v));
+            }
+            for (int a = 0; a < nu_; ++a) {
+                Y[i * ld + at_u + a] = -km * f_u_[i * nu_ + a];
+                P2[i * ld + at_u + a] = kp * f_u_[i * nu_ + a];
+            }
         }
     }
     for (int c = 0; c < nc_; ++c) {
@@ -296,10 +296,7 @@ bool MidpointStep::differentiate(double dt) {
     }
     newton_.solve(Y.data(), Y.data() + nd_ * ld, n_theta_ + nc_, ld);
 
-    // p2 depends on th directly (above) and through q2: D2D2Ld + D2fd+.
-    for (int i = 0; i < nd_; ++i)
-        for (int j = 0; j < nd_; ++j)
-            G_y_(i, j) = D22_[i * nq_ + j] + kp * (0.5 * f_q_[i * nq_ + j] + f_v_[i * nq_ + j] / dt);
+    // p2 depends on th through q2 as well.
     Rows p2_rows(P2.data(), nd_, ld), q2_rows(Y.data(), nd_, ld);
     p2_rows.noalias() += G_y_ * q2_rows;
     return true;
@@ -385,14 +382,23 @@ void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, co
             for (int b = 0; b < m; ++b) add_22(support[a], support[b], mu_[nd_ + c] * local_.hessian[a * m + b]);
     }
 
-    // H = W_thth + Y'Z + Z'Y with Z = W_yy Y / 2 + W_yth.
+    // H = W_thth + Y'Z + Z'Y with Z = W_yy Y / 2 + W_yth; strips of rows, the upper triangle only, then mirrored.
     Rows y_rows(Y.data(), ny, ld);
+    const auto y = y_rows.leftCols(n_theta_);
     Z_ = W_yth_;
-    Z_.noalias() += (0.5 * W_yy_) * y_rows.leftCols(n_theta_);
-    T_.noalias() = y_rows.leftCols(n_theta_).transpose() * Z_;
-    for (int i = 0; i < n_theta_; ++i)
-        for (int j = i; j < n_theta_; ++j)
-            H[i * n_theta_ + j] = H[j * n_theta_ + i] = W_thth_(i, j) + T_(i, j) + T_(j, i);
+    Z_.noalias() += (0.5 * W_yy_) * y;
+    Rows H_all(H.data(), n_theta_, n_theta_);
+    for (int first = 0; first < n_theta_; first += strip) {
+        const int rows = std::min(strip, n_theta_ - first), rest = n_theta_ - first;
+        auto block = H_all.block(first, first, rows, rest);
+        block = W_thth_.block(first, first, rows, rest);
+        block.noalias() += y.middleCols(first, rows).transpose() * Z_.rightCols(rest);
+        block.noalias() += Z_.middleCols(first, rows).transpose() * y.rightCols(rest);
+        if (rest > rows)
+            H_all.block(first + rows, first, rest - rows, rows) = H_all.block(first, first + rows, rows, rest - rows).transpose();
+        for (int i = 0; i < rows; ++i)
+            for (int j = 0; j < i; ++j) block(i, j) = block(j, i);
+    }
 }
 
 }  // namespace leastaction

@@ -48,7 +48,8 @@ public:
 
     // Calls for a new evaluation of Dh(q1); without it the last step's Dh(q2) is taken over by advance().
     void place_start();
-    StepReport solve(double dt);
+    // `known`: q2 is the solution already and only lam is sought; then p2 is not to the last digit.
+    StepReport solve(double dt, bool known = false);
     // Makes (q2, p2) the start of the next step; keeps the factors of the Newton matrix.
     void advance();
 
@@ -74,7 +75,6 @@ private:
     void evaluate(double dt);                       // residuals and p2 at (q2, lam)
     double relative_residual() const;
     bool refresh(double dt);                        // Newton matrix at the point of the last evaluate()
-    void add_pair_derivatives(double dt);           // D1D1Ld, D1D2Ld, D2D2Ld into D11_, D12_, D22_
     void constraint_gradients(const Placement<double>& at, const double* q, double* C);
     bool wants_refresh(const StepReport& report, double previous);
     double kappa_minus(double dt) const { return settings_.split == Split::left ? dt : 0.5 * dt; }
@@ -94,8 +94,7 @@ private:
     std::vector<double> q_mid_, v_, f_, f_q_, f_v_, f_u_;
     std::vector<double> C1_, C2_, h_, h_scale_;
     std::vector<double> correction_, q2_kept_, lam_kept_;
-    std::vector<double> D11_, D12_, D22_;          // nq x nq
-    NewtonMatrix::Matrix G_y_, W_yy_, W_yth_, W_thth_, Z_, T_;  // second order, see curvature()
+    NewtonMatrix::Matrix G_y_, W_yy_, W_yth_, W_thth_, Z_;  // second order, see curvature()
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
     std::vector<double> mu_;
     bool have_factors_ = false;

@@ -9,9 +9,10 @@ namespace {
 // Pivots of the Schur complement below this part of the largest one mean redundant constraints.
 constexpr double rank_tolerance = 1e-11;
 
+using Wide = Eigen::Array<double, NewtonMatrix::lanes, 1>;
+
 // a -= factor b over whole lanes: n is rounded up to a multiple of eight, rows are padded for it.
 inline void subtract_multiple(double* a, double factor, const double* b, int n) {
-    using Wide = Eigen::Array<double, NewtonMatrix::lanes, 1>;
     for (int i = 0; i < n; i += NewtonMatrix::lanes) Eigen::Map<Wide>(a + i) -= factor * Eigen::Map<const Wide>(b + i);
 }
 
@@ -87,16 +88,33 @@ bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
     return true;
 }
 
-void NewtonMatrix::solve_M(double* b, int cols, int ld) const {
-    for (int k = n_ - 1; k >= 0; --k)
+// A panel of columns, `wides` vectors across: enough independent chains to hide the latency of each.
+template <int wides>
+void NewtonMatrix::solve_panel(double* b, int ld) const {
+    const auto part = [&](int row, int w) { return Eigen::Map<Wide>(b + row * ld + w * lanes); };
+    for (int k = n_ - 1; k >= 0; --k) {
+        Wide row[wides];
+        for (int w = 0; w < wides; ++w) row[w] = part(k, w);
+        const double* l = &L_t_[static_cast<std::size_t>(k) * stride];
         for (const int i : coupled_[k])
-            subtract_multiple(b + i * ld, L_t_[static_cast<std::size_t>(k) * stride + i], b + k * ld, cols);
-    for (int k = 0; k < n_; ++k) {
-        double* row = b + k * ld;
-        const double* factors = &M[static_cast<std::size_t>(k) * stride];
-        for (const int j : coupled_[k]) subtract_multiple(row, factors[j], b + j * ld, cols);
-        for (int c = 0; c < cols; ++c) row[c] *= reciprocal_[k];
+            for (int w = 0; w < wides; ++w) part(i, w) -= l[i] * row[w];
     }
+    for (int k = 0; k < n_; ++k) {
+        Wide row[wides];
+        for (int w = 0; w < wides; ++w) row[w] = part(k, w);
+        const double* u = &M[static_cast<std::size_t>(k) * stride];
+        for (const int j : coupled_[k])
+            for (int w = 0; w < wides; ++w) row[w] -= u[j] * part(j, w);
+        for (int w = 0; w < wides; ++w) part(k, w) = row[w] * reciprocal_[k];
+    }
+}
+
+void NewtonMatrix::solve_M(double* b, int cols, int ld) const {
+    constexpr int broad = 3;
+    int first = 0;
+    for (; first + (broad - 1) * lanes < cols && first + broad * lanes <= ld; first += broad * lanes)
+        solve_panel<broad>(b + first, ld);
+    for (; first < cols; first += lanes) solve_panel<1>(b + first, ld);
 }
 
 void NewtonMatrix::solve_M(double* b) const {
@@ -128,13 +146,20 @@ void NewtonMatrix::solve(double* f, double* g, int cols, int ld) {
     solve_M(f, cols, ld);
     if (nc_ == 0) return;
     // l = S^-1 (g - C2 M^-1 f),  y = M^-1 f + (M^-1 C1') l
-    for (int c = 0; c < nc_; ++c)
-        for (int i = 0; i < n_; ++i)
-            if (C2_(c, i) != 0.0) subtract_multiple(g + c * ld, C2_(c, i), f + i * ld, cols);
+    for (int first = 0; first < cols; first += lanes)
+        for (int c = 0; c < nc_; ++c) {
+            Wide row = Eigen::Map<Wide>(g + c * ld + first);
+            for (int i = 0; i < n_; ++i)
+                if (C2_(c, i) != 0.0) row -= C2_(c, i) * Eigen::Map<Wide>(f + i * ld + first);
+            Eigen::Map<Wide>(g + c * ld + first) = row;
+        }
     solve_schur(g, cols, ld);
-    for (int i = 0; i < n_; ++i)
-        for (int c = 0; c < nc_; ++c)
-            if (M_inv_C1t_(i, c) != 0.0) subtract_multiple(f + i * ld, -M_inv_C1t_(i, c), g + c * ld, cols);
+    for (int first = 0; first < cols; first += lanes)
+        for (int i = 0; i < n_; ++i) {
+            Wide row = Eigen::Map<Wide>(f + i * ld + first);
+            for (int c = 0; c < nc_; ++c) row += M_inv_C1t_(i, c) * Eigen::Map<Wide>(g + c * ld + first);
+            Eigen::Map<Wide>(f + i * ld + first) = row;
+        }
 }
 
 void NewtonMatrix::solve_schur(double* g) const {

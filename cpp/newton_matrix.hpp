@@ -37,6 +37,8 @@ public:
     void solve(double* f, double* g);
 
 private:
+    template <int wides>
+    void solve_panel(double* b, int ld) const;
     void solve_M(double* b, int cols, int ld) const;
     void solve_M(double* b) const;
     void solve_schur(double* g, int cols, int ld);

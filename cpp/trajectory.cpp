@@ -136,7 +136,7 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
             at.start(X + static_cast<std::size_t>(k) * at.nx, U + static_cast<std::size_t>(k) * at.nu, step);
             for (int i = 0; i < at.nd; ++i) step.q2[i] = next[at.m.external[i]];
             step.place_start();
-            if (step.solve(dt).status != StepStatus::converged || !step.differentiate(dt)) {
+            if (step.solve(dt, true).status != StepStatus::converged || !step.differentiate(dt)) {
                 int seen = first_failure.load();
                 while (k < seen && !first_failure.compare_exchange_weak(seen, k)) {
                 }

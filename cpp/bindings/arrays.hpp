@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <initializer_list>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -27,6 +28,18 @@ inline Out new_array(std::initializer_list<std::size_t> shape) {
     double* data = new double[std::max<std::size_t>(size, 1)];
     nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
     return Out(data, shape.size(), shape.begin(), owner);
+}
+
+// The array of that name in `reuse` where it has the right shape (its contents are overwritten), else a new one: large
+// results that are made again and again need not be mapped into memory each time.
+inline Out reused(const std::optional<nb::dict>& reuse, const char* name, std::initializer_list<std::size_t> shape) {
+    Out given;
+    if (reuse && reuse->contains(name) && nb::try_cast<Out>((*reuse)[name], given) && given.ndim() == shape.size() &&
+        std::equal(shape.begin(), shape.end(), given.shape_ptr(), [](std::size_t a, std::int64_t b) {
+            return a == static_cast<std::size_t>(b);
+        }))
+        return given;
+    return new_array(shape);
 }
 
 inline Out copy_of(const std::vector<double>& values, std::initializer_list<std::size_t> shape) {

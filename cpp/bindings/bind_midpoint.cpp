@@ -71,13 +71,14 @@ public:
         return out;
     }
 
-    nb::dict linearize(const In<1>& t, const In<2>& x, const In<2>& u, int threads, bool multipliers) const {
+    nb::dict linearize(const In<1>& t, const In<2>& x, const In<2>& u, int threads, bool multipliers,
+                       const std::optional<nb::dict>& reuse) const {
         const Mechanism& m = *mechanism_;
         const std::size_t N = check(t, x, u), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
         const std::size_t memo_size = StepMemo(m).size();
-        Out A = new_array({N, nx, nx}), B = new_array({N, nx, nu}), lam = new_array({N, nc});
+        Out A = reused(reuse, "A", {N, nx, nx}), B = reused(reuse, "B", {N, nx, nu}), lam = new_array({N, nc});
         Out lam_x = new_array({multipliers ? N : 0, nc, nx}), lam_u = new_array({multipliers ? N : 0, nc, nu});
-        Out memo = new_array({N, memo_size});
+        Out memo = reused(reuse, "memo", {N, memo_size});
         int done = 0;
         {
             nb::gil_scoped_release release;
@@ -99,7 +100,8 @@ public:
     }
 
     Out curvatures(const In<1>& t, const In<2>& x, const In<2>& u, const In<3>& A, const In<3>& B, const In<2>& memo,
-                   const std::optional<In<2>>& w, const std::optional<In<2>>& w_lam, int threads) const {
+                   const std::optional<In<2>>& w, const std::optional<In<2>>& w_lam, int threads,
+                   const std::optional<nb::dict>& reuse) const {
         const Mechanism& m = *mechanism_;
         const std::size_t N = check(t, x, u), nx = m.n_states(), nu = m.n_controls();
         expect(A.size(), N * nx * nx, "A");
@@ -107,7 +109,7 @@ public:
         expect(memo.size(), N * StepMemo(m).size(), "memo");
         if (w) expect(w->size(), N * nx, "w");
         if (w_lam) expect(w_lam->size(), N * m.n_constraints(), "w_lam");
-        Out H = new_array({N, nx + nu, nx + nu});
+        Out H = reused(reuse, "H", {N, nx + nu, nx + nu});
         {
             nb::gil_scoped_release release;
             leastaction::curvatures(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(), A.data(), B.data(),
@@ -142,9 +144,10 @@ void bind_midpoint(nb::module_& module) {
         .def("roll_out", &Midpoint::roll_out, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
              "velocity"_a.none(), "Steps from x0 over the times t under u = ubar - K (x - xbar).")
         .def("linearize", &Midpoint::linearize, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "multipliers"_a = false,
+             "reuse"_a.none() = nb::none(),
              "A and B of every step, the multipliers, and the memo that curvatures() takes.")
         .def("curvatures", &Midpoint::curvatures, "t"_a, "x"_a, "u"_a, "A"_a, "B"_a, "memo"_a, "w"_a.none(),
-             "w_lam"_a.none(), "threads"_a = 0, "Hessians by (x, u) of w.x_next + w_lam.lam of every step.");
+             "w_lam"_a.none(), "threads"_a = 0, "reuse"_a.none() = nb::none(), "Hessians by (x, u) of w.x_next + w_lam.lam of every step.");
 }
 
 }  // namespace leastaction
