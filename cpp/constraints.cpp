@@ -30,8 +30,7 @@ Distance::Distance(const std::vector<Joint>& joints, const Point& point1, const 
     const std::size_t n = movers_.size();
     above_.resize(n * n);
     for (std::size_t i = 0; i < n; ++i)
-        for (std::size_t j = 0; j < n; ++j)
-            above_[i * n + j] = is_above(joints, movers_[j].joint, movers_[i].joint);
+        for (std::size_t j = 0; j < n; ++j) above_[i * n + j] = is_above(joints, movers_[j].joint, movers_[i].joint);
     if (length_variable >= 0) support_.push_back(length_variable);
 }
 

@@ -31,7 +31,7 @@ private:
     };
     Point point1_, point2_;
     double length_;
-    int length_variable_;         // -1: constant
+    int length_variable_;        // -1: constant
     std::vector<Mover> movers_;  // support_[i] is the variable of movers_[i]; then the length variable
     std::vector<char> above_;    // above_[i * movers + j]: j is i or an ancestor of i
     static constexpr int max_stack = 64;

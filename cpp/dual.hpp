@@ -81,7 +81,6 @@ void sincos_of(const Dual<T>& a, Dual<T>& s, Dual<T>& c) {
     c.d = -(s.v * a.d);
 }
 
-
 // The plain number under a scalar, and the scalar f(x) from the plain values of f and f' there.
 inline double value_of(double x) { return x; }
 inline double value_of(const Dual<double>& x) { return x.v; }

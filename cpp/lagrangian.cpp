@@ -24,7 +24,7 @@ Inertia<T> world_inertia(const Body& body, const Pose<T>& pose, const Vec3<T>& h
     const Vec3<T> a0 = s.xx * pose.R.c0 + s.xy * pose.R.c1 + s.xz * pose.R.c2;
     const Vec3<T> a1 = s.xy * pose.R.c0 + s.yy * pose.R.c1 + s.yz * pose.R.c2;
     const Vec3<T> a2 = s.xz * pose.R.c0 + s.yz * pose.R.c1 + s.zz * pose.R.c2;
-    const auto entry = [&](T Vec3<T>::*r, T Vec3<T>::*k) {
+    const auto entry = [&](T Vec3<T>::* r, T Vec3<T>::* k) {
         return a0.*r * pose.R.c0.*k + a1.*r * pose.R.c1.*k + a2.*r * pose.R.c2.*k;
     };
     out.I = {entry(&Vec3<T>::x, &Vec3<T>::x), entry(&Vec3<T>::y, &Vec3<T>::y), entry(&Vec3<T>::z, &Vec3<T>::z),
@@ -50,8 +50,7 @@ void PairDerivatives::resize(std::size_t n) {
 }
 
 template <class T>
-Lagrangian<T>::Lagrangian(const Mechanism& mechanism)
-    : at(mechanism.joints.size()), mechanism_(mechanism) {
+Lagrangian<T>::Lagrangian(const Mechanism& mechanism) : at(mechanism.joints.size()), mechanism_(mechanism) {
     const std::size_t n = mechanism.n_massive;
     L_q.assign(mechanism.n_variables(), T{});
     L_v.assign(mechanism.n_variables(), T{});

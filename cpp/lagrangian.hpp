@@ -50,8 +50,8 @@ public:
 private:
     const Mechanism& mechanism_;
     std::vector<Motion<T>> V_, W_;
-    std::vector<Vec3<T>> h_own_, h_;    // first moments: of the own body, of all behind the joint
-    std::vector<T> m_;                  // mass behind the joint
+    std::vector<Vec3<T>> h_own_, h_;  // first moments: of the own body, of all behind the joint
+    std::vector<T> m_;                // mass behind the joint
     std::vector<Force<T>> H_own_, H_;
     std::vector<Inertia<T>> IC_;
     // Component-major copies for the wide pair products: parts 0 the value, 1 the derivative (duals only).

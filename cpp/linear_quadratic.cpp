@@ -20,6 +20,11 @@ using ConstRows = Eigen::Map<const RowMajor>;
 constexpr Index panel = 32;                // width of the column panels of a triangle
 constexpr double pivot_tolerance = 1e-14;  // relative to the largest pivot of H_uu
 
+// Regularisation: below this fraction of R an input's curvature counts as none, and after this many stages
+// all earlier ones go without H (each costs an eigenvalue problem).
+constexpr double curvature_floor = 1e-3;
+constexpr Index max_regularized_stages = 16;
+
 // M(upper) += scale * X Y for products that are symmetric; X (m, d), Y (d, m).
 template <class Left, class Right>
 void add_upper_product(Eigen::Ref<MatrixXd> M, const Left& X, const Right& Y, double scale) {
@@ -190,7 +195,8 @@ public:
           V_(nx_, nu_),
           gains_(nx_, nu_),
           factor_(nu_),
-          eigen_(nu_),
+          eigenvalues_(nu_),
+          spectrum_(nx_),
           b_(nx_),
           b_shifted_(nx_),
           h_(nx_ + nu_),
@@ -200,8 +206,21 @@ public:
     LinearQuadraticReport run() {
         start();
         for (Index k = problem_.horizon - 1; k >= 0; --k) {
+            const double constant = constant_;
             propagate(k);
-            if (!eliminate_input(k)) return report_;
+            if (!factorize(k)) {
+                if (!note_indefinite(k)) return report_;
+                convexify();
+                constant_ = constant;
+                propagate(k);
+                if (!factorize(k)) return ended(LinearQuadraticReport::Status::indefinite, k);
+                use_H_ = report_.regularized_stages < max_regularized_stages;
+            }
+            eliminate_input();
+            if (!std::isfinite(P_.sum() + gains_.sum() + w_.sum() + b_.sum())) {
+                return ended(LinearQuadraticReport::Status::not_finite, k);
+            }
+            if (!structure_.trivial()) ++report_.structured_stages;
             store(k);
         }
         Eigen::Map<RowMajor>(output_.P0, nx_, nx_) = P_;
@@ -231,7 +250,6 @@ private:
         const double* A = problem_.A + k * nx_ * nx_;
         const double* B = problem_.B + k * nx_ * nu_;
         if (options_.use_structure) structure_.scan(A, B);
-        if (!structure_.trivial()) ++report_.structured_stages;
         const auto& dense = structure_.dense();
         const auto& sparse = structure_.sparse();
         const Index m = structure_.columns();
@@ -313,9 +331,11 @@ private:
     // The stage's own cost: upper triangle of H_ and h_.
     void load_cost(Index k) {
         const Index n = nx_ + nu_;
-        if (problem_.H != nullptr) {
+        if (problem_.H != nullptr && use_H_) {
             const double* H = problem_.H + k * n * n;
-            for (Index j = 0; j < n; ++j) std::copy_n(H + j * n, j + 1, &H_(0, j));
+            for (Index j = 0; j < n; ++j) {
+                H_.col(j).head(j + 1) = problem_.H_scale * ConstVector(H + j * n, j + 1);
+            }
         } else {
             H_.setZero();
         }
@@ -339,23 +359,58 @@ private:
         }
     }
 
-    // K, C, P, b of stage k; false if the recursion cannot go on.
-    bool eliminate_input(Index k) {
+    // The Cholesky factor of H_uu; false if it is not positive definite, or not by much.
+    bool factorize(Index k) {
         H_uu_ = H_.bottomRightCorner(nu_, nu_).transpose();  // lower triangle
-        if (!factorize()) {
-            if (!H_uu_.allFinite()) return stop(LinearQuadraticReport::Status::not_finite, k);
-            eigen_.compute(H_uu_, Eigen::EigenvaluesOnly);
-            const double smallest = eigen_.eigenvalues()[0];
-            if (report_.stage < 0) report_.smallest_eigenvalue = smallest;
-            if (!options_.regularize) return stop(LinearQuadraticReport::Status::indefinite, k);
-            if (report_.stage < 0) report_.stage = k;
-            const double scale = eigen_.eigenvalues().cwiseAbs().maxCoeff();
-            const double shift = 2.0 * std::abs(smallest) + std::max(1e-8 * scale, 1e-300);
-            H_uu_.diagonal().array() += shift;
-            ++report_.shifted_stages;
-            report_.largest_shift = std::max(report_.largest_shift, shift);
-            if (!factorize()) return stop(LinearQuadraticReport::Status::indefinite, k);
+        factor_.compute(H_uu_);
+        if (factor_.info() != Eigen::Success) return false;
+        const auto pivots = factor_.matrixLLT().diagonal().array();
+        const double smallest = pivots.minCoeff();
+        const double largest = pivots.maxCoeff();
+        // Written so that a NaN fails too.
+        if (!(smallest * smallest > pivot_tolerance * largest * largest)) return false;
+        const double* R = problem_.R.at(k);
+        if (!options_.regularize || R == nullptr) return true;
+        const Index next = problem_.R.diagonal ? 1 : nu_ + 1;
+        for (Index i = 0; i < nu_; ++i) {
+            if (pivots[i] * pivots[i] < curvature_floor * R[i * next]) return false;
         }
+        return true;
+    }
+
+    // Reports the stage; false if the recursion must end there.
+    bool note_indefinite(Index k) {
+        if (!H_uu_.allFinite()) {
+            ended(LinearQuadraticReport::Status::not_finite, k);
+            return false;
+        }
+        if (report_.stage < 0) {
+            eigenvalues_.compute(H_uu_, Eigen::EigenvaluesOnly);
+            report_.smallest_eigenvalue = eigenvalues_.eigenvalues()[0];
+            report_.stage = k;
+        }
+        if (!options_.regularize) {
+            ended(LinearQuadraticReport::Status::indefinite, k);
+            return false;
+        }
+        ++report_.regularized_stages;
+        return true;
+    }
+
+    // P becomes its positive semidefinite part, and the stage's H is left out.
+    void convexify() {
+        use_H_ = false;
+        spectrum_.compute(P_);
+        const VectorXd& values = spectrum_.eigenvalues();
+        if (values[0] >= 0.0) return;
+        report_.largest_change = std::max(report_.largest_change, -values[0]);
+        const MatrixXd& vectors = spectrum_.eigenvectors();
+        P_.noalias() = vectors * values.cwiseMax(0.0).asDiagonal() * vectors.transpose();
+        mirror_upper(P_);
+    }
+
+    // K, C, P, b of the stage.
+    void eliminate_input() {
         // Trailing states with a zero row in H_xu (no influence on anything) are left out.
         Index active = nx_;
         while (active > 0 && (H_.row(active - 1).tail(nu_).array() == 0.0).all()) --active;
@@ -386,27 +441,12 @@ private:
         b_.head(active).noalias() -= V * w_;
         constant_ -= 0.5 * w_.squaredNorm();
         factor_.matrixU().solveInPlace(w_);
-
-        if (!gains_.allFinite() || !w_.allFinite() || !b_.allFinite()) {
-            return stop(LinearQuadraticReport::Status::not_finite, k);
-        }
-        return true;
     }
 
-    bool factorize() {
-        factor_.compute(H_uu_);
-        if (factor_.info() != Eigen::Success) return false;
-        const auto pivots = factor_.matrixLLT().diagonal().array();
-        const double smallest = pivots.minCoeff();
-        const double largest = pivots.maxCoeff();
-        // Written so that a NaN fails too.
-        return smallest * smallest > pivot_tolerance * largest * largest;
-    }
-
-    bool stop(LinearQuadraticReport::Status status, Index k) {
+    LinearQuadraticReport ended(LinearQuadraticReport::Status status, Index k) {
         report_.status = status;
         report_.stage = k;
-        return false;
+        return report_;
     }
 
     void store(Index k) {
@@ -429,11 +469,12 @@ private:
     LinearQuadraticReport report_;
     Index nx_, nu_;
     double constant_ = 0.0;
+    bool use_H_ = true;
     StageStructure structure_;
     VectorXd G_, P_columns_, PG_, PG_dense_, GPG_;  // storage, mapped to the size of the stage
     MatrixXd P_, H_, H_uu_, V_, gains_;
     Eigen::LLT<MatrixXd> factor_;
-    Eigen::SelfAdjointEigenSolver<MatrixXd> eigen_;
+    Eigen::SelfAdjointEigenSolver<MatrixXd> eigenvalues_, spectrum_;
     VectorXd b_, b_shifted_, h_, h_used_, w_;
 };
 

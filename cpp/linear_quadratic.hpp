@@ -14,9 +14,10 @@
 //
 // which is (B.4) with the 1/2 in the cost. Only the upper triangle of P is computed, and mirrored,
 // so P is symmetric to the last bit. The problem has a unique minimiser if and only if every H_uu
-// is positive definite; the first stage (from the end) where it is not is reported with its smallest
-// eigenvalue, or, on request, shifted: R_k + s I with s = 2 |smallest eigenvalue|, and the recursion
-// goes on with the problem so changed.
+// is positive definite. The first stage (from the end) where it is not is reported with its smallest
+// eigenvalue. On request the recursion goes on with a nearby convex problem: P+ is replaced by its positive
+// semidefinite part and the stage's H is left out, so that H_uu >= R. Shifting R instead leaves a P that is
+// hugely negative, and the stages before fail one after the other.
 //
 // b has a second reading: b_k = q - K'r + (A - BK)'b_{k+1} (for c = 0), so it is also the adjoint of
 // the trajectory closed with this very gain (dissertation Prop. 7).
@@ -59,6 +60,7 @@ struct LinearQuadraticProblem {
     HessianBlock R;                   // (nu) or (nu, nu), symmetric
     HessianBlock S;                   // (nx, nu)
     const double* H = nullptr;        // (N, nx + nu, nx + nu), added to Q, S, R; lower triangle is read
+    double H_scale = 1.0;             // H is multiplied by it
     const double* q = nullptr;        // (N, nx)
     const double* r = nullptr;        // (N, nu)
     HessianBlock Q_final;             // (nx) or (nx, nx)
@@ -66,7 +68,7 @@ struct LinearQuadraticProblem {
 };
 
 struct LinearQuadraticOptions {
-    bool regularize = false;    // shift an indefinite stage and go on
+    bool regularize = false;    // make an indefinite stage convex and go on
     bool use_structure = true;  // scan G for sparse rows and zero columns
 };
 
@@ -83,10 +85,10 @@ struct LinearQuadraticReport {
     enum class Status { solved, indefinite, not_finite };
 
     Status status = Status::solved;
-    std::ptrdiff_t stage = -1;  // where the recursion ended, or the first shifted stage; -1: none
+    std::ptrdiff_t stage = -1;  // where the recursion ended, or the first that was regularised; -1: none
     double smallest_eigenvalue = std::numeric_limits<double>::quiet_NaN();  // of H_uu at that stage
-    std::ptrdiff_t shifted_stages = 0;
-    double largest_shift = 0.0;
+    std::ptrdiff_t regularized_stages = 0;
+    double largest_change = 0.0;           // largest negative eigenvalue of a P that was removed
     double constant = 0.0;                 // g_0: the value for dx_0 = 0
     std::ptrdiff_t structured_stages = 0;  // stages with sparse rows or zero columns
 };

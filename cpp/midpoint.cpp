@@ -11,9 +11,9 @@ namespace {
 constexpr double slow_contraction = 0.05;  // an iteration that gains less asks for a fresh Newton matrix
 constexpr double rounding_floor = 1e-9;    // where the residual stops falling below this, rounding is reached
 constexpr int max_halvings = 8;
-constexpr int strip = 32;                  // rows of the Hessian made at a time
-constexpr double fresh_price = 0.5;         // of a new Newton matrix, in iterations
-constexpr double same_point = 1e-14;       // relative moves below this leave the Newton matrix exact
+constexpr int strip = 32;             // rows of the Hessian made at a time
+constexpr double fresh_price = 0.5;   // of a new Newton matrix, in iterations
+constexpr double same_point = 1e-14;  // relative moves below this leave the Newton matrix exact
 
 using Rows = Eigen::Map<NewtonMatrix::Matrix>;
 
@@ -38,10 +38,10 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_, ld = ld_;
     for (auto* a : {&q1, &q2, &q_mid_, &v_}) sized(*a, nq);
-    for (auto* a : {&p1, &p2, &f_, &q2_kept_}) sized(*a, nd);
+    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &inertia_}) sized(*a, nd);
     sized(u, nu_);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
-    for (auto* a : {&residual, &residual_scale, &correction_, &mu_}) sized(*a, ny);
+    for (auto* a : {&residual, &residual_scale, &first_scale_, &correction_, &mu_}) sized(*a, ny);
     for (auto* a : {&f_q_, &f_v_}) sized(*a, nd * nq);
     sized(f_u_, nd * nu_);
     for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
@@ -65,7 +65,7 @@ void MidpointStep::constraint_gradients(const Placement<double>& at, const doubl
         h_[c] = local_.value;
         h_scale_[c] = local_.scale;
         for (std::size_t i = 0; i < constraint.support().size(); ++i)
-            C[c * nq_ + constraint.support()[i]] = local_.gradient[i];
+            C[c * nq_ + constraint.support()[i]] += local_.gradient[i];
     }
 }
 
@@ -73,6 +73,14 @@ void MidpointStep::place_start() {
     place(mechanism_->joints, mechanism_->constraint_joints, q1.data(), at1_);
     constraint_gradients(at1_, q1.data(), C1_.data());
     have_factors_ = false;
+}
+
+void MidpointStep::momenta(double dt, std::vector<double>& start) {
+    std::fill(p1.begin(), p1.end(), 0.0);
+    std::fill(lam.begin(), lam.end(), 0.0);
+    place(mechanism_->joints, mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    evaluate(dt);
+    for (int i = 0; i < nd_; ++i) start[i] = -residual[i];
 }
 
 void MidpointStep::advance() {
@@ -111,15 +119,19 @@ void MidpointStep::evaluate(double dt) {
         residual[nd_ + c] = h_[c];
         residual_scale[nd_ + c] = h_scale_[c];
     }
+    // Nor can the momenta be met better than the rounding of q2 - q1 allows, which near rest is more than the tolerance.
+    double rounding = 0;
+    for (int i = 0; i < nd_; ++i) rounding = std::max(rounding, inertia_[i] * (std::abs(q1[i]) + std::abs(q2[i])) / dt);
+    size += 4.0 * std::numeric_limits<double>::epsilon() / settings_.tolerance * rounding;
     std::fill(residual_scale.begin(), residual_scale.begin() + nd_, size);
 }
 
-double MidpointStep::relative_residual() const {
+double MidpointStep::largest_residual(const std::vector<double>& scale) const {
     double out = 0;
     for (std::size_t i = 0; i < residual.size(); ++i) {
         const double r = std::abs(residual[i]);
         if (!std::isfinite(r)) return std::numeric_limits<double>::infinity();
-        if (r > 0) out = std::max(out, r / residual_scale[i]);
+        if (r > 0) out = std::max(out, r / scale[i]);
     }
     return out;
 }
@@ -137,6 +149,7 @@ bool MidpointStep::refresh(double dt) {
             const std::size_t at = joint * d.stride + ancestor;
             const double even = 0.25 * dt * d.qq[at] - d.vv[at] / dt, odd = 0.5 * (d.q_v[at] - d.v_q[at]);
             newton_.M[i * newton_.stride + j] = even + odd;
+            if (i == j) inertia_[i] = std::abs(d.vv[at]);
             if (i != j) newton_.M[j * newton_.stride + i] = even - odd;
         }
     }
@@ -159,9 +172,9 @@ bool MidpointStep::refresh(double dt) {
 // Whether a new Newton matrix is cheaper than going on with the old one. Within a step the contraction decides. At its
 // start: an old matrix gains a factor `old_rate_` an iteration, a new one is done in two, at the price of `fresh_price`
 // iterations. Each refresh makes the estimate a little more hopeful, so that the old matrix is tried again.
-bool MidpointStep::wants_refresh(const StepReport& report, double previous) {
-    if (report.iterations == 1 && report.factorizations == 0) old_rate_ = std::min(report.residual / previous, 0.5);
-    if (report.factorizations > 0) return report.residual > slow_contraction * previous;
+bool MidpointStep::wants_refresh(const StepReport& report, double merit, double previous) {
+    if (report.iterations == 1 && report.factorizations == 0) old_rate_ = std::min(merit / previous, 0.5);
+    if (report.factorizations > 0) return merit > slow_contraction * previous;
     const double iterations = std::log(report.residual / settings_.tolerance) / -std::log(old_rate_);
     const bool refresh = iterations > 2.0 + fresh_price;
     if (refresh) old_rate_ *= 0.9;
@@ -170,44 +183,42 @@ bool MidpointStep::wants_refresh(const StepReport& report, double previous) {
 
 StepReport MidpointStep::solve(double dt, bool known) {
     StepReport report;
-    double previous = std::numeric_limits<double>::infinity();
-    bool fresh = false;  // the last correction was made with the Newton matrix of its own point
+    const double none = std::numeric_limits<double>::infinity();
+    double previous = none;  // residual, in units of the first point's terms, where the last correction was made
+    bool fresh = false;      // the last correction was made with the Newton matrix of its own point
     int halvings = 0;
     if (factored_dt_ != dt) have_factors_ = false;
     factored_at_solution_ = false;
     place(mechanism_->joints, mechanism_->prescribed_constraint_joints, q2.data(), at2_);
     for (;; ++report.iterations) {
         evaluate(dt);
-        report.residual = relative_residual();
-        const bool finite = std::isfinite(report.residual);
+        report.residual = largest_residual(residual_scale);
         if (report.residual <= settings_.tolerance) break;
-        if (finite && fresh && report.residual > 0.25 * previous && std::max(report.residual, previous) < rounding_floor)
-            break;
-        if (report.iterations >= settings_.max_iterations || (!finite && !fresh && halvings == 0 && !have_factors_)) {
+        if (report.iterations == 0) first_scale_ = residual_scale;
+        const double merit = largest_residual(first_scale_);
+        if (fresh && merit > 0.25 * previous && std::min(report.residual, last_residual_) < rounding_floor) break;
+        last_residual_ = report.residual;
+        const bool finite = std::isfinite(merit);
+        if (report.iterations >= settings_.max_iterations || (!finite && previous == none)) {
             report.status = finite ? StepStatus::no_convergence : StepStatus::not_finite;
             return report;
         }
-        const bool grew = !(report.residual <= 2.0 * previous);
-        if (grew && fresh && halvings < max_halvings) {
-            // A full Newton step that makes things worse was too long: halve it.
+        if (fresh && !(merit < previous) && halvings < max_halvings) {
+            // A Newton step that makes things worse was too long: halve it.
             ++halvings;
             for (int i = 0; i < nd_; ++i) q2[i] = 0.5 * (q2[i] + q2_kept_[i]);
             for (int c = 0; c < nc_; ++c) lam[c] = 0.5 * (lam[c] + lam_kept_[c]);
             continue;
         }
-        if (!finite) {
-            // Too far with the old Newton matrix: back to where it was, with a fresh one.
-            if (fresh || report.iterations == 0) {
-                report.status = StepStatus::not_finite;
-                return report;
-            }
+        if (!fresh && !(merit < 2.0 * previous)) {
+            // Led astray by an old Newton matrix: back, and on with a new one.
             std::copy(q2_kept_.begin(), q2_kept_.end(), q2.begin());
             lam = lam_kept_;
-            previous = std::numeric_limits<double>::infinity();
+            previous = none;
             have_factors_ = false;
             continue;
         }
-        fresh = !have_factors_ || wants_refresh(report, previous);
+        fresh = !have_factors_ || wants_refresh(report, merit, previous);
         if (fresh) {
             ++report.factorizations;
             if (!refresh(dt)) {
@@ -216,7 +227,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
             }
         }
         halvings = 0;
-        previous = report.residual;
+        previous = merit;
         std::copy(q2.begin(), q2.begin() + nd_, q2_kept_.begin());
         lam_kept_ = lam;
         for (int i = 0; i < nd_ + nc_; ++i) correction_[i] = -residual[i];
@@ -395,7 +406,8 @@ void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, co
         block.noalias() += y.middleCols(first, rows).transpose() * Z_.rightCols(rest);
         block.noalias() += Z_.middleCols(first, rows).transpose() * y.rightCols(rest);
         if (rest > rows)
-            H_all.block(first + rows, first, rest - rows, rows) = H_all.block(first, first + rows, rows, rest - rows).transpose();
+            H_all.block(first + rows, first, rest - rows, rows) =
+                H_all.block(first, first + rows, rows, rest - rows).transpose();
         for (int i = 0; i < rows; ++i)
             for (int j = 0; j < i; ++j) block(i, j) = block(j, i);
     }

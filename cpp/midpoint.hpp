@@ -50,6 +50,9 @@ public:
     void place_start();
     // `known`: q2 is the solution already and only lam is sought; then p2 is not to the last digit.
     StepReport solve(double dt, bool known = false);
+    // The momenta at both ends of the segment from q1 to q2 under u, without constraints:
+    // p1 = -(D1Ld + fd-) into `start`, p2 = D2Ld + fd+ into the member p2.
+    void momenta(double dt, std::vector<double>& start);
     // Makes (q2, p2) the start of the next step; keeps the factors of the Newton matrix.
     void advance();
 
@@ -58,7 +61,7 @@ public:
     bool differentiate(double dt);
     int n_theta() const { return n_theta_; }
     int ld() const { return ld_; }
-    std::vector<double> Y;    // (n_dynamic + n_constraints) x ld: d(q2; lam)/d[th | shift of h]
+    std::vector<double> Y;   // (n_dynamic + n_constraints) x ld: d(q2; lam)/d[th | shift of h]
     std::vector<double> P2;  // n_dynamic x ld: dp2/d[th | shift of h]
 
     // Second derivatives by th, contracted with weights on the next state and the multipliers: the Hessian of
@@ -72,11 +75,11 @@ public:
     const Mechanism& mechanism() const { return *mechanism_; }
 
 private:
-    void evaluate(double dt);                       // residuals and p2 at (q2, lam)
-    double relative_residual() const;
-    bool refresh(double dt);                        // Newton matrix at the point of the last evaluate()
+    void evaluate(double dt);  // residuals and p2 at (q2, lam)
+    double largest_residual(const std::vector<double>& scale) const;
+    bool refresh(double dt);  // Newton matrix at the point of the last evaluate()
     void constraint_gradients(const Placement<double>& at, const double* q, double* C);
-    bool wants_refresh(const StepReport& report, double previous);
+    bool wants_refresh(const StepReport& report, double merit, double previous);
     double kappa_minus(double dt) const { return settings_.split == Split::left ? dt : 0.5 * dt; }
     double kappa_plus(double dt) const { return settings_.split == Split::left ? 0.0 : 0.5 * dt; }
 
@@ -92,14 +95,16 @@ private:
     LocalTaylor<double> local_;
     LocalTaylor<Dual<double>> dual_local_;
     std::vector<double> q_mid_, v_, f_, f_q_, f_v_, f_u_;
+    std::vector<double> inertia_;  // diagonal of L_vv where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;
-    std::vector<double> correction_, q2_kept_, lam_kept_;
+    std::vector<double> correction_, q2_kept_, lam_kept_, first_scale_;
     NewtonMatrix::Matrix G_y_, W_yy_, W_yth_, W_thth_, Z_;  // second order, see curvature()
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
     std::vector<double> mu_;
     bool have_factors_ = false;
     bool factored_at_solution_ = false;  // factors and pair derivatives are those of the solution
     double factored_dt_ = 0;
+    double last_residual_ = 0;
     double old_rate_ = 0.5;  // contraction seen with the Newton matrix of an earlier step
 };
 

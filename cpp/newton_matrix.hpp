@@ -46,11 +46,11 @@ private:
 
     const std::vector<std::vector<int>>& coupled_;
     int n_, nc_, nc_padded_;
-    std::vector<double> L_t_;            // the lower factors once more, by rows, for one right-hand side
-    std::vector<double> reciprocal_;     // of the pivots
-    Matrix M_inv_C1t_;                   // n x nc, padded
-    Matrix C2_;                          // nc x n
-    Matrix schur_;                       // nc x nc, padded; its LU factors
+    std::vector<double> L_t_;         // the lower factors once more, by rows, for one right-hand side
+    std::vector<double> reciprocal_;  // of the pivots
+    Matrix M_inv_C1t_;                // n x nc, padded
+    Matrix C2_;                       // nc x n
+    Matrix schur_;                    // nc x nc, padded; its LU factors
     Matrix unfactored_;
     std::vector<int> pivots_;
     Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> orthogonal_;

@@ -41,7 +41,9 @@ void move_along_screw(const Motion<double>& twist, const T& q, Pose<T>& pose) {
 }  // namespace
 
 Axis axis_of(const Motion<double>& t) {
-    const auto is = [](const Vec3<double>& a, double x, double y, double z) { return a.x == x && a.y == y && a.z == z; };
+    const auto is = [](const Vec3<double>& a, double x, double y, double z) {
+        return a.x == x && a.y == y && a.z == z;
+    };
     if (is(t.v, 0, 0, 0)) {
         if (is(t.w, 1, 0, 0)) return Axis::rx;
         if (is(t.w, 0, 1, 0)) return Axis::ry;

@@ -31,8 +31,8 @@ struct Point {
 
 template <class T>
 struct Placement {
-    std::vector<Pose<T>> pose;      // by joint, after its motion
-    std::vector<Motion<T>> twist;  // by joint, world coordinates, at the world origin
+    std::vector<Pose<T>> pose;                // by joint, after its motion
+    std::vector<Motion<T>> twist;             // by joint, world coordinates, at the world origin
     std::vector<double> angle, sine, cosine;  // work space of place()
 
     explicit Placement(std::size_t joints)

@@ -24,13 +24,12 @@ inline void sincos_wide(const double* x, double* sine, double* cosine) {
         const std::int64_t quadrant = std::bit_cast<std::int64_t>(shifted);
         const double r = ((x[l] - n * part1) - n * part2) - n * part3;
         const double z = r * r;
-        const double s =
-            r + r * z *
-                    (-1.66666666666666324348e-01 +
-                     z * (8.33333333332248946124e-03 +
-                          z * (-1.98412698298579493134e-04 +
-                               z * (2.75573137070700676789e-06 +
-                                    z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))));
+        const double s = r + r * z *
+                                 (-1.66666666666666324348e-01 +
+                                  z * (8.33333333332248946124e-03 +
+                                       z * (-1.98412698298579493134e-04 +
+                                            z * (2.75573137070700676789e-06 +
+                                                 z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))));
         const double half = 0.5 * z, w = 1.0 - half;
         const double c =
             w + (((1.0 - w) - half) +

@@ -17,8 +17,8 @@ struct RollOut {
 // Follows u_k = ubar_k - K_k (x_k - xbar_k) from X[0]; K null: open loop. Fills X[1..], U and lam up to the failed step.
 // `velocity` (n_dynamic, may be null) is a guess of the first step's dynamic velocity. After a failure, `last` holds the
 // step that failed (residuals, unknowns).
-RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar, const double* K,
-                 const double* velocity, double* X, double* U, double* lam);
+RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
+                 const double* K, const double* velocity, double* X, double* U, double* lam);
 
 // What one linearised step leaves for the second order: the multipliers and their derivatives, and the derivatives by
 // shifts of the constraints. Sizes by mechanism.
@@ -29,15 +29,16 @@ struct StepMemo {
     std::size_t size() const { return static_cast<std::size_t>(nc) * (1 + theta + nc + 2 * nd); }
 };
 
-// A (N, nx, nx), B (N, nx, nu), lam (N, nc), memo (N, StepMemo::size()); lam_x (N, nc, nx) and lam_u (N, nc, nu) may be
-// null. Returns the first step at which the trajectory is not one, or N.
+// Derivatives of every step. With `multipliers` the multipliers of a step count as further states of its end, which
+// nothing depends on: ny = nx + nc states instead of nx. A (N, ny, ny), B (N, ny, nu), lam (N, nc), memo (N,
+// StepMemo::size()); X stays (N+1, nx). Returns the first step at which the trajectory is not one, or N.
 int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,
-              const double* t, const double* X, const double* U, int threads, double* A, double* B, double* lam,
-              double* lam_x, double* lam_u, double* memo);
+              const double* t, const double* X, const double* U, bool multipliers, int threads, double* A, double* B,
+              double* lam, double* memo);
 
-// Hessians by (x, u), (N, nx + nu, nx + nu), of w_k.x_{k+1} + w_lam_k.lam_k; W (N, nx), W_lam (N, nc) may be null.
+// Hessians by (states, u), (N, ny + nu, ny + nu), of the next states weighted with W (N, ny).
 void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,
-                const double* t, const double* X, const double* U, const double* A, const double* B,
-                const double* memo, const double* W, const double* W_lam, int threads, double* H);
+                const double* t, const double* X, const double* U, bool multipliers, const double* A, const double* B,
+                const double* memo, const double* W, int threads, double* H);
 
 }  // namespace leastaction

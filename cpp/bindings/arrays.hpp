@@ -35,9 +35,8 @@ inline Out new_array(std::initializer_list<std::size_t> shape) {
 inline Out reused(const std::optional<nb::dict>& reuse, const char* name, std::initializer_list<std::size_t> shape) {
     Out given;
     if (reuse && reuse->contains(name) && nb::try_cast<Out>((*reuse)[name], given) && given.ndim() == shape.size() &&
-        std::equal(shape.begin(), shape.end(), given.shape_ptr(), [](std::size_t a, std::int64_t b) {
-            return a == static_cast<std::size_t>(b);
-        }))
+        std::equal(shape.begin(), shape.end(), given.shape_ptr(),
+                   [](std::size_t a, std::int64_t b) { return a == static_cast<std::size_t>(b); }))
         return given;
     return new_array(shape);
 }

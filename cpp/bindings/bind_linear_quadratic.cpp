@@ -92,14 +92,15 @@ LinearQuadraticProblem dynamics(const Input& A, const Input& B) {
 LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, const Output& C, const Output& b,
                             const Output& P0, const MaybeOutput& P_all, const MaybeInput& Q, bool Q_diagonal,
                             const MaybeInput& R, bool R_diagonal, const MaybeInput& S, const MaybeInput& H,
-                            const MaybeInput& q, const MaybeInput& r, const MaybeInput& c, const MaybeInput& Q_final,
-                            const MaybeInput& q_final, bool regularize, bool use_structure) {
+                            double H_scale, const MaybeInput& q, const MaybeInput& r, const MaybeInput& c,
+                            const MaybeInput& Q_final, const MaybeInput& q_final, bool regularize, bool use_structure) {
     const auto [N, nx, nu] = sizes(A, B);
     LinearQuadraticProblem problem = dynamics(A, B);
     problem.Q = block(Q, Q_diagonal, N, nx, nx, "Q must have shape (nx) or (nx, nx), or N of them");
     problem.R = block(R, R_diagonal, N, nu, nu, "R must have shape (nu) or (nu, nu), or N of them");
     problem.S = block(S, false, N, nx, nu, "S must have shape (nx, nu), or N of them");
     problem.H = checked(H, {N, nx + nu, nx + nu}, "H must have shape (N, nx + nu, nx + nu)");
+    problem.H_scale = H_scale;
     problem.q = checked(q, {N, nx}, "q must have shape (N, nx)");
     problem.r = checked(r, {N, nu}, "r must have shape (N, nu)");
     problem.c = checked(c, {N, nx}, "c must have shape (N, nx)");
@@ -157,16 +158,16 @@ void bind_linear_quadratic(nb::module_& m) {
         .def_ro("status", &Report::status)
         .def_ro("stage", &Report::stage)
         .def_ro("smallest_eigenvalue", &Report::smallest_eigenvalue)
-        .def_ro("shifted_stages", &Report::shifted_stages)
-        .def_ro("largest_shift", &Report::largest_shift)
+        .def_ro("regularized_stages", &Report::regularized_stages)
+        .def_ro("largest_change", &Report::largest_change)
         .def_ro("constant", &Report::constant)
         .def_ro("structured_stages", &Report::structured_stages);
 
     m.def("solve_linear_quadratic", &solve, "A"_a, "B"_a, "K"_a, "C"_a, "b"_a, "P0"_a, "P_all"_a.none(), nb::kw_only(),
           "Q"_a.none() = nb::none(), "Q_diagonal"_a = false, "R"_a.none() = nb::none(), "R_diagonal"_a = false,
-          "S"_a.none() = nb::none(), "H"_a.none() = nb::none(), "q"_a.none() = nb::none(), "r"_a.none() = nb::none(),
-          "c"_a.none() = nb::none(), "Q_final"_a.none() = nb::none(), "q_final"_a.none() = nb::none(),
-          "regularize"_a = false, "use_structure"_a = true,
+          "S"_a.none() = nb::none(), "H"_a.none() = nb::none(), "H_scale"_a = 1.0, "q"_a.none() = nb::none(),
+          "r"_a.none() = nb::none(), "c"_a.none() = nb::none(), "Q_final"_a.none() = nb::none(),
+          "q_final"_a.none() = nb::none(), "regularize"_a = false, "use_structure"_a = true,
           "Backward recursion of the affine LQ problem; writes K, C, b, P0 and, if given, P_all.");
     m.def("sweep_forward", &forward, "A"_a, "B"_a, "K"_a, "C"_a, "c"_a.none(), "dx"_a, "du"_a,
           "Closed-loop linear roll-out from dx[0]; writes dx[1:] and du.");

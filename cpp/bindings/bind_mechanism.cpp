@@ -71,7 +71,7 @@ ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
         m.constraints[c]->evaluate(at, internal.data(), Order::gradient, local);
         out.h[c] = local.value;
         const auto& support = m.constraints[c]->support();
-        for (std::size_t i = 0; i < support.size(); ++i) out.C[c * nq + m.external[support[i]]] = local.gradient[i];
+        for (std::size_t i = 0; i < support.size(); ++i) out.C[c * nq + m.external[support[i]]] += local.gradient[i];
     }
     return out;
 }
@@ -182,14 +182,15 @@ void bind_mechanism(nb::module_& module) {
             },
             "joint"_a, "mass"_a, "com"_a, "inertia"_a)
         .def(
-            "add_point", [](MechanismBuilder& b, int joint, const In<1>& offset) { return b.add_point(joint, vec3(offset)); },
+            "add_point",
+            [](MechanismBuilder& b, int joint, const In<1>& offset) { return b.add_point(joint, vec3(offset)); },
             "joint"_a, "offset"_a)
-        .def("set_gravity", [](MechanismBuilder& b, const In<1>& g) { b.set_gravity(vec3(g)); }, "g"_a)
+        .def(
+            "set_gravity", [](MechanismBuilder& b, const In<1>& g) { b.set_gravity(vec3(g)); }, "g"_a)
         .def("add_distance", &MechanismBuilder::add_distance, "point1"_a, "point2"_a, "length"_a, "variable"_a = -1)
         .def("add_damping", &MechanismBuilder::add_damping, "variable"_a, "coefficient"_a)
         .def("add_joint_force", &MechanismBuilder::add_joint_force, "variable"_a, "input"_a)
-        .def("build",
-             [](const MechanismBuilder& b) { return std::const_pointer_cast<Mechanism>(b.build()); });
+        .def("build", [](const MechanismBuilder& b) { return std::const_pointer_cast<Mechanism>(b.build()); });
 }
 
 }  // namespace leastaction

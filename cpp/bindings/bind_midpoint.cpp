@@ -3,6 +3,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 
 #include <optional>
 
@@ -71,58 +72,71 @@ public:
         return out;
     }
 
-    nb::dict linearize(const In<1>& t, const In<2>& x, const In<2>& u, int threads, bool multipliers,
+    nb::dict linearize(const In<1>& t, const In<2>& x, const In<2>& u, bool multipliers, int threads,
                        const std::optional<nb::dict>& reuse) const {
         const Mechanism& m = *mechanism_;
-        const std::size_t N = check(t, x, u), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
-        const std::size_t memo_size = StepMemo(m).size();
-        Out A = reused(reuse, "A", {N, nx, nx}), B = reused(reuse, "B", {N, nx, nu}), lam = new_array({N, nc});
-        Out lam_x = new_array({multipliers ? N : 0, nc, nx}), lam_u = new_array({multipliers ? N : 0, nc, nu});
-        Out memo = reused(reuse, "memo", {N, memo_size});
+        const std::size_t N = check(t, x, u), ny = states(multipliers), nu = m.n_controls(), nc = m.n_constraints();
+        Out A = reused(reuse, "A", {N, ny, ny}), B = reused(reuse, "B", {N, ny, nu}), lam = new_array({N, nc});
+        Out memo = reused(reuse, "memo", {N, StepMemo(m).size()});
         int done = 0;
         {
             nb::gil_scoped_release release;
-            done = leastaction::linearize(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(), threads,
-                                          A.data(), B.data(), lam.data(), multipliers ? lam_x.data() : nullptr,
-                                          multipliers ? lam_u.data() : nullptr, memo.data());
+            done = leastaction::linearize(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
+                                          multipliers, threads, A.data(), B.data(), lam.data(), memo.data());
         }
         nb::dict out;
         out["A"] = A;
         out["B"] = B;
         out["lam"] = lam;
-        if (multipliers) {
-            out["lam_x"] = lam_x;
-            out["lam_u"] = lam_u;
-        }
         out["memo"] = memo;
         out["steps"] = done;
         return out;
     }
 
     Out curvatures(const In<1>& t, const In<2>& x, const In<2>& u, const In<3>& A, const In<3>& B, const In<2>& memo,
-                   const std::optional<In<2>>& w, const std::optional<In<2>>& w_lam, int threads,
-                   const std::optional<nb::dict>& reuse) const {
+                   const In<2>& w, bool multipliers, int threads, const std::optional<nb::dict>& reuse) const {
         const Mechanism& m = *mechanism_;
-        const std::size_t N = check(t, x, u), nx = m.n_states(), nu = m.n_controls();
-        expect(A.size(), N * nx * nx, "A");
-        expect(B.size(), N * nx * nu, "B");
+        const std::size_t N = check(t, x, u), ny = states(multipliers), nu = m.n_controls();
+        expect(A.size(), N * ny * ny, "A");
+        expect(B.size(), N * ny * nu, "B");
         expect(memo.size(), N * StepMemo(m).size(), "memo");
-        if (w) expect(w->size(), N * nx, "w");
-        if (w_lam) expect(w_lam->size(), N * m.n_constraints(), "w_lam");
-        Out H = reused(reuse, "H", {N, nx + nu, nx + nu});
+        expect(w.size(), N * ny, "w");
+        Out H = reused(reuse, "H", {N, ny + nu, ny + nu});
         {
             nb::gil_scoped_release release;
-            leastaction::curvatures(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(), A.data(), B.data(),
-                                    memo.data(), w ? w->data() : nullptr, w_lam ? w_lam->data() : nullptr, threads,
-                                    H.data());
+            leastaction::curvatures(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
+                                    multipliers, A.data(), B.data(), memo.data(), w.data(), threads, H.data());
         }
         return H;
+    }
+
+    nb::tuple momenta(const In<1>& q1, const In<1>& q2, const In<1>& u, double dt) const {
+        const Mechanism& m = *mechanism_;
+        expect(q1.size(), m.n_variables(), "q1");
+        expect(q2.size(), m.n_variables(), "q2");
+        expect(u.size(), m.n_inputs, "u");
+        MidpointStep step(mechanism_, settings_);
+        step.q1 = to_internal(m, q1.data(), m.n_variables());
+        step.q2 = to_internal(m, q2.data(), m.n_variables());
+        step.u.assign(u.data(), u.data() + m.n_inputs);
+        std::vector<double> start(m.n_dynamic);
+        step.momenta(dt, start);
+        const std::size_t nd = m.n_dynamic;
+        Out p1 = new_array({nd}), p2 = new_array({nd});
+        for (int i = 0; i < m.n_dynamic; ++i) {
+            p1.data()[m.external[i]] = start[i];
+            p2.data()[m.external[i]] = step.p2[i];
+        }
+        return nb::make_tuple(p1, p2);
     }
 
 private:
     static std::size_t steps_of(const In<1>& t) {
         if (t.size() < 1) throw std::invalid_argument("t: at least one time is needed");
         return t.size() - 1;
+    }
+    std::size_t states(bool multipliers) const {
+        return mechanism_->n_states() + (multipliers ? mechanism_->n_constraints() : 0);
     }
     std::size_t check(const In<1>& t, const In<2>& x, const In<2>& u) const {
         const std::size_t N = steps_of(t);
@@ -143,11 +157,15 @@ void bind_midpoint(nb::module_& module) {
              "split"_a = "symmetric", "tolerance"_a = 1e-13, "max_iterations"_a = 50)
         .def("roll_out", &Midpoint::roll_out, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
              "velocity"_a.none(), "Steps from x0 over the times t under u = ubar - K (x - xbar).")
-        .def("linearize", &Midpoint::linearize, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "multipliers"_a = false,
+        .def("momenta", &Midpoint::momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a,
+             "Momenta (p1, p2) at both ends of a segment, without constraint forces.")
+        .def("linearize", &Midpoint::linearize, "t"_a, "x"_a, "u"_a, "multipliers"_a = false, "threads"_a = 0,
              "reuse"_a.none() = nb::none(),
-             "A and B of every step, the multipliers, and the memo that curvatures() takes.")
-        .def("curvatures", &Midpoint::curvatures, "t"_a, "x"_a, "u"_a, "A"_a, "B"_a, "memo"_a, "w"_a.none(),
-             "w_lam"_a.none(), "threads"_a = 0, "reuse"_a.none() = nb::none(), "Hessians by (x, u) of w.x_next + w_lam.lam of every step.");
+             "A and B of every step, the multipliers, and the memo that curvatures() takes. With `multipliers` these "
+             "count as further states of the next instant.")
+        .def("curvatures", &Midpoint::curvatures, "t"_a, "x"_a, "u"_a, "A"_a, "B"_a, "memo"_a, "w"_a,
+             "multipliers"_a = false, "threads"_a = 0, "reuse"_a.none() = nb::none(),
+             "Hessians by (states, u) of the next states weighted with w, of every step.");
 }
 
 }  // namespace leastaction

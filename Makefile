@@ -1,0 +1,95 @@
+# Everything a developer runs. `make demo` on a fresh checkout needs Python 3.11+ and a C++20 compiler.
+#
+#   make demo                 the marionette learns to walk; results in demo/
+#   make test                 the test suite        (ARGS="-k midpoint", SLOW=1, ORACLES=1, WORKERS=0)
+#   make bench                the benchmarks        (ARGS=--json)
+#   make lint                 everything that is checked without running
+#   make build                compile the C++ that changed   (VARIANTS=v3: only that instruction set)
+
+PYTHON   ?= python3
+VENV     ?= .venv
+OUT      ?= demo
+VARIANTS ?=
+ARGS     ?=
+ORACLES  ?=
+SLOW     ?=
+WORKERS  ?= auto
+JOBS     ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu 2>/dev/null || echo 2)
+
+BIN       := $(VENV)/bin
+STAMPS    := $(VENV)/stamps
+BUILD_DIR := build/editable
+PIP       := $(BIN)/python -m pip --disable-pip-version-check -qq
+CXX_FILES := $(wildcard cpp/*.hpp cpp/*.cpp cpp/*/*.hpp cpp/*/*.cpp)
+PY_FILES  := $(wildcard src tests benchmarks examples)
+
+export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
+export CMAKE_GENERATOR ?= Ninja
+
+.DEFAULT_GOAL := help
+.PHONY: help setup build demo test bench lint format clean
+
+help:
+	@sed -n '3,/^$$/s/^# \{0,1\}//p' $(MAKEFILE_LIST)
+
+# ---- The environment --------------------------------------------------------------------------
+
+# What builds the package, as pyproject.toml states it, and the tools that pip would otherwise fetch
+# for every build anew.
+$(STAMPS)/build-tools: pyproject.toml
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; v >= (3, 11) or sys.exit("leastaction needs Python 3.11 or newer, got %d.%d from \"$(PYTHON)\". Try: make PYTHON=python3.12" % v)'
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -c 'import tomllib; print("\n".join(tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"]))' > $(VENV)/build-requires.txt
+	$(PIP) install -r $(VENV)/build-requires.txt 'cmake>=3.22' ninja
+	@mkdir -p $(STAMPS) && touch $@
+
+# An editable install: Python runs from src/, compiled modules are written beside it.
+$(STAMPS)/installed: $(STAMPS)/build-tools pyproject.toml
+	PATH="$(abspath $(BIN)):$$PATH" $(PIP) install --no-build-isolation --editable .
+	@# The editable finder knows only the files of today; a plain path finds those of tomorrow too.
+	@echo "$(abspath src)" > $$(ls $(VENV)/lib/python*/site-packages/_editable_skbc_leastaction.pth)
+	@touch $@
+
+# Edited C++ compiles what changed, without pip.
+$(STAMPS)/compiled: $(STAMPS)/installed CMakeLists.txt $(CXX_FILES)
+	@$(MAKE) --no-print-directory build
+
+$(STAMPS)/extra-%: $(STAMPS)/installed
+	@$(BIN)/python -c 'import tomllib; print("\n".join(tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["$*"]))' > $(VENV)/extra-$*.txt
+	$(PIP) install -r $(VENV)/extra-$*.txt 'rich<15'
+	@touch $@
+
+setup: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extra-dev
+
+build: $(STAMPS)/installed
+	@$(BIN)/cmake -S . -B $(BUILD_DIR) $(if $(VARIANTS),-DLEASTACTION_VARIANTS="$(VARIANTS)") > $(BUILD_DIR)/configure.log || { cat $(BUILD_DIR)/configure.log; exit 1; }
+	@$(BIN)/cmake --build $(BUILD_DIR)
+	@touch $(STAMPS)/compiled
+
+# ---- What it does -----------------------------------------------------------------------------
+
+demo: $(STAMPS)/compiled $(STAMPS)/extra-viz
+	$(BIN)/leastaction demo --out $(OUT) $(ARGS)
+
+test: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(if $(ORACLES),$(STAMPS)/extra-oracles)
+	$(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(if $(SLOW),--slow) $(ARGS)
+
+bench: $(STAMPS)/compiled $(STAMPS)/extra-viz
+	$(BIN)/python -m benchmarks $(ARGS)
+
+lint: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extra-dev
+	$(BIN)/ruff check $(PY_FILES)
+	$(BIN)/ruff format --check $(PY_FILES)
+	$(BIN)/mypy
+	$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
+	$(BIN)/lint-imports
+
+format: $(STAMPS)/extra-dev
+	$(BIN)/ruff check --fix --exit-zero $(PY_FILES)
+	$(BIN)/ruff format $(PY_FILES)
+	$(BIN)/clang-format -i $(CXX_FILES)
+
+clean:
+	rm -rf build dist demo $(VENV) .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -f src/leastaction/_core/*.so src/leastaction/_core/*.pyi
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +

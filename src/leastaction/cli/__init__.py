@@ -1,0 +1,7 @@
+"""The command line: ``leastaction --help``."""
+
+from __future__ import annotations
+
+from leastaction.cli.app import main
+
+__all__ = ["main"]

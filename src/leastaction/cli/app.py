@@ -1,0 +1,263 @@
+"""The commands: demo, optimize, info, draw."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import App, Group, Parameter
+from cyclopts.exceptions import CycloptsError
+from rich.console import Console
+
+from leastaction._version import __version__
+from leastaction.cli.options import MOTION, OptimiserOptions, OutputOptions
+from leastaction.errors import ArgumentError, LeastActionError
+
+if TYPE_CHECKING:
+    from leastaction.cli.job import Job
+
+# What a shell expects of a program ended by Ctrl-C.
+_INTERRUPTED = 130
+_BAD_INPUT = 2
+
+_HELP = """Mechanisms that learn to move.
+
+Takes a mechanism and a wanted motion, and finds a motion the mechanism can really make, the inputs
+that make it, and the feedback that keeps it there.
+
+Start with: leastaction demo --out demo
+"""
+
+app = App(
+    name="leastaction",
+    help=_HELP,
+    version=__version__,
+    version_flags=["--version"],
+    help_flags=["--help", "-h"],
+    help_epilogue="Each command explains itself: leastaction optimize --help",
+    group_commands=Group("Commands", sort_key=0),
+    group_arguments=Group("Arguments", sort_key=0),
+    exit_on_error=False,
+    print_error=False,
+    suppress_keyboard_interrupt=False,
+)
+
+
+@app.command
+def demo(
+    *,
+    duration: Annotated[float, Parameter(group=MOTION)] = 10.0,
+    dt: Annotated[float, Parameter(group=MOTION)] = 0.01,
+    optimiser: OptimiserOptions | None = None,
+    output: OutputOptions,
+) -> int:
+    """Teach the marionette to walk on the spot, from a made-up walk: needs no file.
+
+    Parameters
+    ----------
+    duration
+        Length of the walk, s.
+    dt
+        Time step, s.
+    """
+    from leastaction.cli.job import Job, walk
+
+    folder = _prepare(output)
+    motion = walk(duration=duration, dt=dt)
+    return _run(Job(motion=motion, optimiser=optimiser or OptimiserOptions()), folder, output)
+
+
+@app.command
+def optimize(
+    mechanism: Literal["marionette"],
+    /,
+    *,
+    motion: Annotated[Path | None, Parameter(group=MOTION)] = None,
+    mapping: Annotated[Path | None, Parameter(group=MOTION)] = None,
+    duration: Annotated[float | None, Parameter(group=MOTION)] = None,
+    dt: Annotated[float, Parameter(group=MOTION)] = 0.01,
+    start: Annotated[Literal["rest", "moving"], Parameter(group=MOTION)] = "rest",
+    in_place: Annotated[bool, Parameter(group=MOTION, negative=())] = False,
+    resume: Annotated[Path | None, Parameter(group=MOTION)] = None,
+    optimiser: OptimiserOptions | None = None,
+    output: OutputOptions,
+) -> int:
+    """Make a mechanism follow a motion, and write the result into a folder.
+
+    The folder gets the trajectory with its inputs and feedback gains (trajectory.npz), the numbers
+    (summary.txt, summary.json), plots (convergence, tracking, strings, snapshots) and an animation for
+    the browser. Ctrl-C stops after the last whole iteration and still writes everything.
+
+    Parameters
+    ----------
+    mechanism
+        The mechanism: marionette, a puppet of 22 joint variables on six strings.
+    motion
+        Motion capture to follow: a BVH file. A walk on the spot is made up without it.
+    mapping
+        TOML file that says which joint of the capture is which joint of the puppet, where the usual
+        names do not fit.
+    duration
+        Length, s. A shorter capture is repeated by its best cycle. The whole capture (10 s of the
+        made-up walk) if not given.
+    dt
+        Time step, s.
+    start
+        Begin at rest in the first pose and pick up speed, or begin as captured.
+    in_place
+        Leave out the travel over the ground.
+    resume
+        trajectory.npz of an earlier run: go on from there, with the motion that it followed.
+    """
+    from leastaction.cli.job import Job, capture, earlier, walk
+
+    if resume is not None and (motion is not None or mapping is not None or duration is not None):
+        # The motion is in the file; a second one could contradict it.
+        raise ArgumentError(
+            "--resume goes on with the motion of the earlier run: "
+            "leave out --motion, --mapping and --duration"
+        )
+    if mapping is not None and motion is None:
+        raise ArgumentError("--mapping belongs to a motion capture file: give --motion FILE too")
+    settings = optimiser or OptimiserOptions()
+    folder = _prepare(output)
+    if resume is not None:
+        return _run(earlier(resume, mechanism=mechanism, optimiser=settings), folder, output)
+    if motion is None:
+        wanted = walk(duration=10.0 if duration is None else duration, dt=dt)
+    else:
+        wanted = capture(
+            motion,
+            mapping=mapping,
+            duration=duration,
+            dt=dt,
+            start=start,
+            in_place=in_place,
+            console=Console(highlight=False),
+        )
+    return _run(Job(motion=wanted, mechanism=mechanism, optimiser=settings), folder, output)
+
+
+@app.command
+def info(file: Path, /) -> int:
+    """Show what is in a result file: how the run ended, tracking errors, string tensions.
+
+    Parameters
+    ----------
+    file
+        trajectory.npz of an earlier run.
+    """
+    from leastaction.cli.report import describe
+
+    Console(highlight=False).print(describe(file))
+    return 0
+
+
+@app.command
+def draw(
+    file: Path,
+    /,
+    *,
+    output: OutputOptions,
+) -> int:
+    """Draw the plots and the animation of a result file again.
+
+    Parameters
+    ----------
+    file
+        trajectory.npz of an earlier run.
+    """
+    from leastaction.cli.report import write_report
+    from leastaction.io.results import load_record
+
+    record = load_record(file)
+    report = write_report(
+        record,
+        _prepare(output),
+        trajectory=False,
+        plots=output.plots,
+        animation=output.animation,
+    )
+    Console(highlight=False).print(report.file_table())
+    return 0
+
+
+def _prepare(output: OutputOptions) -> Path:
+    """Check before the run that its results can be drawn and written, and return their folder."""
+    from leastaction.atomic import prepare_output_folder
+    from leastaction.cli.report import check_pictures
+
+    if output.plots:
+        check_pictures()
+    return prepare_output_folder(output.out)
+
+
+def _run(job: Job, folder: Path, output: OutputOptions) -> int:
+    """Run a job and fill the folder."""
+    from leastaction.cli.job import exit_code, run
+    from leastaction.cli.report import TRAJECTORY, write_report
+
+    started = time.perf_counter()
+    console = Console(highlight=False)
+    record = run(job, console)
+    optimised = time.perf_counter()
+    with console.status("") as status:
+        report = write_report(
+            record,
+            folder,
+            plots=output.plots,
+            animation=output.animation,
+            progress=lambda name: status.update(f"writing {name}"),
+        )
+    finished = time.perf_counter()
+    console.print()
+    console.print(report.tables)
+    console.print()
+    console.print(report.file_table())
+    console.print(
+        f"\n{optimised - started:.2f} s to optimise, {finished - optimised:.2f} s to write, "
+        f"{finished - started:.2f} s in all"
+    )
+    if record.status in ("ITERATION_LIMIT", "INTERRUPTED"):
+        again = (
+            f"leastaction optimize {job.mechanism} --resume {folder / TRAJECTORY} --out {folder}"
+        )
+        console.print(f"Go on with: {again}", markup=False, soft_wrap=True)
+    return exit_code(record.status)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit.
+
+    Exit codes: 0 done; 1 the optimiser could not go on (what it had is written); 2 something given was
+    wrong, said in one line on the error stream; 130 interrupted.
+
+    Parameters
+    ----------
+    arguments
+        Words after the program's name; those of this process if not given.
+    """
+    errors = Console(stderr=True, highlight=False)
+    try:
+        code = app(arguments, result_action="return_value")
+    except CycloptsError as error:
+        _complain(errors, str(error), hint="Try leastaction --help")
+        code = _BAD_INPUT
+    except LeastActionError as error:
+        _complain(errors, str(error))
+        code = _BAD_INPUT
+    except KeyboardInterrupt:
+        _complain(errors, "interrupted before there was a result to keep")
+        code = _INTERRUPTED
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _complain(console: Console, message: str, *, hint: str = "") -> None:
+    """Print an error on the error stream, in its own words."""
+    console.print("[bold red]error:[/bold red] ", end="")
+    console.print(message, markup=False, soft_wrap=True)
+    if hint:
+        console.print(hint, style="dim")

@@ -1,0 +1,154 @@
+"""The errors that the package raises on purpose.
+
+Each message says what was given, what was expected and what to do about it. Every class derives from
+`LeastActionError`, so one ``except`` clause catches them all; those that report a bad argument are a
+`ValueError` too.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+__all__ = [
+    "ArgumentError",
+    "DescriptionError",
+    "InconsistentStartError",
+    "LeastActionError",
+    "MotionFileError",
+    "OutputError",
+    "ResultFileError",
+    "StepError",
+    "closest",
+    "worst_first",
+]
+
+
+class LeastActionError(Exception):
+    """Base of every error that the package raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Errors with keyword-only fields must survive the trip back from a worker process, and the
+        # default reduction of an exception would call the class with the message alone.
+        rebuild: Callable[..., Any] = copyreg.__newobj__  # type: ignore[attr-defined]
+        return (rebuild, (type(self), *self.args), self.__dict__ or None)
+
+
+class DescriptionError(LeastActionError, ValueError):
+    """A mechanism's description cannot be compiled: a name, a shape, a mass or an element is wrong."""
+
+
+class ArgumentError(LeastActionError, ValueError):
+    """An argument has the wrong shape, an unknown name, a value that is not finite or out of range."""
+
+
+class InconsistentStartError(LeastActionError):
+    """A configuration or a velocity violates the constraints, or cannot be brought onto them.
+
+    Attributes
+    ----------
+    residuals : dict[str, float]
+        Residual of every constraint by name, largest magnitude first: the value of ``h`` for a
+        configuration, of ``Dh v`` for a velocity.
+    """
+
+    def __init__(self, message: str, *, residuals: Mapping[str, float]) -> None:
+        super().__init__(message)
+        self.residuals: dict[str, float] = worst_first(residuals)
+
+
+class StepError(LeastActionError):
+    """A time step has no solution, or the solver did not find it.
+
+    Attributes
+    ----------
+    t : float
+        Time at the start of the step (s).
+    residuals : dict[str, float]
+        Residual of every equation by name, largest magnitude first.
+    iteration : int
+        Iterations of the solver that were made.
+    state : Any
+        The last good state, from which the simulation can go on with another step or input.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        t: float,
+        residuals: Mapping[str, float],
+        iteration: int,
+        state: Any = None,
+    ) -> None:
+        super().__init__(message)
+        self.t = float(t)
+        self.residuals: dict[str, float] = worst_first(residuals)
+        self.iteration = int(iteration)
+        self.state = state
+
+
+class MotionFileError(LeastActionError, ValueError):
+    """A motion file is truncated, is not of the format that it claims, or does not fit the mechanism."""
+
+
+class OutputError(LeastActionError, OSError):
+    """A result cannot be written where it was asked for."""
+
+
+class ResultFileError(LeastActionError, ValueError):
+    """A saved result cannot be read back, or belongs to another mechanism."""
+
+
+def closest(name: object, known: Iterable[str], *, what: str) -> str:
+    """Return the end of an "unknown name" message: close matches, or the names that exist.
+
+    Parameters
+    ----------
+    name : object
+        The name that was given.
+    known : iterable of str
+        The names that exist.
+    what : str
+        Their kind in the plural, such as ``"frames"``.
+
+    Returns
+    -------
+    str
+        One sentence, such as ``"did you mean 'theta'?"`` or ``"the frames are 'a', 'b'"``.
+    """
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.6) if isinstance(name, str) else []
+    if isinstance(name, str) and not near:
+        folded = {known_name.casefold(): known_name for known_name in names}
+        near = [folded[name.casefold()]] if name.casefold() in folded else []
+    if near:
+        return f"did you mean {' or '.join(repr(match) for match in near)}?"
+    if not names:
+        return f"the mechanism has no {what}"
+    shown = ", ".join(repr(known_name) for known_name in names[:12])
+    rest = f" and {len(names) - 12} more" if len(names) > 12 else ""
+    return f"the {what} are {shown}{rest}"
+
+
+def worst_first(residuals: Mapping[str, float]) -> dict[str, float]:
+    """Return the residuals by name with the largest magnitude (or NaN) first.
+
+    Parameters
+    ----------
+    residuals : mapping of str to float
+        Residual by name, any unit.
+
+    Returns
+    -------
+    dict of str to float
+    """
+
+    def size(item: tuple[str, float]) -> float:
+        value = float(item[1])
+        return float("inf") if value != value else abs(value)
+
+    ordered = sorted(residuals.items(), key=size, reverse=True)
+    return {name: float(value) for name, value in ordered}

@@ -1,0 +1,132 @@
+"""A captured motion: its skeleton, its channel values, and where its joints are in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from leastaction.io.geometry import axis_rotation
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint of a captured skeleton, or an end site.
+
+    Attributes
+    ----------
+    name : str
+        Name in the file; the end site of joint ``Head`` is called ``Head_end``.
+    parent : int
+        Index of the parent joint, -1 for the root.
+    offset : tuple of 3 float
+        Position in the parent's frame, in the file's unit of length.
+    channels : tuple of str
+        Channel names in the order of the file; empty for an end site.
+    line : int
+        Line of the file that declares it, from 1.
+    """
+
+    name: str
+    parent: int
+    offset: tuple[float, float, float]
+    channels: tuple[str, ...]
+    line: int
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A captured motion as it stands in the file.
+
+    Attributes
+    ----------
+    path : str
+        The file it was read from.
+    joints : tuple of Joint
+        Joints and end sites, parents before children.
+    frame_time : float
+        Seconds between two frames.
+    values : (F, nc) array
+        Channel values of every frame, in the order of the joints and of their channels;
+        lengths in the file's unit, angles in degrees.
+    """
+
+    path: str
+    joints: tuple[Joint, ...]
+    frame_time: float
+    values: FloatArray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all joints and end sites."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints proper, without the end sites."""
+        return tuple(joint.name for joint in self.joints if joint.channels or joint.parent < 0)
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return int(self.values.shape[0])
+
+    def index(self, name: str) -> int:
+        """Index of the joint called `name` in `joints`; `KeyError` if there is none."""
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise KeyError(name) from None
+
+    def is_below(self, joint: int, ancestor: int) -> bool:
+        """Whether `joint` hangs, directly or not, from `ancestor`."""
+        parent = self.joints[joint].parent
+        while parent >= 0:
+            if parent == ancestor:
+                return True
+            parent = self.joints[parent].parent
+        return False
+
+
+def forward_kinematics(capture: Capture) -> tuple[FloatArray, FloatArray]:
+    """Positions and orientations of all joints in all frames, in the capture's world.
+
+    Parameters
+    ----------
+    capture : Capture
+
+    Returns
+    -------
+    positions : (F, nj, 3) array
+        In the file's unit of length.
+    rotations : (F, nj, 3, 3) array
+        World orientation of each joint's frame.
+    """
+    n_frames, n_joints = capture.n_frames, len(capture.joints)
+    positions = np.empty((n_frames, n_joints, 3))
+    rotations = np.empty((n_frames, n_joints, 3, 3))
+    column = 0
+    for index, joint in enumerate(capture.joints):
+        local = np.tile(np.asarray(joint.offset, dtype=np.float64), (n_frames, 1))
+        turn = np.broadcast_to(np.eye(3), (n_frames, 3, 3))
+        for channel in joint.channels:
+            axis = "XYZ".index(channel[0])
+            value = capture.values[:, column]
+            column += 1
+            if channel.endswith("position"):
+                # Exporters that write position channels write the whole local position there,
+                # not a correction of the offset.
+                local[:, axis] = value
+            else:
+                turn = turn @ axis_rotation(axis, np.deg2rad(value))
+        if joint.parent < 0:
+            positions[:, index] = local
+            rotations[:, index] = turn
+        else:
+            above = rotations[:, joint.parent]
+            positions[:, index] = positions[:, joint.parent] + np.einsum("fij,fj->fi", above, local)
+            rotations[:, index] = above @ turn
+    return positions, rotations

@@ -1,0 +1,85 @@
+"""Directions, frames and rotation angles of many instants at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def unit(vector: FloatArray) -> FloatArray:
+    """`vector` (..., 3) scaled to length one; zero stays zero."""
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    return np.asarray(vector / np.maximum(length, 1e-300), dtype=np.float64)
+
+
+def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Angle (...) in radians between unit vectors (..., 3), accurate for small angles too."""
+    apart = np.linalg.norm(first - second, axis=-1)
+    together = np.linalg.norm(first + second, axis=-1)
+    return np.asarray(2.0 * np.arctan2(apart, together), dtype=np.float64)
+
+
+def smooth_step(value: FloatArray, low: float, high: float) -> FloatArray:
+    """0 below `low`, 1 above `high`, a cubic with zero slope at both ends between."""
+    share = np.clip((value - low) / (high - low), 0.0, 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+def axis_rotation(axis: int, angle: FloatArray) -> FloatArray:
+    """Rotation matrices (..., 3, 3) about coordinate axis 0, 1 or 2 by `angle` (...) in radians."""
+    matrix = np.zeros((*angle.shape, 3, 3))
+    second, third = (axis + 1) % 3, (axis + 2) % 3
+    cosine, sine = np.cos(angle), np.sin(angle)
+    matrix[..., axis, axis] = 1.0
+    matrix[..., second, second] = cosine
+    matrix[..., third, third] = cosine
+    matrix[..., second, third] = -sine
+    matrix[..., third, second] = sine
+    return matrix
+
+
+def frame(x: FloatArray, z: FloatArray) -> FloatArray:
+    """Right-handed frames (F, 3, 3), axes in the columns.
+
+    Parameters
+    ----------
+    x : (F, 3) array
+        Direction to which the frame's x axis comes as near as possible; not along `z`.
+    z : (F, 3) array
+        The frame's z axis, of length one.
+    """
+    x = unit(x - z * np.sum(x * z, axis=1, keepdims=True))
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def euler_zyx(rotation: FloatArray) -> FloatArray:
+    """Angles rz, ry, rx (F, 3) in radians with R = Rz Ry Rx, continuous in time.
+
+    Every rotation has two such triples, and full turns besides; each instant takes the one nearest
+    to the instant before, the first one that with ry between -90 and 90 degrees. Where ry is 90
+    degrees either way only rx -+ rz is determined, and rz stays where it was.
+
+    Parameters
+    ----------
+    rotation : (F, 3, 3) array
+    """
+    level = np.hypot(rotation[:, 0, 0], rotation[:, 1, 0])
+    rz = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
+    ry = np.arctan2(-rotation[:, 2, 0], level)
+    rx = np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
+    angles = np.stack([rz, ry, rx], axis=1)
+    for now in range(angles.shape[0]):
+        before = angles[now - 1] if now else np.zeros(3)
+        if level[now] < 1e-7:
+            sign = np.sign(rotation[now, 2, 0])
+            turn = np.arctan2(-sign * rotation[now, 0, 1], rotation[now, 1, 1])
+            angles[now] = before[0], angles[now, 1], turn - sign * before[0]
+        if now:
+            first = angles[now]
+            second = np.array([first[0] + np.pi, np.pi - first[1], first[2] + np.pi])
+            both = np.stack([first, second])
+            both -= 2.0 * np.pi * np.round((both - before) / (2.0 * np.pi))
+            angles[now] = both[np.argmin(np.sum((both - before) ** 2, axis=1))]
+    return angles

@@ -1,0 +1,116 @@
+"""From a motion capture file to a motion that the optimiser can be given, in one call."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from typing import Literal, get_args
+
+from leastaction.errors import ArgumentError
+from leastaction.io.bvh import read_bvh
+from leastaction.io.heading import Axis, Heading
+from leastaction.io.mapping import read_mapping
+from leastaction.io.motion import Motion
+from leastaction.io.puppet import Proportions
+from leastaction.io.retarget import Retargeted, retarget
+
+Start = Literal["rest", "moving"]
+
+
+@dataclass(frozen=True, eq=False)
+class PuppetMotion:
+    """A wanted motion of the puppet and where it comes from.
+
+    Attributes
+    ----------
+    motion : Motion
+        At the steps asked for, filtered, eased in.
+    retargeted : Retargeted
+        The capture frame by frame, with the accuracy of the retargeting.
+    """
+
+    motion: Motion
+    retargeted: Retargeted
+
+    def summary(self) -> str:
+        """A few lines for a person: source, length, axes, scale, accuracy."""
+        made, wanted = self.retargeted, self.motion
+        return (
+            f"{made.motion.source}: {made.motion.t.size} frames, {made.motion.duration:.2f} s\n"
+            f"up {made.up}, forward {made.forward}, turned by {made.turned:.1f} degrees, "
+            f"scaled by {made.scale:.4g}\n"
+            f"largest angle between a bone and the capture: {made.largest_error:.2f} degrees\n"
+            f"wanted motion: {wanted.t.size - 1} steps of {wanted.t[1] - wanted.t[0]:g} s"
+        )
+
+
+def load_motion(
+    path: str | PathLike[str],
+    *,
+    dt: float = 0.01,
+    duration: float | None = None,
+    mapping: str | PathLike[str] | None = None,
+    start: Start = "rest",
+    ease: float = 0.5,
+    cutoff: float | None = 6.0,
+    proportions: Proportions | None = None,
+    up: Axis | None = None,
+    forward: Axis | None = None,
+    heading: Heading = "facing",
+    in_place: bool = False,
+) -> PuppetMotion:
+    """Read a BVH file and make it a wanted motion of the puppet.
+
+    Parameters
+    ----------
+    path : path
+        The BVH file.
+    dt : float
+        Step in seconds.
+    duration : float, optional
+        Seconds wanted; what is longer than the capture repeats its best cycle. The length of the
+        capture (and half of `ease`) if not given.
+    mapping : path, optional
+        Mapping file, see `leastaction.io.mapping`.
+    start : {"rest", "moving"}
+        ``"rest"``: in the capture's first pose at speed zero, brought to full speed within `ease`
+        seconds. ``"moving"``: as captured, with the velocity of the first frame.
+    ease : float
+        Seconds, for ``start="rest"``.
+    cutoff : float, optional
+        Low-pass filter in Hz against the noise of the capture; none if None.
+    proportions, up, forward, heading, in_place
+        See `leastaction.io.retarget.retarget`.
+
+    Returns
+    -------
+    PuppetMotion
+
+    Raises
+    ------
+    MotionFileError
+        The file, or the mapping file, cannot be used; the message says where and why.
+    ArgumentError
+        An option out of range.
+    """
+    if start not in get_args(Start):
+        raise ArgumentError(f"start: got {start!r}, expected one of {', '.join(get_args(Start))}")
+    names = None if mapping is None else read_mapping(mapping)
+    made = retarget(
+        read_bvh(path),
+        names=names,
+        proportions=proportions,
+        up=up,
+        forward=forward,
+        heading=heading,
+        in_place=in_place,
+    )
+    motion = made.motion
+    extra = 0.5 * ease if start == "rest" else 0.0
+    if duration is not None and duration - extra > motion.duration:
+        motion = motion.loop(duration - extra + 2.0 * dt)
+    if cutoff is not None:
+        motion = motion.low_pass(cutoff)
+    if start == "rest":
+        motion = motion.ease_in(ease)
+    return PuppetMotion(motion.resample(dt, duration=duration), made)

@@ -1,0 +1,264 @@
+"""Consistent starts: the configuration and the velocity nearest to a wanted one that the constraints allow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError, InconsistentStartError, closest
+from leastaction.mechanics.arguments import Array, as_array
+from leastaction.mechanics.least_change import RANK_TOLERANCE, Indices, LeastChange, row_scales
+from leastaction.mechanics.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class ConfigurationProjection:
+    """A configuration on the constraints, and how far it is from the one that was asked for.
+
+    Attributes
+    ----------
+    q : ndarray, shape (nq,)
+        The configuration.
+    correction : dict of str to float
+        Change by variable name (m or rad), the largest first; only the variables that were free.
+    largest : float
+        Largest magnitude among the changes.
+    iterations : int
+        Steps that were made.
+    residuals : dict of str to float
+        h(q) by constraint name (m^2 for a `Distance`).
+    """
+
+    q: Array
+    correction: dict[str, float]
+    largest: float
+    iterations: int
+    residuals: dict[str, float]
+
+
+@dataclass(frozen=True)
+class VelocityProjection:
+    """A velocity that keeps the constraints, and how far it is from the one that was asked for.
+
+    Attributes
+    ----------
+    v : ndarray, shape (nq,)
+        The velocity.
+    correction : dict of str to float
+        Change by variable name (m/s or rad/s), the largest first; only the variables that were free.
+    largest : float
+        Largest magnitude among the changes.
+    residuals : dict of str to float
+        Dh(q) v by constraint name.
+    """
+
+    v: Array
+    correction: dict[str, float]
+    largest: float
+    residuals: dict[str, float]
+
+
+def check_consistent(mechanism: Mechanism, q: npt.ArrayLike, *, tolerance: float = 1e-8) -> None:
+    """Raise unless a configuration satisfies the constraints.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q : array_like, shape (nq,)
+        The configuration.
+    tolerance : float, optional
+        Largest ``|h_i| / max(1, |Dh_i|, |Dh_i|^2 / 4)``: about the distance from the constraint in units
+        of q.
+
+    Raises
+    ------
+    InconsistentStartError
+        With the residual by constraint name.
+    """
+    values = mechanism.constraint_values(
+        as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
+    )
+    limits = tolerance * row_scales(mechanism.constraint_jacobian(q))
+    if np.any(np.abs(values) > limits):
+        residuals = dict(zip(mechanism.constraints, values, strict=True))
+        raise InconsistentStartError(
+            f"the configuration does not satisfy the constraints: {_worst(residuals, limits)}. "
+            "Use project_configuration to bring it onto them",
+            residuals=residuals,
+        )
+
+
+def project_configuration(
+    mechanism: Mechanism,
+    q: npt.ArrayLike,
+    *,
+    hold: Sequence[str] = (),
+    move_kinematic: bool = False,
+    weights: Mapping[str, float] | npt.ArrayLike | None = None,
+    tolerance: float = 1e-12,
+    max_iterations: int = 200,
+) -> ConfigurationProjection:
+    """Return the configuration on the constraints that is nearest to a given one.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q : array_like, shape (nq,)
+        The wanted configuration.
+    hold : sequence of str, optional
+        Variables that must not move.
+    move_kinematic : bool, optional
+        Let the kinematic variables move too; they are held by default.
+    weights : mapping of str to float, or array_like of shape (nq,), optional
+        Weight of the change of each variable, positive; 1 for those that are not named.
+    tolerance : float, optional
+        Largest ``|h_i| / max(1, |Dh_i|, |Dh_i|^2 / 4)`` of the result. The constraints are met to
+        rounding where that is possible; the nearest point is found to about 1e-8.
+    max_iterations : int, optional
+        Bound on the steps from one starting point; a few more are tried where the first leads nowhere.
+
+    Returns
+    -------
+    ConfigurationProjection
+
+    Raises
+    ------
+    ArgumentError
+        For a wrong shape, a value that is not finite, an unknown name or a weight that is not positive.
+    InconsistentStartError
+        If no such configuration is found: the constraints contradict each other or cannot be reached.
+        Carries the residual by constraint name.
+    """
+    start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
+    free = _free(mechanism, hold, move_kinematic)
+    root = np.sqrt(_weights(mechanism, weights)[free])
+    problem = LeastChange(
+        mechanism.constraint_values, mechanism.constraint_jacobian, start, free, root
+    )
+    q_near, iterations = problem.solve(tolerance, max_iterations)
+    values = mechanism.constraint_values(q_near)
+    residuals = dict(zip(mechanism.constraints, (float(h) for h in values), strict=True))
+    limits = tolerance * row_scales(mechanism.constraint_jacobian(q_near))
+    if not np.all(np.isfinite(values) & (np.abs(values) <= limits)):
+        raise InconsistentStartError(
+            f"no configuration on the constraints was found in {iterations} steps: "
+            f"{_worst(residuals, limits)}. They contradict each other, cannot be reached with the held "
+            "variables, or the start is too far away: hold fewer variables, let the kinematic ones move "
+            "(move_kinematic=True), or start nearer",
+            residuals=residuals,
+        )
+    correction, largest = _correction(mechanism, free, q_near - start)
+    return ConfigurationProjection(q_near, correction, largest, iterations, residuals)
+
+
+def project_velocity(
+    mechanism: Mechanism,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    *,
+    hold: Sequence[str] = (),
+    move_kinematic: bool = False,
+    weights: Mapping[str, float] | npt.ArrayLike | None = None,
+    tolerance: float = 1e-10,
+) -> VelocityProjection:
+    """Return the velocity nearest to a given one that keeps the constraints: ``Dh(q) v = 0``.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q : array_like, shape (nq,)
+        A configuration on the constraints.
+    v : array_like, shape (nq,)
+        The wanted velocity.
+    hold, move_kinematic, weights
+        As in `project_configuration`, for the velocities.
+    tolerance : float, optional
+        Largest residual that may be left, relative to ``|Dh_i| |v|`` (at least 1).
+
+    Returns
+    -------
+    VelocityProjection
+
+    Raises
+    ------
+    ArgumentError
+        As in `project_configuration`.
+    InconsistentStartError
+        If the held velocities cannot be followed; carries Dh v by constraint name.
+    """
+    wanted = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
+    jacobian = mechanism.constraint_jacobian(q)
+    free = _free(mechanism, hold, move_kinematic)
+    root = np.sqrt(_weights(mechanism, weights)[free])
+    result = wanted.copy()
+    if mechanism.nc and len(free):
+        # Twice: the second pass removes the rounding that the first leaves.
+        for _ in range(2):
+            rate = jacobian @ result
+            change = np.linalg.lstsq(jacobian[:, free] / root, -rate, rcond=RANK_TOLERANCE)[0]
+            result[free] += change / root
+    rate = jacobian @ result
+    limits = tolerance * row_scales(jacobian) * max(1.0, float(np.linalg.norm(result)))
+    residuals = dict(zip(mechanism.constraints, (float(r) for r in rate), strict=True))
+    if np.any(np.abs(rate) > limits):
+        raise InconsistentStartError(
+            f"no velocity of the free variables keeps the constraints: {_worst(residuals, limits)}. "
+            "Hold fewer variables, or change the velocities of the held ones",
+            residuals=residuals,
+        )
+    correction, largest = _correction(mechanism, free, result - wanted)
+    return VelocityProjection(result, correction, largest, residuals)
+
+
+def _correction(
+    mechanism: Mechanism, free: Indices, change: Array
+) -> tuple[dict[str, float], float]:
+    named = {mechanism.variables[i]: float(change[i]) for i in free}
+    ordered = dict(sorted(named.items(), key=lambda item: -abs(item[1])))
+    return ordered, max((abs(value) for value in named.values()), default=0.0)
+
+
+def _worst(residuals: Mapping[str, float], limits: Array) -> str:
+    over = [
+        (name, value)
+        for (name, value), limit in zip(residuals.items(), limits, strict=True)
+        if not (np.isfinite(value) and abs(value) <= limit)
+    ]
+    over.sort(key=lambda item: -abs(item[1]))
+    shown = ", ".join(f"{name!r} is off by {value:.3g}" for name, value in over[:6])
+    return shown + (f" and {len(over) - 6} more" if len(over) > 6 else "")
+
+
+def _free(mechanism: Mechanism, hold: Sequence[str], move_kinematic: bool) -> Indices:
+    if isinstance(hold, str):
+        raise ArgumentError(f"hold: expected a list of variables, got the string {hold!r}")
+    for name in hold:
+        if name not in mechanism.variables:
+            raise ArgumentError(
+                f"hold: unknown variable {name!r}; "
+                f"{closest(name, mechanism.variables, what='variables')}"
+            )
+    count = mechanism.nq if move_kinematic else mechanism.nd
+    held = set(hold)
+    return np.array(
+        [i for i, name in enumerate(mechanism.variables[:count]) if name not in held], dtype=np.intp
+    )
+
+
+def _weights(mechanism: Mechanism, weights: Mapping[str, float] | npt.ArrayLike | None) -> Array:
+    if weights is None:
+        return np.ones(mechanism.nq)
+    if isinstance(weights, Mapping):
+        values = mechanism.configuration(weights, default=1.0)
+    else:
+        values = as_array(weights, "weights", (mechanism.nq,), names=mechanism.variables)
+    for name, value in zip(mechanism.variables, values, strict=True):
+        if value <= 0.0:
+            raise ArgumentError(
+                f"weights: {name!r} has the weight {value}; expected a positive one (name it in hold= "
+                "to keep it where it is)"
+            )
+    return values

@@ -1,0 +1,173 @@
+"""Names, order and checks: from a tree and elements to calls of the core's builder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from leastaction.errors import DescriptionError, closest
+from leastaction.mechanics.elements import Builder, Context, Element
+from leastaction.mechanics.masses import check_structure
+from leastaction.mechanics.tree import Tree
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that a compiled mechanism knows by name, checked.
+
+    Attributes
+    ----------
+    tree : Tree
+        Frames and joints.
+    elements : dict of str to Element
+        By their unique names, in the order given.
+    dynamic, kinematic, inputs, constraints : tuple of str
+        Names in the order of every array.
+    """
+
+    tree: Tree
+    elements: dict[str, Element]
+    dynamic: tuple[str, ...]
+    kinematic: tuple[str, ...]
+    inputs: tuple[str, ...]
+    constraints: tuple[str, ...]
+
+    def context(self) -> Context:
+        """Return a fresh context; it remembers the points of one builder, so each builder needs its own."""
+        frames = {frame.name: index for index, frame in enumerate(self.tree.frames)}
+        return Context(self.tree, self.dynamic, self.kinematic, self.inputs, frames)
+
+    def emit(self, builder: Builder) -> None:
+        """Make the calls that build this mechanism, joints first, then bodies, then elements."""
+        context = self.context()
+        for joint in self.tree.joints:
+            builder.add_joint(
+                joint.parent, joint.pose, joint.twist, context.variable(joint.variable)
+            )
+        for joint_index, body, pose in self.tree.bodies():
+            rotation, origin = pose[:3, :3], pose[:3, 3]
+            inertia = rotation @ body.inertia @ rotation.T
+            builder.add_body(
+                joint_index,
+                body.mass,
+                np.ascontiguousarray(rotation @ body.com + origin),
+                np.ascontiguousarray((inertia + inertia.T) / 2.0),
+            )
+        for element in self.elements.values():
+            element.add_to(builder, context)
+
+
+def plan(
+    tree: Tree,
+    elements: Sequence[Element],
+    *,
+    dynamic: Sequence[str] | None = None,
+    kinematic: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+) -> Plan:
+    """Check a description and settle the order of its names.
+
+    Parameters
+    ----------
+    tree : Tree
+        The flattened frames.
+    elements : sequence of Element
+        What acts on them.
+    dynamic, kinematic, inputs : sequence of str, optional
+        The order of the names; as first met in the tree, then in the elements, if not given.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    DescriptionError
+        For anything that does not fit; see `Mechanism`.
+    """
+    if isinstance(elements, Element):
+        raise DescriptionError(f"elements: expected a list, got {elements!r} alone; write [...]")
+    elements = tuple(elements)
+    for element in elements:
+        if not isinstance(element, Element):
+            raise DescriptionError(
+                f"elements: expected elements such as Gravity() or Distance(...), got {element!r}"
+            )
+    uses = [element.uses for element in elements]
+    new = [name for use in uses for name in use.kinematic if name not in tree.dynamic]
+    named = _named(elements)
+    result = Plan(
+        tree=tree,
+        elements=named,
+        dynamic=_ordered(dynamic, tree.dynamic, "dynamic", "dynamic variables"),
+        kinematic=_ordered(
+            kinematic, dict.fromkeys([*tree.kinematic, *new]), "kinematic", "kinematic variables"
+        ),
+        inputs=_ordered(
+            inputs, dict.fromkeys(name for use in uses for name in use.inputs), "inputs", "inputs"
+        ),
+        constraints=tuple(
+            name + suffix for name, element in named.items() for suffix in element.equations
+        ),
+    )
+    context = result.context()
+    for element in elements:
+        element.check(context)
+    check_structure(tree)
+    return result
+
+
+def _named(elements: Sequence[Element]) -> dict[str, Element]:
+    """Name every element; the names that the user gave go first."""
+    given: dict[str, Element] = {}
+    types: set[type[Element]] = set()
+    for element in elements:
+        if element.unique and type(element) in types:
+            raise DescriptionError(
+                f"{element.label}: a mechanism holds only one {type(element).__name__}; combine them"
+            )
+        types.add(type(element))
+        if element.name is not None and element.name in given:
+            raise DescriptionError(
+                f"duplicate element name {element.name!r}: given to a "
+                f"{type(given[element.name]).__name__} and to a {type(element).__name__}"
+            )
+        if element.name is not None:
+            given[element.name] = element
+    taken = set(given)
+    named: dict[str, Element] = {}
+    for element in elements:
+        name, number = element.name or element.default_name, 1
+        while element.name is None and name in taken:
+            number += 1
+            name = f"{element.default_name}#{number}"
+        taken.add(name)
+        named[name] = element
+    return named
+
+
+def _ordered(
+    given: Sequence[str] | None, found: Iterable[str], argument: str, what: str
+) -> tuple[str, ...]:
+    names = tuple(found)
+    if given is None:
+        return names
+    if isinstance(given, str) or not all(isinstance(name, str) for name in given):
+        raise DescriptionError(f"{argument}: expected a list of names, got {given!r}")
+    order = tuple(given)
+    for name in order:
+        if name not in names:
+            raise DescriptionError(
+                f"{argument}: unknown name {name!r}; {closest(name, names, what=what)}"
+            )
+        if order.count(name) > 1:
+            raise DescriptionError(f"{argument}: {name!r} is listed {order.count(name)} times")
+    missing = [name for name in names if name not in order]
+    if missing:
+        raise DescriptionError(
+            f"{argument}: the order of the {what} lacks {', '.join(map(repr, missing))}; "
+            "list every one of them, or leave the argument out"
+        )
+    return order

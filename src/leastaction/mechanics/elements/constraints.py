@@ -1,0 +1,105 @@
+"""Holonomic constraints: equations h(q) = 0 that the motion keeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from leastaction.errors import DescriptionError
+from leastaction.mechanics.arguments import as_number
+from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
+from leastaction.mechanics.frames import check_name
+
+
+@dataclass(frozen=True)
+class Constraint(Element):
+    """Base of the elements that add constraint equations; adds a single one unless it says otherwise."""
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """One equation, with the name of the element."""
+        return ("",)
+
+
+@dataclass(frozen=True)
+class Distance(Constraint):
+    """Hold the distance between two frames: ``h = |p1 - p2|^2 - L^2`` (m^2), a rod or a taut string.
+
+    Parameters
+    ----------
+    frame1, frame2 : str
+        The frames whose origins are the ends.
+    length : float or str
+        The distance (m), or the name of the kinematic variable that prescribes it. A name that no frame
+        uses is a new kinematic variable.
+    name : str, optional
+        Name of the constraint.
+
+    Raises
+    ------
+    DescriptionError
+        If both ends are the same frame or the length is not positive.
+    """
+
+    frame1: str
+    frame2: str
+    length: float | str
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_name(self.frame1, "Distance: frame1")
+        check_name(self.frame2, "Distance: frame2")
+        if self.frame1 == self.frame2:
+            raise DescriptionError(
+                f"{self.label}: both ends are the frame {self.frame1!r}; give two different frames"
+            )
+        if isinstance(self.length, str):
+            check_name(self.length, f"{self.label}: length")
+            return
+        length = as_number(self.length, f"{self.label}: length", error=DescriptionError)
+        if length <= 0.0:
+            raise DescriptionError(
+                f"{self.label}: the length is {length} m; expected a positive one, as a string of zero "
+                "length has no direction to pull in"
+            )
+        object.__setattr__(self, "length", length)
+
+    @property
+    def uses(self) -> Uses:
+        """The names that the element uses; see `Element.uses`."""
+        kinematic = (self.length,) if isinstance(self.length, str) else ()
+        return Uses(frames=(self.frame1, self.frame2), kinematic=kinematic)
+
+    @property
+    def default_name(self) -> str:
+        """The name if none is given."""
+        return f"distance({self.frame1}, {self.frame2})"
+
+    def describe(self) -> str:
+        """Return the values in a few words."""
+        length = self.length if isinstance(self.length, str) else f"{self.length:g} m"
+        return f"{self.frame1} to {self.frame2}, {length}"
+
+    def check(self, context: Context) -> None:
+        """Check names, and that the element can do its work; see `Element.check`."""
+        super().check(context)
+        joints = context.joints_between(self.frame1, self.frame2)
+        if all(context.tree.joints[joint].kinematic for joint in joints):
+            raise DescriptionError(
+                f"{self.label}: no dynamic variable moves {self.frame1!r} relative to {self.frame2!r}, so "
+                "nothing can hold their distance; remove the constraint or choose other frames"
+            )
+
+        if any(context.tree.joints[joint].variable == self.length for joint in joints):
+            raise DescriptionError(
+                f"{self.label}: the length {self.length!r} is also the variable of a frame that moves one "
+                "of the ends; prescribe the length by a variable of its own"
+            )
+
+    def add_to(self, builder: Builder, context: Context) -> None:
+        """Add the element to the core; see `Element.add_to`."""
+        first = context.point(builder, self.frame1)
+        second = context.point(builder, self.frame2)
+        if isinstance(self.length, str):
+            builder.add_distance(first, second, 0.0, context.variable(self.length))
+        else:
+            builder.add_distance(first, second, self.length)

@@ -1,0 +1,169 @@
+"""States and trajectories of a mechanism in discrete time, with everything in them found by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.arguments import Array
+from leastaction.mechanics.elements import Distance
+
+if TYPE_CHECKING:
+    from leastaction.mechanics.mechanism import Mechanism
+
+
+class SimulationStatus(Enum):
+    """How a simulation ended; the value says what happened and what to try."""
+
+    COMPLETED = "completed: every step was solved"
+    STEP_FAILED = (
+        "a step could not be solved: the trajectory ends before it. Try a smaller time step, smoother "
+        "prescribed motion, or inputs that the mechanism can follow"
+    )
+    INTERRUPTED = (
+        "interrupted: the trajectory ends where it was stopped; simulate on from its last state"
+    )
+
+
+@dataclass(frozen=True)
+class State:
+    """State of a mechanism in discrete time.
+
+    Attributes
+    ----------
+    t : float
+        Time (s).
+    q : ndarray, shape (nq,)
+        Configuration, dynamic variables first (m or rad).
+    p : ndarray, shape (nd,)
+        Discrete momentum of the dynamic variables (kg m/s or kg m^2/s).
+    v_rho : ndarray, shape (nrho,)
+        Velocity of the kinematic variables over the last step (m/s or rad/s).
+    """
+
+    t: float
+    q: Array
+    p: Array
+    v_rho: Array
+
+    @property
+    def x(self) -> Array:
+        """The state vector ``[q; rho; p; v_rho]``, shape (nx,)."""
+        return np.concatenate([self.q, self.p, self.v_rho])
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A motion that the mechanism can make, in discrete time: ``N`` steps between ``N + 1`` instants.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    t : ndarray, shape (N+1,)
+        Times (s).
+    q : ndarray, shape (N+1, nq)
+        Configurations (m or rad).
+    p : ndarray, shape (N+1, nd)
+        Discrete momenta of the dynamic variables.
+    v_rho : ndarray, shape (N+1, nrho)
+        Velocities of the kinematic variables over the step that ends at each instant.
+    inputs : ndarray, shape (N, nu)
+        Force inputs, held over each step.
+    lam : ndarray, shape (N, nc)
+        Multipliers of each step: impulses ``Dh(q_k)^T lam_k`` act at its start.
+    status : SimulationStatus
+    message : str
+        What happened, in a sentence.
+    rank_deficient : bool
+        Whether constraints were redundant somewhere, so that the least multiplier was taken.
+    """
+
+    mechanism: Mechanism = field(repr=False)
+    t: Array = field(repr=False)
+    q: Array = field(repr=False)
+    p: Array = field(repr=False)
+    v_rho: Array = field(repr=False)
+    inputs: Array = field(repr=False)
+    lam: Array = field(repr=False)
+    status: SimulationStatus = SimulationStatus.COMPLETED
+    message: str = "completed"
+    rank_deficient: bool = False
+
+    @property
+    def steps(self) -> int:
+        """Number of steps N."""
+        return len(self.t) - 1
+
+    @property
+    def rho(self) -> Array:
+        """Kinematic variables, shape (N+1, nrho)."""
+        return self.q[:, self.mechanism.nd :]
+
+    @property
+    def x(self) -> Array:
+        """States ``[q; rho; p; v_rho]``, shape (N+1, nx)."""
+        return np.hstack([self.q, self.p, self.v_rho])
+
+    @property
+    def u(self) -> Array:
+        """Inputs of the discrete system ``[inputs; rho_next]``, shape (N, nu + nrho)."""
+        return np.hstack([self.inputs, self.rho[1:]])
+
+    @property
+    def v(self) -> Array:
+        """Velocities over the steps, ``(q_{k+1} - q_k) / dt``, shape (N, nq) (m/s or rad/s)."""
+        return np.diff(self.q, axis=0) / np.diff(self.t)[:, None]
+
+    @property
+    def last(self) -> State:
+        """The last state, to go on from."""
+        return self.state(self.steps)
+
+    def state(self, k: int) -> State:
+        """Return the state at instant k."""
+        return State(float(self.t[k]), self.q[k], self.p[k], self.v_rho[k])
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a variable (N+1,), an input (N,) or a multiplier (N,) by name."""
+        m = self.mechanism
+        for names, values in (
+            (m.variables, self.q),
+            (m.inputs, self.inputs),
+            (m.constraints, self.lam),
+        ):
+            if name in names:
+                return values[:, names.index(name)]
+        known = m.variables + m.inputs + m.constraints
+        raise ArgumentError(
+            f"unknown name {name!r}; {closest(name, known, what='variables, inputs and constraints')}"
+        )
+
+    def energy(self) -> Any:
+        """Return the `Energy` at the midpoint of every step, arrays (N,) (J)."""
+        return self.mechanism.energy(0.5 * (self.q[1:] + self.q[:-1]), self.v)
+
+    def tensions(self) -> dict[str, Array]:
+        """Return the tension of every string (`Distance` constraint) over each step.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (N,)
+            Newtons, positive where the string pulls: ``2 L lam / dt`` with the length at the step's start,
+            for the constraint ``h = |p1 - p2|^2 - L^2`` whose multiplier is an impulse.
+        """
+        m, dt = self.mechanism, np.diff(self.t)
+        order = {name: index for index, name in enumerate(m.variables)}
+        result: dict[str, Array] = {}
+        for name, element in m.elements.items():
+            if isinstance(element, Distance):
+                length: Any = (
+                    self.q[:-1, order[element.length]]
+                    if isinstance(element.length, str)
+                    else float(element.length)
+                )
+                result[name] = 2.0 * length * self[name] / dt
+        return result

@@ -1,0 +1,44 @@
+"""Ready mechanisms, described as a user would describe them.
+
+Each module holds one mechanism: a function of the module's name that builds it, and what belongs to it.
+`MODELS` lists those that need no argument, by the name that the command line takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics import Mechanism
+from leastaction.models import cart_pendulum, chain, marionette
+
+__all__ = ["MODELS", "build", "cart_pendulum", "chain", "marionette"]
+
+MODELS: dict[str, Callable[[], Mechanism]] = {
+    "cart_pendulum": cart_pendulum.cart_pendulum,
+    "marionette": marionette.marionette,
+    "pendulum_chain": chain.pendulum_chain,
+}
+"""The models by name, each with its default arguments."""
+
+
+def build(name: str) -> Mechanism:
+    """Build a model by name.
+
+    Parameters
+    ----------
+    name : str
+        One of `MODELS`.
+
+    Returns
+    -------
+    Mechanism
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown name.
+    """
+    if name not in MODELS:
+        raise ArgumentError(f"unknown model {name!r}; {closest(name, MODELS, what='models')}")
+    return MODELS[name]()

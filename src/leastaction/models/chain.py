@@ -1,0 +1,53 @@
+"""A chain of pendulums: as many equal links as wanted, one behind the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics import Gravity, Mechanism, world
+
+
+def pendulum_chain(
+    links: int = 5,
+    *,
+    length: float = 1.0,
+    mass: float = 1.0,
+    inertia: npt.ArrayLike = (0.1, 0.2, 0.3),
+    gravity: Sequence[float] = (0.0, 0.0, -9.8),
+) -> Mechanism:
+    """Return a planar chain of pendulums that turn about x and hang along -z at zero angles.
+
+    Parameters
+    ----------
+    links : int, optional
+        Number of links, at least one.
+    length : float, optional
+        Length of each link (m).
+    mass : float, optional
+        Mass at the end of each link (kg).
+    inertia : array_like, optional
+        Inertia of that mass about its centre (kg m^2), as `Body` takes it.
+    gravity : sequence of float, optional
+        Acceleration of gravity (m/s^2).
+
+    Returns
+    -------
+    Mechanism
+        With the variables ``theta0``, ``theta1``, ... relative to the link before, and the frames
+        ``end0``, ``end1``, ... at the ends of the links.
+
+    Raises
+    ------
+    ArgumentError
+        If the number of links is not a positive whole number.
+    """
+    if links is True or not hasattr(links, "__index__") or links < 1:
+        raise ArgumentError(f"links: got {links!r}; expected a whole number, one or more")
+    place = world()
+    for k in range(links):
+        place = place.rx(f"theta{k}", name=f"link{k}")
+        place = place.tz(-length, name=f"end{k}", mass=mass, inertia=inertia)
+    return Mechanism(place, [Gravity(gravity)])

@@ -1,0 +1,233 @@
+"""The humanoid marionette on six strings (dissertation 5.3 and 6.7.3).
+
+22 dynamic variables: the pelvis' three translations and three rotations, three angles at each hip and
+shoulder, one at each knee and elbow. 18 kinematic variables: each string hangs from a point that moves in
+the horizontal plane `PLANE_HEIGHT` above the origin, and is drawn in and let out. There are no motors: the
+strings and gravity move the puppet.
+
+Axes: x to the puppet's right, y ahead, z up. All angles are zero when it stands straight with its arms
+down.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics import (
+    Damping,
+    Distance,
+    Frame,
+    Gravity,
+    Mechanism,
+    rx,
+    ry,
+    rz,
+    tx,
+    ty,
+    tz,
+)
+
+PLANE_HEIGHT = 2.0
+"""Height of the plane that the strings hang from (m)."""
+
+SHOULDER_WIDTH = 0.158
+HIP_WIDTH = 0.1
+SPINE = 0.4913
+FOREARM = 0.2577
+HOOK_REACH = 0.1
+"""How far ahead of knees and wrists their strings are tied, and to the sides of the spine (m)."""
+
+REST = {
+    "lhip_rx": 0.97,
+    "rhip_rx": 0.97,
+    "lknee_rx": -0.97,
+    "rknee_rx": -0.97,
+    "lelbow_rx": 1.57,
+    "relbow_rx": 1.57,
+}
+"""Body angles of the rest pose (rad): thighs and forearms raised, the rest straight. In balance on the strings."""
+
+
+class PuppetString(NamedTuple):
+    """One string: the frames that it joins and the kinematic variables that move it.
+
+    ``hook``: the frame on the puppet; ``control``: the upper end; ``x``, ``y``: variables of the upper
+    end's place in the plane; ``length``: variable of the length.
+    """
+
+    name: str
+    hook: str
+    control: str
+    x: str
+    y: str
+    length: str
+
+
+def _string(part: str) -> PuppetString:
+    name = f"{part}_string"
+    return PuppetString(
+        name, f"{name}_hook", f"{name}_control", f"{name}-x", f"{name}-y", f"{name}-length"
+    )
+
+
+STRINGS: tuple[PuppetString, ...] = tuple(
+    _string(part)
+    for part in ("right_leg", "left_arm", "upper_torso", "right_arm", "lower_torso", "left_leg")
+)
+"""The six strings, in the order of the constraints and of the kinematic variables."""
+
+
+def marionette(*, damping: float = 0.2) -> Mechanism:
+    """Return the marionette.
+
+    Parameters
+    ----------
+    damping : float, optional
+        Damping of every dynamic variable (N s/m and N m s/rad).
+
+    Returns
+    -------
+    Mechanism
+    """
+    puppet = [
+        tx("torso_tx"), [ty("torso_ty"), [tz("torso_tz"), [
+            rz("torso_rz"), [ry("torso_ry"), [
+                rx("torso_rx", name="pelvis", mass=10.0, inertia=(1.0, 1.0, 1.0)), [
+                    *_leg("l", "left"),
+                    *_leg("r", "right"),
+                    tz(SPINE, name="spine_top"), [
+                        tz(0.045, name="neck"), [
+                            tz(0.045, name="head"), [
+                                tz(0.09, name="head_center", mass=0.75, inertia=(0.08, 0.08, 0.08)), [
+                                    tz(0.08, name="head_end"),
+                                ],
+                            ],
+                        ],
+                        *_arm("l", "left"),
+                        *_arm("r", "right"),
+                        tx(-HOOK_REACH, name="upper_torso_string_hook"),
+                        tx(HOOK_REACH, name="lower_torso_string_hook"),
+                    ],
+                ],
+            ]],
+        ]]],
+    ]  # fmt: skip
+    upper_ends: list[Any] = []
+    for string in STRINGS:
+        upper_ends += [
+            tx(string.x, kinematic=True),
+            [ty(string.y, name=string.control, kinematic=True)],
+        ]
+    return Mechanism(
+        [*puppet, tz(PLANE_HEIGHT, name="string_plane"), upper_ends],
+        [
+            Gravity((0.0, 0.0, -9.8)),
+            Damping(damping),
+            *(Distance(s.hook, s.control, s.length, name=s.name) for s in STRINGS),
+        ],
+        kinematic=[name for s in STRINGS for name in (s.x, s.y, s.length)],
+    )
+
+
+def _leg(side: str, side_name: str) -> list[Frame | list[Any]]:
+    """Return a leg from the hip down; the string is tied ahead of the knee."""
+    sign = -1.0 if side == "l" else 1.0
+    return [
+        tx(sign * HIP_WIDTH, name=f"{side}hip"), [
+            rz(f"{side}hip_rz"), [ry(f"{side}hip_ry"), [rx(f"{side}hip_rx", name=f"{side}femur"), [
+                tz(-0.2, name=f"{side}femur_mass", mass=1.5, inertia=(0.3, 0.3, 0.1)),
+                tz(-0.4, name=f"{side}femur_end"), [
+                    ty(HOOK_REACH, name=f"{side_name}_leg_string_hook"),
+                    rx(f"{side}knee_rx", name=f"{side}tibia"), [
+                        tz(-0.2, name=f"{side}tibia_mass", mass=1.5, inertia=(0.3, 0.3, 0.1)),
+                        tz(-0.4, name=f"{side}foot"), [
+                            ty(0.2, name=f"{side}foot_end"),
+                        ],
+                    ],
+                ],
+            ]]],
+        ],
+    ]  # fmt: skip
+
+
+def _arm(side: str, side_name: str) -> list[Frame | list[Any]]:
+    """Return an arm from the shoulder down; the string is tied ahead of the wrist."""
+    sign = -1.0 if side == "l" else 1.0
+    return [
+        tx(sign * SHOULDER_WIDTH, name=f"{side}shoulder"), [
+            rz(f"{side}shoulder_rz"), [ry(f"{side}shoulder_ry"), [
+                rx(f"{side}shoulder_rx", name=f"{side}humerus"), [
+                    tz(-0.125, name=f"{side}humerus_mass", mass=0.5, inertia=(0.05, 0.05, 0.01)),
+                    tz(-0.25, name=f"{side}humerus_end"), [
+                        rx(f"{side}elbow_rx", name=f"{side}radius"), [
+                            tz(-FOREARM / 2, name=f"{side}radius_mass", mass=0.5, inertia=(0.05, 0.05, 0.01)),
+                            tz(-FOREARM, name=f"{side}hand"), [
+                                ty(HOOK_REACH, name=f"{side_name}_arm_string_hook"),
+                                tz(-0.09, name=f"{side}hand_end"),
+                            ],
+                        ],
+                    ],
+                ],
+            ]],
+        ],
+    ]  # fmt: skip
+
+
+def rest_pose(mechanism: Mechanism) -> npt.NDArray[np.float64]:
+    """Return the configuration in which the puppet hangs at rest with bent knees and elbows.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From `marionette`.
+
+    Returns
+    -------
+    ndarray, shape (nq,)
+        Satisfies the constraints: every string is straight above its hook. Gravity and the strings are
+        in balance.
+    """
+    return hang_strings(mechanism, mechanism.configuration(REST))
+
+
+def hang_strings(mechanism: Mechanism, q: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return configurations with every string straight above its hook and just as long as needed.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From `marionette`.
+    q : array_like, shape (nq,) or (N, nq)
+        The body variables are kept; the string variables may hold anything finite.
+
+    Returns
+    -------
+    ndarray, shape (nq,) or (N, nq)
+        Satisfies the constraints.
+
+    Raises
+    ------
+    ArgumentError
+        If a hook is not below the plane of the strings.
+    """
+    hooks = mechanism.positions(q, [string.hook for string in STRINGS])
+    lengths = PLANE_HEIGHT - hooks[..., 2]
+    if np.any(lengths <= 0.0):
+        where = np.argwhere(lengths <= 0.0)[0]
+        name = STRINGS[where[-1]].name
+        row = f" in row {where[0]}" if len(where) > 1 else ""
+        raise ArgumentError(
+            f"{name}: its hook is at height {hooks[tuple(where)][2]:.3g} m{row}; expected less than the "
+            f"{PLANE_HEIGHT:g} m of the plane that the strings hang from. Lower the puppet (torso_tz)"
+        )
+    result = np.array(q, dtype=np.float64)
+    order = {name: index for index, name in enumerate(mechanism.variables)}
+    for i, string in enumerate(STRINGS):
+        result[..., order[string.x]] = hooks[..., i, 0]
+        result[..., order[string.y]] = hooks[..., i, 1]
+        result[..., order[string.length]] = lengths[..., i]
+    return result

@@ -1,0 +1,226 @@
+"""Costs of a trajectory: ``h(x, u) = sum_k l(x_k, u_k, k) + m(x_N)``."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.optimal.linear_quadratic import final_of
+
+__all__ = ["Cost", "CostGradient", "CostHessian", "QuadraticCost"]
+
+
+class CostGradient(NamedTuple):
+    """First derivatives of a cost along a trajectory.
+
+    Attributes
+    ----------
+    q, r : ndarray (N, nx), (N, nu)
+        ``dl/dx`` and ``dl/du``.
+    q_final : ndarray (nx,)
+        ``dm/dx``.
+    """
+
+    q: Floats
+    r: Floats
+    q_final: Floats
+
+
+class CostHessian(NamedTuple):
+    """Second derivatives of a cost along a trajectory.
+
+    Q and R may be a diagonal ``(n,)``, a matrix ``(n, n)``, a diagonal per stage ``(N, n, 1)`` or a
+    matrix per stage ``(N, n, n)``; the fewer numbers, the faster.
+
+    Attributes
+    ----------
+    Q, R : ndarray
+        ``d2l/dx2`` and ``d2l/du2``.
+    S : ndarray (nx, nu) or (N, nx, nu), or None
+        ``d2l/dxdu``; None is zero.
+    Q_final : ndarray (nx,) or (nx, nx)
+        ``d2m/dx2``.
+    """
+
+    Q: Floats
+    R: Floats
+    S: Floats | None
+    Q_final: Floats
+
+
+class Cost(ABC):
+    """A cost that is a sum over the stages and a final term.
+
+    Everything is vectorised over time. `check_derivatives` holds a cost of yours to its identities.
+    """
+
+    nonnegative: bool = False
+    """Whether no stage costs less than zero: a trial can then be given up as soon as its cost so far
+    is past what it may cost in all."""
+
+    @abstractmethod
+    def stage_values(self, x: Floats, u: Floats, start: int) -> Floats:
+        """Return ``l(x_k, u_k, k)``, (n,), for ``x`` (n, nx), ``u`` (n, nu), k from `start` on."""
+
+    @abstractmethod
+    def final_value(self, x: Floats) -> float:
+        """Return ``m(x)`` for the last state (nx,)."""
+
+    @abstractmethod
+    def gradient(self, x: Floats, u: Floats) -> CostGradient:
+        """Return the first derivatives along ``x`` (N+1, nx), ``u`` (N, nu)."""
+
+    @abstractmethod
+    def hessian(self, x: Floats, u: Floats) -> CostHessian:
+        """Return the second derivatives along ``x`` (N+1, nx), ``u`` (N, nu)."""
+
+    def value(self, x: Floats, u: Floats) -> float:
+        """Return the cost of ``x`` (N+1, nx), ``u`` (N, nu)."""
+        return float(np.sum(self.stage_values(x[:-1], u, 0))) + self.final_value(x[-1])
+
+    def check_shapes(self, N: int, nx: int, nu: int) -> None:  # noqa: B027
+        """Complain if the cost is not for N steps of nx states and nu inputs; optional."""
+
+
+class QuadraticCost(Cost):
+    """Half the weighted square of the distance from a wanted motion.
+
+    ``1/2 sum_k { (x - x_wanted)'Q(x - x_wanted) + (u - u_wanted)'R(u - u_wanted) }
+    + 1/2 (x_N - x_wanted_N)' Q_final (x_N - x_wanted_N)``
+
+    Parameters
+    ----------
+    x_wanted : array_like (N+1, nx)
+        Wanted states. They need not be a trajectory of the system.
+    u_wanted : array_like (N, nu)
+        Wanted inputs.
+    Q, R : array_like
+        Weights: a diagonal ``(n,)`` (fastest), a matrix ``(n, n)``, a diagonal per stage
+        ``(N, n, 1)`` or a matrix per stage ``(N, n, n)``. Q must be positive semidefinite, R positive
+        definite.
+    Q_final : array_like (nx,) or (nx, nx), optional
+        Weight of the last state; that of Q's last stage if left out.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, values that are not finite, weights that are not symmetric or not definite.
+    """
+
+    nonnegative = True
+
+    def __init__(
+        self,
+        x_wanted: ArrayLike,
+        u_wanted: ArrayLike,
+        *,
+        Q: ArrayLike,
+        R: ArrayLike,
+        Q_final: ArrayLike | None = None,
+    ) -> None:
+        self.x_wanted = as_floats("x_wanted", x_wanted)
+        self.u_wanted = as_floats("u_wanted", u_wanted)
+        x_shape, u_shape = self.x_wanted.shape, self.u_wanted.shape
+        if (
+            len(x_shape) != 2
+            or len(u_shape) != 2
+            or x_shape[0] != u_shape[0] + 1
+            or u_shape[0] == 0
+        ):
+            raise ArgumentError(
+                f"x_wanted, u_wanted: got shapes {x_shape} and {u_shape}, expected (N+1, nx) and "
+                "(N, nu): one state more than inputs."
+            )
+        N, nu = u_shape
+        nx = x_shape[1]
+        self.Q = _weight("Q", Q, N, nx, definite=False)
+        self.R = _weight("R", R, N, nu, definite=True)
+        if Q_final is None:
+            self.Q_final = final_of(self.Q)
+        else:
+            self.Q_final = _weight("Q_final", Q_final, None, nx, definite=False)
+
+    def check_shapes(self, N: int, nx: int, nu: int) -> None:
+        """Complain if the wanted motion is not one of N steps of nx states and nu inputs."""
+        for name, got, expected in (
+            ("x_wanted", self.x_wanted.shape, (N + 1, nx)),
+            ("u_wanted", self.u_wanted.shape, (N, nu)),
+        ):
+            if got != expected:
+                raise ArgumentError(
+                    f"cost.{name}: got shape {got}, expected {expected} to go with the system of "
+                    f"N = {N} steps, nx = {nx} states and nu = {nu} inputs."
+                )
+
+    def stage_values(self, x: Floats, u: Floats, start: int) -> Floats:
+        """Return the cost of the stages from `start` on."""
+        stop = start + len(u)
+        dx, du = x - self.x_wanted[start:stop], u - self.u_wanted[start:stop]
+        values: Floats = 0.5 * (
+            np.einsum("ki,ki->k", dx, _times(self.Q, dx, start))
+            + np.einsum("ki,ki->k", du, _times(self.R, du, start))
+        )
+        return values
+
+    def final_value(self, x: Floats) -> float:
+        """Return the cost of the last state."""
+        dx = x - self.x_wanted[-1]
+        return 0.5 * float(dx @ _times(self.Q_final, dx[None], 0)[0])
+
+    def gradient(self, x: Floats, u: Floats) -> CostGradient:
+        """Return the first derivatives."""
+        dx, du = x - self.x_wanted, u - self.u_wanted
+        return CostGradient(
+            _times(self.Q, dx[:-1], 0), _times(self.R, du, 0), _times(self.Q_final, dx[-1:], 0)[0]
+        )
+
+    def hessian(self, x: Floats, u: Floats) -> CostHessian:  # noqa: ARG002
+        """Return the weights."""
+        return CostHessian(self.Q, self.R, None, self.Q_final)
+
+
+def _times(weight: Floats, d: Floats, start: int) -> Floats:
+    """Return the weight times each row of d (n, size), whose first row is stage `start`."""
+    if weight.ndim == 1:
+        result: Floats = d * weight
+    elif weight.ndim == 2:
+        result = d @ weight
+    elif weight.shape[2] == 1:
+        result = d * weight[start : start + len(d), :, 0]
+    else:
+        result = np.einsum("kij,kj->ki", weight[start : start + len(d)], d)
+    return result
+
+
+def _weight(name: str, value: ArrayLike, N: int | None, n: int, *, definite: bool) -> Floats:
+    shapes: list[tuple[int, ...]] = [(n,), (n, n)]
+    if N is not None:
+        shapes += [(N, n, 1), (N, n, n)]
+    weight = as_floats(name, value, *shapes)
+    is_diagonal = weight.ndim == 1 or (weight.ndim == 3 and weight.shape[2] == 1)
+    if not is_diagonal:
+        skew = np.abs(weight - np.swapaxes(weight, -1, -2)).max()
+        if skew > 1e-12 * np.abs(weight).max():
+            raise ArgumentError(
+                f"{name}: got a matrix that differs from its transpose by {skew:.3g}, expected a "
+                "symmetric one. Use (W + W.T) / 2."
+            )
+        weight = 0.5 * (weight + np.swapaxes(weight, -1, -2))
+    spectrum = weight if is_diagonal else np.linalg.eigvalsh(weight)
+    smallest, largest = float(spectrum.min()), float(np.abs(spectrum).max())
+    if smallest < (0.0 if is_diagonal else -1e-12 * largest) or (definite and smallest <= 0.0):
+        raise ArgumentError(
+            f"{name}: got a smallest eigenvalue of {smallest:.3g}, expected a positive "
+            f"{'definite' if definite else 'semidefinite'} weight. "
+            + (
+                "Give every input a weight above zero."
+                if definite
+                else "Weights cannot be negative."
+            )
+        )
+    return weight

@@ -1,0 +1,365 @@
+"""Linear-quadratic problems: the affine LQ problem, the LQR, and the adjoint of a closed loop.
+
+The problem, for ``k = 0 .. N-1``::
+
+    minimise   sum  1/2 dx'Q dx + dx'S du + 1/2 du'R du + H_scale/2 [dx; du]'H [dx; du] + q'dx + r'du
+               + 1/2 dx_N' Q_final dx_N + q_final' dx_N
+    subject to dx+ = A dx + B du + c
+
+The optimal input is ``du = -K dx - C``, the optimal cost from ``dx_0`` is
+``1/2 dx_0'P0 dx_0 + b_0'dx_0 + constant`` (dissertation B.2.2 and B.2.3; the cost carries the 1/2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction import _core
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats, as_floats, as_number
+
+__all__ = [
+    "LinearQuadraticSolution",
+    "Workspace",
+    "adjoint",
+    "regulate",
+    "solve_linear_quadratic",
+    "sweep_forward",
+]
+
+Regularize = Literal["none", "stage"]
+
+
+class Workspace:
+    """Arrays that one solution after the other is written into.
+
+    Fresh memory is slow (the gains of a long horizon are tens of megabytes), so a loop that solves
+    one problem after the other hands in the same workspace. The solution it returns is valid until
+    the workspace is used again.
+    """
+
+    def __init__(self, N: int, nx: int, nu: int) -> None:
+        self.K = np.empty((N, nu, nx))
+        self.C = np.empty((N, nu))
+        self.b = np.empty((N + 1, nx))
+        self.P0 = np.empty((nx, nx))
+
+
+@dataclass(frozen=True)
+class LinearQuadraticSolution:
+    """Solution of a linear-quadratic problem, or the stage at which there is none.
+
+    Attributes
+    ----------
+    K : ndarray (N, nu, nx)
+        Feedback gains. NaN from `stage` down if the problem has no minimum.
+    C : ndarray (N, nu)
+        Feedforward, ``du = -K dx - C``.
+    b : ndarray (N+1, nx)
+        Linear term of the optimal cost; for ``c = 0`` also the adjoint of the loop closed with K.
+    P0 : ndarray (nx, nx)
+        Quadratic term of the optimal cost at ``k = 0``.
+    P : ndarray (N+1, nx, nx) or None
+        The same at every k, if asked for.
+    constant : float
+        Optimal cost for ``dx_0 = 0``. For ``c = 0`` twice this is the derivative of the cost along
+        the solution.
+    definite : bool
+        Whether the problem, as regularised, has a unique minimum. If not, do not use the rest.
+    stage : int or None
+        The stage where the recursion ended, or the first one (from the end) that was regularised.
+    smallest_eigenvalue : float
+        Of ``R + B'PB`` at that stage; NaN if every stage was definite.
+    regularized_stages : int
+        Number of stages regularised.
+    largest_change : float
+        Largest negative eigenvalue (its size) that was removed from a P.
+    structured_stages : int
+        Stages whose sparse rows or zero columns of ``[A B]`` were exploited.
+    message : str
+        All this in one sentence.
+    """
+
+    K: Floats
+    C: Floats
+    b: Floats
+    P0: Floats
+    P: Floats | None
+    constant: float
+    definite: bool
+    stage: int | None
+    smallest_eigenvalue: float
+    regularized_stages: int
+    largest_change: float
+    structured_stages: int
+    message: str
+
+
+def solve_linear_quadratic(
+    A: ArrayLike,
+    B: ArrayLike,
+    *,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    S: ArrayLike | None = None,
+    H: ArrayLike | None = None,
+    H_scale: float = 1.0,
+    q: ArrayLike | None = None,
+    r: ArrayLike | None = None,
+    c: ArrayLike | None = None,
+    Q_final: ArrayLike | None = None,
+    q_final: ArrayLike | None = None,
+    regularize: Regularize = "none",
+    use_structure: bool = True,
+    keep_P: bool = False,
+    workspace: Workspace | None = None,
+) -> LinearQuadraticSolution:
+    """Solve the affine linear-quadratic problem stated at the top of this module.
+
+    Anything left out is zero; with ``q = r = q_final = c = 0`` this is the LQR.
+
+    Parameters
+    ----------
+    A, B : array_like (N, nx, nx), (N, nx, nu)
+        Dynamics.
+    Q, R : array_like, optional
+        Symmetric weights of state and input: a diagonal ``(n,)``, a matrix ``(n, n)``, a diagonal per
+        stage ``(N, n, 1)`` or a matrix per stage ``(N, n, n)``.
+    S : array_like (nx, nu) or (N, nx, nu), optional
+        Cross weight.
+    H : array_like (N, nx+nu, nx+nu), optional
+        Symmetric Hessian of every stage, added to Q, S, R on the fly. Its lower triangle is read.
+    H_scale : float
+        Factor of H.
+    q, r, c : array_like (N, nx), (N, nu), (N, nx), optional
+        Gradients of the cost and drift of the dynamics.
+    Q_final, q_final : array_like (nx,) or (nx, nx), and (nx,), optional
+        Final weight and gradient.
+    regularize : {"none", "stage"}
+        What to do where ``R + B'PB`` is not positive definite: end there, or go on with a nearby
+        convex problem, with the positive semidefinite part of P and without that stage's H. After 16
+        such stages H is left out of all the earlier ones.
+    use_structure : bool
+        Look for rows of ``[A B]`` with at most two entries and for zero columns, and use them.
+    keep_P : bool
+        Return P of every stage.
+    workspace : Workspace, optional
+        Where the solution is written; it is overwritten by the next one that uses it.
+
+    Returns
+    -------
+    LinearQuadraticSolution
+        Check `definite` before using it.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, or a value that is not finite.
+    """
+    if regularize not in ("none", "stage"):
+        raise ArgumentError(f"regularize: got {regularize!r}, expected 'none' or 'stage'.")
+    A, B = _dynamics(A, B)
+    N, nx, nu = B.shape
+    Q, Q_diagonal = _weight("Q", Q, N, nx)
+    R, R_diagonal = _weight("R", R, N, nu)
+    final, final_diagonal = _weight("Q_final", Q_final, N, nx, per_stage=False)
+    if final is not None and not final_diagonal:
+        final = np.ascontiguousarray(final)
+    if workspace is None:
+        workspace = Workspace(N, nx, nu)
+    elif workspace.K.shape != (N, nu, nx):
+        raise ArgumentError(
+            f"workspace: got one for K of shape {workspace.K.shape}, expected {(N, nu, nx)}."
+        )
+    K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
+    P = np.empty((N + 1, nx, nx)) if keep_P else None
+    report = _core.solve_linear_quadratic(
+        A,
+        B,
+        K,
+        C,
+        b,
+        P0,
+        P,
+        Q=Q,
+        Q_diagonal=Q_diagonal,
+        R=R,
+        R_diagonal=R_diagonal,
+        S=_optional("S", S, (nx, nu), (N, nx, nu)),
+        H=_optional("H", H, (N, nx + nu, nx + nu), finite=False),
+        H_scale=as_number("H_scale", H_scale, above=-np.inf),
+        q=_optional("q", q, (N, nx)),
+        r=_optional("r", r, (N, nu)),
+        c=_optional("c", c, (N, nx)),
+        Q_final=final,
+        q_final=_optional("q_final", q_final, (nx,)),
+        regularize=regularize == "stage",
+        use_structure=use_structure,
+    )
+    status = _core.LinearQuadraticStatus
+    if report.status == status.not_finite:
+        raise ArgumentError(
+            f"A, B, H, Q, R or S: got a value that is not finite, met at stage {report.stage} "
+            f"(of 0 .. {N - 1}). Look at A[{report.stage}], B[{report.stage}] and that stage's cost."
+        )
+    definite = report.status == status.solved
+    if not definite:
+        for unread in (K[: report.stage + 1], C[: report.stage + 1], b[: report.stage + 1], P0):
+            unread.fill(np.nan)
+        if P is not None:
+            P[: report.stage + 1].fill(np.nan)
+    return LinearQuadraticSolution(
+        K=K,
+        C=C,
+        b=b,
+        P0=P0,
+        P=P,
+        constant=report.constant if definite else np.nan,
+        definite=definite,
+        stage=report.stage if report.stage >= 0 else None,
+        smallest_eigenvalue=report.smallest_eigenvalue,
+        regularized_stages=report.regularized_stages,
+        largest_change=report.largest_change,
+        structured_stages=report.structured_stages,
+        message=_message(definite, report),
+    )
+
+
+def regulate(
+    A: ArrayLike,
+    B: ArrayLike,
+    *,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    Q_final: ArrayLike | None = None,
+    workspace: Workspace | None = None,
+) -> Floats:
+    """Return the gains K (N, nu, nx) of the time-varying LQR, ``u = ubar - K (x - xbar)``.
+
+    Parameters
+    ----------
+    A, B : array_like (N, nx, nx), (N, nx, nu)
+        Linearisation along the trajectory to be held.
+    Q, R : array_like, optional
+        Weights as in `solve_linear_quadratic`; identities if left out.
+    Q_final : array_like (nx,) or (nx, nx), optional
+        Final weight; Q (its last one) if left out.
+    workspace : Workspace, optional
+        Where the solution is written; it is overwritten by the next one that uses it.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, values that are not finite, or weights for which there is no regulator.
+    """
+    A, B = _dynamics(A, B)
+    _, nx, nu = B.shape
+    Q = np.ones(nx) if Q is None else as_floats("Q", Q)
+    R = np.ones(nu) if R is None else R
+    if Q_final is None:
+        Q_final = final_of(Q)
+    solution = solve_linear_quadratic(A, B, Q=Q, R=R, Q_final=Q_final, workspace=workspace)
+    if not solution.definite:
+        raise ArgumentError(
+            f"Q, R: there is no regulator: {solution.message} Give a positive definite R and a "
+            "positive semidefinite Q."
+        )
+    return solution.K
+
+
+def sweep_forward(
+    A: Floats, B: Floats, solution: LinearQuadraticSolution, dx0: ArrayLike | None = None
+) -> tuple[Floats, Floats]:
+    """Return dx (N+1, nx) and du (N, nu) of ``dx+ = A dx + B du`` with ``du = -K dx - C``."""
+    A, B = _dynamics(A, B)
+    N, nx, nu = B.shape
+    dx, du = np.empty((N + 1, nx)), np.empty((N, nu))
+    dx[0] = 0.0 if dx0 is None else as_floats("dx0", dx0, (nx,))
+    _core.sweep_forward(A, B, solution.K, solution.C, None, dx, du)
+    return dx, du
+
+
+def adjoint(A: Floats, B: Floats, K: Floats, q: Floats, r: Floats, q_final: Floats) -> Floats:
+    """Return the adjoint z (N+1, nx) of the loop closed with K (dissertation Prop. 7).
+
+    ``z_N = q_final``, ``z_k = q_k - K'r_k + (A - BK)'z_{k+1}``: the derivative of the cost to go by
+    the state while the feedback holds on.
+    """
+    A, B = _dynamics(A, B)
+    N, nx, nu = B.shape
+    z = np.empty((N + 1, nx))
+    _core.sweep_adjoint(
+        A,
+        B,
+        as_floats("K", K, (N, nu, nx)),
+        as_floats("q", q, (N, nx)),
+        as_floats("r", r, (N, nu)),
+        as_floats("q_final", q_final, (nx,)),
+        z,
+    )
+    return z
+
+
+def final_of(weight: Floats) -> Floats:
+    """Return the last of a weight's stages (or the weight, if it is constant)."""
+    if weight.ndim < 3:
+        return weight
+    last: Floats = weight[-1]
+    return last[:, 0] if last.shape[1] == 1 else last
+
+
+def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Floats, Floats]:
+    # Their values are not checked here: the recursion meets what is not finite, and names the stage.
+    A = np.ascontiguousarray(A, dtype=np.float64)
+    B = np.ascontiguousarray(B, dtype=np.float64)
+    if A.ndim != 3 or A.shape[1] != A.shape[2] or 0 in A.shape:
+        raise ArgumentError(f"A: got shape {A.shape}, expected (N, nx, nx) with N, nx > 0.")
+    if B.ndim != 3 or B.shape[:2] != A.shape[:2] or 0 in B.shape:
+        raise ArgumentError(
+            f"B: got shape {B.shape}, expected ({A.shape[0]}, {A.shape[1]}, nu) to go with A."
+        )
+    return A, B
+
+
+def _optional(
+    name: str, value: ArrayLike | None, *shapes: tuple[int, ...], finite: bool = True
+) -> Floats | None:
+    if value is None:
+        return None
+    if finite:
+        return as_floats(name, value, *shapes)
+    array = np.ascontiguousarray(value, dtype=np.float64)
+    if array.shape not in shapes:
+        raise ArgumentError(f"{name}: got shape {array.shape}, expected {shapes[0]}.")
+    return array
+
+
+def _weight(
+    name: str, value: ArrayLike | None, N: int, n: int, *, per_stage: bool = True
+) -> tuple[Floats | None, bool]:
+    """Return a weight in the layout of the core and whether it is a diagonal."""
+    if value is None:
+        return None, False
+    shapes = [(n,), (n, n)]
+    if per_stage:
+        shapes += [(N, n, 1), (N, n, n)]
+    weight = as_floats(name, value, *shapes)
+    if weight.ndim == 3 and weight.shape[2] == 1:
+        return weight.reshape(N, n), True
+    return weight, weight.ndim == 1
+
+
+def _message(definite: bool, report: _core.LinearQuadraticReport) -> str:
+    if report.stage < 0:
+        return "Every stage is positive definite."
+    where = (
+        f"R + B'PB is not positive definite at stage {report.stage} "
+        f"(smallest eigenvalue {report.smallest_eigenvalue:.3g})"
+    )
+    if not definite:
+        return f"{where}, so the problem has no minimum."
+    return f"{where}; {report.regularized_stages} stages were made convex (largest change {report.largest_change:.3g})."

@@ -1,0 +1,56 @@
+"""The projection operator: from any curve to a trajectory of the system (dissertation 6.2.2).
+
+``(x, u) = P(xbar, ubar)`` with ``x_0 = xbar_0``, ``x+ = f(x, u, k)``, ``u = ubar - K (x - xbar)``.
+A trajectory is its own projection, so the dynamics drop out of the optimisation: instead of h over
+trajectories, ``g = h o P`` is minimised over curves.
+
+Any bounded K defines a projection, and any two of them differ by terms of second order about a
+trajectory. Newton's method therefore keeps its quadratic tail whichever gains are used, as long as
+its model is that of one of them; the gains decide how far a step may reach.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats
+from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
+
+__all__ = ["Projection"]
+
+
+class Projection:
+    """The projection operator of a system with given gains.
+
+    Parameters
+    ----------
+    system : DiscreteSystem
+    K : ndarray (N, nu, nx)
+        Gains, such as those of `leastaction.optimal.regulate`.
+    """
+
+    def __init__(self, system: DiscreteSystem, K: Floats) -> None:
+        expected = (system.N, system.nu, system.nx)
+        if K.shape != expected:
+            raise ArgumentError(
+                f"K: got shape {K.shape}, expected {expected}, that is (N, nu, nx)."
+            )
+        self.system = system
+        self.K = K
+
+    def __call__(self, xbar: Floats, ubar: Floats) -> Rollout:
+        """Return the trajectory, or the part of it up to the step that failed."""
+        return self.system.rollout(xbar[0], xbar, ubar, self.K, 0, self.system.N)
+
+    def derivative(
+        self, linearization: Linearization, dxbar: Floats, dubar: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return ``DP . (dxbar, dubar)`` at a trajectory with this linearisation (6.11)."""
+        A, B = linearization
+        dx, du = np.empty_like(dxbar), np.empty_like(dubar)
+        dx[0] = dxbar[0]
+        for k in range(self.system.N):
+            du[k] = dubar[k] - self.K[k] @ (dx[k] - dxbar[k])
+            dx[k + 1] = A[k] @ dx[k] + B[k] @ du[k]
+        return dx, du

@@ -1,0 +1,184 @@
+"""The discrete system ``x+ = f(x, u, k)``: all that the optimiser knows of what it steers.
+
+Symbols: ``N`` steps, ``x`` (N+1, nx), ``u`` (N, nu), ``A = df/dx`` (N, nx, nx), ``B = df/du``
+(N, nx, nu), ``K`` (N, nu, nx) with the feedback ``u = ubar - K (x - xbar)``.
+
+Which method of the optimiser needs what:
+
+================  =====  =============  ===========
+                  ``f``  `derivatives`  `curvature`
+================  =====  =============  ===========
+steepest            x          x
+quasi-newton        x          x
+newton              x          x             x
+================  =====  =============  ===========
+
+Three methods of one step are enough to define a system. The methods over whole trajectories loop over
+them; a system with a faster way (compiled, parallel over time) overrides those.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from leastaction.errors import StepError
+from leastaction.optimal._arrays import Floats
+
+__all__ = ["DiscreteSystem", "Linearization", "Rollout"]
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """A trajectory, or the part of it up to the step that failed.
+
+    Attributes
+    ----------
+    x : ndarray (steps_done + 1, nx)
+        States, the first one is where the roll-out started.
+    u : ndarray (steps_done, nu)
+        Inputs that were applied.
+    steps_done : int
+        Number of steps that succeeded.
+    failure : str or None
+        Why the roll-out ended early; None if it did not.
+    """
+
+    x: Floats
+    u: Floats
+    steps_done: int
+    failure: str | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether every step succeeded."""
+        return self.failure is None
+
+
+class Linearization(NamedTuple):
+    """First derivatives of the dynamics along a trajectory.
+
+    Attributes
+    ----------
+    A : ndarray (N, nx, nx)
+        ``df/dx`` of every step.
+    B : ndarray (N, nx, nu)
+        ``df/du`` of every step.
+    """
+
+    A: Floats
+    B: Floats
+
+
+class DiscreteSystem(ABC):
+    """A discrete system over a horizon of N steps.
+
+    Subclasses set `nx`, `nu`, `N` (before they are used) and implement `f`, `derivatives` and, for
+    Newton's method, `curvature`. All must be pure: the same arguments give the same result.
+    """
+
+    nx: int
+    """Number of states."""
+    nu: int
+    """Number of inputs."""
+    N: int
+    """Number of steps of the horizon."""
+
+    has_curvature: bool = True
+    """Whether `curvature` is available; without it Newton's method is not offered."""
+
+    @abstractmethod
+    def f(self, x: Floats, u: Floats, k: int) -> Floats:
+        """Return the next state (nx,). A step without solution raises `StepError`."""
+
+    @abstractmethod
+    def derivatives(self, x: Floats, u: Floats, k: int) -> tuple[Floats, Floats]:
+        """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu) of step k."""
+
+    def curvature(self, x: Floats, u: Floats, k: int, z: Floats) -> Floats:
+        """Return ``z . D2f``, the symmetric (nx+nu, nx+nu) Hessian of ``z'f`` over ``(x, u)``."""
+        raise NotImplementedError(
+            f"{type(self).__name__} has no second derivative: implement `curvature`, or set "
+            "`has_curvature = False` and use a method other than 'newton'."
+        )
+
+    def rollout(
+        self,
+        x0: Floats,
+        xbar: Floats,
+        ubar: Floats,
+        K: Floats,
+        start: int,
+        stop: int,
+    ) -> Rollout:
+        """Simulate steps ``start .. stop-1`` under the feedback ``u = ubar - K (x - xbar)``.
+
+        Parameters
+        ----------
+        x0 : ndarray (nx,)
+            State at index `start`.
+        xbar, ubar, K : ndarray (N+1, nx), (N, nu), (N, nu, nx)
+            Reference and gains of the whole horizon; rows are taken at ``k``.
+        start, stop : int
+            First step, and one past the last.
+
+        Returns
+        -------
+        Rollout
+            States at ``start .. stop``. A step that fails, or a state that is not finite, ends it
+            with a reason; it is not an exception.
+        """
+        x = np.empty((stop - start + 1, self.nx))
+        u = np.empty((stop - start, self.nu))
+        x[0] = x0
+        for i, k in enumerate(range(start, stop)):
+            u[i] = ubar[k] - K[k] @ (x[i] - xbar[k])
+            failure = None
+            try:
+                # A diverging trial leaves the range of doubles; that is an outcome here.
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    x[i + 1] = self.f(x[i], u[i], k)
+            except (StepError, ArithmeticError) as error:
+                failure = f"step {k}: {error}"
+            else:
+                if not np.isfinite(x[i + 1]).all():
+                    failure = f"step {k}: the state is not finite"
+            if failure is not None:
+                return Rollout(x[: i + 1], u[:i], i, failure)
+        return Rollout(x, u, stop - start)
+
+    def linearize(self, x: Floats, u: Floats, out: Linearization | None = None) -> Linearization:
+        """Return A (N, nx, nx) and B (N, nx, nu) along ``x`` (N+1, nx), ``u`` (N, nu).
+
+        ``(x, u)`` need not be a trajectory: A, B are derivatives of f at ``(x[k], u[k])``.
+
+        `out` offers arrays of an earlier call that may be written over and returned.
+        """
+        if out is None:
+            N, nx, nu = self.N, self.nx, self.nu
+            out = Linearization(np.empty((N, nx, nx)), np.empty((N, nx, nu)))
+        for k in range(self.N):
+            out.A[k], out.B[k] = self.derivatives(x[k], u[k], k)
+        return out
+
+    def curvatures(self, x: Floats, u: Floats, z: Floats, out: Floats | None = None) -> Floats:
+        """Return ``z[k+1] . D2f`` of every step, (N, nx+nu, nx+nu).
+
+        Parameters
+        ----------
+        x, u : ndarray (N+1, nx), (N, nu)
+            Trajectory.
+        z : ndarray (N+1, nx)
+            Adjoint; step k is weighted with ``z[k+1]``.
+        out : ndarray, optional
+            Array of an earlier call that may be written over and returned.
+        """
+        if out is None:
+            n = self.nx + self.nu
+            out = np.empty((self.N, n, n))
+        for k in range(self.N):
+            out[k] = self.curvature(x[k], u[k], k, z[k + 1])
+        return out

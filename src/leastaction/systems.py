@@ -1,0 +1,158 @@
+"""The bridge: a mechanism under its integrator as a discrete system that the optimiser can steer."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.mechanics.arguments import Array
+from leastaction.mechanics.midpoint import MidpointVI, StepDerivatives, check_times
+from leastaction.mechanics.trajectory import Trajectory
+from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
+
+
+class _Linearized(NamedTuple):
+    x: Array
+    u: Array
+    derivatives: StepDerivatives
+
+
+class MidpointSystem(DiscreteSystem):
+    """``x+ = f(x, u, k)`` of a midpoint integrator over given times.
+
+    State ``x = [q; rho; p; v_rho]``, input ``u = [inputs; rho_next]``. With `multipliers` the multipliers of
+    the step that led to a state are appended, ``x = [q; rho; p; v_rho; lam]``, so that a cost can weigh the
+    tension of strings and other constraint forces, with exact derivatives like everything else. Whole
+    trajectories are rolled out and differentiated in the core.
+
+    Parameters
+    ----------
+    integrator : MidpointVI
+    t : array_like, shape (N+1,)
+        Times (s), increasing.
+    multipliers : bool, optional
+        Append the multipliers to the state.
+
+    Raises
+    ------
+    ArgumentError
+        If the times do not increase.
+    """
+
+    def __init__(
+        self, integrator: MidpointVI, t: npt.ArrayLike, *, multipliers: bool = False
+    ) -> None:
+        m = integrator.mechanism
+        self.integrator = integrator
+        self.t = check_times(t)
+        self.multipliers = multipliers
+        self.nx = m.nx + (m.nc if multipliers else 0)
+        self.nu = m.nu + m.nrho
+        self.N = len(self.t) - 1
+        # The second order starts from results of the first: those of the last trajectory are kept.
+        self._last: _Linearized | None = None
+
+    def f(self, x: Array, u: Array, k: int) -> Array:
+        """Return the next state (nx,); `StepError` where the step has no solution."""
+        m = self.integrator.mechanism
+        full, x = x, np.ascontiguousarray(x[: m.nx])
+        out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None, None)
+        if out["steps"] < 1:
+            nothing = np.empty((0, m.nc))
+            state = self.integrator.trajectory(
+                self.t[k : k + 1], x[None, :], u[None, :][:0], nothing
+            ).last
+            raise self.integrator.step_error(out, state)
+        return self._states(out["x"], out["lam"], full)[1]
+
+    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
+        """Return A (nx, nx) and B (nx, nu) of step k."""
+        d = self._linearize(self.t[k : k + 2], np.stack([x, self.f(x, u, k)]), u[None, :], None)
+        return d.A_all[0], d.B_all[0]
+
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
+        """Return the Hessian (nx + nu, nx + nu) of ``z . f`` of step k."""
+        pair, t = np.stack([x, self.f(x, u, k)]), self.t[k : k + 2]
+        d = self._linearize(t, pair, u[None, :], None)
+        return self.integrator.curvature_arrays(t, self._bare(pair), u[None, :], d, z[None, :])[0]
+
+    def rollout(
+        self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int
+    ) -> Rollout:
+        """Simulate steps ``start .. stop-1`` under ``u = ubar - K (x - xbar)``; see `DiscreteSystem`."""
+        m = self.integrator.mechanism
+        velocity = None
+        if start:
+            # The state holds no velocity of the dynamic variables; that of the reference is a good guess.
+            dt = self.t[start] - self.t[start - 1]
+            velocity = (xbar[start, : m.nd] - xbar[start - 1, : m.nd]) / dt
+        # Nothing depends on the appended multipliers, so no gain is lost with theirs.
+        out = self.integrator.core.roll_out(
+            self.t[start : stop + 1],
+            x0[: m.nx],
+            self._bare(xbar[start : stop + 1]),
+            ubar[start:stop],
+            np.ascontiguousarray(K[start:stop, :, : m.nx]),
+            velocity,
+        )
+        done = int(out["steps"])
+        failure = None
+        if done < stop - start:
+            k = start + done
+            failure = f"step {k} at t = {self.t[k]:.4g} s could not be solved"
+        x = self._states(out["x"][: done + 1], out["lam"][:done], x0)
+        return Rollout(x, out["u"][:done], done, failure)
+
+    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
+        """Return A (N, nx, nx) and B (N, nx, nu) along a trajectory."""
+        reuse: dict[str, Array] | None = None
+        if out is not None:
+            reuse = {"A": out.A, "B": out.B}
+            if self._last is not None:
+                reuse["memo"] = self._last.derivatives.memo
+        d = self._linearize(self.t, x, u, reuse)
+        self._last = _Linearized(x, u, d)
+        return Linearization(d.A_all, d.B_all)
+
+    def curvatures(self, x: Array, u: Array, z: Array, out: Array | None = None) -> Array:
+        """Return ``z[k+1] . D2f`` of every step, (N, nx + nu, nx + nu)."""
+        if self._last is None or self._last.x is not x or self._last.u is not u:
+            self._last = _Linearized(x, u, self._linearize(self.t, x, u, None))
+        return self.integrator.curvature_arrays(
+            self.t,
+            self._bare(x),
+            u,
+            self._last.derivatives,
+            z[1:],
+            reuse=None if out is None else {"H": out},
+        )
+
+    def trajectory(self, x: Array, u: Array) -> Trajectory:
+        """Return states (N+1, nx) and inputs (N, nu) of this system as a `Trajectory`, multipliers and all."""
+        x = self._bare(x)
+        lam = self.integrator.linearize_arrays(self.t, x, u).lam
+        return self.integrator.trajectory(self.t, x, u, lam)
+
+    def _linearize(
+        self, t: Array, x: Array, u: Array, reuse: dict[str, Array] | None
+    ) -> StepDerivatives:
+        return self.integrator.linearize_arrays(
+            t, self._bare(x), u, multipliers=self.multipliers, reuse=reuse
+        )
+
+    def _bare(self, x: Array) -> Array:
+        """Return states without multipliers."""
+        return np.ascontiguousarray(x[:, : self.integrator.mechanism.nx])
+
+    def _states(self, x: Array, lam: Array, x0: Array) -> Array:
+        """Return states of the core with their multipliers behind them, where they belong to the state."""
+        if not self.multipliers:
+            return x
+        full = np.empty((len(x), self.nx))
+        nx = x.shape[1]
+        full[:, :nx] = x
+        full[0, nx:] = x0[nx:]
+        full[1:, nx:] = lam
+        return full

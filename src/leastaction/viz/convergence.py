@@ -1,0 +1,139 @@
+"""Cost and expected decrease against the iteration, with the method of each step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError
+from leastaction.viz.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_MARKS: Final = {"steepest": (ORANGE, "s"), "quasi": (GREEN, "^"), "newton": (BLUE, "o")}
+
+
+def _mark(method: str) -> tuple[str, str]:
+    """Colour and marker of a method, by what its name begins with; others share one."""
+    return next(
+        (mark for key, mark in _MARKS.items() if method.lower().startswith(key)), (PURPLE, "D")
+    )
+
+
+@styled
+def plot_convergence(
+    cost: npt.ArrayLike,
+    expected_decrease: npt.ArrayLike,
+    methods: Sequence[str] = (),
+    *,
+    tolerance: float | None = None,
+    title: str = "Convergence",
+) -> Figure:
+    """Draw how a descent went.
+
+    Parameters
+    ----------
+    cost
+        Cost before the first step and after each, (M+1,). Drawn on a log scale when positive
+        throughout.
+    expected_decrease
+        Decrease that each direction promised (minus the directional derivative of the cost), (M,)
+        or (M+1,) with the value at the end. Its size is drawn, on a log scale.
+    methods
+        Name of the direction of each step, at most (M+1,): ``steepest...``, ``quasi...``,
+        ``newton...`` get their own marks.
+    tolerance
+        Expected decrease below which the run stops, drawn as a line.
+    title
+        Heading.
+
+    Returns
+    -------
+    Figure
+        Two panels over the same iterations.
+
+    Raises
+    ------
+    ArgumentError
+        There is no cost, or there are more decreases than costs.
+    """
+    costs = np.atleast_1d(np.asarray(cost, dtype=float))
+    decreases = np.abs(np.atleast_1d(np.asarray(expected_decrease, dtype=float)))
+    if costs.size == 0 or decreases.size > costs.size:
+        raise ArgumentError(
+            f"got {costs.size} costs and {decreases.size} expected decreases; "
+            "expected one cost more than steps, and one "
+            "decrease for each step"
+        )
+    figure = new_figure(8.0, 5.4)
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    if np.all(costs > 0.0):
+        top.set_yscale("log")
+        # A narrow range on a log axis has no labelled decade in it and would show no number at all.
+        if costs.max() < 15.0 * costs.min():
+            _plain_log_labels(top)
+    top.plot(np.arange(costs.size), costs, color=GREY, linewidth=1.2, zorder=1)
+    if np.any(decreases > 0.0):
+        bottom.set_yscale("log")
+    positive = np.where(decreases > 0.0, decreases, np.nan)
+    bottom.plot(np.arange(decreases.size), positive, color=GREY, linewidth=1.2, zorder=1)
+
+    top.plot(
+        0,
+        costs[0],
+        "o",
+        markersize=6,
+        markerfacecolor="white",
+        markeredgecolor=GREY,
+        label="start",
+        zorder=2,
+    )
+    for name in dict.fromkeys(methods):
+        steps = np.array([k for k, method in enumerate(methods) if method == name], dtype=int)
+        colour, marker = _mark(name)
+        ends = steps[steps + 1 < costs.size] + 1
+        top.plot(ends, costs[ends], marker, color=colour, markersize=6, label=name, zorder=3)
+        starts = steps[steps < decreases.size]
+        bottom.plot(starts, positive[starts], marker, color=colour, markersize=6, zorder=3)
+    if decreases.size == costs.size:
+        end = {"markersize": 6, "markerfacecolor": "white", "markeredgecolor": GREY}
+        bottom.plot(decreases.size - 1, positive[-1], "o", **end, zorder=3)
+    if tolerance is not None and tolerance > 0.0:
+        bottom.axhline(tolerance, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)))
+        bottom.annotate(
+            f"stop below {tolerance:.0e}",
+            (1.0, tolerance),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            xytext=(-2, 3),
+            ha="right",
+            fontsize=8,
+            color=GREY,
+        )
+    top.set_title(
+        f"{title}: {costs[0]:.4g} to {costs[-1]:.4g} in {costs.size - 1} iterations",
+        fontsize=11,
+        pad=8,
+    )
+    top.set_ylabel("cost")
+    bottom.set_ylabel("expected decrease")
+    bottom.set_xlabel("iteration")
+    bottom.xaxis.get_major_locator().set_params(integer=True)
+    bottom.margins(x=0.03)
+    top.legend(loc="upper right", ncols=4, handletextpad=0.3, columnspacing=1.2)
+    figure.align_ylabels()
+    return figure
+
+
+def _plain_log_labels(axes: Axes) -> None:
+    """Label a log axis that spans about one decade at 1, 2, 5 steps, as plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0, 7.0)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())

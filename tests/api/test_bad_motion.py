@@ -1,0 +1,273 @@
+"""Broken motion files, mappings and arguments: a typed error that says where, what and what to do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from api.puppet_bvh import CMU_NAMES, Convention, waving, write_puppet
+from leastaction.errors import ArgumentError, LeastActionError, MotionFileError
+from leastaction.io import (
+    VARIABLES,
+    Motion,
+    load_motion,
+    map_joints,
+    read_bvh,
+    read_mapping,
+    retarget,
+    walk_in_place,
+)
+
+Change = Callable[[list[str]], list[str]]
+
+
+def replaced(old: str, new: str) -> Change:
+    """Replace the first line that begins with `old` by `new`."""
+
+    def change(lines: list[str]) -> list[str]:
+        index = next(i for i, line in enumerate(lines) if line.startswith(old))
+        return [*lines[:index], new, *lines[index + 1 :]]
+
+    return change
+
+
+def word_of_last_frame(new: str | None) -> Change:
+    def change(lines: list[str]) -> list[str]:
+        words = lines[-1].split()
+        words[4:5] = [] if new is None else [new]
+        return [*lines[:-1], " ".join(words)]
+
+    return change
+
+
+BROKEN: dict[str, tuple[Change, str]] = {
+    "empty": (lambda _: [], "line 1: the file ends here; expected the word HIERARCHY"),
+    "prose": (
+        lambda _: ["Dear reader,", "hello"],
+        "begins with 'Dear reader,'.*this is no BVH file",
+    ),
+    "cut in the hierarchy": (lambda x: x[:30], "line 30: the file ends here, in the hierarchy"),
+    "cut before the motion": (
+        lambda x: x[: x.index("MOTION") + 1],
+        "truncated.*expected Frames: followed by",
+    ),
+    "cut between frames": (lambda x: x[:-7], "ends after 53 frames .truncated.*60 frames"),
+    "cut in a frame": (
+        lambda x: [*x[:-7], x[-7][: len(x[-7]) // 2].rsplit(" ", 1)[0]],
+        r"frame 54 has \d+ values .truncated.*; expected 42",
+    ),
+    "value missing": (word_of_last_frame(None), "frame 60 has 41 values; expected 42"),
+    "word in a frame": (word_of_last_frame("abc"), "value 5 of frame 60 is 'abc'.*finite number"),
+    "NaN in a frame": (word_of_last_frame("nan"), "value 5 of frame 60 is 'nan'.*finite number"),
+    "infinity in a frame": (word_of_last_frame("-inf"), "value 5 of frame 60 is '-inf'"),
+    "a frame too many": (lambda x: [*x, x[-1]], "a row for frame 61; expected 60 frames"),
+    "wrong channel count": (
+        replaced("CHANNELS 3", "CHANNELS 4 Zrotation Yrotation Xrotation"),
+        "CHANNELS of joint 'LeftUpLeg' declares 4 and lists 3",
+    ),
+    "unknown channel": (
+        replaced("CHANNELS 3", "CHANNELS 3 Zrotation Wrotation Xrotation"),
+        "joint 'LeftUpLeg' has a channel 'Wrotation'; expected one of Xposition",
+    ),
+    "channel twice": (
+        replaced("CHANNELS 3", "CHANNELS 3 Zrotation Zrotation Xrotation"),
+        "joint 'LeftUpLeg' lists a channel twice",
+    ),
+    "fewer channels than values": (
+        replaced("CHANNELS 3", "CHANNELS 2 Zrotation Yrotation"),
+        "frame 1 has 42 values; expected 41",
+    ),
+    "joint twice": (
+        replaced("JOINT RightLeg", "JOINT LeftLeg"),
+        "a second joint called 'LeftLeg' .the first is at line",
+    ),
+    "offset of two numbers": (replaced("OFFSET", "OFFSET 0 0"), "OFFSET of 'Hips' with three"),
+    "offset NaN": (replaced("OFFSET", "OFFSET 0 0 nan"), "OFFSET of 'Hips' with three finite"),
+    "joint without a name": (replaced("JOINT LeftLeg", "JOINT"), "JOINT without a name"),
+    "one brace too few": (replaced("}", ""), "MOTION; expected } to close joint 'Hips'"),
+    "two roots": (replaced("MOTION", "ROOT Other"), "a second ROOT; expected one skeleton"),
+    "no frames": (replaced("Frames:", "Frames: 0"), "0 frames are declared.*2 or more"),
+    "one frame": (replaced("Frames:", "Frames: 1"), "1 frames are declared.*2 or more"),
+    "frames in words": (replaced("Frames:", "Frames: many"), "expected Frames: followed by"),
+    "frame time zero": (replaced("Frame Time:", "Frame Time: 0"), "frame time is 0 s.*greater"),
+    "frame time negative": (replaced("Frame Time:", "Frame Time: -0.01"), "frame time is -0.01 s"),
+    "frame time missing": (replaced("Frame Time:", ""), "expected Frame Time: followed by"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_file_is_named_with_line_and_expectation(tmp_path: Path, case: str) -> None:
+    change, message = BROKEN[case]
+    path = write_puppet(tmp_path / "broken.bvh", waving())
+    path.write_text("\n".join(change(path.read_text().splitlines())))
+    with pytest.raises(MotionFileError, match=message) as caught:
+        read_bvh(path)
+    assert re.search(r"broken\.bvh, line \d+: ", str(caught.value))
+    assert "expected" in str(caught.value)
+
+
+def test_the_line_is_the_right_one(tmp_path: Path) -> None:
+    path = write_puppet(tmp_path / "broken.bvh", waving())
+    lines = word_of_last_frame("abc")(path.read_text().splitlines())
+    path.write_text("\n".join(lines))
+    with pytest.raises(MotionFileError, match=f"line {len(lines)}: value 5"):
+        read_bvh(path)
+    number = next(i for i, line in enumerate(lines, 1) if line.startswith("CHANNELS 3"))
+    path.write_text("\n".join(replaced("CHANNELS 3", "CHANNELS 3 a b")(lines)))
+    with pytest.raises(MotionFileError, match=f"line {number}: CHANNELS"):
+        read_bvh(path)
+
+
+def test_a_file_cut_anywhere_is_refused(tmp_path: Path) -> None:
+    path = write_puppet(tmp_path / "cut.bvh", waving(3))
+    data = path.read_bytes()
+    # A cut inside the last number leaves a whole file; before it, every cut is seen.
+    for keep in range(0, len(data) - 24, 41):
+        path.write_bytes(data[:keep])
+        with pytest.raises(MotionFileError, match=r"cut\.bvh, line"):
+            read_bvh(path)
+
+
+def test_what_is_no_text_or_no_file(tmp_path: Path) -> None:
+    path = tmp_path / "picture.bvh"
+    path.write_bytes(b"\x89PNG\xff\xfe\x00")
+    with pytest.raises(MotionFileError, match=r"picture\.bvh: holds bytes that are no text"):
+        read_bvh(path)
+    with pytest.raises(MotionFileError, match=r"nowhere\.bvh: cannot be read .No such file"):
+        read_bvh(tmp_path / "nowhere.bvh")
+    with pytest.raises(MotionFileError, match="cannot be read"):
+        read_bvh(tmp_path)
+    assert issubclass(MotionFileError, (LeastActionError, ValueError))
+
+
+def test_what_could_not_be_mapped_is_listed_with_guesses(tmp_path: Path) -> None:
+    names = dict(CMU_NAMES, left_knee="LeftLegg", right_wrist="Paw")
+    path = write_puppet(tmp_path / "odd.bvh", waving(), convention=Convention(names=names))
+    with pytest.raises(MotionFileError) as caught:
+        map_joints(read_bvh(path))
+    message = str(caught.value)
+    assert re.search(r"left_knee: looked for LeftLeg, .*perhaps 'LeftLegg'", message)
+    assert re.search(r"right_wrist: looked for RightHand", message)
+    assert "left_hip: looked for" not in message
+    assert "The file's joints are: Hips, LeftUpLeg, LeftLegg, LeftFoot" in message
+    assert "--mapping FILE" in message
+    assert '[joints]\nleft_knee = "LeftLegg"\nright_wrist = "' in message
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[joints\n", "is no TOML"),
+        ("", r"no table \[joints\]"),
+        ("[bones]\nleft_hip = 'a'\n", "has the entries bones"),
+        ("[joints]\nleft_hipp = 'a'\n", "unknown role 'left_hipp'; did you mean left_hip"),
+        ("[joints]\nleft_hip = 3\n", "role left_hip is 3; expected a joint name"),
+    ],
+)
+def test_a_broken_mapping_file(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "map.toml"
+    path.write_text(text)
+    with pytest.raises(MotionFileError, match=message) as caught:
+        read_mapping(path)
+    assert "map.toml" in str(caught.value)
+    with pytest.raises(MotionFileError, match="cannot be read"):
+        read_mapping(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("left_hip = 'Nobody'", "left_hip: looked for Nobody"),
+        ("left_hip = 'RightUpLeg'", "left_hip and right_hip are both mapped to .*'RightUpLeg'"),
+        (
+            "left_knee = 'Hips'",
+            "left_knee is mapped to 'Hips', which does not hang from 'LeftUpLeg'",
+        ),
+        ("left_wrist = 'LeftHand_end'\nleft_elbow = 'LeftHand'", "two ends of left_forearm are at"),
+    ],
+)
+def test_a_mapping_that_does_not_fit(tmp_path: Path, text: str, message: str) -> None:
+    bvh = write_puppet(tmp_path / "a.bvh", waving())
+    path = tmp_path / "map.toml"
+    path.write_text("[joints]\n" + text)
+    with pytest.raises(MotionFileError, match=message):
+        load_motion(bvh, mapping=path)
+
+
+def test_captures_without_direction(tmp_path: Path) -> None:
+    q = waving()
+    capture = read_bvh(write_puppet(tmp_path / "a.bvh", q))
+    with pytest.raises(ArgumentError, match="heading: got 'north', expected one of facing"):
+        retarget(capture, heading="north")  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="expected two different axes"):
+        retarget(capture, up="y", forward="-y")
+    with pytest.raises(ArgumentError, match="axis: got 'w'"):
+        retarget(capture, up="w")  # type: ignore[arg-type]
+    q[:, :2] = 0.0
+    with pytest.raises(MotionFileError, match="hardly leaves the spot"):
+        retarget(read_bvh(write_puppet(tmp_path / "b.bvh", q)), heading="travel")
+    q[:, 3] = np.linspace(0.0, 2.0 * np.pi, len(q), endpoint=False)
+    with pytest.raises(MotionFileError, match="faces every way alike"):
+        retarget(read_bvh(write_puppet(tmp_path / "c.bvh", q)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((("a", "a"), [0, 1], np.zeros((2, 2))), "names: a given twice"),
+        ((("a",), [0], np.zeros((1, 1))), r"t: got shape \(1,\)"),
+        ((("a",), [0, 1], np.zeros((2, 2))), r"q: got shape \(2, 2\), expected \(2, 1\)"),
+        ((("a",), [0, 0], np.zeros((2, 1))), "strictly increasing"),
+        ((("a",), [0, np.nan], np.zeros((2, 1))), "strictly increasing"),
+        ((("a",), [0, 1], np.array([[0.0], [np.nan]])), "q: a is nan at t = 1 s"),
+    ],
+)
+def test_a_motion_of_bad_arrays(arguments: tuple, message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        Motion(*arguments)
+
+
+def test_bad_arguments_of_a_motion() -> None:
+    motion = walk_in_place(1.0)
+    for value in (0.0, -0.01, np.nan, np.inf):
+        with pytest.raises(ArgumentError, match="dt: got"):
+            motion.resample(value)
+        with pytest.raises(ArgumentError, match="cutoff: got"):
+            motion.low_pass(value)
+    with pytest.raises(ArgumentError, match="longer than the motion"):
+        motion.resample(3.0)
+    with pytest.raises(ArgumentError, match=r"pose: got shape \(3,\), expected 22"):
+        motion.lead_in(np.zeros(3), 1.0)
+    with pytest.raises(ArgumentError, match="no variable 'knee'"):
+        motion.lead_in({"knee": 1.0}, 1.0)
+    with pytest.raises(ArgumentError, match="seconds: got -1"):
+        motion.ease_in(-1.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"duration": 0.0}, "duration: got 0.0"),
+        ({"dt": -0.01}, "dt: got -0.01"),
+        ({"dt": float("nan")}, "dt: got nan"),
+        ({"duration": 0.001}, "dt: got 0.01 s, expected less"),
+        ({"stride": 2.0}, "stride: got 2.0"),
+        ({"rest": {"lhip": 1.0}}, "rest: unknown variables lhip"),
+    ],
+)
+def test_bad_arguments_of_the_walk(options: dict, message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        walk_in_place(**options)
+
+
+def test_bad_options_of_a_file(tmp_path: Path) -> None:
+    path = write_puppet(tmp_path / "a.bvh", waving())
+    with pytest.raises(ArgumentError, match="start: got 'jump', expected one of rest, moving"):
+        load_motion(path, start="jump")  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="dt: got 0"):
+        load_motion(path, dt=0)
+    assert load_motion(path, dt=0.01, cutoff=None).motion.names == VARIABLES

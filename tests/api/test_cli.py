@@ -1,0 +1,232 @@
+"""The command line: help that reads well, errors of one line, and a folder with everything in it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from leastaction import __version__, models
+from leastaction.cli import main
+from leastaction.cli.report import TRAJECTORY, write_report
+from leastaction.io.record import RunRecord
+from leastaction.io.results import save_record
+from leastaction.io.walk import walk_in_place
+from leastaction.models.marionette import hang_strings
+
+Output = tuple[int, str, str]
+
+
+@pytest.fixture
+def leastaction(capsys: pytest.CaptureFixture[str]):
+    """Run the command line in this process: its exit code, output and error output."""
+
+    def run(*words: object) -> Output:
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        captured = capsys.readouterr()
+        assert isinstance(ended.value.code, int)
+        return ended.value.code, captured.out, captured.err
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def record() -> RunRecord:
+    """A made-up run of the marionette, of 20 steps, that is 2 degrees off at the left knee."""
+    mechanism = models.build("marionette")
+    walk = walk_in_place(0.2, 0.01)
+    n = walk.t.size - 1
+    q = np.zeros((n + 1, mechanism.nq))
+    q[:, : mechanism.nd] = walk.columns(mechanism.dynamic)
+    wanted = hang_strings(mechanism, q)
+    q[:, mechanism.variables.index("lknee_rx")] += np.radians(2.0)
+    nu = mechanism.nu + mechanism.nrho
+    tension = np.full((n, mechanism.nc), 12.0)
+    tension[:5, 0] = -3.0
+    return RunRecord(
+        mechanism="marionette",
+        variables=mechanism.variables,
+        n_dynamic=mechanism.nd,
+        inputs=(*mechanism.inputs, *mechanism.kinematic),
+        constraints=mechanism.constraints,
+        t=walk.t,
+        q=hang_strings(mechanism, q),
+        p=np.zeros((n + 1, mechanism.nd)),
+        v=np.zeros((n + 1, mechanism.nrho)),
+        u=np.zeros((n, nu)),
+        lam=np.zeros((n, mechanism.nc)),
+        x=np.zeros((n + 1, mechanism.nx)),
+        K=np.zeros((n, nu, mechanism.nx)),
+        q_wanted=wanted,
+        tension=tension,
+        histories={
+            "cost": np.array([5.0, 1.0]),
+            "expected_decrease": np.array([8.0]),
+            "method": np.array(["newton"]),
+        },
+        settings={"source": "walk in place", "tolerance": 1e-6},
+        status="CONVERGED",
+        message="The expected decrease of the cost is below the tolerance.",
+    )
+
+
+def test_help_names_every_command(leastaction) -> None:
+    code, out, err = leastaction("--help")
+    assert (code, err) == (0, "")
+    for command in ("demo", "optimize", "info", "draw", "--version"):
+        assert command in out
+    assert "leastaction demo --out" in out
+
+
+def test_help_of_a_command_names_its_options(leastaction) -> None:
+    code, out, _ = leastaction("optimize", "--help")
+    assert code == 0
+    for option in ("--motion", "--mapping", "--out", "--dt", "--duration", "--method", "--resume"):
+        assert option in out
+    assert "--max-iterations" in out
+    assert "--no-animation" in out
+
+
+def test_version(leastaction) -> None:
+    assert leastaction("--version") == (0, f"{__version__}\n", "")
+
+
+def test_help_is_quick() -> None:
+    # The commands import what they need when they run, so that help does not wait for SciPy.
+    code = (
+        "import sys, leastaction.cli; "
+        "sys.exit(any(name in sys.modules for name in ('numpy', 'scipy', 'matplotlib')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["optimise"], "optimise"),
+        (["demo"], "--out"),
+        (["demo", "--out", "x", "--speed", "3"], "--speed"),
+        (["optimize", "chair", "--out", "x"], "marionette"),
+        (["optimize", "marionette", "--out", "x", "--method", "guess"], "quasi-newton"),
+        (["optimize", "marionette", "--out", "x", "--dt", "soon"], "soon"),
+        (["optimize", "marionette", "--out", "x", "--mapping", "m.toml"], "--motion"),
+        (["optimize", "marionette", "--out", "x", "--resume", "r", "--motion", "m"], "--resume"),
+        (["info", "absent.npz"], "absent.npz"),
+    ],
+)
+def test_bad_words_are_one_line_and_code_2(
+    leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = leastaction(*words)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("error: ")
+    assert message in err
+    assert "Traceback" not in err
+    assert err.count("\n") <= 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_motion_file_that_is_none(leastaction, tmp_path: Path) -> None:
+    motion = tmp_path / "walk.bvh"
+    motion.write_text("HIERARCHY\nROOT Hips\n{\n", encoding="utf-8")
+    out = tmp_path / "out"
+    code, _, err = leastaction("optimize", "marionette", "--motion", motion, "--out", out)
+    assert code == 2
+    assert err.startswith("error: ")
+    assert "walk.bvh" in err
+    code, _, err = leastaction("optimize", "marionette", "--motion", tmp_path / "no", "--out", out)
+    assert code == 2
+    assert err.startswith("error: ")
+    assert list(out.iterdir()) == []
+
+
+def test_the_folder_is_checked_before_the_run(
+    leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def must_not_run(*arguments: object) -> None:
+        raise AssertionError("the run started")
+
+    monkeypatch.setattr("leastaction.cli.job.run", must_not_run)
+    file = tmp_path / "file"
+    file.write_text("", encoding="utf-8")
+    code, _, err = leastaction("demo", "--out", file / "below")
+    assert code == 2
+    assert "cannot make the output folder" in err
+
+
+def test_missing_matplotlib_is_said_before_the_run(
+    leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    code, _, err = leastaction("demo", "--out", tmp_path / "out")
+    assert code == 2
+    assert "leastaction[viz]" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_ctrl_c_before_there_is_a_result(
+    leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("leastaction.cli.job.run", interrupt)
+    code, _, err = leastaction("demo", "--out", tmp_path / "out")
+    assert code == 130
+    assert "interrupted" in err
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_report_holds_everything(record: RunRecord, tmp_path: Path) -> None:
+    report = write_report(record, tmp_path)
+    names = [path.name for path, _ in report.files]
+    assert names[0] == TRAJECTORY
+    assert sorted(names) == sorted(path.name for path in tmp_path.iterdir())
+    assert set(names) == {
+        TRAJECTORY,
+        "summary.json",
+        "summary.txt",
+        "convergence.png",
+        "tracking.png",
+        "strings.png",
+        "snapshots.png",
+        "animation.html",
+    }
+    assert all(path.stat().st_size > 200 for path in tmp_path.iterdir())
+
+
+def test_the_numbers_of_a_report(record: RunRecord, tmp_path: Path) -> None:
+    write_report(record, tmp_path, plots=False, animation=False)
+    assert len(list(tmp_path.iterdir())) == 3
+    numbers = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    knee = numbers["tracking"]["variables"]["lknee_rx"]
+    assert knee["unit"] == "deg"
+    assert knee["rms"] == pytest.approx(2.0)
+    assert numbers["tracking"]["joint_rms_deg"] == pytest.approx(2.0 / np.sqrt(19.0))
+    assert numbers["tracking"]["variables"]["torso_tx"]["unit"] == "m"
+    assert numbers["strings"]["right_leg_string"]["slack_percent"] == pytest.approx(25.0)
+    assert numbers["strings"]["left_leg_string"]["tension_min_N"] == pytest.approx(12.0)
+    text = (tmp_path / "summary.txt").read_text(encoding="utf-8")
+    assert "lknee_rx" in text
+    assert "2.00°" in text
+    assert "25.0 %" in text
+    assert "\x1b" not in text
+
+
+def test_info_and_draw(leastaction, record: RunRecord, tmp_path: Path) -> None:
+    path = save_record(tmp_path / "run.npz", record)
+    code, out, err = leastaction("info", path)
+    assert (code, err) == (0, "")
+    for part in ("marionette: 20 steps", "CONVERGED", "lknee_rx", "right leg", "walk in place"):
+        assert part in out
+    code, out, err = leastaction("draw", path, "--out", tmp_path / "again", "--no-plots")
+    assert (code, err) == (0, "")
+    assert "animation.html" in out
+    assert not (tmp_path / "again" / TRAJECTORY).exists()

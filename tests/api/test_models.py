@@ -1,0 +1,119 @@
+"""The package's own mechanisms are what they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from leastaction.errors import ArgumentError
+from leastaction.io.puppet import VARIABLES, Proportions
+from leastaction.mechanics import check_consistent
+from leastaction.models import MODELS, build
+from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.models.chain import pendulum_chain
+from leastaction.models.marionette import STRINGS, hang_strings, marionette, rest_pose
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_model_builds_and_prints(name):
+    mechanism = build(name)
+    assert mechanism.nd > 0
+    assert np.linalg.eigvalsh(mechanism.mass_matrix(np.full(mechanism.nq, 0.3)))[0] > -1e-12
+    assert str(mechanism).startswith("world\n")
+
+
+def test_an_unknown_model_is_named():
+    with pytest.raises(ArgumentError, match=r"'marionete'.*mean 'marionette'"):
+        build("marionete")
+
+
+def test_the_cart_has_one_input_or_two():
+    assert cart_pendulum().inputs == ("x-force",)
+    assert cart_pendulum(pivot_torque=True).inputs == ("x-force", "theta-force")
+    assert cart_pendulum(length=2.0).positions([0.5, 0.0], ["bob"]).tolist() == [[0.5, -2.0, 0.0]]
+
+
+@pytest.mark.parametrize("links", [1, 7, np.int64(3)])
+def test_the_chain_has_as_many_links_as_asked(links):
+    mechanism = pendulum_chain(links)
+    assert mechanism.nd == links
+    tip = mechanism.positions(np.zeros(links), [f"end{links - 1}"])
+    np.testing.assert_allclose(tip, [[0.0, 0.0, -float(links)]])
+
+
+@pytest.mark.parametrize("links", [0, -1, 2.0, "3", True, None])
+def test_a_chain_of_no_whole_number_of_links_is_refused(links):
+    with pytest.raises(ArgumentError, match="whole number"):
+        pendulum_chain(links)
+
+
+def test_the_marionette_has_the_variables_of_the_dissertation():
+    mechanism = marionette()
+    assert (mechanism.nd, mechanism.nrho, mechanism.nu, mechanism.nc) == (22, 18, 0, 6)
+    assert mechanism.dynamic == VARIABLES
+    assert mechanism.constraints == tuple(string.name for string in STRINGS)
+    assert mechanism.kinematic[:3] == (
+        "right_leg_string-x",
+        "right_leg_string-y",
+        "right_leg_string-length",
+    )
+    assert mechanism.degrees_of_freedom(rest_pose(mechanism)) == 16
+    total = sum(body.mass for _, body, _ in mechanism.tree.bodies())
+    assert total == pytest.approx(10.0 + 4 * 1.5 + 4 * 0.5 + 0.75)
+
+
+def test_the_marionette_has_the_proportions_that_motions_are_fitted_to():
+    mechanism, sizes = marionette(), Proportions()
+    at = dict(zip(mechanism.frames, mechanism.positions(np.zeros(mechanism.nq)), strict=True))
+    np.testing.assert_allclose(at["lhip"], sizes.attachment("left", "leg"), atol=1e-12)
+    np.testing.assert_allclose(at["rshoulder"], sizes.attachment("right", "arm"), atol=1e-12)
+    assert at["lfoot"][2] == pytest.approx(-sizes.thigh - sizes.shin)
+    assert at["rhand"][2] == pytest.approx(sizes.spine - sizes.upper_arm - sizes.forearm)
+
+
+def test_left_and_right_of_the_marionette_are_mirror_images():
+    mechanism = marionette()
+    at = dict(zip(mechanism.frames, mechanism.positions(rest_pose(mechanism)), strict=True))
+    for name in ("hip", "femur_end", "foot_end", "shoulder", "hand_end"):
+        np.testing.assert_allclose(at[f"l{name}"] * [-1, 1, 1], at[f"r{name}"], atol=1e-12)
+
+
+def test_strings_hang_straight_above_their_hooks():
+    mechanism = marionette()
+    q = rest_pose(mechanism)
+    check_consistent(mechanism, q, tolerance=1e-13)
+    batch = np.tile(mechanism.configuration(), (5, 1))
+    batch[:, : mechanism.nd] = 0.2 * np.random.default_rng(0).normal(size=(5, mechanism.nd))
+    hung = hang_strings(mechanism, batch)
+    assert np.abs(mechanism.constraint_values(hung)).max() < 1e-13
+    np.testing.assert_array_equal(hung[:, : mechanism.nd], batch[:, : mechanism.nd])
+    np.testing.assert_allclose(hang_strings(mechanism, batch[2]), hung[2], rtol=1e-15)
+    values = mechanism.named(hung[1])
+    for string in STRINGS:
+        hook, control = mechanism.positions(hung[1], [string.hook, string.control])
+        np.testing.assert_allclose(control - hook, [0, 0, values[string.length]], atol=1e-15)
+
+
+def test_the_rest_pose_is_in_balance_and_every_string_is_taut():
+    mechanism = marionette()
+    q, nd = rest_pose(mechanism), mechanism.nd
+    force = mechanism.core.gradient(q, np.zeros(mechanism.nq))[0][:nd]
+    jacobian = mechanism.constraint_jacobian(q)
+    multiplier = np.linalg.lstsq(jacobian[:, :nd].T, force, rcond=None)[0]
+    np.testing.assert_allclose(jacobian[:, :nd].T @ multiplier, force, atol=1e-10)
+    # The strings exert -Dh^T lam; on its own length, that is the pull to let it out: the tension.
+    tensions = [
+        -multiplier[i] * jacobian[i, mechanism.variables.index(string.length)]
+        for i, string in enumerate(STRINGS)
+    ]
+    assert min(tensions) > 2.0
+    assert sum(tensions) == pytest.approx(9.8 * 18.75, rel=1e-12)
+
+
+def test_a_puppet_above_its_strings_is_refused():
+    mechanism = marionette()
+    with pytest.raises(ArgumentError, match=r"upper_torso_string.*torso_tz"):
+        hang_strings(mechanism, mechanism.configuration({"torso_tz": 1.6}))
+    rows = np.stack([mechanism.configuration(), mechanism.configuration({"torso_tz": 1.6})])
+    with pytest.raises(ArgumentError, match="row 1"):
+        hang_strings(mechanism, rows)

@@ -1,0 +1,88 @@
+"""Reads a conformance case, ``NAME.json`` and ``NAME.npz``, into a mechanism and its numbers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from leastaction.mechanics import (
+    Body,
+    Branch,
+    Damping,
+    Distance,
+    Element,
+    Gravity,
+    JointForce,
+    Mechanism,
+    world,
+)
+
+# How each element type of the files is described in the package; a type that is not here is waited for.
+ELEMENTS: dict[str, Callable[[dict[str, Any]], Element]] = {
+    "gravity": lambda e: Gravity(e["vector"]),
+    "damping": lambda e: Damping(e["coefficients"]),
+    "config_force": lambda e: JointForce(e["config"], input=e["input"]),
+    "distance": lambda e: Distance(*e["frames"], length=e["length"]),
+}
+
+
+class Case(NamedTuple):
+    """A case: ``mechanism`` is None as long as ``waiting`` names element types that are not there yet."""
+
+    mechanism: Mechanism | None
+    arrays: dict[str, np.ndarray]
+    waiting: list[str]
+
+
+def load_case(path: str | Path) -> Case:
+    """Read a case.
+
+    Parameters
+    ----------
+    path : path
+        The ``.json`` file; the numbers are beside it.
+    """
+    path = Path(path)
+    data = json.loads(path.read_text())
+    with np.load(path.with_suffix(".npz")) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    entries = [*data["potentials"], *data["forces"], *data["constraints"]]
+    waiting = sorted({entry["type"] for entry in entries} - set(ELEMENTS))
+    if waiting:
+        return Case(None, arrays, waiting)
+    mechanism = Mechanism(
+        _tree(data["frames"], set(data["kinematic_configs"])),
+        [ELEMENTS[entry["type"]](entry) for entry in entries],
+        dynamic=data["dynamic_configs"],
+        kinematic=data["kinematic_configs"],
+        inputs=data["inputs"],
+    )
+    return Case(mechanism, arrays, waiting)
+
+
+def _tree(frames: list[dict[str, Any]], kinematic: set[str]) -> Branch:
+    places: dict[str, Branch] = {}
+    for frame in frames:
+        name, transform = frame["name"], frame["transform"]
+        if transform == "world":
+            places[name] = world(name)
+            continue
+        options: dict[str, Any] = {"name": name}
+        if "mass" in frame:
+            # The random cases take their moments from a range, not from bodies.
+            body = Body(frame["mass"], inertia=frame.get("inertia"), allow_nonphysical=True)
+            options["bodies"] = [body]
+        parent = places[frame["parent"]]
+        if transform == "const":
+            places[name] = parent.pose(frame["matrix"], **options)
+        elif "config" in frame:
+            config = frame["config"]
+            chain = getattr(parent, transform)
+            places[name] = chain(config, kinematic=config in kinematic, **options)
+        else:
+            places[name] = getattr(parent, transform)(frame["value"], **options)
+    return next(iter(places.values())).root

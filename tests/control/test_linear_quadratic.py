@@ -1,0 +1,387 @@
+"""The linear-quadratic recursion against dense linear algebra and its own identities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal import adjoint, regulate, solve_linear_quadratic, sweep_forward
+
+
+def _positive(rng, n, floor=0.1):
+    M = rng.standard_normal((n, n))
+    return M @ M.T / n + floor * np.eye(n)
+
+
+def _symmetric(rng, *shape):
+    M = rng.standard_normal(shape)
+    return M + np.swapaxes(M, -1, -2)
+
+
+@pytest.fixture
+def problem():
+    """A random affine problem in which every term is present."""
+    rng = np.random.default_rng(3)
+    N, nx, nu = 7, 5, 3
+    return {
+        "A": rng.standard_normal((N, nx, nx)),
+        "B": rng.standard_normal((N, nx, nu)),
+        "Q": np.stack([_positive(rng, nx, 1.0) for _ in range(N)]),
+        "R": np.stack([_positive(rng, nu, 1.0) for _ in range(N)]),
+        "S": 0.1 * rng.standard_normal((N, nx, nu)),
+        "H": 0.02 * _symmetric(rng, N, nx + nu, nx + nu),
+        "q": rng.standard_normal((N, nx)),
+        "r": rng.standard_normal((N, nu)),
+        "c": rng.standard_normal((N, nx)),
+        "Q_final": _positive(rng, nx),
+        "q_final": rng.standard_normal(nx),
+    }
+
+
+def _hessian(p, k):
+    nx = p["A"].shape[1]
+    H = p["H"][k].copy()
+    H[:nx, :nx] += p["Q"][k]
+    H[nx:, nx:] += p["R"][k]
+    H[:nx, nx:] += p["S"][k]
+    H[nx:, :nx] += p["S"][k].T
+    return H
+
+
+def _value(p, dx, du):
+    total = 0.5 * dx[-1] @ p["Q_final"] @ dx[-1] + p["q_final"] @ dx[-1]
+    for k in range(len(du)):
+        y = np.concatenate([dx[k], du[k]])
+        total += 0.5 * y @ _hessian(p, k) @ y + p["q"][k] @ dx[k] + p["r"][k] @ du[k]
+    return total
+
+
+def _dense_solution(p, dx0):
+    """The same problem as one dense equality-constrained quadratic program."""
+    N, nx, nu = p["B"].shape
+    n = nx + nu
+    size = N * n + nx
+    H, g = np.zeros((size, size)), np.zeros(size)
+    E, e = np.zeros(((N + 1) * nx, size)), np.zeros((N + 1) * nx)
+    E[:nx, :nx], e[:nx] = np.eye(nx), dx0
+    for k in range(N):
+        at = slice(k * n, (k + 1) * n)
+        H[at, at] = _hessian(p, k)
+        g[at] = np.concatenate([p["q"][k], p["r"][k]])
+        row = slice((k + 1) * nx, (k + 2) * nx)
+        E[row, at] = -np.hstack([p["A"][k], p["B"][k]])
+        E[row, (k + 1) * n : (k + 1) * n + nx] = np.eye(nx)
+        e[row] = p["c"][k]
+    H[N * n :, N * n :], g[N * n :] = p["Q_final"], p["q_final"]
+    kkt = np.block([[H, E.T], [E, np.zeros((len(E), len(E)))]])
+    y = np.linalg.solve(kkt, np.concatenate([-g, e]))[:size]
+    steps = y[: N * n].reshape(N, n)
+    return np.vstack([steps[:, :nx], y[N * n :]]), steps[:, nx:]
+
+
+def _roll(p, solution, dx0):
+    dx, du = [dx0], []
+    for k in range(len(p["A"])):
+        du.append(-solution.K[k] @ dx[-1] - solution.C[k])
+        dx.append(p["A"][k] @ dx[-1] + p["B"][k] @ du[-1] + p["c"][k])
+    return np.array(dx), np.array(du)
+
+
+def test_equals_the_dense_kkt_solution(problem):
+    dx0 = np.arange(5.0) - 2.0
+    solution = solve_linear_quadratic(**problem)
+    assert solution.definite
+    assert solution.stage is None
+    dx, du = _roll(problem, solution, dx0)
+    dx_dense, du_dense = _dense_solution(problem, dx0)
+    np.testing.assert_allclose(dx, dx_dense, rtol=0, atol=1e-10 * np.abs(dx_dense).max())
+    np.testing.assert_allclose(du, du_dense, rtol=0, atol=1e-10 * np.abs(du_dense).max())
+
+
+def test_value_function_is_the_cost_of_the_solution(problem):
+    solution = solve_linear_quadratic(**problem)
+    for dx0 in (np.zeros(5), np.arange(5.0)):
+        predicted = 0.5 * dx0 @ solution.P0 @ dx0 + solution.b[0] @ dx0 + solution.constant
+        actual = _value(problem, *_roll(problem, solution, dx0))
+        assert predicted == pytest.approx(actual, rel=1e-11)
+
+
+def test_riccati_fixed_point():
+    rng = np.random.default_rng(0)
+    A, B = rng.standard_normal((6, 6)), rng.standard_normal((6, 2))
+    Q, R = _positive(rng, 6), _positive(rng, 2)
+    N = 300
+    solution = solve_linear_quadratic(
+        np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)), Q=Q, R=R, Q_final=Q
+    )
+    expected = scipy.linalg.solve_discrete_are(A, B, Q, R)
+    np.testing.assert_allclose(solution.P0, expected, rtol=1e-10)
+    K = np.linalg.solve(R + B.T @ expected @ B, B.T @ expected @ A)
+    np.testing.assert_allclose(solution.K[0], K, rtol=1e-9, atol=1e-11)
+
+
+def test_P_is_symmetric_to_the_last_bit(problem):
+    P = solve_linear_quadratic(**problem, keep_P=True).P
+    assert P.shape == (8, 5, 5)
+    assert np.array_equal(P, np.swapaxes(P, 1, 2))
+    np.testing.assert_array_equal(P[-1], problem["Q_final"])
+
+
+def test_b_is_the_adjoint_of_the_closed_loop(problem):
+    del problem["c"]
+    solution = solve_linear_quadratic(**problem)
+    p = problem
+    z = adjoint(p["A"], p["B"], solution.K, p["q"], p["r"], p["q_final"])
+    np.testing.assert_allclose(z, solution.b, rtol=1e-11, atol=1e-11)
+    expected = p["q_final"]
+    for k in range(len(p["A"]) - 1, -1, -1):
+        K = solution.K[k]
+        expected = p["q"][k] - K.T @ p["r"][k] + (p["A"][k] - p["B"][k] @ K).T @ expected
+    np.testing.assert_allclose(z[0], expected, rtol=1e-11)
+
+
+def test_sweep_forward_and_the_slope(problem):
+    del problem["c"]
+    solution = solve_linear_quadratic(**problem)
+    dx, du = sweep_forward(problem["A"], problem["B"], solution)
+    expected = _roll({**problem, "c": np.zeros((7, 5))}, solution, np.zeros(5))
+    np.testing.assert_allclose(dx, expected[0], atol=1e-12)
+    np.testing.assert_allclose(du, expected[1], atol=1e-12)
+    slope = np.sum(problem["q"] * dx[:-1]) + np.sum(problem["r"] * du) + problem["q_final"] @ dx[-1]
+    assert 2.0 * solution.constant == pytest.approx(slope, rel=1e-10)
+
+
+@pytest.mark.parametrize("layout", ["diagonal", "matrix", "diagonal per stage", "matrix per stage"])
+def test_layouts_of_the_weights(problem, layout):
+    N, nx, nu = problem["B"].shape
+    rng = np.random.default_rng(5)
+    Q, R, Q_final = rng.uniform(1, 2, nx), rng.uniform(1, 2, nu), rng.uniform(1, 2, nx)
+
+    def laid_out(diagonal):
+        return {
+            "diagonal": diagonal,
+            "matrix": np.diag(diagonal),
+            "diagonal per stage": np.tile(diagonal[:, None], (N, 1, 1)),
+            "matrix per stage": np.tile(np.diag(diagonal), (N, 1, 1)),
+        }[layout]
+
+    reference = {**problem, "Q": np.tile(np.diag(Q), (N, 1, 1)), "Q_final": np.diag(Q_final)}
+    reference["R"] = np.tile(np.diag(R), (N, 1, 1))
+    expected = solve_linear_quadratic(**reference)
+    final = Q_final if layout.startswith("diagonal") else np.diag(Q_final)
+    got = solve_linear_quadratic(
+        **{**problem, "Q": laid_out(Q), "R": laid_out(R), "Q_final": final}
+    )
+    np.testing.assert_allclose(got.K, expected.K, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(got.P0, expected.P0, rtol=1e-12, atol=1e-13)
+
+
+def test_a_constant_cross_weight_and_the_scale_of_H(problem):
+    S = problem["S"][0]
+    N = len(problem["A"])
+    constant = solve_linear_quadratic(**{**problem, "S": S, "H_scale": 0.5})
+    stacked = {**problem, "S": np.tile(S, (N, 1, 1)), "H": 0.5 * problem["H"]}
+    np.testing.assert_allclose(constant.K, solve_linear_quadratic(**stacked).K, rtol=1e-12)
+
+
+def _mechanical(rng, N, nq=4, nr=3):
+    """A, B of the shape of a mechanism's: copied rows, differenced rows, unused columns."""
+    nx = 2 * (nq + nr)
+    A, B = np.zeros((N, nx, nx)), np.zeros((N, nx, nr))
+    dense = np.r_[0:nq, nq + nr : 2 * nq + nr]
+    A[:, dense, : 2 * nq + nr] = 0.4 * rng.standard_normal((N, dense.size, 2 * nq + nr))
+    B[:, dense] = rng.standard_normal((N, dense.size, nr))
+    rho, rate, i = nq + np.arange(nr), 2 * nq + nr + np.arange(nr), np.arange(nr)
+    B[:, rho, i] = 1.0
+    B[:, rate, i], A[:, rate, rho] = 10.0, -10.0
+    return A, B
+
+
+@pytest.mark.parametrize(
+    "case", ["mechanical", "changing", "no dense row", "single input", "diagonal weights"]
+)
+def test_structure_changes_nothing_but_the_time(case):
+    rng = np.random.default_rng(8)
+    N = 12
+    A, B = _mechanical(rng, N)
+    if case == "changing":
+        A[3] = rng.standard_normal(A[3].shape)
+        B[5, :, :] = 0.0
+        A[7, 2] = 0.0
+        A[8, :, 1] = 0.0
+        B[9, 4], A[9, 4, 6] = 0.0, 2.0
+    elif case == "no dense row":
+        A[:] = np.eye(A.shape[1])
+        B[:] = np.roll(np.eye(A.shape[1]), 1, axis=0)[:, : B.shape[2]]
+    elif case == "single input":
+        B = np.ascontiguousarray(B[:, :, :1])
+    nx, nu = B.shape[1:]
+    weights = {
+        "Q": _positive(rng, nx),
+        "R": _positive(rng, nu),
+        "H": 0.005 * _symmetric(rng, N, nx + nu, nx + nu),
+        "q": rng.standard_normal((N, nx)),
+        "r": rng.standard_normal((N, nu)),
+        "c": rng.standard_normal((N, nx)),
+        "Q_final": _positive(rng, nx),
+        "q_final": rng.standard_normal(nx),
+    }
+    if case == "diagonal weights":
+        # As in an optimisation: nothing couples the last states, the rates, with the others.
+        weights |= {"Q": rng.uniform(1, 2, nx), "R": rng.uniform(1, 2, nu)}
+        weights["Q_final"] = rng.uniform(1, 2, nx)
+        weights["H"][:, nx - 3 : nx] = weights["H"][:, :, nx - 3 : nx] = 0.0
+    for without_H in (False, True):
+        if without_H:
+            del weights["H"]
+        dense = solve_linear_quadratic(A, B, **weights, use_structure=False, keep_P=True)
+        structured = solve_linear_quadratic(A, B, **weights, keep_P=True)
+        assert dense.structured_stages == 0
+        assert structured.structured_stages >= N - 1
+        for name in ("K", "C", "b", "P"):
+            expected = getattr(dense, name)
+            scale = np.abs(expected).max()
+            np.testing.assert_allclose(getattr(structured, name), expected, atol=1e-12 * scale)
+        assert structured.constant == pytest.approx(dense.constant, rel=1e-12)
+
+
+def test_large_enough_for_several_panels():
+    rng = np.random.default_rng(2)
+    A, B = _mechanical(rng, 6, nq=22, nr=18)
+    nx, nu = B.shape[1:]
+    assert (nx, nu) == (80, 18)
+    structured = solve_linear_quadratic(A, B, Q=np.ones(nx), R=np.ones(nu), Q_final=np.ones(nx))
+    P = np.eye(nx)
+    for k in range(5, -1, -1):
+        gamma = np.eye(nu) + B[k].T @ P @ B[k]
+        K = np.linalg.solve(gamma, B[k].T @ P @ A[k])
+        P = np.eye(nx) + A[k].T @ P @ A[k] - K.T @ gamma @ K
+    np.testing.assert_allclose(structured.P0, P, atol=1e-11 * np.abs(P).max())
+
+
+def test_an_indefinite_stage_is_reported(problem):
+    R = problem["R"].copy()
+    R[4] -= 100.0 * np.eye(3)
+    solution = solve_linear_quadratic(**{**problem, "R": R})
+    assert not solution.definite
+    assert solution.stage == 4
+    P = solve_linear_quadratic(**problem, keep_P=True).P[5]
+    B = problem["B"][4]
+    gamma = R[4] + problem["H"][4][5:, 5:] + B.T @ P @ B
+    assert solution.smallest_eigenvalue == pytest.approx(np.linalg.eigvalsh(gamma)[0], rel=1e-10)
+    assert "stage 4" in solution.message
+    assert np.isnan(solution.K[:5]).all()
+    assert np.isnan(solution.P0).all()
+    assert np.isfinite(solution.K[5:]).all()
+
+
+def test_an_indefinite_stage_can_be_made_convex(problem):
+    H = problem["H"].copy()
+    H[4] -= 300.0 * np.eye(8)
+    H[2] -= 300.0 * np.eye(8)
+    indefinite = {**problem, "H": H}
+    assert not solve_linear_quadratic(**indefinite).definite
+    solution = solve_linear_quadratic(**indefinite, regularize="stage", keep_P=True)
+    assert solution.definite
+    assert solution.regularized_stages >= 1
+    assert solution.stage == 4
+    assert np.isfinite(solution.K).all()
+    # From such a stage on, the recursion is that of the cost alone on the positive part of P.
+    P, A, B = solution.P[5], problem["A"][4], problem["B"][4]
+    values, vectors = np.linalg.eigh(P)
+    P = vectors @ np.diag(np.maximum(values, 0.0)) @ vectors.T
+    gain = np.linalg.solve(problem["R"][4] + B.T @ P @ B, B.T @ P @ A + problem["S"][4].T)
+    np.testing.assert_allclose(solution.K[4], gain, rtol=1e-9)
+
+
+def test_the_convex_problem_is_one_that_can_be_stated(problem):
+    """It is the given one without that stage's H and with the removed part of P as a state weight."""
+    problem["H"][4] -= 300.0 * np.eye(8)
+    solution = solve_linear_quadratic(**problem, regularize="stage", keep_P=True)
+    assert solution.regularized_stages == 1
+    P = solution.P[5]
+    values, vectors = np.linalg.eigh(P)
+    removed = vectors @ np.diag(np.maximum(-values, 0.0)) @ vectors.T
+    stated = {**problem, "Q": problem["Q"].copy(), "H": problem["H"].copy()}
+    stated["H"][4] = 0.0
+    stated["Q"][5] += removed
+    expected = solve_linear_quadratic(**stated)
+    assert expected.definite
+    for name in ("K", "C", "P0", "constant"):
+        np.testing.assert_allclose(
+            getattr(solution, name), getattr(expected, name), rtol=1e-9, atol=1e-9
+        )
+
+
+def test_a_negative_input_weight_cannot_be_made_convex(problem):
+    R = problem["R"].copy()
+    R[4] -= 1e4 * np.eye(3)
+    solution = solve_linear_quadratic(**{**problem, "R": R}, regularize="stage")
+    assert not solution.definite
+    assert solution.stage == 4
+
+
+@pytest.mark.parametrize("name", ["A", "B", "H"])
+def test_what_is_not_finite_is_named_by_stage(problem, name):
+    problem[name][3, 1, 0] = np.nan
+    if name == "H":
+        problem[name][3, 0, 1] = np.nan
+    with pytest.raises(ArgumentError, match="stage 3"):
+        solve_linear_quadratic(**problem)
+
+
+@pytest.mark.parametrize("name", ["q", "r", "c", "Q", "R", "S", "Q_final", "q_final"])
+def test_small_arrays_are_checked_at_once(problem, name):
+    problem[name] = problem[name].copy()
+    problem[name].flat[1] = np.inf
+    with pytest.raises(ArgumentError, match=rf"{name}: got inf"):
+        solve_linear_quadratic(**problem)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        ("A", (7, 5, 4)),
+        ("A", (5, 5)),
+        ("B", (6, 5, 3)),
+        ("B", (7, 5, 0)),
+        ("Q", (4,)),
+        ("Q", (7, 5)),
+        ("R", (2, 2)),
+        ("S", (3, 5)),
+        ("H", (7, 5, 5)),
+        ("q", (8, 5)),
+        ("r", (7, 5)),
+        ("c", (7,)),
+        ("Q_final", (7, 5, 5)),
+        ("q_final", (1, 5)),
+    ],
+)
+def test_wrong_shapes(problem, name, shape):
+    problem[name] = np.ones(shape)
+    with pytest.raises(ArgumentError, match="got shape"):
+        solve_linear_quadratic(**problem)
+
+
+def test_wrong_choices(problem):
+    with pytest.raises(ArgumentError, match="'none' or 'stage'"):
+        solve_linear_quadratic(**problem, regularize="always")
+    with pytest.raises(ArgumentError, match="array of numbers"):
+        solve_linear_quadratic(**{**problem, "Q": "heavy"})
+
+
+def test_the_regulator_stabilises():
+    A = np.array([[1.0, 0.1], [0.5, 1.0]])
+    B = np.array([[0.0], [0.1]])
+    assert np.abs(np.linalg.eigvals(A)).max() > 1.1
+    N = 200
+    K = regulate(np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)))
+    assert np.abs(np.linalg.eigvals(A - B @ K[0])).max() < 1.0
+    per_stage = regulate(
+        np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)), Q=np.ones((N, 2, 1)), R=np.eye(1)
+    )
+    np.testing.assert_allclose(per_stage, K, rtol=1e-12)
+    with pytest.raises(ArgumentError, match="no regulator"):
+        regulate(np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)), R=-np.eye(1))
