@@ -65,7 +65,7 @@ class MidpointSystem(DiscreteSystem):
                 self.t[k : k + 1], x[None, :], u[None, :][:0], nothing
             ).last
             raise self.integrator.step_error(out, state)
-        return self._states(out["x"], out["lam"], full)[1]
+        return np.asarray(self._states(out["x"], out["lam"], full)[1])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         """Return A (nx, nx) and B (nx, nu) of step k."""
@@ -76,7 +76,8 @@ class MidpointSystem(DiscreteSystem):
         """Return the Hessian (nx + nu, nx + nu) of ``z . f`` of step k."""
         pair, t = np.stack([x, self.f(x, u, k)]), self.t[k : k + 2]
         d = self._linearize(t, pair, u[None, :], None)
-        return self.integrator.curvature_arrays(t, self._bare(pair), u[None, :], d, z[None, :])[0]
+        H = self.integrator.curvature_arrays(t, self._bare(pair), u[None, :], d, z[None, :])
+        return np.asarray(H[0])
 
     def rollout(
         self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int

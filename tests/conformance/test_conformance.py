@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conformance.loader import ELEMENTS, Case, load_case
 
+from conformance.loader import ELEMENTS, Case, load_case
 from leastaction.mechanics import MidpointVI, State, Trajectory
 
 FOLDER = Path(

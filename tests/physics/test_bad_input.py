@@ -95,7 +95,6 @@ def test_settings_out_of_range() -> None:
         {"tolerance": np.nan},
         {"tolerance": 1.0},
         {"max_iterations": 0},
-        {"threads": -1},
     ):
         with pytest.raises(ArgumentError, match=next(iter(options))):
             MidpointVI(m, **options)
@@ -112,14 +111,13 @@ def test_unknown_names_and_steps() -> None:
         vi.curvature(run, vi.linearize(run), np.zeros((9, 4)))
 
 
-def test_what_is_no_trajectory_cannot_be_linearized_in_silence() -> None:
-    """Far from any solution of a step there is nothing to differentiate."""
+def test_what_is_no_trajectory_is_not_linearized_in_silence() -> None:
     m = mass_on_string(length=1.0)
     vi = MidpointVI(m)
-    run = vi.simulate(vi.start([0.0, -1.0]), times(0.02, 2))
+    run = vi.simulate(vi.start([0.6, -0.8]), times(0.02, 2))
     x = run.x.copy()
-    x[1, :2] = 0.0  # the bob on its anchor: the string has no direction
-    with pytest.raises(StepError, match="step 0"):
+    x[2, 0] = np.nan
+    with pytest.raises(StepError, match="step 1"):
         vi.linearize_arrays(run.t, x, run.u)
 
 

@@ -36,12 +36,6 @@ def walk_on_strings(steps: int) -> tuple[Mechanism, float]:
     return m, float(np.abs(m.constraint_values(run.q)).max())
 
 
-def test_strings_of_the_marionette_hold() -> None:
-    _, worst = walk_on_strings(2000)
-    assert worst < HELD
-
-
-@pytest.mark.slow
 def test_strings_of_the_marionette_hold_over_1e5_steps() -> None:
     _, worst = walk_on_strings(100_000)
     assert worst < HELD

@@ -13,10 +13,10 @@ import importlib.util
 import os
 from typing import TYPE_CHECKING
 
-from leastaction._core import _cpu
-
 if TYPE_CHECKING:
     from leastaction._core._native import *  # noqa: F403
+
+_cpu = importlib.import_module(f"{__name__}._cpu")
 
 VARIANTS = ("baseline", "v3", "v4")
 """Names of the variants that a build may hold, slowest first."""

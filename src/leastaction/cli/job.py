@@ -15,8 +15,17 @@ from leastaction.io.motion import Motion
 from leastaction.io.record import RunRecord
 
 if TYPE_CHECKING:
-    from leastaction.optimal import IterationRecord, OptimizationResult
+    from leastaction.optimal import OptimizationResult
     from leastaction.tracking import TrackingRun
+
+
+# The optimiser speaks of its arguments, the command line of its options.
+_MESSAGES = {
+    "ITERATION_LIMIT": (
+        "The limit on iterations was reached: raise --max-iterations, or go on with --resume."
+    ),
+    "INTERRUPTED": "Interrupted; this is the last whole iterate. Go on with --resume.",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,22 +133,21 @@ def run(job: Job, console: Console) -> RunRecord:
     steps = job.motion.t.size - 1
     source = job.motion.source or "a motion"
     dt = float(job.motion.t[1] - job.motion.t[0])
-    console.print(f"{job.mechanism} follows {source}: {steps} steps of {dt:g} s\n", markup=False)
-    with console.status("first trajectory") as status:
-
-        def progress(done: IterationRecord) -> None:
-            limit = job.optimiser.max_iterations
-            status.update(f"iteration {done.iteration + 1} of at most {limit}")
-
-        tracked = track(
-            mechanism,
-            job.motion,
-            method=job.optimiser.method,
-            max_iterations=job.optimiser.max_iterations,
-            tolerance=job.optimiser.tolerance,
-            callback=IterationTable(then=progress),
-            resume=None if job.resume is None else result_of(job.resume),
-        )
+    limit = job.optimiser.max_iterations
+    console.print(
+        f"{job.mechanism} follows {source}: {steps} steps of {dt:g} s, at most {limit} iterations",
+        markup=False,
+    )
+    tracked = track(
+        mechanism,
+        job.motion,
+        method=job.optimiser.method,
+        max_iterations=limit,
+        tolerance=job.optimiser.tolerance,
+        callback=IterationTable(),
+        progress=lambda line: console.print(line, markup=False, style="dim"),
+        resume=None if job.resume is None else result_of(job.resume),
+    )
     return record_of(tracked, job, versions=current_versions())
 
 
@@ -156,7 +164,7 @@ def record_of(tracked: TrackingRun, job: Job, *, versions: dict[str, str]) -> Ru
         t=tracked.t,
         q=tracked.q,
         p=tracked.p,
-        v=result.x[:, mechanism.nq + mechanism.nd :],
+        v=result.x[:, mechanism.nq + mechanism.nd : mechanism.nx],
         u=result.u,
         lam=tracked.lam,
         x=result.x,
@@ -171,10 +179,11 @@ def record_of(tracked: TrackingRun, job: Job, *, versions: dict[str, str]) -> Ru
             "dt": float(tracked.t[1] - tracked.t[0]),
             **asdict(result.settings),
             "schedule": asdict(result.schedule),
+            "embedded": tracked.embedded,
         },
         versions=versions,
         status=result.status.name,
-        message=result.message,
+        message=_MESSAGES.get(result.status.name, result.message),
     )
 
 

@@ -46,7 +46,8 @@ class RunRecord:
     lam
         Constraint multipliers of each step, (N, nc).
     x
-        State of the discrete system ``[q; p; v]`` as the optimiser holds it, (N+1, nx).
+        State of the discrete system as the optimiser holds it, (N+1, nx): ``[q; p; v]``, and what else
+        it steers by, such as the multipliers.
     K
         Feedback gains, (N, nu, nx): ``u = u_k - K_k (x - x_k)``.
     K_projection

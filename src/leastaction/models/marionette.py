@@ -52,6 +52,10 @@ REST = {
 """Body angles of the rest pose (rad): thighs and forearms raised, the rest straight. In balance on the strings."""
 
 
+UNHELD = ("lknee_rx", "rknee_rx")
+"""Joints behind which no string is tied: they swing freely, so a motion can hardly be imposed on them."""
+
+
 class PuppetString(NamedTuple):
     """One string: the frames that it joins and the kinematic variables that move it.
 
@@ -194,8 +198,10 @@ def rest_pose(mechanism: Mechanism) -> npt.NDArray[np.float64]:
     return hang_strings(mechanism, mechanism.configuration(REST))
 
 
-def hang_strings(mechanism: Mechanism, q: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return configurations with every string straight above its hook and just as long as needed.
+def hang_strings(
+    mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0
+) -> npt.NDArray[np.float64]:
+    """Return configurations with every string taut, straight above its hook or slanted ahead.
 
     Parameters
     ----------
@@ -203,6 +209,10 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike) -> npt.NDArray[np.float
         From `marionette`.
     q : array_like, shape (nq,) or (N, nq)
         The body variables are kept; the string variables may hold anything finite.
+    ahead : float, optional
+        How far ahead of the hooks, as the pelvis faces, the upper ends of the strings of arms and legs are
+        (m). A vertical string cannot swing a limb whose hook is straight below its joint, as that of a
+        leg stretched back is; a slanted one can.
 
     Returns
     -------
@@ -215,9 +225,9 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike) -> npt.NDArray[np.float
         If a hook is not below the plane of the strings.
     """
     hooks = mechanism.positions(q, [string.hook for string in STRINGS])
-    lengths = PLANE_HEIGHT - hooks[..., 2]
-    if np.any(lengths <= 0.0):
-        where = np.argwhere(lengths <= 0.0)[0]
+    heights = PLANE_HEIGHT - hooks[..., 2]
+    if np.any(heights <= 0.0):
+        where = np.argwhere(heights <= 0.0)[0]
         name = STRINGS[where[-1]].name
         row = f" in row {where[0]}" if len(where) > 1 else ""
         raise ArgumentError(
@@ -226,8 +236,10 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike) -> npt.NDArray[np.float
         )
     result = np.array(q, dtype=np.float64)
     order = {name: index for index, name in enumerate(mechanism.variables)}
+    yaw = result[..., order["torso_rz"]]
     for i, string in enumerate(STRINGS):
-        result[..., order[string.x]] = hooks[..., i, 0]
-        result[..., order[string.y]] = hooks[..., i, 1]
-        result[..., order[string.length]] = lengths[..., i]
+        slant = 0.0 if "torso" in string.name else ahead
+        result[..., order[string.x]] = hooks[..., i, 0] - slant * np.sin(yaw)
+        result[..., order[string.y]] = hooks[..., i, 1] + slant * np.cos(yaw)
+        result[..., order[string.length]] = np.hypot(heights[..., i], slant)
     return result

@@ -1,0 +1,139 @@
+"""The main job through the command line, on short motions: a folder with a motion the puppet can make."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from api.puppet_bvh import write_puppet
+from leastaction.cli import main
+from leastaction.io.results import load_record
+from leastaction.io.walk import walk_in_place
+from leastaction.mechanics import MidpointVI
+from leastaction.models.marionette import marionette
+from leastaction.optimal import IterationRecord, IterationTable
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def leastaction(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the command line in this process: its exit code, output and error output."""
+
+    def run(*words: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        captured = capsys.readouterr()
+        assert isinstance(ended.value.code, int)
+        return ended.value.code, captured.out, captured.err
+
+    return run
+
+
+def test_demo_leaves_a_whole_folder(leastaction: Run, tmp_path: Path) -> None:
+    code, out, err = leastaction("demo", "--duration", "0.3", "--out", tmp_path)
+    assert (code, err) == (0, "")
+    assert "walk in place: 30 steps" in out
+    assert "lknee_rx" in out
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "trajectory.npz",
+        "summary.json",
+        "summary.txt",
+        "convergence.png",
+        "tracking.png",
+        "strings.png",
+        "snapshots.png",
+        "animation.html",
+    }
+    numbers = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert numbers["run"]["status"] == "CONVERGED"
+    assert numbers["cost"]["last"] < numbers["cost"]["first"]
+
+
+def test_the_result_is_a_motion_of_the_puppet(leastaction: Run, tmp_path: Path) -> None:
+    leastaction("demo", "--duration", "0.3", "--out", tmp_path, "--no-plots", "--no-animation")
+    record = load_record(tmp_path / "trajectory.npz")
+    puppet = marionette()
+    assert record.variables == puppet.variables
+    assert np.abs(puppet.constraint_values(record.q)).max() < 1e-11
+    # The inputs of the file make the motion of the file.
+    integrator = MidpointVI(puppet)
+    start = integrator.start(record.q[0], p=record.p[0], t=float(record.t[0]))
+    again = integrator.simulate(start, record.t, rho=record.rho)
+    np.testing.assert_allclose(again.q, record.q, atol=1e-8)
+    np.testing.assert_allclose(again.p, record.p, atol=1e-7)
+    assert record.tension is not None
+    np.testing.assert_allclose(
+        np.stack([again.tensions()[name] for name in puppet.constraints], axis=1),
+        record.tension,
+        atol=1e-4,
+    )
+    # The puppet hardly leaves its place in that time, so the strings carry its weight.
+    weight = 9.8 * sum(body.mass for _, body, _ in puppet.tree.bodies())
+    assert record.tension.sum(axis=1).mean() == pytest.approx(weight, rel=0.1)
+
+
+def test_motion_capture(leastaction: Run, tmp_path: Path) -> None:
+    walk = walk_in_place(0.6, 0.02)
+    motion = write_puppet(tmp_path / "walk.bvh", walk.q)
+    out = tmp_path / "out"
+    code, text, err = leastaction(
+        "optimize",
+        "marionette",
+        "--motion",
+        motion,
+        "--duration",
+        "0.3",
+        "--out",
+        out,
+        "--no-plots",
+        "--no-animation",
+    )
+    assert (code, err) == (0, "")
+    assert "31 frames" in text
+    tracking = json.loads((out / "summary.json").read_text(encoding="utf-8"))["tracking"]
+    assert tracking["joint_rms_deg"] < 3.0
+
+
+def test_a_stopped_run_goes_on_as_if_it_had_not_stopped(leastaction: Run, tmp_path: Path) -> None:
+    few = ("--no-plots", "--no-animation", "--tolerance", "1e-9")
+    whole, half, rest = (tmp_path / name for name in ("whole", "half", "rest"))
+    assert leastaction("demo", "--duration", "0.3", "--out", whole, *few)[0] == 0
+    code, out, _ = leastaction(
+        "demo", "--duration", "0.3", "--out", half, "--max-iterations", "1", *few
+    )
+    assert code == 0
+    assert f"--resume {half / 'trajectory.npz'}" in out
+    assert load_record(half / "trajectory.npz").status == "ITERATION_LIMIT"
+    again = ("--resume", half / "trajectory.npz", "--out", rest)
+    assert leastaction("optimize", "marionette", *again, *few)[0] == 0
+    first, second = load_record(whole / "trajectory.npz"), load_record(rest / "trajectory.npz")
+    assert len(first.histories["cost"]) > 2
+    np.testing.assert_allclose(second.histories["cost"], first.histories["cost"], rtol=1e-12)
+    np.testing.assert_allclose(second.q, first.q, atol=1e-9)
+    assert second.settings["source"] == first.settings["source"]
+
+
+def test_ctrl_c_keeps_the_last_iterate(
+    leastaction: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = IterationTable.__call__
+
+    def interrupt(self: IterationTable, record: IterationRecord) -> Any:
+        table(self, record)
+        if record.iteration == 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(IterationTable, "__call__", interrupt)
+    code, out, err = leastaction("demo", "--duration", "0.3", "--out", tmp_path)
+    assert (code, err) == (130, "")
+    assert "Go on with" in out
+    record = load_record(tmp_path / "trajectory.npz")
+    assert record.status == "INTERRUPTED"
+    assert len(record.histories["cost"]) == 2
+    assert (tmp_path / "convergence.png").exists()

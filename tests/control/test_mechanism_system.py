@@ -1,0 +1,137 @@
+"""The bridge: a mechanism under its integrator is a system like any other to the optimiser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from leastaction import (
+    Damping,
+    Distance,
+    Gravity,
+    JointForce,
+    Mechanism,
+    MidpointSystem,
+    MidpointVI,
+    QuadraticCost,
+    optimize,
+    project_configuration,
+    rx,
+    rz,
+    tx,
+    tz,
+)
+from leastaction.errors import ArgumentError, StepError
+from leastaction.optimal import check_derivatives
+
+
+def crane(split: str = "symmetric") -> tuple[MidpointSystem, np.ndarray, np.ndarray]:
+    """Return a cart with a double pendulum whose tip hangs on a string that is reeled, and a motion of it."""
+    mechanism = Mechanism(
+        [
+            tx("cart", mass=2.0), [rx("a"), [tz(-1.0, mass=1.0, inertia=(0.1, 0.2, 0.3)), [
+                rz("twist"), [rx("b"), [tz(-0.7, name="tip", mass=0.5, inertia=(0.1, 0.1, 0.05))]],
+            ]]],
+            tz(1.0), [tx("winch", name="winch", kinematic=True)],
+        ],
+        [
+            Gravity(),
+            Damping(0.1),
+            JointForce("cart", "push"),
+            Distance("tip", "winch", "length", name="string"),
+        ],
+    )  # fmt: skip
+    q = project_configuration(
+        mechanism, mechanism.configuration({"a": 0.3, "b": -0.4, "twist": 0.2, "length": 2.4})
+    ).q
+    vi = MidpointVI(mechanism, split=split)
+    t = np.linspace(0.0, 0.2, 21)
+    run = vi.simulate(
+        vi.start(q),
+        t,
+        inputs=lambda s: [3.0 * np.sin(9 * s)],
+        rho=lambda s: q[mechanism.nd :] + np.array([0.1, -0.2]) * s,
+    )
+    return MidpointSystem(vi, t), run.x, run.u
+
+
+@pytest.mark.parametrize("split", ["symmetric", "left"])
+@pytest.mark.parametrize("multipliers", [False, True])
+def test_derivatives_of_the_system(split: str, multipliers: bool) -> None:
+    system, x, u = crane(split)
+    if multipliers:
+        system = MidpointSystem(system.integrator, system.t, multipliers=True)
+        x = system.rollout(
+            np.append(x[0], 0.0),
+            np.hstack([x, np.zeros((len(x), 1))]),
+            u,
+            np.zeros((system.N, system.nu, system.nx)),
+            0,
+            system.N,
+        ).x
+    report = check_derivatives(system, x, u, tolerance=1e-5)
+    assert report.ok, report.errors
+
+
+def test_whole_trajectories_agree_with_single_steps() -> None:
+    system, x, u = crane()
+    linearized = system.linearize(x, u)
+    z = np.random.default_rng(1).normal(size=x.shape)
+    hessians = system.curvatures(x, u, z)
+    for k in (0, 7, system.N - 1):
+        np.testing.assert_allclose(system.f(x[k], u[k], k), x[k + 1], atol=1e-10)
+        A, B = system.derivatives(x[k], u[k], k)
+        np.testing.assert_allclose(linearized.A[k], A, atol=1e-9 * np.abs(A).max())
+        np.testing.assert_allclose(linearized.B[k], B, atol=1e-9 * np.abs(B).max())
+        H = system.curvature(x[k], u[k], k, z[k + 1])
+        np.testing.assert_allclose(hessians[k], H, atol=1e-8 * np.abs(H).max())
+
+
+def test_appended_multipliers_are_those_of_the_step() -> None:
+    plain, x, u = crane()
+    system = MidpointSystem(plain.integrator, plain.t, multipliers=True)
+    start = np.append(x[0], 7.0)
+    K = np.zeros((system.N, system.nu, system.nx))
+    run = system.rollout(start, np.tile(start, (system.N + 1, 1)), u, K, 0, system.N)
+    trajectory = system.trajectory(run.x, run.u)
+    assert run.x[0, -1] == 7.0  # the start's own; nothing led to it
+    np.testing.assert_allclose(run.x[1:, -1], trajectory["string"], rtol=1e-9)
+    assert np.abs(trajectory["string"]).min() > 1e-3
+
+
+def test_a_step_without_solution_is_named() -> None:
+    system, x, u = crane()
+    far = u[0].copy()
+    far[-1] = 1e-3  # a string that cannot reach
+    with pytest.raises(StepError, match="t = 0 s") as caught:
+        system.f(x[0], far, 0)
+    assert "constraint 'string'" in caught.value.residuals
+    ubar = u.copy()
+    ubar[4, -1] = 1e-3
+    K = np.zeros((system.N, system.nu, system.nx))
+    run = system.rollout(x[0], x, ubar, K, 0, system.N)
+    assert run.steps_done == 4
+    assert run.failure is not None
+    assert "step 4" in run.failure
+
+
+def test_newton_tail_on_a_mechanism() -> None:
+    system, x, u = crane()
+    wanted = x.copy()
+    wanted[:, 0] += 0.5 * np.sin(15 * system.t)
+    cost = QuadraticCost(
+        wanted, u, Q=np.r_[np.full(6, 10.0), np.full(6, 1e-3)], R=np.full(system.nu, 1e-2)
+    )
+    result = optimize(system, cost, initial=(x, u), method="newton", tolerance=1e-13)
+    assert result.success
+    decrease = np.asarray(result.history.expected_decrease)
+    assert result.history.method[-3:] == ("newton",) * 3
+    # Each expected decrease falls with the square of the one before.
+    assert decrease[-2] < 1e3 * decrease[-3] ** 2
+    assert decrease[-1] < 1e3 * decrease[-2] ** 2
+
+
+def test_times_must_increase() -> None:
+    system, _, _ = crane()
+    with pytest.raises(ArgumentError, match="must increase"):
+        MidpointSystem(system.integrator, [0.0, 0.1, 0.1])
