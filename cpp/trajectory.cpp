@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstring>
 
 #include "parallel.hpp"
@@ -150,7 +151,7 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
 
 int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,
               const double* t, const double* X, const double* U, bool multipliers, int threads, double* A, double* B,
-              double* lam, double* memo) {
+              double* lam, double* memo, double* defect) {
     const Layout at(*mechanism, multipliers);
     const StepMemo sizes(*mechanism);
     std::atomic<int> first_failure{steps};
@@ -161,6 +162,7 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
             const double* next = X + static_cast<std::size_t>(k + 1) * at.nx;
             at.start(X + static_cast<std::size_t>(k) * at.nx, U + static_cast<std::size_t>(k) * at.nu, step);
             for (int i = 0; i < at.nd; ++i) step.q2[i] = next[at.m.external[i]];
+            std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
             step.place_start();
             if (step.solve(dt, true).status != StepStatus::converged || !step.differentiate(dt)) {
                 int seen = first_failure.load();
@@ -168,6 +170,9 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
                 }
                 return;
             }
+            defect[k] = 0;
+            for (int i = 0; i < at.nd; ++i)
+                defect[k] = std::max(defect[k], std::abs(step.q2[i] - next[at.m.external[i]]));
             const int ld = step.ld();
             double* A_k = A + static_cast<std::size_t>(k) * at.ny * at.ny;
             double* B_k = B + static_cast<std::size_t>(k) * at.ny * at.nu;

@@ -31,10 +31,11 @@ struct StepMemo {
 
 // Derivatives of every step. With `multipliers` the multipliers of a step count as further states of its end, which
 // nothing depends on: ny = nx + nc states instead of nx. A (N, ny, ny), B (N, ny, nu), lam (N, nc), memo (N,
-// StepMemo::size()); X stays (N+1, nx). Returns the first step at which the trajectory is not one, or N.
+// StepMemo::size()), defect (N): distance of the dynamic configuration from the next one in X, which stays
+// (N+1, nx). Returns the first step at which the trajectory is not one, or N.
 int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,
               const double* t, const double* X, const double* U, bool multipliers, int threads, double* A, double* B,
-              double* lam, double* memo);
+              double* lam, double* memo, double* defect);
 
 // Hessians by (states, u), (N, ny + nu, ny + nu), of the next states weighted with W (N, ny).
 void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,

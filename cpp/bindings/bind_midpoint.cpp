@@ -77,18 +77,20 @@ public:
         const Mechanism& m = *mechanism_;
         const std::size_t N = check(t, x, u), ny = states(multipliers), nu = m.n_controls(), nc = m.n_constraints();
         Out A = reused(reuse, "A", {N, ny, ny}), B = reused(reuse, "B", {N, ny, nu}), lam = new_array({N, nc});
-        Out memo = reused(reuse, "memo", {N, StepMemo(m).size()});
+        Out memo = reused(reuse, "memo", {N, StepMemo(m).size()}), defect = new_array({N});
         int done = 0;
         {
             nb::gil_scoped_release release;
             done = leastaction::linearize(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
-                                          multipliers, threads, A.data(), B.data(), lam.data(), memo.data());
+                                          multipliers, threads, A.data(), B.data(), lam.data(), memo.data(),
+                                          defect.data());
         }
         nb::dict out;
         out["A"] = A;
         out["B"] = B;
         out["lam"] = lam;
         out["memo"] = memo;
+        out["defect"] = defect;
         out["steps"] = done;
         return out;
     }

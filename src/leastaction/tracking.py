@@ -49,7 +49,7 @@ _EMBEDDING = (
     (10.0, 8),
 )
 # Parts of the final price of tension, and the iterations at that price, on the way there.
-_TENSION_STAGES = ((0.0, 15), (0.01, 15), (0.1, 15))
+_TENSION_STAGES = ((0.0, 15), (0.001, 15), (0.01, 15), (0.1, 15))
 
 
 class WantedMotion(Protocol):
@@ -101,9 +101,7 @@ class TrackingWeights:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value >= 0.0):
-                raise ArgumentError(
-                    f"weights: {name} is {value}, expected a finite number >= 0"
-                )
+                raise ArgumentError(f"weights: {name} is {value}, expected a finite number >= 0")
         if self.string <= 0.0:
             raise ArgumentError(
                 "weights: string is 0, expected a positive weight: without one nothing says where the "
@@ -114,7 +112,7 @@ class TrackingWeights:
 GENTLE = TrackingWeights()
 """For a motion that the puppet nearly makes by itself: all joints count, the strings go where they like."""
 
-FORCED = TrackingWeights(unheld=0.01, string=0.1)
+FORCED = TrackingWeights(unheld=0.01, string=0.1, tension=1e-6)
 """For a motion that it must be made to do: what no string holds may swing, and the strings of the limbs keep
 their slant, without which they would lose their grip."""
 
@@ -297,7 +295,9 @@ def track(
         callback=callback,
     )
     trajectory = problem.system.trajectory(result.x, result.u)
-    tensions = trajectory.tensions()
+    named = trajectory.tensions()
+    tension = np.stack([named[name] for name in mechanism.constraints], axis=1)
+    tension[0] *= 2.0  # the first impulse is that of half a step, see Trajectory.tensions
     return TrackingRun(
         mechanism,
         trajectory.t,
@@ -305,7 +305,7 @@ def track(
         trajectory.p,
         result.u,
         trajectory.lam,
-        np.stack([tensions[name] for name in mechanism.constraints], axis=1),
+        tension,
         problem.wanted,
         embedded,
         result,
@@ -357,7 +357,10 @@ class _Problem:
         motors = [JointForce(name, f"motor of {name}") for name in m.dynamic]
         helped = MidpointVI(m.with_elements(motors), threads=self.threads)
         system = MidpointSystem(helped, self.t, multipliers=True)
-        x, u = self.x_wanted, np.hstack([np.zeros((len(self.t) - 1, m.nd)), self.wanted[1:, m.nd :]])
+        x, u = (
+            self.x_wanted,
+            np.hstack([np.zeros((len(self.t) - 1, m.nd)), self.wanted[1:, m.nd :]]),
+        )
         for price, iterations in _EMBEDDING:
             result = optimize(
                 system,

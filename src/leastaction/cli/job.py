@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -80,7 +80,8 @@ def capture(
         path, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place
     )
     console.print(loaded.summary(), markup=False)
-    return loaded.motion
+    # The name is enough for titles, and where a file lies is nobody's business but its owner's.
+    return replace(loaded.motion, source=path.name)
 
 
 def earlier(path: Path, *, mechanism: str, optimiser: OptimiserOptions) -> Job:

@@ -20,6 +20,7 @@ from leastaction import _core
 from leastaction.errors import ArgumentError, InconsistentStartError, StepError, worst_first
 from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
 from leastaction.mechanics.assembly import check_consistent
+from leastaction.mechanics.elements import Distance
 from leastaction.mechanics.mechanism import Mechanism
 from leastaction.mechanics.trajectory import SimulationStatus, State, Trajectory
 
@@ -32,6 +33,7 @@ _REASONS = {
     3: "the equations of the step are singular",
 }
 _VELOCITY_TOLERANCE = 1e-6
+_TRAJECTORY_TOLERANCE = 1e-6  # (m or rad) of a step's end, for what counts as a trajectory
 _CHUNK = 2000  # steps between looks at Ctrl-C
 
 
@@ -71,6 +73,8 @@ class StepDerivatives:
         What the second order takes over from the first.
     nx : int
         Number of states without multipliers.
+    defect : ndarray, shape (N,)
+        How far the dynamic configuration that each step leads to is from the one that was given.
     """
 
     A_all: Array = field(repr=False)
@@ -78,6 +82,7 @@ class StepDerivatives:
     lam: Array = field(repr=False)
     memo: Array = field(repr=False)
     nx: int
+    defect: Array = field(repr=False)
 
     @property
     def A(self) -> Array:
@@ -151,8 +156,11 @@ class MidpointVI:
             raise ArgumentError(f"split: got {split!r}, expected 'symmetric' or 'left'")
         if not 0.0 < as_number(tolerance, "tolerance") < 1e-2:
             raise ArgumentError(f"tolerance: got {tolerance}, expected a number between 0 and 0.01")
-        if int(max_iterations) < 1:
-            raise ArgumentError(f"max_iterations: got {max_iterations}, expected at least 1")
+        for name, value, least in (("max_iterations", max_iterations, 1), ("threads", threads, 0)):
+            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
+                raise ArgumentError(
+                    f"{name}: got {value!r}, expected a whole number, at least {least}"
+                )
         self.mechanism = mechanism
         self.split: Split = split
         self.tolerance = float(tolerance)
@@ -191,6 +199,7 @@ class MidpointVI:
         """
         m = self.mechanism
         q0 = as_array(q, "q", (m.nq,), names=m.variables)
+        self._check_lengths(q0[None, :], np.array([t]))
         check_consistent(m, q0)
         if v is not None and p is not None:
             raise ArgumentError("start: got both v and p; give the velocity or the momentum")
@@ -267,6 +276,7 @@ class MidpointVI:
             If the step has no solution; residuals by equation, the state is the one given.
         """
         m = self.mechanism
+        _check_state(state)
         h = _time_step(dt)
         u = (
             np.zeros(m.nu)
@@ -278,7 +288,8 @@ class MidpointVI:
             if rho_next is None
             else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
         )
-        t = np.array([state.t, state.t + h])
+        t = np.array([as_number(state.t, "state.t"), state.t + h])
+        self._check_lengths(np.concatenate([state.q[: m.nd], rho])[None, :], t[1:])
         out = self.core.roll_out(
             t, self._vector(state), None, np.concatenate([u, rho])[None, :], None, None
         )
@@ -323,6 +334,7 @@ class MidpointVI:
             For wrong shapes, values that are not finite, or times that do not increase.
         """
         m = self.mechanism
+        _check_state(start)
         times = check_times(t)
         if abs(times[0] - start.t) > 1e-9 * max(1.0, abs(start.t)):
             raise ArgumentError(
@@ -330,12 +342,9 @@ class MidpointVI:
             )
         N = len(times) - 1
         middle = 0.5 * (times[1:] + times[:-1])
-        u = np.hstack(
-            [
-                signal_rows(inputs, middle, m.inputs, "inputs", np.zeros(m.nu)),
-                signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nd :], extra_row=True),
-            ]
-        )
+        rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nd :], extra_row=True)
+        self._check_lengths(np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
+        u = np.hstack([signal_rows(inputs, middle, m.inputs, "inputs", np.zeros(m.nu)), rho_next])
         x, lam = np.empty((N + 1, m.nx)), np.empty((N, m.nc))
         x[0] = self._vector(start)
         done, redundant = 0, False
@@ -415,12 +424,26 @@ class MidpointVI:
 
         Raises
         ------
+        ArgumentError
+            For a trajectory of a mechanism with other variables.
         StepError
             Where the arrays are not a trajectory of the mechanism.
         """
-        return self.linearize_arrays(
-            trajectory.t, trajectory.x, trajectory.u, multipliers=multipliers
-        )
+        self._check_trajectory(trajectory)
+        d = self.linearize_arrays(trajectory.t, trajectory.x, trajectory.u, multipliers=multipliers)
+        wrong = np.flatnonzero(d.defect > _TRAJECTORY_TOLERANCE)
+        if len(wrong):
+            k = int(wrong[0])
+            raise StepError(
+                f"linearize: the step at t = {trajectory.t[k]:.6g} s does not lead to the next state, by "
+                f"{d.defect[k]:.2g}; give a trajectory of this mechanism and this integrator, such as the "
+                "result of simulate()",
+                t=float(trajectory.t[k]),
+                residuals={},
+                iteration=0,
+                state=trajectory.state(k),
+            )
+        return d
 
     def linearize_arrays(
         self,
@@ -446,7 +469,9 @@ class MidpointVI:
                 iteration=0,
                 state=self._state(float(t[k]), x[k]),
             )
-        return StepDerivatives(out["A"], out["B"], out["lam"], out["memo"], self.mechanism.nx)
+        return StepDerivatives(
+            out["A"], out["B"], out["lam"], out["memo"], self.mechanism.nx, out["defect"]
+        )
 
     def curvature_arrays(
         self,
@@ -494,6 +519,12 @@ class MidpointVI:
             Hessian of ``z_k . x_{k+1} + z_lam_k . lam_k`` by ``[x_k; u_k]``.
         """
         m, N = self.mechanism, trajectory.steps
+        self._check_trajectory(trajectory)
+        if len(derivatives.A_all) != N or derivatives.nx != m.nx:
+            raise ArgumentError(
+                f"derivatives: got those of {len(derivatives.A_all)} steps of {derivatives.nx} states, "
+                f"expected {N} steps of {m.nx}; give the result of linearize() for the same trajectory"
+            )
         weights = as_array(z, "z", (N, m.nx))
         t, x, u, d = trajectory.t, trajectory.x, trajectory.u, derivatives
         ny = d.A_all.shape[1]
@@ -511,8 +542,9 @@ class MidpointVI:
     def tensors(self, trajectory: Trajectory, k: int) -> StepTensors:
         """Return the full second derivatives of step k of a trajectory (for analysis)."""
         m = self.mechanism
-        if not 0 <= k < trajectory.steps:
-            raise ArgumentError(f"k: got {k}, expected a step from 0 to {trajectory.steps - 1}")
+        self._check_trajectory(trajectory)
+        if not isinstance(k, (int, np.integer)) or not 0 <= k < trajectory.steps:
+            raise ArgumentError(f"k: got {k!r}, expected a step from 0 to {trajectory.steps - 1}")
         t = trajectory.t[k : k + 2]
         x, u = (
             np.ascontiguousarray(trajectory.x[k : k + 2]),
@@ -544,6 +576,32 @@ class MidpointVI:
             iteration=int(out["failed_iterations"]),
             state=state,
         )
+
+    def _check_trajectory(self, trajectory: Trajectory) -> None:
+        theirs, ours = trajectory.mechanism, self.mechanism
+        if (theirs.variables, theirs.inputs, theirs.constraints) != (
+            ours.variables,
+            ours.inputs,
+            ours.constraints,
+        ):
+            raise ArgumentError(
+                f"trajectory: it is of {theirs!r} with other names, expected one of {ours!r}; use the "
+                "integrator of the mechanism that made it"
+            )
+
+    def _check_lengths(self, q: Array, t: Array) -> None:
+        """Complain about a prescribed distance that is not positive: it has no direction to pull in."""
+        m = self.mechanism
+        for name, element in m.elements.items():
+            if not (isinstance(element, Distance) and isinstance(element.length, str)):
+                continue
+            lengths = q[:, m.variables.index(element.length)]
+            if np.any(lengths <= 0.0):
+                k = int(np.argmax(lengths <= 0.0))
+                raise ArgumentError(
+                    f"{name}: its length {element.length!r} is {lengths[k]:.6g} m at t = {t[k]:.6g} s, "
+                    "expected a positive one, as a string of zero length has no direction to pull in"
+                )
 
     def _check_velocity(self, q: Array, v: Array) -> None:
         m = self.mechanism
@@ -614,7 +672,23 @@ def signal_rows(
     if shape is not None and len(shape) == 1:
         return np.tile(as_array(signal, what, (n,), names=names), (N, 1))
     rows = N + 1 if extra_row and shape is not None and shape[0] == N + 1 else N
-    return as_array(signal, what, (rows, n), names=names)[rows - N :]
+    values = as_array(signal, what, (rows, n), names=names)
+    if rows > N:
+        off = np.abs(values[0] - default)
+        if np.any(off > 1e-9 * np.maximum(1.0, np.abs(default))):
+            i = int(np.argmax(off))
+            raise ArgumentError(
+                f"{what}: its first row has {names[i]!r} at {values[0, i]:.6g}, but the start has it at "
+                f"{default[i]:.6g}; they must agree, or give one row a step without the first"
+            )
+    return values[rows - N :]
+
+
+def _check_state(state: object) -> None:
+    if not isinstance(state, State):
+        raise ArgumentError(
+            f"state: got {type(state).__name__}, expected a State, such as the result of start()"
+        )
 
 
 def _time_step(dt: float) -> float:

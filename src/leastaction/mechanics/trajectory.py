@@ -29,6 +29,13 @@ class SimulationStatus(Enum):
     )
 
 
+def read_only(array: Array) -> Array:
+    """Return a view that cannot be written to: what is frozen stays as it was computed."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
 @dataclass(frozen=True)
 class State:
     """State of a mechanism in discrete time.
@@ -49,6 +56,10 @@ class State:
     q: Array
     p: Array
     v_rho: Array
+
+    def __post_init__(self) -> None:
+        for name in ("q", "p", "v_rho"):
+            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
 
     @property
     def x(self) -> Array:
@@ -92,6 +103,10 @@ class Trajectory:
     status: SimulationStatus = SimulationStatus.COMPLETED
     message: str = "completed"
     rank_deficient: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("t", "q", "p", "v_rho", "inputs", "lam"):
+            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
 
     @property
     def steps(self) -> int:
@@ -154,6 +169,12 @@ class Trajectory:
         dict of str to ndarray, shape (N,)
             Newtons, positive where the string pulls: ``2 L lam / dt`` with the length at the step's start,
             for the constraint ``h = |p1 - p2|^2 - L^2`` whose multiplier is an impulse.
+
+        Notes
+        -----
+        An impulse at an instant makes up for the halves of the two steps that meet there. At a start that
+        was given by a velocity there is no step before, so the first impulse, and with it the first
+        tension, is half of what follows.
         """
         m, dt = self.mechanism, np.diff(self.t)
         order = {name: index for index, name in enumerate(m.variables)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -82,13 +82,13 @@ def plot_snapshots(
     index = [int(np.abs(scene.t - time).argmin()) for time in wanted_times]
     poses = [_flatten(scene, scene.points, k, view) for k in index]
     ghosts = [_flatten(scene, scene.ghost or {}, k, view) for k in index]
-    sides = [p[0] for pose in poses for p in pose.values()]
-    centre, reach = 0.5 * (max(sides) + min(sides)), 0.5 * (max(sides) - min(sides)) + 0.08
     floor = scene.floor * view[1][2]
     bottom = min(floor, *(p[1] for pose in poses for p in pose.values()))
     top = max(p[1] for pose in poses for p in pose.values())
     if ceiling is not None:
         top = min(top, floor + ceiling)
+    sides = [side for pose in poses for side in _sides(scene, pose, top)]
+    centre, reach = 0.5 * (max(sides) + min(sides)), 0.5 * (max(sides) - min(sides)) + 0.05
     pitch, margin = 1.9 * reach, 0.03 * (top - bottom)
     width, height = pitch * len(poses) + 0.25 * reach, top - bottom + 4.0 * margin
     inches = 11.9 / width
@@ -147,6 +147,20 @@ def _flatten(
     """
     origin = scene.points[scene.followed][k] * (1.0, 1.0, 0.0)
     return {name: view @ (path[k] - origin) for name, path in points.items()}
+
+
+def _sides(
+    scene: Scene, pose: Mapping[str, npt.NDArray[np.float64]], top: float
+) -> Iterator[float]:
+    """Yield how far to the right everything reaches that is to be seen below the top."""
+    for bone in scene.bones:
+        for name in (bone.start, bone.end):
+            yield pose[name][0] - bone.radius
+            yield pose[name][0] + bone.radius
+    for cord in scene.cords:
+        a, b = pose[cord.start], pose[cord.end]
+        share = 1.0 if b[1] <= top else (top - a[1]) / (b[1] - a[1])
+        yield a[0] + max(0.0, share) * (b[0] - a[0])
 
 
 def _draw_pose(

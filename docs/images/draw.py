@@ -1,0 +1,21 @@
+"""Draws the picture of the README from a demo: python docs/images/draw.py demo/trajectory.npz."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from leastaction.io.results import load_record
+from leastaction.models.marionette import marionette
+from leastaction.viz import plot_snapshots, save_png
+from leastaction.viz.marionette import marionette_scene
+
+# One cycle of the walk.
+TIMES = (2.2, 2.45, 2.65, 2.95, 3.2, 3.45, 3.65)
+
+record = load_record(sys.argv[1])
+scene = marionette_scene(
+    marionette(), record.t, record.q, q_wanted=record.q_wanted, tension=record.tension
+)
+figure = plot_snapshots(scene, times=TIMES, ceiling=1.95, azimuth=28.0)
+save_png(figure, Path(__file__).with_name("marionette.png"), dpi=110.0)
