@@ -112,7 +112,7 @@ class TrackingWeights:
 GENTLE = TrackingWeights()
 """For a motion that the puppet nearly makes by itself: all joints count, the strings go where they like."""
 
-FORCED = TrackingWeights(unheld=0.01, string=0.1, tension=1e-6)
+FORCED = TrackingWeights(unheld=0.01, string=0.1, string_acceleration=1e-5, tension=1e-6)
 """For a motion that it must be made to do: what no string holds may swing, and the strings of the limbs keep
 their slant, without which they would lose their grip."""
 
@@ -241,8 +241,8 @@ def track(
     *,
     weights: TrackingWeights | None = None,
     method: str = "auto",
-    max_iterations: int = 60,
-    tolerance: float = 1e-6,
+    max_iterations: int = 100,
+    tolerance: float | None = None,
     callback: Callback | None = None,
     progress: Callable[[str], None] | None = None,
     resume: OptimizationResult | None = None,
@@ -259,8 +259,11 @@ def track(
     weights : TrackingWeights, optional
         What matters how much. If not given, `GENTLE` where the hanging strings give a good first
         trajectory, else `FORCED`.
-    method, max_iterations, tolerance, callback, resume
+    method, max_iterations, callback, resume
         As in `leastaction.optimal.optimize`, for the last optimisation.
+    tolerance : float, optional
+        Likewise. If not given, 1e-6, or 1e-4 where the first trajectory had to be found by embedding:
+        such a motion is far from what the puppet does by itself, and its last digits cost much.
     progress : callable, optional
         Called with a line of text as the search for a first trajectory goes on.
     threads : int, optional
@@ -291,7 +294,7 @@ def track(
         resume=resume,
         method=method,  # type: ignore[arg-type]
         max_iterations=max_iterations,
-        tolerance=tolerance,
+        tolerance=tolerance or (1e-4 if embedded else 1e-6),
         callback=callback,
     )
     trajectory = problem.system.trajectory(result.x, result.u)

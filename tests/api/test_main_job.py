@@ -68,11 +68,10 @@ def test_the_result_is_a_motion_of_the_puppet(leastaction: Run, tmp_path: Path) 
     np.testing.assert_allclose(again.q, record.q, atol=1e-8)
     np.testing.assert_allclose(again.p, record.p, atol=1e-7)
     assert record.tension is not None
-    np.testing.assert_allclose(
-        np.stack([again.tensions()[name] for name in puppet.constraints], axis=1),
-        record.tension,
-        atol=1e-4,
-    )
+    pulls = np.stack([again.tensions()[name] for name in puppet.constraints], axis=1)
+    # At the start there is only half a step for the first impulse to make up for.
+    pulls[0] *= 2.0
+    np.testing.assert_allclose(record.tension, pulls, atol=1e-4)
     # The puppet hardly leaves its place in that time, so the strings carry its weight.
     weight = 9.8 * sum(body.mass for _, body, _ in puppet.tree.bodies())
     assert record.tension.sum(axis=1).mean() == pytest.approx(weight, rel=0.1)
@@ -95,7 +94,7 @@ def test_motion_capture(leastaction: Run, tmp_path: Path) -> None:
         "--no-animation",
     )
     assert (code, err) == (0, "")
-    assert "31 frames" in text
+    assert "31 frames" in " ".join(text.split())  # however long the path made the line
     tracking = json.loads((out / "summary.json").read_text(encoding="utf-8"))["tracking"]
     assert tracking["joint_rms_deg"] < 3.0
 

@@ -69,6 +69,7 @@ class Tree:
         names = tuple(f"q{i}" for i in range(self.nq))
         return SimpleNamespace(
             core=self.core(),
+            elements={},
             nd=self.n_dynamic,
             nrho=self.n_kinematic,
             nq=self.nq,

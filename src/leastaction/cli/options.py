@@ -33,7 +33,7 @@ class OptimiserOptions:
 
     method: Annotated[Method, Parameter(group=OPTIMISER)] = "auto"
     max_iterations: Annotated[int, Parameter(group=OPTIMISER)] = 100
-    tolerance: Annotated[float, Parameter(group=OPTIMISER)] = 1e-6
+    tolerance: Annotated[float | None, Parameter(group=OPTIMISER)] = None
 
 
 @Parameter(name="*")

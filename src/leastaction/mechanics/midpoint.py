@@ -9,6 +9,7 @@ for the dynamic variables of q2 and the multipliers lam; the kinematic variables
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -156,16 +157,12 @@ class MidpointVI:
             raise ArgumentError(f"split: got {split!r}, expected 'symmetric' or 'left'")
         if not 0.0 < as_number(tolerance, "tolerance") < 1e-2:
             raise ArgumentError(f"tolerance: got {tolerance}, expected a number between 0 and 0.01")
-        for name, value, least in (("max_iterations", max_iterations, 1), ("threads", threads, 0)):
-            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
-                raise ArgumentError(
-                    f"{name}: got {value!r}, expected a whole number, at least {least}"
-                )
         self.mechanism = mechanism
         self.split: Split = split
         self.tolerance = float(tolerance)
-        self.threads = int(threads)
-        self.core = _core.Midpoint(mechanism.core, split, self.tolerance, int(max_iterations))
+        self.threads = _count(threads, "threads", 0)
+        steps = _count(max_iterations, "max_iterations", 1)
+        self.core = _core.Midpoint(mechanism.core, split, self.tolerance, steps)
 
     # Starts
 
@@ -539,12 +536,14 @@ class MidpointVI:
         keep = np.r_[0 : m.nx, H.shape[1] - (m.nu + m.nrho) : H.shape[1]]
         return H if len(keep) == H.shape[1] else H[:, keep[:, None], keep]
 
-    def tensors(self, trajectory: Trajectory, k: int) -> StepTensors:
+    def tensors(self, trajectory: Trajectory, k: int | np.integer[Any]) -> StepTensors:
         """Return the full second derivatives of step k of a trajectory (for analysis)."""
         m = self.mechanism
         self._check_trajectory(trajectory)
-        if not isinstance(k, (int, np.integer)) or not 0 <= k < trajectory.steps:
-            raise ArgumentError(f"k: got {k!r}, expected a step from 0 to {trajectory.steps - 1}")
+        steps = range(trajectory.steps)
+        if k not in steps:
+            raise ArgumentError(f"k: got {k!r}, expected a step from 0 to {steps[-1]}")
+        k = int(k)
         t = trajectory.t[k : k + 2]
         x, u = (
             np.ascontiguousarray(trajectory.x[k : k + 2]),
@@ -682,6 +681,16 @@ def signal_rows(
                 f"{default[i]:.6g}; they must agree, or give one row a step without the first"
             )
     return values[rows - N :]
+
+
+def _count(value: int, what: str, least: int) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = least - 1
+    if number < least:
+        raise ArgumentError(f"{what}: got {value!r}, expected a whole number, at least {least}")
+    return number
 
 
 def _check_state(state: object) -> None:
