@@ -56,7 +56,7 @@ $(STAMPS)/compiled: $(STAMPS)/installed CMakeLists.txt $(CXX_FILES)
 
 $(STAMPS)/extra-%: $(STAMPS)/installed
 	@$(BIN)/python -c 'import tomllib; print("\n".join(tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["$*"]))' > $(VENV)/extra-$*.txt
-	$(PIP) install -r $(VENV)/extra-$*.txt 'rich<15'
+	$(PIP) install -r $(VENV)/extra-$*.txt
 	@touch $@
 
 setup: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extra-dev
@@ -75,7 +75,7 @@ test: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(if $(ORACLES
 	$(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(if $(SLOW),--slow) $(ARGS)
 
 bench: $(STAMPS)/compiled $(STAMPS)/extra-viz
-	$(BIN)/python -m benchmarks $(ARGS)
+	@$(BIN)/python -m benchmarks $(ARGS)
 
 lint: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extra-dev
 	$(BIN)/ruff check $(PY_FILES)
