@@ -2,7 +2,7 @@
 //
 // The C library gives them one by one; a mechanism needs those of all its joints, so this takes eight lanes at a time:
 // Cody and Waite's reduction by multiples of pi/2 in three exact parts, then the minimax polynomials of fdlibm on
-// [-pi/4, pi/4]. Below one unit in the last place for |x| < 1e5; beyond that the C library takes over.
+// [-pi/4, pi/4]. Within two units in the last place for |x| < 1e5; beyond that the C library takes over.
 #pragma once
 
 #include <bit>
