@@ -8,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.midpoint import MidpointVI, StepDerivatives, check_times
+from leastaction.mechanics.midpoint import MidpointVI
+from leastaction.mechanics.signals import check_times
+from leastaction.mechanics.step import StepDerivatives
 from leastaction.mechanics.trajectory import Trajectory
 from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
 

@@ -23,7 +23,8 @@ from leastaction.mechanics.elements import (
 )
 from leastaction.mechanics.frames import Frame, pose, rx, ry, rz, tx, ty, tz
 from leastaction.mechanics.mechanism import Energy, Mechanism
-from leastaction.mechanics.midpoint import MidpointVI, Step, StepDerivatives, StepTensors
+from leastaction.mechanics.midpoint import MidpointVI
+from leastaction.mechanics.step import Step, StepDerivatives, StepTensors
 from leastaction.mechanics.trajectory import SimulationStatus, State, Trajectory
 
 __all__ = [

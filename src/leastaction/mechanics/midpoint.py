@@ -9,9 +9,7 @@ for the dynamic variables of q2 and the multipliers lam; the kinematic variables
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -19,14 +17,23 @@ import numpy.typing as npt
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, InconsistentStartError, StepError, worst_first
-from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
+from leastaction.mechanics.arguments import Array, as_array, as_number
 from leastaction.mechanics.assembly import check_consistent
+from leastaction.mechanics.derivatives import StepDifferentiation
 from leastaction.mechanics.elements import Distance
 from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.signals import (
+    Signal,
+    as_count,
+    as_time_step,
+    check_state,
+    check_times,
+    signal_rows,
+)
+from leastaction.mechanics.step import Step
 from leastaction.mechanics.trajectory import SimulationStatus, State, Trajectory
 
 Split = Literal["symmetric", "left"]
-Signal = npt.ArrayLike | Callable[[float], npt.ArrayLike] | None
 
 _REASONS = {
     1: "Newton's method did not converge in {iterations} iterations",
@@ -34,95 +41,10 @@ _REASONS = {
     3: "the equations of the step are singular",
 }
 _VELOCITY_TOLERANCE = 1e-6
-_TRAJECTORY_TOLERANCE = 1e-6  # (m or rad) of a step's end, for what counts as a trajectory
 _CHUNK = 2000  # steps between looks at Ctrl-C
 
 
-@dataclass(frozen=True)
-class Step:
-    """One solved time step.
-
-    Attributes
-    ----------
-    state : State
-        The state at its end.
-    lam : ndarray, shape (nc,)
-        Multipliers (impulses).
-    iterations : int
-        Newton iterations.
-    """
-
-    state: State
-    lam: Array
-    iterations: int
-
-
-@dataclass(frozen=True)
-class StepDerivatives:
-    """First derivatives of every step of a trajectory.
-
-    Attributes
-    ----------
-    A_all : ndarray, shape (N, ny, ny)
-        Next state by state. The state is ``x = [q; rho; p; v_rho]``; where the derivatives of the
-        multipliers were asked for, those of the step stand after it, ``[x; lam]``.
-    B_all : ndarray, shape (N, ny, nu + nrho)
-        Next state by input, ``u = [inputs; rho_next]``.
-    lam : ndarray, shape (N, nc)
-        Multipliers.
-    memo : ndarray
-        What the second order takes over from the first.
-    nx : int
-        Number of states without multipliers.
-    defect : ndarray, shape (N,)
-        How far the dynamic configuration that each step leads to is from the one that was given.
-    """
-
-    A_all: Array = field(repr=False)
-    B_all: Array = field(repr=False)
-    lam: Array = field(repr=False)
-    memo: Array = field(repr=False)
-    nx: int
-    defect: Array = field(repr=False)
-
-    @property
-    def A(self) -> Array:
-        """Next state by state, shape (N, nx, nx)."""
-        return self.A_all[:, : self.nx, : self.nx]
-
-    @property
-    def B(self) -> Array:
-        """Next state by input, shape (N, nx, nu + nrho)."""
-        return self.B_all[:, : self.nx]
-
-    @property
-    def lam_dx(self) -> Array:
-        """Multipliers by state, shape (N, nc, nx); of no rows unless asked for."""
-        return self.A_all[:, self.nx :, : self.nx]
-
-    @property
-    def lam_du(self) -> Array:
-        """Multipliers by input, shape (N, nc, nu + nrho); of no rows unless asked for."""
-        return self.B_all[:, self.nx :]
-
-
-@dataclass(frozen=True)
-class StepTensors:
-    """Full second derivatives of one step; output index first, then the two arguments.
-
-    Attributes
-    ----------
-    x : ndarray, shape (nx, nx + nu + nrho, nx + nu + nrho)
-        Of the next state by ``[x; u]`` twice.
-    lam : ndarray, shape (nc, nx + nu + nrho, nx + nu + nrho)
-        Of the multipliers.
-    """
-
-    x: Array = field(repr=False)
-    lam: Array = field(repr=False)
-
-
-class MidpointVI:
+class MidpointVI(StepDifferentiation):
     """Midpoint variational integrator of one mechanism. Holds settings, no state.
 
     Parameters
@@ -160,8 +82,8 @@ class MidpointVI:
         self.mechanism = mechanism
         self.split: Split = split
         self.tolerance = float(tolerance)
-        self.threads = _count(threads, "threads", 0)
-        steps = _count(max_iterations, "max_iterations", 1)
+        self.threads = as_count(threads, "threads", 0)
+        steps = as_count(max_iterations, "max_iterations", 1)
         self.core = _core.Midpoint(mechanism.core, split, self.tolerance, steps)
 
     # Starts
@@ -234,7 +156,7 @@ class MidpointVI:
         second = as_array(q1, "q1", (m.nq,), names=m.variables)
         for q in (first, second):
             check_consistent(m, q)
-        h = _time_step(dt)
+        h = as_time_step(dt)
         u = (
             np.zeros(m.nu)
             if inputs is None
@@ -273,8 +195,8 @@ class MidpointVI:
             If the step has no solution; residuals by equation, the state is the one given.
         """
         m = self.mechanism
-        _check_state(state)
-        h = _time_step(dt)
+        check_state(state)
+        h = as_time_step(dt)
         u = (
             np.zeros(m.nu)
             if inputs is None
@@ -331,7 +253,7 @@ class MidpointVI:
             For wrong shapes, values that are not finite, or times that do not increase.
         """
         m = self.mechanism
-        _check_state(start)
+        check_state(start)
         times = check_times(t)
         if abs(times[0] - start.t) > 1e-9 * max(1.0, abs(start.t)):
             raise ArgumentError(
@@ -407,156 +329,6 @@ class MidpointVI:
             rank_deficient,
         )
 
-    # Derivatives
-
-    def linearize(self, trajectory: Trajectory, *, multipliers: bool = False) -> StepDerivatives:
-        """Return the exact first derivatives of every step of a trajectory, in parallel over time.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Of this mechanism.
-        multipliers : bool, optional
-            Also the derivatives of the multipliers.
-
-        Raises
-        ------
-        ArgumentError
-            For a trajectory of a mechanism with other variables.
-        StepError
-            Where the arrays are not a trajectory of the mechanism.
-        """
-        self._check_trajectory(trajectory)
-        d = self.linearize_arrays(trajectory.t, trajectory.x, trajectory.u, multipliers=multipliers)
-        wrong = np.flatnonzero(d.defect > _TRAJECTORY_TOLERANCE)
-        if len(wrong):
-            k = int(wrong[0])
-            raise StepError(
-                f"linearize: the step at t = {trajectory.t[k]:.6g} s does not lead to the next state, by "
-                f"{d.defect[k]:.2g}; give a trajectory of this mechanism and this integrator, such as the "
-                "result of simulate()",
-                t=float(trajectory.t[k]),
-                residuals={},
-                iteration=0,
-                state=trajectory.state(k),
-            )
-        return d
-
-    def linearize_arrays(
-        self,
-        t: Array,
-        x: Array,
-        u: Array,
-        *,
-        multipliers: bool = False,
-        reuse: dict[str, Array] | None = None,
-    ) -> StepDerivatives:
-        """Return the derivatives along states x (N+1, nx) and inputs u (N, nu + nrho) at times t.
-
-        `reuse` offers arrays ``A``, ``B``, ``memo`` of an earlier call that may be written over.
-        """
-        out = self.core.linearize(t, x, u, multipliers, self.threads, reuse)
-        k = int(out["steps"])
-        if k < len(t) - 1:
-            raise StepError(
-                f"linearize: step {k} at t = {t[k]:.6g} s has no solution near the given next state; "
-                "give a trajectory of this mechanism, such as the result of simulate()",
-                t=float(t[k]),
-                residuals={},
-                iteration=0,
-                state=self._state(float(t[k]), x[k]),
-            )
-        return StepDerivatives(
-            out["A"], out["B"], out["lam"], out["memo"], self.mechanism.nx, out["defect"]
-        )
-
-    def curvature_arrays(
-        self,
-        t: Array,
-        x: Array,
-        u: Array,
-        derivatives: StepDerivatives,
-        weights: Array,
-        *,
-        reuse: dict[str, Array] | None = None,
-    ) -> Array:
-        """Return the Hessians (N, ny + nu, ny + nu) of the next states weighted with (N, ny).
-
-        `reuse` offers an array ``H`` of an earlier call that may be written over.
-        """
-        d = derivatives
-        multipliers = d.A_all.shape[1] > d.nx
-        return self.core.curvatures(
-            t, x, u, d.A_all, d.B_all, d.memo, weights, multipliers, self.threads, reuse
-        )
-
-    def curvature(
-        self,
-        trajectory: Trajectory,
-        derivatives: StepDerivatives,
-        z: npt.ArrayLike,
-        *,
-        z_lam: npt.ArrayLike | None = None,
-    ) -> Array:
-        """Return the contracted second derivatives of every step.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-        derivatives : StepDerivatives
-            Of the same trajectory.
-        z : array_like, shape (N, nx)
-            Weights on the next state of each step.
-        z_lam : array_like, shape (N, nc), optional
-            Weights on the multipliers of each step.
-
-        Returns
-        -------
-        ndarray, shape (N, nx + nu + nrho, nx + nu + nrho)
-            Hessian of ``z_k . x_{k+1} + z_lam_k . lam_k`` by ``[x_k; u_k]``.
-        """
-        m, N = self.mechanism, trajectory.steps
-        self._check_trajectory(trajectory)
-        if len(derivatives.A_all) != N or derivatives.nx != m.nx:
-            raise ArgumentError(
-                f"derivatives: got those of {len(derivatives.A_all)} steps of {derivatives.nx} states, "
-                f"expected {N} steps of {m.nx}; give the result of linearize() for the same trajectory"
-            )
-        weights = as_array(z, "z", (N, m.nx))
-        t, x, u, d = trajectory.t, trajectory.x, trajectory.u, derivatives
-        ny = d.A_all.shape[1]
-        if z_lam is not None:
-            weights_lam = as_array(z_lam, "z_lam", (N, m.nc))
-            if ny == m.nx:
-                d = self.linearize_arrays(t, x, u, multipliers=True)
-            H = self.curvature_arrays(t, x, u, d, np.hstack([weights, weights_lam]))
-        else:
-            H = self.curvature_arrays(t, x, u, d, np.hstack([weights, np.zeros((N, ny - m.nx))]))
-        # The multipliers are states that nothing depends on: their rows are zero.
-        keep = np.r_[0 : m.nx, H.shape[1] - (m.nu + m.nrho) : H.shape[1]]
-        return H if len(keep) == H.shape[1] else H[:, keep[:, None], keep]
-
-    def tensors(self, trajectory: Trajectory, k: int | np.integer[Any]) -> StepTensors:
-        """Return the full second derivatives of step k of a trajectory (for analysis)."""
-        m = self.mechanism
-        self._check_trajectory(trajectory)
-        steps = range(trajectory.steps)
-        if k not in steps:
-            raise ArgumentError(f"k: got {k!r}, expected a step from 0 to {steps[-1]}")
-        k = int(k)
-        t = trajectory.t[k : k + 2]
-        x, u = (
-            np.ascontiguousarray(trajectory.x[k : k + 2]),
-            np.ascontiguousarray(trajectory.u[k : k + 1]),
-        )
-        d = self.linearize_arrays(t, x, u, multipliers=True)
-        keep = np.r_[0 : m.nx, m.nx + m.nc : m.nx + m.nc + u.shape[1]]
-        out = np.empty((m.nx + m.nc, len(keep), len(keep)))
-        for row, weights in enumerate(np.eye(m.nx + m.nc)):
-            H = self.curvature_arrays(t, x, u, d, weights[None, :])
-            out[row] = H[0][keep[:, None], keep]
-        return StepTensors(out[: m.nx], out[m.nx :])
-
     # Errors
 
     def step_error(self, out: dict[str, Any], state: State) -> StepError:
@@ -575,18 +347,6 @@ class MidpointVI:
             iteration=int(out["failed_iterations"]),
             state=state,
         )
-
-    def _check_trajectory(self, trajectory: Trajectory) -> None:
-        theirs, ours = trajectory.mechanism, self.mechanism
-        if (theirs.variables, theirs.inputs, theirs.constraints) != (
-            ours.variables,
-            ours.inputs,
-            ours.constraints,
-        ):
-            raise ArgumentError(
-                f"trajectory: it is of {theirs!r} with other names, expected one of {ours!r}; use the "
-                "integrator of the mechanism that made it"
-            )
 
     def _check_lengths(self, q: Array, t: Array) -> None:
         """Complain about a prescribed distance that is not positive: it has no direction to pull in."""
@@ -627,81 +387,3 @@ class MidpointVI:
                 as_array(state.v_rho, "state.v_rho", (m.nrho,), names=m.kinematic),
             ]
         )
-
-    def _state(self, t: float, x: Array) -> State:
-        m = self.mechanism
-        return State(t, x[: m.nq].copy(), x[m.nq : m.nq + m.nd].copy(), x[m.nq + m.nd :].copy())
-
-
-def check_times(t: npt.ArrayLike) -> Array:
-    """Return times (N+1,) as an array, N >= 1, strictly increasing and finite."""
-    times = as_array(t, "t", (None,))
-    if len(times) < 2:
-        raise ArgumentError(f"t: got {len(times)} times, expected at least two")
-    steps = np.diff(times)
-    if np.any(steps <= 0.0):
-        k = int(np.argmax(steps <= 0.0))
-        raise ArgumentError(
-            f"t: times must increase, but t[{k}] = {times[k]} and t[{k + 1}] = {times[k + 1]}"
-        )
-    return times
-
-
-def signal_rows(
-    signal: Signal,
-    times: Array,
-    names: tuple[str, ...],
-    what: str,
-    default: Array,
-    *,
-    extra_row: bool = False,
-) -> Array:
-    """Return a signal as one row a step (N, n): constant, given by rows, or a function of time.
-
-    With `extra_row` rows at all N + 1 instants are taken too, of which the first is dropped.
-    """
-    N, n = len(times), len(names)
-    if signal is None:
-        return np.tile(default, (N, 1))
-    if callable(signal):
-        return np.array(
-            [as_array(signal(float(at)), f"{what}({at:g})", (n,), names=names) for at in times]
-        ).reshape(N, n)
-    shape = shape_of(signal)
-    if shape is not None and len(shape) == 1:
-        return np.tile(as_array(signal, what, (n,), names=names), (N, 1))
-    rows = N + 1 if extra_row and shape is not None and shape[0] == N + 1 else N
-    values = as_array(signal, what, (rows, n), names=names)
-    if rows > N:
-        off = np.abs(values[0] - default)
-        if np.any(off > 1e-9 * np.maximum(1.0, np.abs(default))):
-            i = int(np.argmax(off))
-            raise ArgumentError(
-                f"{what}: its first row has {names[i]!r} at {values[0, i]:.6g}, but the start has it at "
-                f"{default[i]:.6g}; they must agree, or give one row a step without the first"
-            )
-    return values[rows - N :]
-
-
-def _count(value: int, what: str, least: int) -> int:
-    try:
-        number = operator.index(value)
-    except TypeError:
-        number = least - 1
-    if number < least:
-        raise ArgumentError(f"{what}: got {value!r}, expected a whole number, at least {least}")
-    return number
-
-
-def _check_state(state: object) -> None:
-    if not isinstance(state, State):
-        raise ArgumentError(
-            f"state: got {type(state).__name__}, expected a State, such as the result of start()"
-        )
-
-
-def _time_step(dt: float) -> float:
-    h = as_number(dt, "dt")
-    if h <= 0.0:
-        raise ArgumentError(f"dt: got {h} s, expected a positive time step")
-    return h
