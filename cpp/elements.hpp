@@ -50,6 +50,8 @@ public:
     virtual void add_force(const double* q, const double* v, const double* u, double* f) const = 0;
     virtual void add_jacobians(const double* q, const double* v, const double* u, double* f_q, double* f_v,
                                double* f_u) const = 0;
+    // The diagonals of f_q and f_v alone (n_dynamic each): all that a force without couplings adds to a Newton matrix.
+    virtual void add_diagonals(const double* q, const double* v, const double* u, double* f_q, double* f_v) const = 0;
     // Pairs of dynamic variables that f_q or f_v couples (the pattern of the Newton matrix).
     virtual std::vector<std::pair<int, int>> couplings() const = 0;
 };

@@ -16,6 +16,7 @@ public:
     void add_jacobians(const double*, const double*, const double*, double*, double*, double* f_u) const override {
         f_u[variable_ * n_inputs_ + input_] += 1.0;
     }
+    void add_diagonals(const double*, const double*, const double*, double*, double*) const override {}
     std::vector<std::pair<int, int>> couplings() const override { return {}; }
 
 private:
@@ -33,6 +34,9 @@ public:
     }
     void add_jacobians(const double*, const double*, const double*, double*, double* f_v, double*) const override {
         for (std::size_t i = 0; i < coefficients_.size(); ++i) f_v[i * n_variables_ + i] -= coefficients_[i];
+    }
+    void add_diagonals(const double*, const double*, const double*, double*, double* f_v) const override {
+        for (std::size_t i = 0; i < coefficients_.size(); ++i) f_v[i] -= coefficients_[i];
     }
     std::vector<std::pair<int, int>> couplings() const override { return {}; }
 

@@ -67,8 +67,7 @@ Lagrangian<T>::Lagrangian(const Mechanism& mechanism) : at(mechanism.joints.size
         S_wide_[part].assign(6 * stride_, 0.0);
         W_wide_[part].assign(6 * stride_, 0.0);
         G_wide_[part].assign(3 * stride_, 0.0);
-        A_wide_[part].assign(6 * n, 0.0);
-        B_wide_[part].assign(6 * n, 0.0);
+        AB_[part].assign(12 * n, 0.0);
     }
 }
 
@@ -113,11 +112,9 @@ void Lagrangian<T>::gradient(const T* q, const T* v) {
 }
 
 template <class T>
-void Lagrangian<T>::hessian() {
+void Lagrangian<T>::composites() {
     const Mechanism& m = mechanism_;
     const int n = m.n_massive;
-    if (pairs.stride == 0) pairs.resize(n);
-    const Vec3<double>& g = m.gravity;
     for (int i = 0; i < n; ++i)
         IC_[i] = m.bodies[i].is_empty() ? Inertia<T>{} : world_inertia(m.bodies[i], at.pose[i], h_own_[i]);
     for (int i = n - 1; i >= 0; --i) {
@@ -126,18 +123,27 @@ void Lagrangian<T>::hessian() {
         const Motion<T>& S = at.twist[i];
         const Force<T> A = IC_[i] * S;
         const Force<T> B = cross_dual(S, H_[i]) - IC_[i] * W_[i];
-        const Vec3<T> G = cross(S.w, g);
+        const T ab[12] = {A.f.x, A.f.y, A.f.z, A.n.x, A.n.y, A.n.z, B.f.x, B.f.y, B.f.z, B.n.x, B.n.y, B.n.z};
+        for (int part = 0; part < parts; ++part)
+            for (int c = 0; c < 12; ++c) AB_[part][i * 12 + c] = part_of(ab[c], part);
+    }
+}
+
+template <class T>
+void Lagrangian<T>::hessian() {
+    const int n = mechanism_.n_massive;
+    if (pairs.stride == 0) pairs.resize(n);
+    composites();
+    for (int i = 0; i < n; ++i) {
+        const Motion<T>& S = at.twist[i];
+        const Vec3<T> G = cross(S.w, mechanism_.gravity);
         const T s[6] = {S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z};
         const T w[6] = {W_[i].v.x, W_[i].v.y, W_[i].v.z, W_[i].w.x, W_[i].w.y, W_[i].w.z};
-        const T a[6] = {A.f.x, A.f.y, A.f.z, A.n.x, A.n.y, A.n.z};
-        const T b[6] = {B.f.x, B.f.y, B.f.z, B.n.x, B.n.y, B.n.z};
         const T gv[3] = {G.x, G.y, G.z};
         for (int part = 0; part < parts; ++part) {
             for (int c = 0; c < 6; ++c) {
                 S_wide_[part][c * stride_ + i] = part_of(s[c], part);
                 W_wide_[part][c * stride_ + i] = part_of(w[c], part);
-                A_wide_[part][i * 6 + c] = part_of(a[c], part);
-                B_wide_[part][i * 6 + c] = part_of(b[c], part);
             }
             for (int c = 0; c < 3; ++c) G_wide_[part][c * stride_ + i] = part_of(gv[c], part);
         }
@@ -154,8 +160,8 @@ void Lagrangian<T>::pair_products(int i) {
         for (int j = first; j < last; j += lanes) {
             Wide vv = Wide::Zero(), v_q = Wide::Zero(), q_v = Wide::Zero(), qq = Wide::Zero();
             for (int product = 0; product < parts; ++product) {
-                const double* A = &A_wide_[parts - 1 - product][i * 6];
-                const double* B = &B_wide_[parts - 1 - product][i * 6];
+                const double* A = &AB_[parts - 1 - product][i * 12];
+                const double* B = A + 6;
                 const double* S = &S_wide_[product][j];
                 const double* W = &W_wide_[product][j];
                 const double* G = &G_wide_[product][j];

@@ -11,10 +11,11 @@
 //   L_vv[i,j]       =  A_i.S_j            d(L_v[i])/dq_j = -A_i.W_j
 //   d(L_v[j])/dq_i  =  B_i.S_j            L_qq[i,j]      = -B_i.W_j - A_i.G_j
 //
-// Pairs in different branches are zero. The gradient is O(n), the Hessian O(n depth). On Dual<double> the same sweep
-// gives the third order along one direction.
+// Pairs in different branches are zero. The gradient and the vectors A and B are O(n), the Hessian O(n depth). On
+// Dual<double> the same sweep gives the third order along one direction.
 #pragma once
 
+#include <type_traits>
 #include <vector>
 
 #include "mechanism.hpp"
@@ -30,6 +31,12 @@ struct PairDerivatives {
     void resize(std::size_t n);
 };
 
+// The vectors above of one joint, component by component; G as [w x g; 0].
+struct JointVectors {
+    double S[6], W[6], G[6];
+    const double* AB;  // [A; B]
+};
+
 template <class T>
 class Lagrangian {
 public:
@@ -37,7 +44,20 @@ public:
 
     // Gradient at (q, v), both in internal order; fills L_q and L_v (internal order) and leaves `at` placed.
     void gradient(const T* q, const T* v);
-    // Second derivatives at the point of the last gradient; for a dual scalar, their derivatives along the direction.
+    // Composite inertias, A and B at the point of the last gradient: all that the second derivatives are products of.
+    void composites();
+    JointVectors vectors(int joint) const
+        requires std::is_same_v<T, double>
+    {
+        const Motion<T>&S = at.twist[joint], &W = W_[joint];
+        const Vec3<T> G = cross(S.w, mechanism_.gravity);
+        return {{S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z},
+                {W.v.x, W.v.y, W.v.z, W.w.x, W.w.y, W.w.z},
+                {G.x, G.y, G.z, 0, 0, 0},
+                &AB_[0][joint * 12]};
+    }
+    // Second derivatives at the point of the last gradient, in `pairs`; for a dual scalar, their derivatives along the
+    // direction.
     void hessian();
 
     T kinetic_energy() const;    // at the point of the last gradient
@@ -56,7 +76,8 @@ private:
     std::vector<Inertia<T>> IC_;
     // Component-major copies for the wide pair products: parts 0 the value, 1 the derivative (duals only).
     static constexpr int parts = sizeof(T) / sizeof(double);
-    std::vector<double> S_wide_[parts], W_wide_[parts], G_wide_[parts], A_wide_[parts], B_wide_[parts];
+    std::vector<double> S_wide_[parts], W_wide_[parts], G_wide_[parts];
+    std::vector<double> AB_[parts];  // [A; B] by joint
     std::size_t stride_;
 
     void pair_products(int i);

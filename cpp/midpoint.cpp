@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace leastaction {
 
@@ -36,25 +37,27 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
       at2_(mechanism_->joints.size()),
       dual_at1_(mechanism_->joints.size()) {
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
-    const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_, ld = ld_;
+    const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
     for (auto* a : {&q1, &q2, &q_mid_, &v_}) sized(*a, nq);
-    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &inertia_}) sized(*a, nd);
+    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_, &diagonal_q_, &diagonal_v_}) sized(*a, nd);
     sized(u, nu_);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
     for (auto* a : {&residual, &residual_scale, &first_scale_, &correction_, &mu_}) sized(*a, ny);
-    for (auto* a : {&f_q_, &f_v_}) sized(*a, nd * nq);
-    sized(f_u_, nd * nu_);
     for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
-    sized(Y, ny * ld);
-    sized(P2, nd * ld);
-    sized(H, static_cast<std::size_t>(n_theta_) * n_theta_);
-    G_y_.resize(nd, nd);
-    W_yy_.resize(ny, ny);
-    for (auto* a : {&W_yth_, &Z_}) a->resize(ny, n_theta_);
-    W_thth_.resize(n_theta_, n_theta_);
-    dual_q_.resize(nq);
-    dual_v_.resize(nq);
-    dual_q1_.resize(nq);
+    for (auto* a : {&dual_q_, &dual_v_, &dual_q1_}) a->resize(nq);
+
+    for (const auto& force : mechanism_->forces) forces_couple_ = forces_couple_ || !force->couplings().empty();
+    const bool fits = !forces_couple_ && mechanism_->potentials.empty();
+    if (fits && (settings.solver == Solver::tree ||
+                 (settings.solver == Solver::automatic && TreeNewton::is_faster(*mechanism_))))
+        tree_ = std::make_unique<TreeNewton>(*mechanism_);
+}
+
+void MidpointStep::reserve_derivatives() {
+    if (!P2.empty()) return;
+    Y.assign(static_cast<std::size_t>(nd_ + nc_) * ld_, 0.0);
+    P2.assign(static_cast<std::size_t>(nd_) * ld_, 0.0);
+    H.assign(static_cast<std::size_t>(n_theta_) * n_theta_, 0.0);
 }
 
 void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
@@ -119,11 +122,12 @@ void MidpointStep::evaluate(double dt) {
         residual[nd_ + c] = h_[c];
         residual_scale[nd_ + c] = h_scale_[c];
     }
-    // Nor can the momenta be met better than the rounding of q2 - q1 allows, which near rest is more than the tolerance.
+    // Nor can a momentum be met better than the rounding of q2 allows, which near rest is more than the tolerance: an
+    // error e in q2_j is one of L_vv[i, j] e / dt, and L_vv[i, j]^2 <= L_vv[i, i] L_vv[j, j].
     double rounding = 0;
-    for (int i = 0; i < nd_; ++i) rounding = std::max(rounding, inertia_[i] * (std::abs(q1[i]) + std::abs(q2[i])) / dt);
-    size += 4.0 * std::numeric_limits<double>::epsilon() / settings_.tolerance * rounding;
-    std::fill(residual_scale.begin(), residual_scale.begin() + nd_, size);
+    for (int i = 0; i < nd_; ++i) rounding = std::max(rounding, root_inertia_[i] * std::abs(q2[i]));
+    rounding *= std::numeric_limits<double>::epsilon() / (settings_.tolerance * dt);
+    for (int i = 0; i < nd_; ++i) residual_scale[i] = size + root_inertia_[i] * rounding;
 }
 
 double MidpointStep::largest_residual(const std::vector<double>& scale) const {
@@ -132,13 +136,44 @@ double MidpointStep::largest_residual(const std::vector<double>& scale) const {
         const double r = std::abs(residual[i]);
         if (!std::isfinite(r)) return std::numeric_limits<double>::infinity();
         if (r > 0) out = std::max(out, r / scale[i]);
+        if (!(scale[i] >= 0)) return std::numeric_limits<double>::infinity();
     }
     return out;
 }
 
-bool MidpointStep::refresh(double dt) {
+bool MidpointStep::refresh(double dt, bool in_tree) {
+    if (!forces_couple_ && !mechanism_->forces.empty()) {
+        std::fill(diagonal_q_.begin(), diagonal_q_.end(), 0.0);
+        std::fill(diagonal_v_.begin(), diagonal_v_.end(), 0.0);
+        for (const auto& force : mechanism_->forces)
+            force->add_diagonals(q_mid_.data(), v_.data(), u.data(), diagonal_q_.data(), diagonal_v_.data());
+        const double km = kappa_minus(dt);
+        for (int i = 0; i < nd_; ++i) diagonal_[i] = km * (0.5 * diagonal_q_[i] + diagonal_v_[i] / dt);
+    }
+    in_tree_ = in_tree && tree_;
+    have_factors_ = in_tree_ && factor_tree(dt);
+    if (!have_factors_) {
+        in_tree_ = false;
+        have_factors_ = factor_dense(dt);
+    }
+    factored_dt_ = dt;
+    return have_factors_;
+}
+
+bool MidpointStep::factor_tree(double dt) {
+    lagrangian_.composites();
+    for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
+        const int i = mechanism_->joints[joint].variable;
+        if (i >= nd_) continue;
+        const JointVectors at = lagrangian_.vectors(joint);
+        note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, 0.0));
+    }
+    return tree_->factor(lagrangian_, dt, diagonal_.data()) && newton_.factor(*tree_, C1_.data(), C2_.data(), nq_);
+}
+
+bool MidpointStep::factor_dense(double dt) {
     lagrangian_.hessian();
-    std::fill(newton_.M.begin(), newton_.M.end(), 0.0);
+    newton_.clear();
     const PairDerivatives& d = lagrangian_.pairs;
     for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
         const int i = mechanism_->joints[joint].variable;
@@ -149,24 +184,28 @@ bool MidpointStep::refresh(double dt) {
             const std::size_t at = joint * d.stride + ancestor;
             const double even = 0.25 * dt * d.qq[at] - d.vv[at] / dt, odd = 0.5 * (d.q_v[at] - d.v_q[at]);
             newton_.M[i * newton_.stride + j] = even + odd;
-            if (i == j) inertia_[i] = std::abs(d.vv[at]);
+            if (i == j) note_inertia(i, d.vv[at]);
             if (i != j) newton_.M[j * newton_.stride + i] = even - odd;
         }
     }
-    if (!mechanism_->forces.empty()) {
-        std::fill(f_q_.begin(), f_q_.end(), 0.0);
-        std::fill(f_v_.begin(), f_v_.end(), 0.0);
-        std::fill(f_u_.begin(), f_u_.end(), 0.0);
-        for (const auto& force : mechanism_->forces)
-            force->add_jacobians(q_mid_.data(), v_.data(), u.data(), f_q_.data(), f_v_.data(), f_u_.data());
+    if (forces_couple_) {
+        force_jacobians();
         const double km = kappa_minus(dt);
         for (int i = 0; i < nd_; ++i)
             for (int j = 0; j < nd_; ++j)
                 newton_.M[i * newton_.stride + j] += km * (0.5 * f_q_[i * nq_ + j] + f_v_[i * nq_ + j] / dt);
+    } else {
+        for (int i = 0; i < nd_; ++i) newton_.M[i * newton_.stride + i] += diagonal_[i];
     }
-    have_factors_ = newton_.factor(C1_.data(), C2_.data(), nq_);
-    factored_dt_ = dt;
-    return have_factors_;
+    return newton_.factor(C1_.data(), C2_.data(), nq_);
+}
+
+void MidpointStep::force_jacobians() {
+    f_q_.assign(static_cast<std::size_t>(nd_) * nq_, 0.0);
+    f_v_.assign(static_cast<std::size_t>(nd_) * nq_, 0.0);
+    f_u_.assign(static_cast<std::size_t>(nd_) * nu_, 0.0);
+    for (const auto& force : mechanism_->forces)
+        force->add_jacobians(q_mid_.data(), v_.data(), u.data(), f_q_.data(), f_v_.data(), f_u_.data());
 }
 
 // Whether a new Newton matrix is cheaper than going on with the old one. Within a step the contraction decides. At its
@@ -221,7 +260,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
         fresh = !have_factors_ || wants_refresh(report, merit, previous);
         if (fresh) {
             ++report.factorizations;
-            if (!refresh(dt)) {
+            if (!refresh(dt, !known)) {
                 report.status = StepStatus::singular;
                 return report;
             }
@@ -237,7 +276,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
             q2[i] += correction_[i];
             moved = std::max(moved, std::abs(correction_[i]) / (1.0 + std::abs(q2[i])));
         }
-        factored_at_solution_ = fresh && moved < same_point;
+        factored_at_solution_ = fresh && !in_tree_ && moved < same_point;
         for (int c = 0; c < nc_; ++c) lam[c] += correction_[nd_ + c];
         if (known && factored_at_solution_) break;
     }
@@ -247,14 +286,15 @@ StepReport MidpointStep::solve(double dt, bool known) {
 
 bool MidpointStep::differentiate(double dt) {
     // One Newton matrix, at the solution itself, serves every derivative.
-    if (!factored_at_solution_ && !refresh(dt)) return false;
+    if (!factored_at_solution_ && !refresh(dt, false)) return false;
+    reserve_derivatives();
     const int ld = ld_, at_p = nq_, at_u = nq_ + nd_, at_rho2 = at_u + nu_, at_h = n_theta_;
     const double km = kappa_minus(dt), kp = kappa_plus(dt);
 
     // The right-hand side -F_th, solved in place for Y, and the direct part of dp2/dth; G_y = dp2/dq2.
     std::fill(Y.begin(), Y.end(), 0.0);
     std::fill(P2.begin(), P2.end(), 0.0);
-    G_y_.setZero();
+    G_y_.setZero(nd_, nd_);
     // Second derivatives of Ld for rows i, dynamic: by q1_i q1_j, q1_i q2_j, q2_i q1_j and q2_i q2_j.
     const auto add = [&](int i, int j, double d11, double d12, double d21, double d22) {
         Y[i * ld + j] -= d11;
@@ -280,6 +320,7 @@ bool MidpointStep::differentiate(double dt) {
     }
     for (int i = 0; i < nd_; ++i) Y[i * ld + at_p + i] = -1.0;
     if (!mechanism_->forces.empty()) {
+        force_jacobians();
         for (int i = 0; i < nd_; ++i) {
             for (int j = 0; j < nq_; ++j) {
                 const double f_q = 0.5 * f_q_[i * nq_ + j], f_v = f_v_[i * nq_ + j] / dt;
@@ -340,9 +381,9 @@ void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, co
     dual_.gradient(dual_q_.data(), dual_v_.data());
     dual_.hessian();
 
-    W_yy_.setZero();
-    W_yth_.setZero();
-    W_thth_.setZero();
+    W_yy_.setZero(ny, ny);
+    W_yth_.setZero(ny, n_theta_);
+    W_thth_.setZero(n_theta_, n_theta_);
     // Second derivatives by (q1, q2), each put where the variable lives: q2 is y (dynamic) or rho2 (kinematic).
     const auto add_12 = [&](int i1, int j2, double value) {
         if (j2 < nd_)

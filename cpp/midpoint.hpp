@@ -12,6 +12,7 @@
 //   x = [q; rho; p; v_rho],   u = [inputs; rho_next],   rho+ = rho_next,   v_rho+ = (rho_next - rho)/dt.
 #pragma once
 
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -21,12 +22,15 @@
 namespace leastaction {
 
 enum class Split { symmetric, left };
+// What eliminates the Newton matrix: NewtonMatrix, or TreeNewton where nothing couples variables but the tree.
+enum class Solver { automatic, dense, tree };
 enum class StepStatus { converged = 0, no_convergence = 1, not_finite = 2, singular = 3 };
 
 struct MidpointSettings {
     Split split = Split::symmetric;
     double tolerance = 1e-13;  // residual relative to the size of its terms
     int max_iterations = 50;
+    Solver solver = Solver::automatic;
 };
 
 struct StepReport {
@@ -48,7 +52,8 @@ public:
 
     // Calls for a new evaluation of Dh(q1); without it the last step's Dh(q2) is taken over by advance().
     void place_start();
-    // `known`: q2 is the solution already and only lam is sought; then p2 is not to the last digit.
+    // `known`: q2 is the solution already and only lam is sought, with differentiate() to follow; then p2 is not to the
+    // last digit.
     StepReport solve(double dt, bool known = false);
     // The momenta at both ends of the segment from q1 to q2 under u, without constraints:
     // p1 = -(D1Ld + fd-) into `start`, p2 = D2Ld + fd+ into the member p2.
@@ -59,6 +64,8 @@ public:
     // After solve(): derivatives of (q2, lam) and of p2 by th = [q1 | p1 | u | rho2], and of (q2, p2) by a shift of
     // the constraints h (columns). Returns false where the Newton matrix is singular.
     bool differentiate(double dt);
+    // Allocates Y, P2 and H, which a step alone does without: for a caller that fills Y and P2 itself.
+    void reserve_derivatives();
     int n_theta() const { return n_theta_; }
     int ld() const { return ld_; }
     std::vector<double> Y;   // (n_dynamic + n_constraints) x ld: d(q2; lam)/d[th | shift of h]
@@ -77,9 +84,17 @@ public:
 private:
     void evaluate(double dt);  // residuals and p2 at (q2, lam)
     double largest_residual(const std::vector<double>& scale) const;
-    bool refresh(double dt);  // Newton matrix at the point of the last evaluate()
+    // Newton matrix at the point of the last evaluate(), by the O(n) solver if `in_tree` and it can.
+    bool refresh(double dt, bool in_tree);
+    bool factor_tree(double dt);
+    bool factor_dense(double dt);
+    void force_jacobians();
     void constraint_gradients(const Placement<double>& at, const double* q, double* C);
     bool wants_refresh(const StepReport& report, double merit, double previous);
+    // A trial that overflowed must not leave its mark on the tolerance of the next.
+    void note_inertia(int i, double inertia) {
+        if (std::isfinite(inertia)) root_inertia_[i] = std::sqrt(std::abs(inertia));
+    }
     double kappa_minus(double dt) const { return settings_.split == Split::left ? dt : 0.5 * dt; }
     double kappa_plus(double dt) const { return settings_.split == Split::left ? 0.0 : 0.5 * dt; }
 
@@ -90,19 +105,23 @@ private:
     Lagrangian<double> lagrangian_;
     Lagrangian<Dual<double>> dual_;
     NewtonMatrix newton_;
+    std::unique_ptr<TreeNewton> tree_;  // null: not for this mechanism
+    bool forces_couple_ = false;        // forces reach off the diagonal of the Newton matrix
     Placement<double> at1_, at2_;
     Placement<Dual<double>> dual_at1_;
     LocalTaylor<double> local_;
     LocalTaylor<Dual<double>> dual_local_;
     std::vector<double> q_mid_, v_, f_, f_q_, f_v_, f_u_;
-    std::vector<double> inertia_;  // diagonal of L_vv where the Newton matrix was made last
+    std::vector<double> diagonal_, diagonal_q_, diagonal_v_;  // of the forces: in the Newton matrix, of f_q, of f_v
+    std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;
     std::vector<double> correction_, q2_kept_, lam_kept_, first_scale_;
     NewtonMatrix::Matrix G_y_, W_yy_, W_yth_, W_thth_, Z_;  // second order, see curvature()
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
     std::vector<double> mu_;
     bool have_factors_ = false;
-    bool factored_at_solution_ = false;  // factors and pair derivatives are those of the solution
+    bool in_tree_ = false;               // they are tree_'s
+    bool factored_at_solution_ = false;  // dense factors and pair derivatives are those of the solution
     double factored_dt_ = 0;
     double last_residual_ = 0;
     double old_rate_ = 0.5;  // contraction seen with the Newton matrix of an earlier step

@@ -22,12 +22,10 @@ int padded(int n) { return (n + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes *
 
 NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
     : stride(padded(mechanism.n_dynamic) + lanes),
-      M(static_cast<std::size_t>(mechanism.n_dynamic) * stride),
       coupled_(mechanism.coupled),
       n_(mechanism.n_dynamic),
       nc_(mechanism.n_constraints()),
       nc_padded_(padded(nc_)),
-      L_t_(M.size()),
       reciprocal_(n_),
       M_inv_C1t_(Matrix::Zero(n_, nc_padded_)),
       C2_(nc_, n_),
@@ -35,7 +33,22 @@ NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
       pivots_(nc_),
       column_(nc_) {}
 
+void NewtonMatrix::clear() {
+    L_t_.resize(static_cast<std::size_t>(n_) * stride);
+    M.assign(L_t_.size(), 0.0);
+}
+
 bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
+    tree_ = nullptr;
+    return eliminate() && factor_schur(C1, C2, ld);
+}
+
+bool NewtonMatrix::factor(TreeNewton& tree, const double* C1, const double* C2, int ld) {
+    tree_ = &tree;
+    return factor_schur(C1, C2, ld);
+}
+
+bool NewtonMatrix::eliminate() {
     for (int k = n_ - 1; k >= 0; --k) {
         double* row = &M[static_cast<std::size_t>(k) * stride];
         const double pivot = row[k];
@@ -52,6 +65,10 @@ bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
             subtract_multiple(target + first, l, row + first, width);
         }
     }
+    return true;
+}
+
+bool NewtonMatrix::factor_schur(const double* C1, const double* C2, int ld) {
     rank_deficient_ = false;
     if (nc_ == 0) return true;
 
@@ -110,6 +127,7 @@ void NewtonMatrix::solve_panel(double* b, int ld) const {
 }
 
 void NewtonMatrix::solve_M(double* b, int cols, int ld) const {
+    if (tree_) return tree_->solve(b, cols, ld);
     constexpr int broad = 3;
     int first = 0;
     for (; first + (broad - 1) * lanes < cols && first + broad * lanes <= ld; first += broad * lanes)
@@ -118,6 +136,7 @@ void NewtonMatrix::solve_M(double* b, int cols, int ld) const {
 }
 
 void NewtonMatrix::solve_M(double* b) const {
+    if (tree_) return tree_->solve(b);
     for (int k = n_ - 1; k >= 0; --k) {
         if (coupled_[k].empty()) continue;
         const int first = coupled_[k].front(), width = coupled_[k].back() + 1 - first;

@@ -4,14 +4,16 @@
 //   [ C2    0  ] [ l ] = [ g ]        C1 = Dh(q1), C2 = Dh(q2), dynamic columns
 //
 // M is eliminated from the leaves to the root without pivoting (nothing fills in, and for a step that resolves the
-// motion the inertia -L_vv / dt dominates it); the constraints by their Schur complement S = C2 M^-1 C1', pivoted. Where S
-// has lost rank, because constraints are redundant, the multiplier of least norm is taken.
+// motion the inertia -L_vv / dt dominates it), here or, for large trees, by TreeNewton; the constraints by their Schur
+// complement S = C2 M^-1 C1', pivoted. Where S has lost rank, because constraints are redundant, the multiplier of
+// least norm is taken.
 #pragma once
 
 #include <Eigen/Dense>
 #include <vector>
 
 #include "mechanism.hpp"
+#include "tree_newton.hpp"
 
 namespace leastaction {
 
@@ -24,10 +26,13 @@ public:
     static constexpr int lanes = 8;  // rows are padded, so that wide loops may run past their ends
 
     const int stride;       // of the rows of M
-    std::vector<double> M;  // n rows; filled by the caller, overwritten by its factors
+    std::vector<double> M;  // n rows; filled by the caller after clear(), overwritten by its factors
+    void clear();           // M = 0; allocates it the first time
 
     // C1, C2: n_constraints x `ld`, row-major, of which the first n columns are used. False where M is singular.
     bool factor(const double* C1, const double* C2, int ld);
+    // The same where `tree`, which must outlive the factors, has factored M.
+    bool factor(TreeNewton& tree, const double* C1, const double* C2, int ld);
     bool rank_deficient() const { return rank_deficient_; }
 
     // Solves for many right-hand sides at once: rows f (n x cols) and g (n_constraints x cols), row-major with leading
@@ -37,6 +42,8 @@ public:
     void solve(double* f, double* g);
 
 private:
+    bool eliminate();
+    bool factor_schur(const double* C1, const double* C2, int ld);
     template <int wides>
     void solve_panel(double* b, int ld) const;
     void solve_M(double* b, int cols, int ld) const;
@@ -45,6 +52,7 @@ private:
     void solve_schur(double* g) const;
 
     const std::vector<std::vector<int>>& coupled_;
+    TreeNewton* tree_ = nullptr;  // has the factors of M; null: they are here
     int n_, nc_, nc_padded_;
     std::vector<double> L_t_;         // the lower factors once more, by rows, for one right-hand side
     std::vector<double> reciprocal_;  // of the pivots

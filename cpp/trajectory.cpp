@@ -216,6 +216,7 @@ void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const Midpoin
     const int nz = at.ny + at.nu;
     parallel_ranges(steps, threads, [&](int begin, int end) {
         MidpointStep step(mechanism, settings);
+        step.reserve_derivatives();
         std::vector<double> w_q(at.nd), w_p(at.nd), w_lam(at.nc, 0.0);
         for (int k = begin; k < end; ++k) {
             const double* next = X + static_cast<std::size_t>(k + 1) * at.nx;

@@ -18,7 +18,8 @@ namespace {
 
 class Midpoint {
 public:
-    Midpoint(std::shared_ptr<Mechanism> mechanism, const std::string& split, double tolerance, int max_iterations)
+    Midpoint(std::shared_ptr<Mechanism> mechanism, const std::string& split, double tolerance, int max_iterations,
+             const std::string& solver)
         : mechanism_(std::move(mechanism)) {
         if (split == "symmetric")
             settings_.split = Split::symmetric;
@@ -26,6 +27,14 @@ public:
             settings_.split = Split::left;
         else
             throw std::invalid_argument("split: got '" + split + "', expected 'symmetric' or 'left'");
+        if (solver == "auto")
+            settings_.solver = Solver::automatic;
+        else if (solver == "dense")
+            settings_.solver = Solver::dense;
+        else if (solver == "tree")
+            settings_.solver = Solver::tree;
+        else
+            throw std::invalid_argument("solver: got '" + solver + "', expected 'auto', 'dense' or 'tree'");
         settings_.tolerance = tolerance;
         settings_.max_iterations = max_iterations;
     }
@@ -155,8 +164,8 @@ private:
 
 void bind_midpoint(nb::module_& module) {
     nb::class_<Midpoint>(module, "Midpoint", "Midpoint variational integrator of one mechanism: settings, no state.")
-        .def(nb::init<std::shared_ptr<Mechanism>, const std::string&, double, int>(), "mechanism"_a,
-             "split"_a = "symmetric", "tolerance"_a = 1e-13, "max_iterations"_a = 50)
+        .def(nb::init<std::shared_ptr<Mechanism>, const std::string&, double, int, const std::string&>(), "mechanism"_a,
+             "split"_a = "symmetric", "tolerance"_a = 1e-13, "max_iterations"_a = 50, "solver"_a = "auto")
         .def("roll_out", &Midpoint::roll_out, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
              "velocity"_a.none(), "Steps from x0 over the times t under u = ubar - K (x - xbar).")
         .def("momenta", &Midpoint::momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a,
