@@ -48,15 +48,16 @@ struct Layout {
             x[nq + i] = (step.q2[i] - step.q1[i]) / dt;
         }
     }
-    // One row over th, internal order, into rows over the states and u, user's order.
-    void scatter(const double* row, double* by_x, double* by_u) const {
+    // One row over th, internal order, into rows over the states and u, user's order. Nothing depends on the velocities of
+    // the prescribed variables and the multipliers: their columns are zero, and left alone where they are so already.
+    void scatter(const double* row, double* by_x, double* by_u, bool zeroed) const {
         if (m.same_order) {
             std::copy(row, row + nq + nd, by_x);
         } else {
             for (int i = 0; i < nq; ++i) by_x[m.external[i]] = row[i];
             for (int i = 0; i < nd; ++i) by_x[nq + m.external[i]] = row[nq + i];
         }
-        std::fill(by_x + nq + nd, by_x + ny, 0.0);
+        if (!zeroed) std::fill(by_x + nq + nd, by_x + ny, 0.0);
         std::copy(row + nq + nd, row + theta, by_u);
     }
     void gather(const double* by_x, const double* by_u, double* row) const {
@@ -151,7 +152,7 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
 
 int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,
               const double* t, const double* X, const double* U, bool multipliers, int threads, double* A, double* B,
-              double* lam, double* memo, double* defect) {
+              double* lam, double* memo, double* defect, bool zeroed) {
     const Layout at(*mechanism, multipliers);
     const StepMemo sizes(*mechanism);
     std::atomic<int> first_failure{steps};
@@ -178,12 +179,13 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
             double* B_k = B + static_cast<std::size_t>(k) * at.ny * at.nu;
             for (int i = 0; i < at.nd; ++i) {
                 const int row = at.m.external[i];
-                at.scatter(&step.Y[i * ld], A_k + row * at.ny, B_k + row * at.nu);
-                at.scatter(&step.P2[i * ld], A_k + (at.nq + row) * at.ny, B_k + (at.nq + row) * at.nu);
+                at.scatter(&step.Y[i * ld], A_k + row * at.ny, B_k + row * at.nu, zeroed);
+                at.scatter(&step.P2[i * ld], A_k + (at.nq + row) * at.ny, B_k + (at.nq + row) * at.nu, zeroed);
             }
             for (int i = at.nd; i < at.nq; ++i) {
                 const int v = at.nq + i, input = at.ni + i - at.nd;
                 for (const int row : {i, v}) {
+                    if (zeroed) break;
                     std::fill(A_k + row * at.ny, A_k + (row + 1) * at.ny, 0.0);
                     std::fill(B_k + row * at.nu, B_k + (row + 1) * at.nu, 0.0);
                 }
@@ -192,7 +194,7 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
                 B_k[v * at.nu + input] = 1.0 / dt;
             }
             for (int row = at.nx; row < at.ny; ++row)
-                at.scatter(&step.Y[(at.nd + row - at.nx) * ld], A_k + row * at.ny, B_k + row * at.nu);
+                at.scatter(&step.Y[(at.nd + row - at.nx) * ld], A_k + row * at.ny, B_k + row * at.nu, zeroed);
             std::copy(step.lam.begin(), step.lam.end(), lam + static_cast<std::size_t>(k) * at.nc);
             // lam | d lam/d th | d(q2; lam)/dh | dp2/dh
             double* m = memo + k * sizes.size();
@@ -210,7 +212,7 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
 
 void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,
                 const double* t, const double* X, const double* U, bool multipliers, const double* A, const double* B,
-                const double* memo, const double* W, int threads, double* H) {
+                const double* memo, const double* W, int threads, double* H, bool zeroed) {
     const Layout at(*mechanism, multipliers);
     const StepMemo sizes(*mechanism);
     const int nz = at.ny + at.nu;
@@ -255,10 +257,11 @@ void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const Midpoin
             };
             for (int i = 0; i < at.theta; ++i) {
                 double* row = H_k + static_cast<std::size_t>(row_of(i)) * nz;
-                at.scatter(&step.H[static_cast<std::size_t>(i) * at.theta], row, row + at.ny);
+                at.scatter(&step.H[static_cast<std::size_t>(i) * at.theta], row, row + at.ny, zeroed);
             }
-            std::fill(H_k + static_cast<std::size_t>(at.nq + at.nd) * nz, H_k + static_cast<std::size_t>(at.ny) * nz,
-                      0.0);
+            if (!zeroed)
+                std::fill(H_k + static_cast<std::size_t>(at.nq + at.nd) * nz,
+                          H_k + static_cast<std::size_t>(at.ny) * nz, 0.0);
         }
     });
 }

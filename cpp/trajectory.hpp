@@ -35,11 +35,11 @@ struct StepMemo {
 // (N+1, nx). Returns the first step at which the trajectory is not one, or N.
 int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,
               const double* t, const double* X, const double* U, bool multipliers, int threads, double* A, double* B,
-              double* lam, double* memo, double* defect);
+              double* lam, double* memo, double* defect, bool zeroed = false);
 
 // Hessians by (states, u), (N, ny + nu, ny + nu), of the next states weighted with W (N, ny).
 void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,
                 const double* t, const double* X, const double* U, bool multipliers, const double* A, const double* B,
-                const double* memo, const double* W, int threads, double* H);
+                const double* memo, const double* W, int threads, double* H, bool zeroed = false);
 
 }  // namespace leastaction

@@ -32,12 +32,14 @@ inline Out new_array(std::initializer_list<std::size_t> shape) {
 
 // The array of that name in `reuse` where it has the right shape (its contents are overwritten), else a new one: large
 // results that are made again and again need not be mapped into memory each time.
-inline Out reused(const std::optional<nb::dict>& reuse, const char* name, std::initializer_list<std::size_t> shape) {
+inline Out reused(const std::optional<nb::dict>& reuse, const char* name, std::initializer_list<std::size_t> shape,
+                  bool* found = nullptr) {
     Out given;
     if (reuse && reuse->contains(name) && nb::try_cast<Out>((*reuse)[name], given) && given.ndim() == shape.size() &&
         std::equal(shape.begin(), shape.end(), given.shape_ptr(),
                    [](std::size_t a, std::int64_t b) { return a == static_cast<std::size_t>(b); }))
         return given;
+    if (found) *found = false;
     return new_array(shape);
 }
 

@@ -85,14 +85,15 @@ public:
                        const std::optional<nb::dict>& reuse) const {
         const Mechanism& m = *mechanism_;
         const std::size_t N = check(t, x, u), ny = states(multipliers), nu = m.n_controls(), nc = m.n_constraints();
-        Out A = reused(reuse, "A", {N, ny, ny}), B = reused(reuse, "B", {N, ny, nu}), lam = new_array({N, nc});
-        Out memo = reused(reuse, "memo", {N, StepMemo(m).size()}), defect = new_array({N});
+        bool zeroed = true;
+        Out A = reused(reuse, "A", {N, ny, ny}, &zeroed), B = reused(reuse, "B", {N, ny, nu}, &zeroed);
+        Out lam = new_array({N, nc}), memo = reused(reuse, "memo", {N, StepMemo(m).size()}), defect = new_array({N});
         int done = 0;
         {
             nb::gil_scoped_release release;
             done = leastaction::linearize(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
                                           multipliers, threads, A.data(), B.data(), lam.data(), memo.data(),
-                                          defect.data());
+                                          defect.data(), zeroed);
         }
         nb::dict out;
         out["A"] = A;
@@ -112,11 +113,12 @@ public:
         expect(B.size(), N * ny * nu, "B");
         expect(memo.size(), N * StepMemo(m).size(), "memo");
         expect(w.size(), N * ny, "w");
-        Out H = reused(reuse, "H", {N, ny + nu, ny + nu});
+        bool zeroed = true;
+        Out H = reused(reuse, "H", {N, ny + nu, ny + nu}, &zeroed);
         {
             nb::gil_scoped_release release;
             leastaction::curvatures(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
-                                    multipliers, A.data(), B.data(), memo.data(), w.data(), threads, H.data());
+                                    multipliers, A.data(), B.data(), memo.data(), w.data(), threads, H.data(), zeroed);
         }
         return H;
     }

@@ -68,7 +68,7 @@ class StepDifferentiation:
     ) -> StepDerivatives:
         """Return the derivatives along states x (N+1, nx) and inputs u (N, nu + nrho) at times t.
 
-        `reuse` offers arrays ``A``, ``B``, ``memo`` of an earlier call that may be written over.
+        `reuse` offers arrays ``A``, ``B``, ``memo`` of an earlier call, unchanged since, to write over.
         """
         out = self.core.linearize(t, x, u, multipliers, self.threads, reuse)
         k = int(out["steps"])
@@ -97,7 +97,7 @@ class StepDifferentiation:
     ) -> Array:
         """Return the Hessians (N, ny + nu, ny + nu) of the next states weighted with (N, ny).
 
-        `reuse` offers an array ``H`` of an earlier call that may be written over.
+        `reuse` offers an array ``H`` of an earlier call, unchanged since, to write over.
         """
         d = derivatives
         multipliers = d.A_all.shape[1] > d.nx
