@@ -16,6 +16,13 @@ constexpr int strip = 32;             // rows of the Hessian made at a time
 constexpr double fresh_price = 0.5;   // of a new Newton matrix, in iterations
 constexpr double same_point = 1e-14;  // relative moves below this leave the Newton matrix exact
 
+// Where an entry of th stands in the output.
+int position(const std::vector<MidpointStep::Run>& runs, int i) {
+    for (const auto& run : runs)
+        if (i < run.first + run.length) return run.position + i - run.first;
+    return -1;
+}
+
 using Rows = Eigen::Map<NewtonMatrix::Matrix>;
 
 }  // namespace
@@ -57,7 +64,8 @@ void MidpointStep::reserve_derivatives() {
     if (!P2.empty()) return;
     Y.assign(static_cast<std::size_t>(nd_ + nc_) * ld_, 0.0);
     P2.assign(static_cast<std::size_t>(nd_) * ld_, 0.0);
-    H.assign(static_cast<std::size_t>(n_theta_) * n_theta_, 0.0);
+    for (auto* a : {&YZ_, &ZY_}) a->resize(2 * (nd_ + nc_), n_theta_);
+    strip_.resize(strip, n_theta_);
 }
 
 void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
@@ -358,7 +366,8 @@ bool MidpointStep::differentiate(double dt) {
 // weighted sum by p1 and by a shift of h, the Hessian is [Y; I]' W [Y; I], W the Hessian of mu.F + w_p.G by (y, th).
 // The Lagrangian's part of mu.F + w_p.G is the derivative of L along dq = dt/2 (mu + w_p), dv = w_p - mu, so W
 // comes from one dual sweep; of the constraints, -mu.Dh(q1)'lam is a derivative of h along mu.
-void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, const double* w_lam) {
+void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, const double* w_lam,
+                             const std::vector<Run>& runs, double* out, int ld_out) {
     const int ld = ld_, ny = nd_ + nc_, at_p = nq_, at_rho2 = nq_ + nd_ + nu_, at_h = n_theta_;
     std::fill(mu_.begin(), mu_.end(), 0.0);
     const auto add_row = [&](double weight, const double* row) {
@@ -434,23 +443,34 @@ void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, co
             for (int b = 0; b < m; ++b) add_22(support[a], support[b], mu_[nd_ + c] * local_.hessian[a * m + b]);
     }
 
-    // H = W_thth + Y'Z + Z'Y with Z = W_yy Y / 2 + W_yth; strips of rows, the upper triangle only, then mirrored.
+    // H = W_thth + Y'Z + Z'Y with Z = W_yy Y / 2 + W_yth, as one product [Y; Z]'[Z; Y]: strips of rows, the upper triangle
+    // only, each written out together with its mirror image while it is in the cache.
     Rows y_rows(Y.data(), ny, ld);
-    const auto y = y_rows.leftCols(n_theta_);
-    Z_ = W_yth_;
-    Z_.noalias() += (0.5 * W_yy_) * y;
-    Rows H_all(H.data(), n_theta_, n_theta_);
+    YZ_.topRows(ny) = y_rows.leftCols(n_theta_);
+    auto z = YZ_.bottomRows(ny);
+    z = W_yth_;
+    z.noalias() += (0.5 * W_yy_) * YZ_.topRows(ny);
+    ZY_.topRows(ny) = z;
+    ZY_.bottomRows(ny) = YZ_.topRows(ny);
     for (int first = 0; first < n_theta_; first += strip) {
         const int rows = std::min(strip, n_theta_ - first), rest = n_theta_ - first;
-        auto block = H_all.block(first, first, rows, rest);
+        auto block = strip_.topLeftCorner(rows, rest);
         block = W_thth_.block(first, first, rows, rest);
-        block.noalias() += y.middleCols(first, rows).transpose() * Z_.rightCols(rest);
-        block.noalias() += Z_.middleCols(first, rows).transpose() * y.rightCols(rest);
-        if (rest > rows)
-            H_all.block(first + rows, first, rest - rows, rows) =
-                H_all.block(first, first + rows, rows, rest - rows).transpose();
+        block.noalias() += YZ_.middleCols(first, rows).transpose() * ZY_.rightCols(rest);
         for (int i = 0; i < rows; ++i)
             for (int j = 0; j < i; ++j) block(i, j) = block(j, i);
+        int at[strip];
+        for (int i = 0; i < rows; ++i) at[i] = position(runs, first + i);
+        for (const Run& to : runs) {
+            const int begin = std::max(to.first, first) - first, end = to.first + to.length - first;
+            for (int i = 0; i < rows && begin < end; ++i)
+                std::copy(&block(i, 0) + begin, &block(i, 0) + end,
+                          out + static_cast<std::size_t>(at[i]) * ld_out + to.position + first + begin - to.first);
+        }
+        for (int j = rows; j < rest; ++j) {
+            double* row = out + static_cast<std::size_t>(position(runs, first + j)) * ld_out;
+            for (int i = 0; i < rows; ++i) row[at[i]] = block(i, j);
+        }
     }
 }
 

@@ -71,10 +71,15 @@ public:
     std::vector<double> Y;   // (n_dynamic + n_constraints) x ld: d(q2; lam)/d[th | shift of h]
     std::vector<double> P2;  // n_dynamic x ld: dp2/d[th | shift of h]
 
+    // Entries first .. first + length of th stand at `position` of the output; runs are ascending and cover all of th.
+    struct Run {
+        int first, length, position;
+    };
     // Second derivatives by th, contracted with weights on the next state and the multipliers: the Hessian of
-    // w_q.q2 + w_p.p2 + w_lam.lam, n_theta x n_theta row-major. Needs Y and P2 of differentiate(), and q1, q2, u, lam.
-    void curvature(double dt, const double* w_q, const double* w_p, const double* w_lam);
-    std::vector<double> H;
+    // w_q.q2 + w_p.p2 + w_lam.lam into `out`, rows of ld_out. Needs Y and the columns of p1 and of shifts of P2, as
+    // differentiate() leaves them, and q1, q2, u, lam.
+    void curvature(double dt, const double* w_q, const double* w_p, const double* w_lam, const std::vector<Run>& runs,
+                   double* out, int ld_out);
 
     // Where solve() stood when it gave up, for the error message: residuals by row, dynamics then constraints.
     std::vector<double> residual, residual_scale;
@@ -116,7 +121,7 @@ private:
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;
     std::vector<double> correction_, q2_kept_, lam_kept_, first_scale_;
-    NewtonMatrix::Matrix G_y_, W_yy_, W_yth_, W_thth_, Z_;  // second order, see curvature()
+    NewtonMatrix::Matrix G_y_, W_yy_, W_yth_, W_thth_, YZ_, ZY_, strip_;  // second order, see curvature()
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
     std::vector<double> mu_;
     bool have_factors_ = false;

@@ -60,9 +60,27 @@ struct Layout {
         if (!zeroed) std::fill(by_x + nq + nd, by_x + ny, 0.0);
         std::copy(row + nq + nd, row + theta, by_u);
     }
+    // The same for all of th: which entries stand where among the states and inputs.
+    std::vector<MidpointStep::Run> runs() const {
+        std::vector<MidpointStep::Run> out;
+        const auto add = [&](int first, int to) {
+            if (!out.empty() && out.back().position + out.back().length == to)
+                ++out.back().length;
+            else
+                out.push_back({first, 1, to});
+        };
+        for (int i = 0; i < nq; ++i) add(i, m.external[i]);
+        for (int i = 0; i < nd; ++i) add(nq + i, nq + m.external[i]);
+        for (int i = 0; i < nu; ++i) add(nq + nd + i, ny + i);
+        return out;
+    }
     void gather(const double* by_x, const double* by_u, double* row) const {
-        for (int i = 0; i < nq; ++i) row[i] = by_x[m.external[i]];
-        for (int i = 0; i < nd; ++i) row[nq + i] = by_x[nq + m.external[i]];
+        if (m.same_order) {
+            std::copy(by_x, by_x + nq + nd, row);
+        } else {
+            for (int i = 0; i < nq; ++i) row[i] = by_x[m.external[i]];
+            for (int i = 0; i < nd; ++i) row[nq + i] = by_x[nq + m.external[i]];
+        }
         std::copy(by_u, by_u + nu, row + nq + nd);
     }
 };
@@ -216,6 +234,7 @@ void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const Midpoin
     const Layout at(*mechanism, multipliers);
     const StepMemo sizes(*mechanism);
     const int nz = at.ny + at.nu;
+    const std::vector<MidpointStep::Run> runs = at.runs();
     parallel_ranges(steps, threads, [&](int begin, int end) {
         MidpointStep step(mechanism, settings);
         step.reserve_derivatives();
@@ -230,7 +249,8 @@ void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const Midpoin
             for (int i = 0; i < at.nd; ++i) {
                 const int row = at.m.external[i];
                 at.gather(A_k + row * at.ny, B_k + row * at.nu, &step.Y[i * ld]);
-                at.gather(A_k + (at.nq + row) * at.ny, B_k + (at.nq + row) * at.nu, &step.P2[i * ld]);
+                for (int j = 0; j < at.nd; ++j)  // of P2 only the columns of p1 are asked for
+                    step.P2[i * ld + at.nq + j] = A_k[(at.nq + row) * at.ny + at.nq + at.m.external[j]];
             }
             const double* m = memo + k * sizes.size();
             const auto take = [&m](int n, double* to) {
@@ -247,21 +267,9 @@ void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const Midpoin
                 w_p[i] = W_k[at.nq + at.m.external[i]];
             }
             std::copy(W_k + at.nx, W_k + at.ny, w_lam.begin());
-            step.curvature(t[k + 1] - t[k], w_q.data(), w_p.data(), w_lam.data());
-
             double* H_k = H + static_cast<std::size_t>(k) * nz * nz;
-            const auto row_of = [&](int i) {  // th -> (states, u)
-                if (i < at.nq) return at.m.external[i];
-                if (i < at.nq + at.nd) return at.nq + at.m.external[i - at.nq];
-                return at.ny + i - at.nq - at.nd;
-            };
-            for (int i = 0; i < at.theta; ++i) {
-                double* row = H_k + static_cast<std::size_t>(row_of(i)) * nz;
-                at.scatter(&step.H[static_cast<std::size_t>(i) * at.theta], row, row + at.ny, zeroed);
-            }
-            if (!zeroed)
-                std::fill(H_k + static_cast<std::size_t>(at.nq + at.nd) * nz,
-                          H_k + static_cast<std::size_t>(at.ny) * nz, 0.0);
+            if (!zeroed) std::fill(H_k, H_k + static_cast<std::size_t>(nz) * nz, 0.0);
+            step.curvature(t[k + 1] - t[k], w_q.data(), w_p.data(), w_lam.data(), runs, H_k, nz);
         }
     });
 }
