@@ -121,6 +121,8 @@ def track(
 
     Raises
     ------
+    KeyboardInterrupt
+        For Ctrl-C while a first trajectory is sought; later it ends the optimisation with what it has.
     ArgumentError
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """

@@ -11,7 +11,7 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics import JointForce, Mechanism, MidpointVI, SimulationStatus
 from leastaction.mechanics.arguments import Array
 from leastaction.models.marionette import STRINGS, UNHELD, hang_strings
-from leastaction.optimal import optimize
+from leastaction.optimal import OptimizationResult, Status, optimize
 from leastaction.systems import MidpointSystem
 from leastaction.tracking.cost import TrackingCost
 from leastaction.tracking.weights import TrackingWeights
@@ -109,7 +109,7 @@ class Problem:
                 max_iterations=iterations,
                 tolerance=1e-2,
             )
-            x, u = result.x, result.u
+            x, u = _going_on(result)
             effort = float(np.max(np.sqrt(np.mean(u[:, : m.nd] ** 2, axis=0))))
             say(f"motors at price {price:g}: the strongest gives {effort:.2g} N or N m (rms)")
         u = np.ascontiguousarray(u[:, m.nd :])
@@ -121,7 +121,7 @@ class Problem:
                 max_iterations=iterations,
                 tolerance=1e-4,
             )
-            x, u = result.x, result.u
+            x, u = _going_on(result)
             say(f"without motors, tension at {part:.0%} of its price: cost {result.cost:.4g}")
         return x, u
 
@@ -182,6 +182,13 @@ class Problem:
         # Statics: gravity is carried by the constraints as well as they can, with the least forces.
         columns = -m.constraint_jacobian(q)[:, : m.nd].T / self.dt
         return np.asarray(np.linalg.lstsq(columns, weight, rcond=1e-6)[0])
+
+
+def _going_on(result: OptimizationResult) -> tuple[Array, Array]:
+    """Return the trajectory of a stage; Ctrl-C, which a single optimisation only ends early, ends them all."""
+    if result.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return result.x, result.u
 
 
 def _columns(mechanism: Mechanism, motion: WantedMotion) -> Array:

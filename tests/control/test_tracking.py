@@ -1,0 +1,121 @@
+"""The marionette follows a wanted motion: gentle ones directly, others by dynamic embedding."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from leastaction import Mechanism, MidpointVI, QuadraticCost, tx
+from leastaction.errors import ArgumentError
+from leastaction.io import Motion, walk_in_place
+from leastaction.models.marionette import REST, UNHELD, marionette
+from leastaction.optimal import Status
+from leastaction.tracking import GENTLE, TrackingCost, TrackingRun, TrackingWeights, problem, track
+
+PUPPET = marionette()
+
+
+def leap(duration: float = 0.5, dt: float = 0.01) -> Motion:
+    """Return a motion that hanging strings cannot make: the puppet darts half a metre ahead and turns."""
+    t = np.linspace(0.0, duration, round(duration / dt) + 1)
+    s = t / duration
+    rise = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    q = np.zeros((len(t), PUPPET.nd))
+    for name, angle in REST.items():
+        q[:, PUPPET.dynamic.index(name)] = angle
+    q[:, PUPPET.dynamic.index("torso_ty")] = 0.5 * rise
+    q[:, PUPPET.dynamic.index("torso_rz")] = 0.8 * rise
+    return Motion(PUPPET.dynamic, t, q, "leap")
+
+
+def check_is_a_motion_of_the_puppet(run: TrackingRun) -> None:
+    integrator = MidpointVI(PUPPET)
+    again = integrator.simulate(
+        integrator.start(run.q[0], p=run.p[0], t=float(run.t[0])), run.t, rho=run.u
+    )
+    np.testing.assert_allclose(again.q, run.q, atol=1e-8)
+    assert np.abs(PUPPET.constraint_values(run.q)).max() < 1e-11
+
+
+def test_a_gentle_motion_is_followed_directly() -> None:
+    run = track(PUPPET, walk_in_place(1.0, 0.02))
+    assert not run.embedded
+    assert run.result.status is Status.CONVERGED
+    assert max(rms for rms, _ in run.errors_in_degrees().values()) < 4.0
+    assert run.tension.sum(axis=1).mean() == pytest.approx(9.8 * 18.75, rel=0.1)
+    check_is_a_motion_of_the_puppet(run)
+
+
+def test_a_motion_that_needs_motors_at_first() -> None:
+    said: list[str] = []
+    run = track(PUPPET, leap(), progress=said.append, max_iterations=30)
+    assert run.embedded
+    assert said[0].startswith("motors at price 1e-06")
+    assert "without motors" in said[-1]
+    held = [rms for name, (rms, _) in run.errors_in_degrees().items() if name not in UNHELD]
+    assert max(held) < 15.0
+    assert abs(run.q[-1, 1] - 0.5) < 0.1
+    # The motors are gone: the strings alone make it.
+    assert run.u.shape[1] == PUPPET.nrho
+    check_is_a_motion_of_the_puppet(run)
+
+
+def test_ctrl_c_ends_the_search_for_a_first_trajectory(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+    real = problem.optimize
+
+    def interrupted(*args: object, **kwargs: object) -> object:
+        calls.append(1)
+        result = real(*args, **kwargs)  # type: ignore[arg-type]
+        return replace(result, status=Status.INTERRUPTED) if len(calls) == 2 else result
+
+    monkeypatch.setattr(problem, "optimize", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        track(PUPPET, leap())
+    assert len(calls) == 2
+
+
+def test_derivatives_of_the_tracking_cost() -> None:
+    rng = np.random.default_rng(3)
+    N, nx, nu, dt = 4, 7, 3, 0.1
+    x_wanted, u_wanted = rng.normal(size=(N + 1, nx)), rng.normal(size=(N, nu))
+    settings = {"Q": rng.uniform(size=nx), "R": rng.uniform(0.5, 1.0, size=nu)}
+    places = {"rho": slice(1, 3), "v_rho": slice(5, 7), "rho_next": slice(1, 3)}
+    cost = TrackingCost(x_wanted, u_wanted, **settings, dt=dt, **places, acceleration=0.3)
+    x, u = rng.normal(size=(N + 1, nx)), rng.normal(size=(N, nu))
+    a = ((u[:, 1:3] - x[:-1, 1:3]) / dt - x[:-1, 5:7]) / dt
+    plain = QuadraticCost(x_wanted, u_wanted, **settings).value(x, u)
+    assert cost.value(x, u) == pytest.approx(plain + 0.15 * np.sum(a**2), rel=1e-12)
+    gradient, hessian = cost.gradient(x, u), cost.hessian(x, u)
+    assert hessian.S is not None
+    dx, du = rng.normal(size=x.shape), rng.normal(size=u.shape)
+    # Quadratic, so central differences are exact at any step.
+    slope = (cost.value(x + dx, u + du) - cost.value(x - dx, u - du)) / 2.0
+    expected = np.sum(gradient.q * dx[:-1]) + np.sum(gradient.r * du) + gradient.q_final @ dx[-1]
+    assert slope == pytest.approx(expected, rel=1e-10)
+    curvature = cost.value(x + dx, u + du) - 2.0 * cost.value(x, u) + cost.value(x - dx, u - du)
+    final = dx[-1] @ (hessian.Q_final * dx[-1])
+    stages = sum(
+        a @ hessian.Q @ a + 2.0 * a @ hessian.S @ b + b @ hessian.R @ b
+        for a, b in zip(dx[:-1], du, strict=True)
+    )
+    assert curvature == pytest.approx(stages + final, rel=1e-9)
+
+
+def test_bad_input() -> None:
+    walk = walk_in_place(0.5, 0.02)
+    with pytest.raises(ArgumentError, match="tension is -1"):
+        TrackingWeights(tension=-1.0)
+    with pytest.raises(ArgumentError, match="string is 0"):
+        replace(GENTLE, string=0.0)
+    kept = tuple(n for n in walk.names if n != "lknee_rx")
+    cut = Motion(kept, walk.t, walk.columns(kept), "cut")
+    with pytest.raises(ArgumentError, match="no column for 'lknee_rx'"):
+        track(PUPPET, cut)
+    uneven = Motion(walk.names, walk.t**1.1, walk.q, "uneven")
+    with pytest.raises(ArgumentError, match="equal steps"):
+        track(PUPPET, uneven)
+    with pytest.raises(ArgumentError, match="lacks the string variables"):
+        track(Mechanism([tx("cart", mass=1.0)]), walk)
