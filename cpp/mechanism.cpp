@@ -106,11 +106,18 @@ int MechanismBuilder::add_point(int joint, const Vec3<double>& offset) {
     return static_cast<int>(points_.size()) - 1;
 }
 void MechanismBuilder::set_gravity(const Vec3<double>& g) { gravity_ = g; }
-void MechanismBuilder::add_distance(int point1, int point2, double length, int variable) {
+void MechanismBuilder::check_points(int point1, int point2) const {
     for (const int point : {point1, point2})
         if (point < 0 || point >= static_cast<int>(points_.size()))
             throw std::invalid_argument("no point " + std::to_string(point));
-    distances_.push_back({point1, point2, length, variable < 0 ? -1 : check_variable(variable)});
+}
+void MechanismBuilder::add_distance(int point1, int point2, double length, int variable) {
+    check_points(point1, point2);
+    pairs_.push_back({point1, point2, length, variable < 0 ? -1 : check_variable(variable), false, {}});
+}
+void MechanismBuilder::add_coincidence(int point1, int point2, const Vec3<double>& direction) {
+    check_points(point1, point2);
+    pairs_.push_back({point1, point2, 0.0, -1, true, direction});
 }
 void MechanismBuilder::add_damping(int variable, double coefficient) {
     if (check_variable(variable) >= n_dynamic_) throw std::invalid_argument("damping acts on dynamic variables only");
@@ -202,10 +209,14 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
     const auto moved = [&](const Point& point) {
         return Point{point.joint < 0 ? -1 : m->joint_of_builder[point.joint], point.offset};
     };
-    for (const RawDistance& d : distances_)
-        m->constraints.push_back(std::make_unique<Distance>(m->joints, moved(points_[d.point1]),
-                                                            moved(points_[d.point2]), d.length,
-                                                            d.variable < 0 ? -1 : m->internal[d.variable]));
+    for (const RawPair& pair : pairs_) {
+        const Point point1 = moved(points_[pair.point1]), point2 = moved(points_[pair.point2]);
+        if (pair.coincide)
+            m->constraints.push_back(std::make_unique<Coincidence>(m->joints, point1, point2, pair.direction));
+        else
+            m->constraints.push_back(std::make_unique<Distance>(m->joints, point1, point2, pair.length,
+                                                                pair.variable < 0 ? -1 : m->internal[pair.variable]));
+    }
     if (!damping_.empty()) {
         std::vector<double> coefficients(n_dynamic_, 0.0);
         for (const auto& [variable, c] : damping_) coefficients[m->internal[variable]] += c;

@@ -68,6 +68,7 @@ public:
     int add_point(int joint, const Vec3<double>& offset);
     void set_gravity(const Vec3<double>& g);
     void add_distance(int point1, int point2, double length, int variable);
+    void add_coincidence(int point1, int point2, const Vec3<double>& direction);
     void add_damping(int variable, double coefficient);
     void add_joint_force(int variable, int input);
 
@@ -75,11 +76,15 @@ public:
     std::shared_ptr<const Mechanism> build() const;
 
 private:
-    struct RawDistance {
+    // Two points at a distance, or coincident along a direction.
+    struct RawPair {
         int point1, point2;
         double length;
         int variable;
+        bool coincide;
+        Vec3<double> direction;
     };
+    void check_points(int point1, int point2) const;
     int check_joint(int joint) const;
     int check_variable(int variable) const;
 
@@ -88,7 +93,7 @@ private:
     std::vector<Joint> joints_;
     std::vector<std::pair<int, Body>> bodies_;
     std::vector<Point> points_;
-    std::vector<RawDistance> distances_;
+    std::vector<RawPair> pairs_;  // in the order of the constraints
     std::vector<std::pair<int, double>> damping_;
     std::vector<std::pair<int, int>> joint_forces_;
 };

@@ -188,6 +188,12 @@ void bind_mechanism(nb::module_& module) {
         .def(
             "set_gravity", [](MechanismBuilder& b, const In<1>& g) { b.set_gravity(vec3(g)); }, "g"_a)
         .def("add_distance", &MechanismBuilder::add_distance, "point1"_a, "point2"_a, "length"_a, "variable"_a = -1)
+        .def(
+            "add_coincidence",
+            [](MechanismBuilder& b, int point1, int point2, const In<1>& direction) {
+                b.add_coincidence(point1, point2, vec3(direction));
+            },
+            "point1"_a, "point2"_a, "direction"_a)
         .def("add_damping", &MechanismBuilder::add_damping, "variable"_a, "coefficient"_a)
         .def("add_joint_force", &MechanismBuilder::add_joint_force, "variable"_a, "input"_a)
         .def("build", [](const MechanismBuilder& b) { return std::const_pointer_cast<Mechanism>(b.build()); });

@@ -18,6 +18,7 @@ from leastaction.mechanics import (
     Gravity,
     JointForce,
     Mechanism,
+    PointToPoint,
     world,
 )
 
@@ -27,6 +28,9 @@ ELEMENTS: dict[str, Callable[[dict[str, Any]], Element]] = {
     "damping": lambda e: Damping(e["coefficients"]),
     "config_force": lambda e: JointForce(e["config"], input=e["input"]),
     "distance": lambda e: Distance(*e["frames"], length=e["length"]),
+    "point_to_point_component": lambda e: PointToPoint(
+        *e["frames"], axes=e["axis"], name=f"{' on '.join(e['frames'])} {e['axis']}"
+    ),
 }
 
 

@@ -19,6 +19,7 @@ from leastaction.mechanics.elements import (
     Force,
     Gravity,
     JointForce,
+    PointToPoint,
     Potential,
 )
 from leastaction.mechanics.frames import Frame, pose, rx, ry, rz, tx, ty, tz
@@ -42,6 +43,7 @@ __all__ = [
     "JointForce",
     "Mechanism",
     "MidpointVI",
+    "PointToPoint",
     "Potential",
     "SimulationStatus",
     "State",

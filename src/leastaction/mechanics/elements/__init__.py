@@ -6,7 +6,7 @@ Every element is a small frozen object with one interface, `Element`; `Mechanism
 from __future__ import annotations
 
 from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
-from leastaction.mechanics.elements.constraints import Constraint, Distance
+from leastaction.mechanics.elements.constraints import Constraint, Distance, PointToPoint
 from leastaction.mechanics.elements.forces import Damping, Force, JointForce
 from leastaction.mechanics.elements.potentials import Gravity, Potential
 
@@ -20,6 +20,7 @@ __all__ = [
     "Force",
     "Gravity",
     "JointForce",
+    "PointToPoint",
     "Potential",
     "Uses",
 ]

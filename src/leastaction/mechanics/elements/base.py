@@ -49,6 +49,10 @@ class Builder(Protocol):
         """Hold the distance of two points; the variable is the length unless it is -1."""
         ...
 
+    def add_coincidence(self, point1: int, point2: int, direction: Array, /) -> object:
+        """Let two points coincide along a direction (3,) of the world."""
+        ...
+
     def add_damping(self, variable: int, coefficient: float, /) -> None:
         """Add the force -c v on a variable."""
         ...

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.arguments import as_number
 from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
@@ -103,3 +105,81 @@ class Distance(Constraint):
             builder.add_distance(first, second, 0.0, context.variable(self.length))
         else:
             builder.add_distance(first, second, self.length)
+
+
+@dataclass(frozen=True)
+class PointToPoint(Constraint):
+    """Let the origins of two frames coincide along axes of the world: ``h = p1[axis] - p2[axis]`` (m).
+
+    Closes a loop of bodies: in the plane with two axes, in space with three. One equation an axis, named
+    ``name.x`` and so on.
+
+    Parameters
+    ----------
+    frame1, frame2 : str
+        The frames.
+    axes : str, optional
+        Axes of the world along which they coincide, some of ``"xyz"``.
+    name : str, optional
+        Name of the constraint.
+
+    Raises
+    ------
+    DescriptionError
+        If both are the same frame or the axes are not some of x, y and z.
+    """
+
+    frame1: str
+    frame2: str
+    axes: str = "xyz"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_name(self.frame1, "PointToPoint: frame1")
+        check_name(self.frame2, "PointToPoint: frame2")
+        if self.frame1 == self.frame2:
+            raise DescriptionError(
+                f"{self.label}: both are the frame {self.frame1!r}; give two different frames"
+            )
+        axes: object = self.axes
+        known = isinstance(axes, str) and axes != "" and set(axes) <= set("xyz")
+        if not known or len(set(self.axes)) < len(self.axes):
+            raise DescriptionError(
+                f"{self.label}: got axes {axes!r}, expected some of 'xyz', each once"
+            )
+
+    @property
+    def uses(self) -> Uses:
+        """The names that the element uses; see `Element.uses`."""
+        return Uses(frames=(self.frame1, self.frame2))
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """One equation an axis."""
+        return tuple(f".{axis}" for axis in self.axes)
+
+    @property
+    def default_name(self) -> str:
+        """The name if none is given."""
+        return f"point_to_point({self.frame1}, {self.frame2})"
+
+    def describe(self) -> str:
+        """Return the values in a few words."""
+        return f"{self.frame1} on {self.frame2} along {', '.join(self.axes)}"
+
+    def check(self, context: Context) -> None:
+        """Check names, and that the element can do its work; see `Element.check`."""
+        super().check(context)
+        joints = context.joints_between(self.frame1, self.frame2)
+        if all(context.tree.joints[joint].kinematic for joint in joints):
+            raise DescriptionError(
+                f"{self.label}: no dynamic variable moves {self.frame1!r} relative to {self.frame2!r}, so "
+                "nothing can bring them together; remove the constraint or choose other frames"
+            )
+
+    def add_to(self, builder: Builder, context: Context) -> None:
+        """Add the element to the core; see `Element.add_to`."""
+        first = context.point(builder, self.frame1)
+        second = context.point(builder, self.frame2)
+        for axis in self.axes:
+            builder.add_coincidence(first, second, np.eye(3)["xyz".index(axis)].copy())
