@@ -86,12 +86,15 @@ class MidpointSystem(DiscreteSystem):
     ) -> Rollout:
         """Simulate steps ``start .. stop-1`` under ``u = ubar - K (x - xbar)``; see `DiscreteSystem`."""
         m = self.integrator.mechanism
+        if np.any(K[start:stop, :, m.nx :]):
+            # The core feeds back no multipliers. Nothing depends on them, so no optimal gain is lost with
+            # theirs; a gain that does have them takes the slow way.
+            return super().rollout(x0, xbar, ubar, K, start, stop)
         velocity = None
         if start:
             # The state holds no velocity of the dynamic variables; that of the reference is a good guess.
             dt = self.t[start] - self.t[start - 1]
             velocity = (xbar[start, : m.nd] - xbar[start - 1, : m.nd]) / dt
-        # Nothing depends on the appended multipliers, so no gain is lost with theirs.
         out = self.integrator.core.roll_out(
             self.t[start : stop + 1],
             x0[: m.nx],
