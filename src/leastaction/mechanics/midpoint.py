@@ -157,11 +157,7 @@ class MidpointVI(StepDifferentiation):
         for q in (first, second):
             check_consistent(m, q)
         h = as_time_step(dt)
-        u = (
-            np.zeros(m.nu)
-            if inputs is None
-            else as_array(inputs, "inputs", (m.nu,), names=m.inputs)
-        )
+        u = self._inputs(inputs)
         _, p = self.core.momenta(first, second, u, h)
         return State(as_number(t, "t"), second.copy(), p, (second - first)[m.nd :] / h)
 
@@ -197,11 +193,7 @@ class MidpointVI(StepDifferentiation):
         m = self.mechanism
         check_state(state)
         h = as_time_step(dt)
-        u = (
-            np.zeros(m.nu)
-            if inputs is None
-            else as_array(inputs, "inputs", (m.nu,), names=m.inputs)
-        )
+        u = self._inputs(inputs)
         rho = (
             state.q[m.nd :]
             if rho_next is None
@@ -347,6 +339,13 @@ class MidpointVI(StepDifferentiation):
             iteration=int(out["failed_iterations"]),
             state=state,
         )
+
+    def _inputs(self, inputs: npt.ArrayLike | None) -> Array:
+        """Return the inputs of one step (nu,), zero if not given."""
+        m = self.mechanism
+        if inputs is None:
+            return np.zeros(m.nu)
+        return as_array(inputs, "inputs", (m.nu,), names=m.inputs)
 
     def _check_lengths(self, q: Array, t: Array) -> None:
         """Complain about a prescribed distance that is not positive: it has no direction to pull in."""

@@ -10,6 +10,7 @@ from leastaction.errors import DescriptionError
 from leastaction.mechanics.arguments import as_number
 from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
 from leastaction.mechanics.frames import check_name
+from leastaction.mechanics.tree import Joint
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,53 @@ class Constraint(Element):
 
 
 @dataclass(frozen=True)
-class Distance(Constraint):
+class FramePair(Constraint):
+    """Base of the constraints between the origins of two frames, one of which the other must be free to meet.
+
+    Parameters
+    ----------
+    frame1, frame2 : str
+        The frames.
+    name : str, optional
+        Name of the constraint.
+    """
+
+    frame1: str
+    frame2: str
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        kind = type(self).__name__
+        check_name(self.frame1, f"{kind}: frame1")
+        check_name(self.frame2, f"{kind}: frame2")
+        if self.frame1 == self.frame2:
+            raise DescriptionError(
+                f"{self.label}: both ends are the frame {self.frame1!r}; give two different frames"
+            )
+
+    @property
+    def uses(self) -> Uses:
+        """The names that the element uses; see `Element.uses`."""
+        return Uses(frames=(self.frame1, self.frame2))
+
+    def joints_that_can(self, context: Context, task: str) -> list[Joint]:
+        """Return the joints between the frames; complain that nothing can do the task if none is free."""
+        between = context.joints_between(self.frame1, self.frame2)
+        joints = [context.tree.joints[joint] for joint in between]
+        if all(joint.kinematic for joint in joints):
+            raise DescriptionError(
+                f"{self.label}: no dynamic variable moves {self.frame1!r} relative to {self.frame2!r}, so "
+                f"nothing can {task}; remove the constraint or choose other frames"
+            )
+        return joints
+
+    def points(self, builder: Builder, context: Context) -> tuple[int, int]:
+        """Add both origins to the core and return them."""
+        return context.point(builder, self.frame1), context.point(builder, self.frame2)
+
+
+@dataclass(frozen=True)
+class Distance(FramePair):
     """Hold the distance between two frames: ``h = |p1 - p2|^2 - L^2`` (m^2), a rod or a taut string.
 
     Parameters
@@ -42,18 +89,10 @@ class Distance(Constraint):
         If both ends are the same frame or the length is not positive.
     """
 
-    frame1: str
-    frame2: str
     length: float | str
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_name(self.frame1, "Distance: frame1")
-        check_name(self.frame2, "Distance: frame2")
-        if self.frame1 == self.frame2:
-            raise DescriptionError(
-                f"{self.label}: both ends are the frame {self.frame1!r}; give two different frames"
-            )
         if isinstance(self.length, str):
             check_name(self.length, f"{self.label}: length")
             return
@@ -84,14 +123,8 @@ class Distance(Constraint):
     def check(self, context: Context) -> None:
         """Check names, and that the element can do its work; see `Element.check`."""
         super().check(context)
-        joints = context.joints_between(self.frame1, self.frame2)
-        if all(context.tree.joints[joint].kinematic for joint in joints):
-            raise DescriptionError(
-                f"{self.label}: no dynamic variable moves {self.frame1!r} relative to {self.frame2!r}, so "
-                "nothing can hold their distance; remove the constraint or choose other frames"
-            )
-
-        if any(context.tree.joints[joint].variable == self.length for joint in joints):
+        joints = self.joints_that_can(context, "hold their distance")
+        if any(joint.variable == self.length for joint in joints):
             raise DescriptionError(
                 f"{self.label}: the length {self.length!r} is also the variable of a frame that moves one "
                 "of the ends; prescribe the length by a variable of its own"
@@ -99,8 +132,7 @@ class Distance(Constraint):
 
     def add_to(self, builder: Builder, context: Context) -> None:
         """Add the element to the core; see `Element.add_to`."""
-        first = context.point(builder, self.frame1)
-        second = context.point(builder, self.frame2)
+        first, second = self.points(builder, context)
         if isinstance(self.length, str):
             builder.add_distance(first, second, 0.0, context.variable(self.length))
         else:
@@ -108,7 +140,7 @@ class Distance(Constraint):
 
 
 @dataclass(frozen=True)
-class PointToPoint(Constraint):
+class PointToPoint(FramePair):
     """Let the origins of two frames coincide along axes of the world: ``h = p1[axis] - p2[axis]`` (m).
 
     Closes a loop of bodies: in the plane with two axes, in space with three. One equation an axis, named
@@ -129,29 +161,16 @@ class PointToPoint(Constraint):
         If both are the same frame or the axes are not some of x, y and z.
     """
 
-    frame1: str
-    frame2: str
     axes: str = "xyz"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_name(self.frame1, "PointToPoint: frame1")
-        check_name(self.frame2, "PointToPoint: frame2")
-        if self.frame1 == self.frame2:
-            raise DescriptionError(
-                f"{self.label}: both are the frame {self.frame1!r}; give two different frames"
-            )
         axes: object = self.axes
         known = isinstance(axes, str) and axes != "" and set(axes) <= set("xyz")
         if not known or len(set(self.axes)) < len(self.axes):
             raise DescriptionError(
                 f"{self.label}: got axes {axes!r}, expected some of 'xyz', each once"
             )
-
-    @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(frames=(self.frame1, self.frame2))
 
     @property
     def equations(self) -> tuple[str, ...]:
@@ -170,16 +189,10 @@ class PointToPoint(Constraint):
     def check(self, context: Context) -> None:
         """Check names, and that the element can do its work; see `Element.check`."""
         super().check(context)
-        joints = context.joints_between(self.frame1, self.frame2)
-        if all(context.tree.joints[joint].kinematic for joint in joints):
-            raise DescriptionError(
-                f"{self.label}: no dynamic variable moves {self.frame1!r} relative to {self.frame2!r}, so "
-                "nothing can bring them together; remove the constraint or choose other frames"
-            )
+        self.joints_that_can(context, "bring them together")
 
     def add_to(self, builder: Builder, context: Context) -> None:
         """Add the element to the core; see `Element.add_to`."""
-        first = context.point(builder, self.frame1)
-        second = context.point(builder, self.frame2)
+        first, second = self.points(builder, context)
         for axis in self.axes:
             builder.add_coincidence(first, second, np.eye(3)["xyz".index(axis)].copy())
