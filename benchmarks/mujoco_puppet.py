@@ -133,8 +133,8 @@ def mjcf(mechanism: Mechanism, x0: Array, dt: float) -> str:
             kind = "slide" if np.any(joint.twist[:3]) else "hinge"
             axis = joint.twist[:3] if kind == "slide" else joint.twist[3:]
             lines.append(
-                f'<joint name="{joint.variable}" type="{kind}" axis="{_numbers(axis)}" '
-                f'damping="{damping[joint.variable]}"/>'
+                f'<joint name="{joint.variables[0]}" type="{kind}" axis="{_numbers(axis)}" '
+                f'damping="{damping[joint.variables[0]]}"/>'
             )
             below = children.get(index, [])
             if index in inertias or index in sites or len(below) != 1:

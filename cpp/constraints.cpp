@@ -2,40 +2,29 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 namespace leastaction {
 
 namespace {
-
-bool is_above(const std::vector<Joint>& joints, int ancestor, int joint) {
-    for (; joint >= 0; joint = joints[joint].parent)
-        if (joint == ancestor) return true;
-    return false;
-}
 
 template <class T>
 double size_of(const Vec3<T>& a) {
     return std::abs(value_of(a.x)) + std::abs(value_of(a.y)) + std::abs(value_of(a.z));
 }
 
+std::vector<int> above_point(const Constants& constants, int point) {
+    return joints_above(constants.joints, constants.points[point].joint);
+}
+
+std::vector<int> if_any(int variable) { return variable < 0 ? std::vector<int>{} : std::vector<int>{variable}; }
+
 }  // namespace
 
-PointPair::PointPair(const std::vector<Joint>& joints, const Point& point1, const Point& point2)
+PointPair::PointPair(const std::vector<Joint>& joints, int joint1, int joint2, int point1, int point2,
+                     const Movers& movers)
     : point1_(point1), point2_(point2) {
-    for (int joint = 0; joint < static_cast<int>(joints.size()); ++joint) {
-        const bool moves1 = point1.joint >= 0 && is_above(joints, joint, point1.joint);
-        const bool moves2 = point2.joint >= 0 && is_above(joints, joint, point2.joint);
-        if (moves1 || moves2) {
-            movers_.push_back({joint, moves1, moves2});
-            joints_.push_back(joint);
-            support_.push_back(joints[joint].variable);
-        }
-    }
-    const std::size_t n = movers_.size();
-    above_.resize(n * n);
-    for (std::size_t i = 0; i < n; ++i)
-        for (std::size_t j = 0; j < n; ++j) above_[i * n + j] = is_above(joints, movers_[j].joint, movers_[i].joint);
+    for (const int joint : movers.joints())
+        movers_.push_back({joint, is_above(joints, joint, joint1), is_above(joints, joint, joint2)});
 }
 
 template <class T>
@@ -63,27 +52,24 @@ void PointPair::difference(const Placement<T>& at, Order order, Difference<T>& o
     }
 }
 
-Distance::Distance(const std::vector<Joint>& joints, const Point& point1, const Point& point2, double length,
-                   int length_variable)
-    : PointPair(joints, point1, point2), length_(length), length_variable_(length_variable) {
-    if (length_variable >= 0) support_.push_back(length_variable);
-}
-
-void Distance::evaluate(const Placement<double>& at, const double* q, Order order, LocalTaylor<double>& out) const {
-    evaluate_on(at, q, order, out);
-}
-void Distance::evaluate(const Placement<Dual<double>>& at, const Dual<double>* q, Order order,
-                        LocalTaylor<Dual<double>>& out) const {
-    evaluate_on(at, q, order, out);
+Distance::Distance(const Constants& constants, int point1, int point2, int length_slot, int length_variable)
+    : movers_(constants.joints, only_one(above_point(constants, point1), above_point(constants, point2)),
+              if_any(length_variable)),
+      pair_(constants.joints, constants.points[point1].joint, constants.points[point2].joint, point1, point2, movers_),
+      length_slot_(length_slot),
+      length_variable_(length_variable) {
+    support_ = movers_.support();
+    // Joints above both ends must be placed too, although nothing depends on them.
+    joints_ = either(above_point(constants, point1), above_point(constants, point2));
 }
 
 template <class T>
 void Distance::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
-    const std::size_t n = movers_.size(), m = support_.size();
-    Difference<T> change;
-    difference(at, order, change);
+    const std::size_t n = movers_.count(), m = movers_.size();
+    PointPair::Difference<T> change;
+    pair_.difference(at, order, change);
     const Vec3<T>& d = change.d;
-    const T length = length_variable_ >= 0 ? q[length_variable_] : T(length_);
+    const T length = length_variable_ >= 0 ? q[length_variable_] : at.number(length_slot_);
     const T d2 = dot(d, d), l2 = length * length;
     out.value = d2 - l2;
     if constexpr (std::is_same_v<T, double>) out.scale = d2 + l2;
@@ -92,54 +78,90 @@ void Distance::evaluate_on(const Placement<T>& at, const T* q, Order order, Loca
     out.gradient.resize(m);
     for (std::size_t i = 0; i < n; ++i) out.gradient[i] = 2.0 * dot(d, change.D[i]);
     if (length_variable_ >= 0) out.gradient[n] = -2.0 * length;
-    if (order == Order::gradient) return;
-
-    out.hessian.assign(m * m, T{});
-    for (std::size_t j = 0; j < n; ++j) {
-        const Vec3<T> carried = change.D[j] + cross(d, at.twist[movers_[j].joint].w);
-        for (std::size_t i = j; i < n; ++i) {
-            const T value = 2.0 * dot(change.D[i], above_[i * n + j] ? carried : change.D[j]);
-            out.hessian[i * m + j] = value;
-            out.hessian[j * m + i] = value;
+    if (order == Order::hessian) {
+        out.hessian.assign(m * m, T{});
+        for (std::size_t j = 0; j < n; ++j) {
+            const Vec3<T> carried = change.D[j] + cross(d, at.twist[movers_.joint(j)].w);
+            for (std::size_t i = j; i < n; ++i) {
+                const T value = 2.0 * dot(change.D[i], movers_.above(j, i) ? carried : change.D[j]);
+                out.hessian[i * m + j] = value;
+                out.hessian[j * m + i] = value;
+            }
         }
+        if (length_variable_ >= 0) out.hessian[n * m + n] = T(-2.0);
     }
-    if (length_variable_ >= 0) out.hessian[n * m + n] = T(-2.0);
+    movers_.fold(order, out);
 }
 
-Coincidence::Coincidence(const std::vector<Joint>& joints, const Point& point1, const Point& point2,
-                         const Vec3<double>& direction)
-    : PointPair(joints, point1, point2), direction_(direction) {}
-
-void Coincidence::evaluate(const Placement<double>& at, const double*, Order order, LocalTaylor<double>& out) const {
-    evaluate_on(at, order, out);
-}
-void Coincidence::evaluate(const Placement<Dual<double>>& at, const Dual<double>*, Order order,
-                           LocalTaylor<Dual<double>>& out) const {
-    evaluate_on(at, order, out);
+Coincidence::Coincidence(const Constants& constants, int point1, int point2, const Vec3<double>& direction)
+    : movers_(constants.joints, either(above_point(constants, point1), above_point(constants, point2))),
+      pair_(constants.joints, constants.points[point1].joint, constants.points[point2].joint, point1, point2, movers_),
+      direction_(direction) {
+    support_ = movers_.support();
+    joints_ = movers_.joints();
 }
 
 template <class T>
-void Coincidence::evaluate_on(const Placement<T>& at, Order order, LocalTaylor<T>& out) const {
-    const std::size_t m = support_.size();
-    Difference<T> change;
-    difference(at, order, change);
+void Coincidence::evaluate_on(const Placement<T>& at, const T*, Order order, LocalTaylor<T>& out) const {
+    const std::size_t m = movers_.size();
+    PointPair::Difference<T> change;
+    pair_.difference(at, order, change);
     out.value = dot(direction_, change.d);
     if constexpr (std::is_same_v<T, double>) out.scale = change.size;
     if (order == Order::value) return;
 
     out.gradient.resize(m);
     for (std::size_t i = 0; i < m; ++i) out.gradient[i] = dot(direction_, change.D[i]);
-    if (order == Order::gradient) return;
-
-    out.hessian.assign(m * m, T{});
-    for (std::size_t j = 0; j < m; ++j) {
-        const Vec3<T> carried = cross(direction_, at.twist[movers_[j].joint].w);
-        for (std::size_t i = j; i < m; ++i) {
-            const T value = above_[i * m + j] ? dot(change.D[i], carried) : T{};
-            out.hessian[i * m + j] = value;
-            out.hessian[j * m + i] = value;
+    if (order == Order::hessian) {
+        out.hessian.assign(m * m, T{});
+        for (std::size_t j = 0; j < m; ++j) {
+            const Vec3<T> carried = cross(direction_, at.twist[movers_.joint(j)].w);
+            for (std::size_t i = j; i < m; ++i) {
+                const T value = movers_.above(j, i) ? dot(change.D[i], carried) : T{};
+                out.hessian[i * m + j] = value;
+                out.hessian[j * m + i] = value;
+            }
         }
     }
+    movers_.fold(order, out);
 }
+
+Held::Held(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, int variable)
+    : coordinate_(std::move(coordinate)), slot_(slot), variable_(variable), index_(-1) {
+    support_ = coordinate_->support();
+    joints_ = coordinate_->joints();
+    if (variable < 0) return;
+    const auto found = std::find(support_.begin(), support_.end(), variable);
+    index_ = static_cast<int>(found - support_.begin());
+    if (found == support_.end()) support_.push_back(variable);
+}
+
+template <class T>
+void Held::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
+    coordinate_->evaluate(at, q, order, out);
+    T held{};
+    if (slot_ >= 0) held += at.number(slot_);
+    if (variable_ >= 0) held += q[variable_];
+    out.value -= held;
+    if constexpr (std::is_same_v<T, double>) out.scale = std::max(out.scale, std::abs(held));
+    if (order == Order::value || variable_ < 0) return;
+    const std::size_t inner = coordinate_->support().size(), m = support_.size();
+    if (m > inner) {
+        out.gradient.push_back(T{});
+        if (order == Order::hessian) {
+            out.hessian.resize(m * m);
+            for (std::size_t i = inner; i-- > 0;) {  // widen the rows, from the last
+                for (std::size_t j = inner; j-- > 0;) out.hessian[i * m + j] = out.hessian[i * inner + j];
+                out.hessian[i * m + inner] = T{};
+            }
+            std::fill_n(&out.hessian[inner * m], m, T{});
+        }
+    }
+    out.gradient[index_] -= T(1.0);
+}
+
+LEASTACTION_ON_ANY_SCALAR(Distance);
+LEASTACTION_ON_ANY_SCALAR(Coincidence);
+LEASTACTION_ON_ANY_SCALAR(Held);
 
 }  // namespace leastaction

@@ -1,10 +1,9 @@
 // The interfaces that every element of a mechanism fills.
 //
-// A potential V(q) and a holonomic constraint h(q) = 0 are the same thing to the core: a scalar function of a few
-// configuration variables (its support). It states its value, gradient and Hessian once, on the generic scalar; the
-// third order along a direction comes from the dual scalar, so a type with a missing order cannot exist.
-// A force is a map f(q, v, u) onto a few dynamic variables, with its Jacobians. All forces so far are affine in
-// (q, v, u); the first one that is not brings its contracted Hessian into this interface.
+// A potential V(q), a holonomic constraint h(q) = 0 and a coordinate s(q) that a force acts along are the same thing to the
+// core: a scalar function of a few configuration variables (its support). It states its value, gradient and Hessian once,
+// on the generic scalar; the third order along a direction comes from the dual scalar, and so do derivatives by its
+// numbers, so a type with a missing order cannot exist.
 #pragma once
 
 #include <vector>
@@ -13,6 +12,8 @@
 
 namespace leastaction {
 
+enum class Order { value, gradient, hessian };
+
 // Value, gradient and Hessian of a scalar function over its support (m variables); Hessian row-major m x m.
 template <class T>
 struct LocalTaylor {
@@ -20,9 +21,8 @@ struct LocalTaylor {
     double scale = 0;  // size of the terms that cancel in the value, for relative tolerances
     std::vector<T> gradient;
     std::vector<T> hessian;
+    std::vector<T> work, by_joint;  // room that evaluations need
 };
-
-enum class Order { value, gradient, hessian };
 
 class ConfigurationFunction {
 public:
@@ -41,19 +41,67 @@ protected:
     std::vector<int> support_, joints_;
 };
 
-// Generalized force on dynamic variables: f_i(q, v, u). Arrays are in internal variable order and are added to.
-// Jacobians are row-major: f_q and f_v are n_dynamic x n_variables, f_u is n_dynamic x n_inputs.
+// Lets a type state itself once, as a template evaluate_on().
+template <class Type>
+class OnAnyScalar : public ConfigurationFunction {
+public:
+    void evaluate(const Placement<double>& at, const double* q, Order order, LocalTaylor<double>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(at, q, order, out);
+    }
+    void evaluate(const Placement<Dual<double>>& at, const Dual<double>* q, Order order,
+                  LocalTaylor<Dual<double>>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(at, q, order, out);
+    }
+};
+
+// Put at the end of the file that defines evaluate_on().
+#define LEASTACTION_ON_ANY_SCALAR(Type)                                                                          \
+    template void Type::evaluate_on(const Placement<double>&, const double*, Order, LocalTaylor<double>&) const; \
+    template void Type::evaluate_on(const Placement<Dual<double>>&, const Dual<double>*, Order,                  \
+                                    LocalTaylor<Dual<double>>&) const
+
+// Where forces are evaluated. For their second derivatives, contracted with mu, the same configuration twice more on
+// duals: along the velocity, and along mu.
+template <class T>
+struct ForcePoint {
+    const Placement<T>& at;
+    const T *q, *v, *u;
+};
+struct ForceDirections {
+    const Placement<Dual<double>>&along_v, &along_mu;
+    const Dual<double>*q_along_v, *q_along_mu;
+    const double* mu;  // by variable; zero for kinematic ones
+};
+
+// A force over its support (m variables) and its inputs (r): f (m), f_q and f_v (m x m), f_u (m x r), row-major.
+template <class T>
+struct LocalForce {
+    std::vector<T> f, f_q, f_v, f_u;
+    std::vector<double> second;  // Hessian of mu.f by [q; v; u], (2m + r) squared
+    std::vector<LocalTaylor<T>> coordinates;
+    std::vector<LocalTaylor<Dual<double>>> along_v, along_mu;
+    LocalTaylor<T> law;
+    std::vector<T> work;
+};
+
+// Generalized force f_i(q, v, u) on configuration variables. Orders: value f, gradient its Jacobians too. On duals only
+// values are asked for: derivatives by the numbers of the element.
 class GeneralizedForce {
 public:
     virtual ~GeneralizedForce() = default;
 
-    virtual void add_force(const double* q, const double* v, const double* u, double* f) const = 0;
-    virtual void add_jacobians(const double* q, const double* v, const double* u, double* f_q, double* f_v,
-                               double* f_u) const = 0;
-    // The diagonals of f_q and f_v alone (n_dynamic each): all that a force without couplings adds to a Newton matrix.
-    virtual void add_diagonals(const double* q, const double* v, const double* u, double* f_q, double* f_v) const = 0;
-    // Pairs of dynamic variables that f_q or f_v couples (the pattern of the Newton matrix).
-    virtual std::vector<std::pair<int, int>> couplings() const = 0;
+    const std::vector<int>& support() const { return support_; }
+    const std::vector<int>& joints() const { return joints_; }
+    const std::vector<int>& inputs() const { return inputs_; }
+
+    virtual void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const = 0;
+    virtual void evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const = 0;
+    // `second` of mu.f.
+    virtual void curvature(const ForcePoint<double>& point, const ForceDirections& directions,
+                           LocalForce<double>& out) const = 0;
+
+protected:
+    std::vector<int> support_, joints_, inputs_;
 };
 
 }  // namespace leastaction

@@ -1,6 +1,7 @@
 #include "lagrangian.hpp"
 
 #include <Eigen/Core>
+#include <algorithm>
 
 namespace leastaction {
 
@@ -42,6 +43,25 @@ Inertia<T> world_inertia(const Body& body, const Pose<T>& pose, const Vec3<T>& h
     return out;
 }
 
+// From a frame with the given pose to the world: with b = R h, the rotational part is
+// R I R' + 2 (p.b) E - p b' - b p' + m (p.p E - p p').
+Inertia<double> moved(const Inertia<double>& a, const Pose<double>& pose) {
+    const Vec3<double>& p = pose.p;
+    const Vec3<double> b = pose.R * a.h;
+    const Mat3<double> turned{pose.R * (a.I * transposed_times(pose.R, Vec3<double>{1, 0, 0})),
+                              pose.R * (a.I * transposed_times(pose.R, Vec3<double>{0, 1, 0})),
+                              pose.R * (a.I * transposed_times(pose.R, Vec3<double>{0, 0, 1}))};
+    const double diagonal = 2.0 * dot(p, b) + a.m * dot(p, p);
+    Inertia<double> out{a.m, b + a.m * p, {}};
+    out.I.xx = turned.c0.x + diagonal - 2.0 * p.x * b.x - a.m * p.x * p.x;
+    out.I.yy = turned.c1.y + diagonal - 2.0 * p.y * b.y - a.m * p.y * p.y;
+    out.I.zz = turned.c2.z + diagonal - 2.0 * p.z * b.z - a.m * p.z * p.z;
+    out.I.xy = turned.c1.x - p.x * b.y - p.y * b.x - a.m * p.x * p.y;
+    out.I.xz = turned.c2.x - p.x * b.z - p.z * b.x - a.m * p.x * p.z;
+    out.I.yz = turned.c2.y - p.y * b.z - p.z * b.y - a.m * p.y * p.z;
+    return out;
+}
+
 }  // namespace
 
 void PairDerivatives::resize(std::size_t n) {
@@ -50,7 +70,7 @@ void PairDerivatives::resize(std::size_t n) {
 }
 
 template <class T>
-Lagrangian<T>::Lagrangian(const Mechanism& mechanism) : at(mechanism.joints.size()), mechanism_(mechanism) {
+Lagrangian<T>::Lagrangian(const Mechanism& mechanism) : at(mechanism), mechanism_(mechanism) {
     const std::size_t n = mechanism.n_massive;
     L_q.assign(mechanism.n_variables(), T{});
     L_v.assign(mechanism.n_variables(), T{});
@@ -75,11 +95,12 @@ template <class T>
 void Lagrangian<T>::gradient(const T* q, const T* v) {
     const Mechanism& m = mechanism_;
     const int n = m.n_massive;
-    place(m.joints, m.massive_joints, q, at);
+    place(m.massive_joints, q, at);
     for (int i = 0; i < n; ++i) {
         const Joint& joint = m.joints[i];
         const Motion<T>& S = at.twist[i];
-        V_[i] = joint.parent < 0 ? v[joint.variable] * S : V_[joint.parent] + v[joint.variable] * S;
+        const T rate = m.plain ? v[joint.variable] : joint.rate(v);
+        V_[i] = joint.parent < 0 ? rate * S : V_[joint.parent] + rate * S;
         W_[i] = cross(S, V_[i]);
 
         const Body& body = m.bodies[i];
@@ -97,12 +118,20 @@ void Lagrangian<T>::gradient(const T* q, const T* v) {
         H_[i] = H_own_[i] = {momentum, spin + cross(c, momentum)};
     }
     const Vec3<double>& g = m.gravity;
+    std::fill(L_q.begin(), L_q.end(), T{});
+    std::fill(L_v.begin(), L_v.end(), T{});
     for (int i = n - 1; i >= 0; --i) {
         const Joint& joint = m.joints[i];
         const Motion<T>& S = at.twist[i];
-        L_v[joint.variable] = dot(H_[i], S);
-        const T weight = m_[i] * dot(g, S.v) + dot(cross(h_[i], g), S.w);
-        L_q[joint.variable] = weight - dot(H_[i], W_[i]);
+        const T momentum = dot(H_[i], S);
+        const T weight = m_[i] * dot(g, S.v) + dot(cross(h_[i], g), S.w), slope = weight - dot(H_[i], W_[i]);
+        if (m.plain)
+            L_v[joint.variable] = momentum, L_q[joint.variable] = slope;
+        else
+            joint.each_term([&](int variable, double factor) {
+                L_v[variable] += factor * momentum;
+                L_q[variable] += factor * slope;
+            });
         if (joint.parent >= 0) {
             H_[joint.parent] += H_[i];
             h_[joint.parent] += h_[i];
@@ -179,6 +208,22 @@ void Lagrangian<T>::pair_products(int i) {
             Eigen::Map<Wide>(&pairs.q_v[row + j]) = q_v;
             Eigen::Map<Wide>(&pairs.qq[row + j]) = qq;
         }
+    }
+}
+
+template <class T>
+void Lagrangian<T>::add_inertia_slope(int joint, const Inertia<double>& inertia, std::vector<double>& L_q,
+                                      std::vector<double>& L_v) const
+    requires std::is_same_v<T, double>
+{
+    const Inertia<double> I = moved(inertia, at.pose[joint]);
+    const Force<double> H = I * V_[joint], weight = I * Motion<double>{mechanism_.gravity, {}};
+    for (int i = joint; i >= 0; i = mechanism_.joints[i].parent) {
+        const double momentum = dot(H, at.twist[i]), slope = dot(weight, at.twist[i]) - dot(H, W_[i]);
+        mechanism_.joints[i].each_term([&](int variable, double factor) {
+            L_v[variable] += factor * momentum;
+            L_q[variable] += factor * slope;
+        });
     }
 }
 

@@ -60,6 +60,12 @@ public:
     // direction.
     void hessian();
 
+    // Adds what the gradient changes by where a joint's own body gets more inertia (in the frame of the joint, about its
+    // origin): L is linear in it.
+    void add_inertia_slope(int joint, const Inertia<double>& inertia, std::vector<double>& L_q,
+                           std::vector<double>& L_v) const
+        requires std::is_same_v<T, double>;
+
     T kinetic_energy() const;    // at the point of the last gradient
     T potential_energy() const;  // of uniform gravity
 

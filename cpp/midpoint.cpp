@@ -10,20 +10,11 @@ namespace leastaction {
 namespace {
 
 constexpr double slow_contraction = 0.05;  // an iteration that gains less asks for a fresh Newton matrix
+constexpr double no_contraction = 0.5;     // and so does one that gains less with the matrix of an earlier step
 constexpr double rounding_floor = 1e-9;    // where the residual stops falling below this, rounding is reached
 constexpr int max_halvings = 8;
-constexpr int strip = 32;             // rows of the Hessian made at a time
 constexpr double fresh_price = 0.5;   // of a new Newton matrix, in iterations
 constexpr double same_point = 1e-14;  // relative moves below this leave the Newton matrix exact
-
-// Where an entry of th stands in the output.
-int position(const std::vector<MidpointStep::Run>& runs, int i) {
-    for (const auto& run : runs)
-        if (i < run.first + run.length) return run.position + i - run.first;
-    return -1;
-}
-
-using Rows = Eigen::Map<NewtonMatrix::Matrix>;
 
 }  // namespace
 
@@ -40,32 +31,28 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
       lagrangian_(*mechanism_),
       dual_(*mechanism_),
       newton_(*mechanism_),
-      at1_(mechanism_->joints.size()),
-      at2_(mechanism_->joints.size()),
-      dual_at1_(mechanism_->joints.size()) {
+      at1_(*mechanism_),
+      at2_(*mechanism_),
+      dual_at1_(*mechanism_) {
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
-    for (auto* a : {&q1, &q2, &q_mid_, &v_}) sized(*a, nq);
-    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_, &diagonal_q_, &diagonal_v_}) sized(*a, nd);
+    for (auto* a : {&q1, &q2, &q_mid_, &v_, &mu_force_}) sized(*a, nq);
+    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
     sized(u, nu_);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
     for (auto* a : {&residual, &residual_scale, &first_scale_, &correction_, &mu_}) sized(*a, ny);
     for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
     for (auto* a : {&dual_q_, &dual_v_, &dual_q1_}) a->resize(nq);
 
-    for (const auto& force : mechanism_->forces) forces_couple_ = forces_couple_ || !force->couplings().empty();
-    const bool fits = !forces_couple_ && mechanism_->potentials.empty();
+    for (auto* a : {&q_along_v_, &q_along_mu_}) a->resize(nq);
+    if (!mechanism_->forces.empty()) {
+        along_v_ = std::make_unique<Placement<Dual<double>>>(*mechanism_);
+        along_mu_ = std::make_unique<Placement<Dual<double>>>(*mechanism_);
+    }
+    const bool fits = mechanism_->plain && mechanism_->only_tree_couples;
     if (fits && (settings.solver == Solver::tree ||
                  (settings.solver == Solver::automatic && TreeNewton::is_faster(*mechanism_))))
         tree_ = std::make_unique<TreeNewton>(*mechanism_);
-}
-
-void MidpointStep::reserve_derivatives() {
-    if (!P2.empty()) return;
-    Y.assign(static_cast<std::size_t>(nd_ + nc_) * ld_, 0.0);
-    P2.assign(static_cast<std::size_t>(nd_) * ld_, 0.0);
-    for (auto* a : {&YZ_, &ZY_}) a->resize(2 * (nd_ + nc_), n_theta_);
-    strip_.resize(strip, n_theta_);
 }
 
 void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
@@ -81,7 +68,7 @@ void MidpointStep::constraint_gradients(const Placement<double>& at, const doubl
 }
 
 void MidpointStep::place_start() {
-    place(mechanism_->joints, mechanism_->constraint_joints, q1.data(), at1_);
+    place(mechanism_->constraint_joints, q1.data(), at1_);
     constraint_gradients(at1_, q1.data(), C1_.data());
     have_factors_ = false;
 }
@@ -89,7 +76,7 @@ void MidpointStep::place_start() {
 void MidpointStep::momenta(double dt, std::vector<double>& start) {
     std::fill(p1.begin(), p1.end(), 0.0);
     std::fill(lam.begin(), lam.end(), 0.0);
-    place(mechanism_->joints, mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
     evaluate(dt);
     for (int i = 0; i < nd_; ++i) start[i] = -residual[i];
 }
@@ -107,13 +94,12 @@ void MidpointStep::evaluate(double dt) {
         v_[i] = (q2[i] - q1[i]) / dt;
     }
     lagrangian_.gradient(q_mid_.data(), v_.data());
-    std::fill(f_.begin(), f_.end(), 0.0);
-    for (const auto& force : mechanism_->forces) force->add_force(q_mid_.data(), v_.data(), u.data(), f_.data());
-    place(mechanism_->joints, mechanism_->free_constraint_joints, q2.data(), at2_);
+    add_elements();
+    place(mechanism_->free_constraint_joints, q2.data(), at2_);
     constraint_gradients(at2_, q2.data(), C2_.data());
 
     const double km = kappa_minus(dt), kp = kappa_plus(dt);
-    double size = 0;
+    double size = 0.5 * dt * potential_size_;
     for (int i = 0; i < nd_; ++i) {
         const double half_slope = 0.5 * dt * lagrangian_.L_q[i], momentum = lagrangian_.L_v[i];
         residual[i] = p1[i] + half_slope - momentum + km * f_[i];
@@ -149,15 +135,54 @@ double MidpointStep::largest_residual(const std::vector<double>& scale) const {
     return out;
 }
 
-bool MidpointStep::refresh(double dt, bool in_tree) {
-    if (!forces_couple_ && !mechanism_->forces.empty()) {
-        std::fill(diagonal_q_.begin(), diagonal_q_.end(), 0.0);
-        std::fill(diagonal_v_.begin(), diagonal_v_.end(), 0.0);
-        for (const auto& force : mechanism_->forces)
-            force->add_diagonals(q_mid_.data(), v_.data(), u.data(), diagonal_q_.data(), diagonal_v_.data());
-        const double km = kappa_minus(dt);
-        for (int i = 0; i < nd_; ++i) diagonal_[i] = km * (0.5 * diagonal_q_[i] + diagonal_v_[i] / dt);
+void MidpointStep::add_elements() {
+    const Mechanism& m = *mechanism_;
+    std::fill(f_.begin(), f_.end(), 0.0);
+    for (const auto& [i, slot] : m.damping) f_[i] -= m.numbers[slot] * v_[i];
+    for (const auto& [i, input] : m.joint_forces) f_[i] += u[input];
+    potential_size_ = 0;
+    if (m.potentials.empty() && m.forces.empty()) return;
+    place(m.massless_joints_seen, q_mid_.data(), lagrangian_.at);
+    for (const auto& potential : m.potentials) {
+        potential->evaluate(lagrangian_.at, q_mid_.data(), Order::gradient, local_);
+        for (std::size_t i = 0; i < potential->support().size(); ++i) {
+            lagrangian_.L_q[potential->support()[i]] -= local_.gradient[i];
+            potential_size_ = std::max(potential_size_, std::abs(local_.gradient[i]));
+        }
     }
+    for (const auto& force : m.forces) {
+        force->evaluate(force_point(), Order::value, force_);
+        for (std::size_t i = 0; i < force->support().size(); ++i)
+            if (force->support()[i] < nd_) f_[force->support()[i]] += force_.f[i];
+    }
+}
+
+template <class Add>
+void MidpointStep::element_matrix(double dt, const Add& add) {
+    const Mechanism& m = *mechanism_;
+    const double km = kappa_minus(dt);
+    for (const auto& [i, slot] : m.damping) add(i, i, -km / dt * m.numbers[slot]);
+    for (const auto& potential : m.potentials) {
+        const auto& support = potential->support();
+        potential->evaluate(lagrangian_.at, q_mid_.data(), Order::hessian, local_);
+        for (std::size_t i = 0; i < support.size(); ++i)
+            for (std::size_t j = 0; j < support.size(); ++j)
+                if (support[i] < nd_ && support[j] < nd_)
+                    add(support[i], support[j], -0.25 * dt * local_.hessian[i * support.size() + j]);
+    }
+    for (const auto& force : m.forces) {
+        const auto& support = force->support();
+        force->evaluate(force_point(), Order::gradient, force_);
+        for (std::size_t i = 0; i < support.size(); ++i)
+            for (std::size_t j = 0; j < support.size(); ++j) {
+                const std::size_t at = i * support.size() + j;
+                if (support[i] < nd_ && support[j] < nd_)
+                    add(support[i], support[j], km * (0.5 * force_.f_q[at] + force_.f_v[at] / dt));
+            }
+    }
+}
+
+bool MidpointStep::refresh(double dt, bool in_tree) {
     in_tree_ = in_tree && tree_;
     have_factors_ = in_tree_ && factor_tree(dt);
     if (!have_factors_) {
@@ -176,6 +201,8 @@ bool MidpointStep::factor_tree(double dt) {
         const JointVectors at = lagrangian_.vectors(joint);
         note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, 0.0));
     }
+    std::fill(diagonal_.begin(), diagonal_.end(), 0.0);
+    element_matrix(dt, [&](int i, int, double value) { diagonal_[i] += value; });
     return tree_->factor(lagrangian_, dt, diagonal_.data()) && newton_.factor(*tree_, C1_.data(), C2_.data(), nq_);
 }
 
@@ -183,37 +210,18 @@ bool MidpointStep::factor_dense(double dt) {
     lagrangian_.hessian();
     newton_.clear();
     const PairDerivatives& d = lagrangian_.pairs;
-    for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
-        const int i = mechanism_->joints[joint].variable;
-        if (i >= nd_) continue;
-        for (const int ancestor : mechanism_->path[joint]) {
-            const int j = mechanism_->joints[ancestor].variable;
-            if (j >= nd_) continue;
-            const std::size_t at = joint * d.stride + ancestor;
-            const double even = 0.25 * dt * d.qq[at] - d.vv[at] / dt, odd = 0.5 * (d.q_v[at] - d.v_q[at]);
-            newton_.M[i * newton_.stride + j] = even + odd;
-            if (i == j) note_inertia(i, d.vv[at]);
-            if (i != j) newton_.M[j * newton_.stride + i] = even - odd;
-        }
-    }
-    if (forces_couple_) {
-        force_jacobians();
-        const double km = kappa_minus(dt);
-        for (int i = 0; i < nd_; ++i)
-            for (int j = 0; j < nd_; ++j)
-                newton_.M[i * newton_.stride + j] += km * (0.5 * f_q_[i * nq_ + j] + f_v_[i * nq_ + j] / dt);
-    } else {
-        for (int i = 0; i < nd_; ++i) newton_.M[i * newton_.stride + i] += diagonal_[i];
-    }
+    std::fill(diagonal_.begin(), diagonal_.end(), 0.0);  // of the inertia, here
+    each_pair(*mechanism_, d.stride, [&](int i, int j, std::size_t at, double weight, bool mirrored) {
+        if (i >= nd_ || j >= nd_) return;
+        const double even = weight * (0.25 * dt * d.qq[at] - d.vv[at] / dt);
+        const double odd = weight * 0.5 * (d.q_v[at] - d.v_q[at]);
+        newton_.M[i * newton_.stride + j] += even + odd;
+        if (mirrored) newton_.M[j * newton_.stride + i] += even - odd;
+        if (i == j) diagonal_[i] += (mirrored ? 2.0 : 1.0) * weight * d.vv[at];
+    });
+    for (int i = 0; i < nd_; ++i) note_inertia(i, diagonal_[i]);
+    element_matrix(dt, [&](int i, int j, double value) { newton_.M[i * newton_.stride + j] += value; });
     return newton_.factor(C1_.data(), C2_.data(), nq_);
-}
-
-void MidpointStep::force_jacobians() {
-    f_q_.assign(static_cast<std::size_t>(nd_) * nq_, 0.0);
-    f_v_.assign(static_cast<std::size_t>(nd_) * nq_, 0.0);
-    f_u_.assign(static_cast<std::size_t>(nd_) * nu_, 0.0);
-    for (const auto& force : mechanism_->forces)
-        force->add_jacobians(q_mid_.data(), v_.data(), u.data(), f_q_.data(), f_v_.data(), f_u_.data());
 }
 
 // Whether a new Newton matrix is cheaper than going on with the old one. Within a step the contraction decides. At its
@@ -222,6 +230,7 @@ void MidpointStep::force_jacobians() {
 bool MidpointStep::wants_refresh(const StepReport& report, double merit, double previous) {
     if (report.iterations == 1 && report.factorizations == 0) old_rate_ = std::min(merit / previous, 0.5);
     if (report.factorizations > 0) return merit > slow_contraction * previous;
+    if (merit > no_contraction * previous) return true;  // however near the tolerance it is
     const double iterations = std::log(report.residual / settings_.tolerance) / -std::log(old_rate_);
     const bool refresh = iterations > 2.0 + fresh_price;
     if (refresh) old_rate_ *= 0.9;
@@ -236,7 +245,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
     int halvings = 0;
     if (factored_dt_ != dt) have_factors_ = false;
     factored_at_solution_ = false;
-    place(mechanism_->joints, mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
     for (;; ++report.iterations) {
         evaluate(dt);
         report.residual = largest_residual(residual_scale);
@@ -289,189 +298,8 @@ StepReport MidpointStep::solve(double dt, bool known) {
         if (known && factored_at_solution_) break;
     }
     report.rank_deficient = newton_.rank_deficient();
+    if (report.rank_deficient) newton_.take_least_norm(C1_.data(), nq_, lam.data());
     return report;
-}
-
-bool MidpointStep::differentiate(double dt) {
-    // One Newton matrix, at the solution itself, serves every derivative.
-    if (!factored_at_solution_ && !refresh(dt, false)) return false;
-    reserve_derivatives();
-    const int ld = ld_, at_p = nq_, at_u = nq_ + nd_, at_rho2 = at_u + nu_, at_h = n_theta_;
-    const double km = kappa_minus(dt), kp = kappa_plus(dt);
-
-    // The right-hand side -F_th, solved in place for Y, and the direct part of dp2/dth; G_y = dp2/dq2.
-    std::fill(Y.begin(), Y.end(), 0.0);
-    std::fill(P2.begin(), P2.end(), 0.0);
-    G_y_.setZero(nd_, nd_);
-    // Second derivatives of Ld for rows i, dynamic: by q1_i q1_j, q1_i q2_j, q2_i q1_j and q2_i q2_j.
-    const auto add = [&](int i, int j, double d11, double d12, double d21, double d22) {
-        Y[i * ld + j] -= d11;
-        P2[i * ld + j] += d21;
-        if (j < nd_) {
-            G_y_(i, j) += d22;
-        } else {
-            Y[i * ld + at_rho2 + j - nd_] -= d12;
-            P2[i * ld + at_rho2 + j - nd_] += d22;
-        }
-    };
-    const PairDerivatives& d = lagrangian_.pairs;
-    for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
-        const int i = mechanism_->joints[joint].variable;
-        for (const int ancestor : mechanism_->path[joint]) {
-            const int j = mechanism_->joints[ancestor].variable;
-            const std::size_t at = joint * d.stride + ancestor;
-            const double qq = 0.25 * dt * d.qq[at], vv = d.vv[at] / dt;
-            const double sum = 0.5 * (d.q_v[at] + d.v_q[at]), odd = 0.5 * (d.q_v[at] - d.v_q[at]);
-            if (i < nd_) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
-            if (j < nd_ && i != j) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
-        }
-    }
-    for (int i = 0; i < nd_; ++i) Y[i * ld + at_p + i] = -1.0;
-    if (!mechanism_->forces.empty()) {
-        force_jacobians();
-        for (int i = 0; i < nd_; ++i) {
-            for (int j = 0; j < nq_; ++j) {
-                const double f_q = 0.5 * f_q_[i * nq_ + j], f_v = f_v_[i * nq_ + j] / dt;
-                add(i, j, km * (f_q - f_v), km * (f_q + f_v), kp * (f_q - f_v), kp * (f_q + f_v));
-            }
-            for (int a = 0; a < nu_; ++a) {
-                Y[i * ld + at_u + a] = -km * f_u_[i * nu_ + a];
-                P2[i * ld + at_u + a] = kp * f_u_[i * nu_ + a];
-            }
-        }
-    }
-    for (int c = 0; c < nc_; ++c) {
-        const auto& constraint = *mechanism_->constraints[c];
-        const auto& support = constraint.support();
-        const std::size_t m = support.size();
-        constraint.evaluate(at1_, q1.data(), Order::hessian, local_);
-        for (std::size_t a = 0; a < m; ++a) {
-            if (support[a] >= nd_) continue;
-            double* y = &Y[support[a] * ld];
-            for (std::size_t b = 0; b < m; ++b) y[support[b]] += lam[c] * local_.hessian[a * m + b];
-        }
-        double* y = &Y[(nd_ + c) * ld];
-        for (int k = 0; k < nk_; ++k) y[at_rho2 + k] = -C2_[c * nq_ + nd_ + k];
-        y[at_h + c] = -1.0;  // a shift of h: F2 = h + s
-    }
-    newton_.solve(Y.data(), Y.data() + nd_ * ld, n_theta_ + nc_, ld);
-
-    // p2 depends on th through q2 as well.
-    Rows p2_rows(P2.data(), nd_, ld), q2_rows(Y.data(), nd_, ld);
-    p2_rows.noalias() += G_y_ * q2_rows;
-    return true;
-}
-
-// With the multipliers mu of the step's equations, mu = -F_y^-T (w_y + G_y' w_p), which are the derivatives of the
-// weighted sum by p1 and by a shift of h, the Hessian is [Y; I]' W [Y; I], W the Hessian of mu.F + w_p.G by (y, th).
-// The Lagrangian's part of mu.F + w_p.G is the derivative of L along dq = dt/2 (mu + w_p), dv = w_p - mu, so W
-// comes from one dual sweep; of the constraints, -mu.Dh(q1)'lam is a derivative of h along mu.
-void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, const double* w_lam,
-                             const std::vector<Run>& runs, double* out, int ld_out) {
-    const int ld = ld_, ny = nd_ + nc_, at_p = nq_, at_rho2 = nq_ + nd_ + nu_, at_h = n_theta_;
-    std::fill(mu_.begin(), mu_.end(), 0.0);
-    const auto add_row = [&](double weight, const double* row) {
-        if (weight == 0.0) return;
-        for (int i = 0; i < nd_; ++i) mu_[i] += weight * row[at_p + i];
-        for (int c = 0; c < nc_; ++c) mu_[nd_ + c] += weight * row[at_h + c];
-    };
-    for (int i = 0; i < nd_; ++i) {
-        add_row(w_q[i], &Y[i * ld]);
-        add_row(w_p[i], &P2[i * ld]);
-    }
-    for (int c = 0; c < nc_; ++c) add_row(w_lam[c], &Y[(nd_ + c) * ld]);
-
-    for (int i = 0; i < nq_; ++i) {
-        const double mu = i < nd_ ? mu_[i] : 0.0, w = i < nd_ ? w_p[i] : 0.0;
-        dual_q_[i] = {0.5 * (q1[i] + q2[i]), 0.5 * dt * (mu + w)};
-        dual_v_[i] = {(q2[i] - q1[i]) / dt, w - mu};
-        dual_q1_[i] = {q1[i], mu};
-    }
-    dual_.gradient(dual_q_.data(), dual_v_.data());
-    dual_.hessian();
-
-    W_yy_.setZero(ny, ny);
-    W_yth_.setZero(ny, n_theta_);
-    W_thth_.setZero(n_theta_, n_theta_);
-    // Second derivatives by (q1, q2), each put where the variable lives: q2 is y (dynamic) or rho2 (kinematic).
-    const auto add_12 = [&](int i1, int j2, double value) {
-        if (j2 < nd_)
-            W_yth_(j2, i1) += value;
-        else
-            W_thth_(i1, at_rho2 + j2 - nd_) += value;  // upper triangle
-    };
-    const auto add_22 = [&](int i, int j, double value) {  // called for both (i, j) and (j, i)
-        if (i < nd_ && j < nd_)
-            W_yy_(i, j) += value;
-        else if (i < nd_)
-            W_yth_(i, at_rho2 + j - nd_) += value;
-        else if (j >= nd_ && i <= j)
-            W_thth_(at_rho2 + i - nd_, at_rho2 + j - nd_) += value;
-    };
-    const PairDerivatives& d = dual_.pairs;
-    for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
-        const int i = mechanism_->joints[joint].variable;
-        for (const int ancestor : mechanism_->path[joint]) {
-            const int j = mechanism_->joints[ancestor].variable;
-            const std::size_t at = joint * d.stride + ancestor;
-            const double qq = 0.25 * d.qq[at], vv = d.vv[at] / (dt * dt);
-            const double sum = 0.5 * (d.q_v[at] + d.v_q[at]) / dt, odd = 0.5 * (d.q_v[at] - d.v_q[at]) / dt;
-            W_thth_(std::min(i, j), std::max(i, j)) += qq - sum + vv;
-            add_22(i, j, qq + sum + vv);
-            add_12(i, j, qq - vv + odd);
-            if (i != j) {
-                add_22(j, i, qq + sum + vv);
-                add_12(j, i, qq - vv - odd);
-            }
-        }
-    }
-    place(mechanism_->joints, mechanism_->constraint_joints, dual_q1_.data(), dual_at1_);
-    place(mechanism_->joints, mechanism_->constraint_joints, q2.data(), at2_);
-    for (int c = 0; c < nc_; ++c) {
-        const auto& constraint = *mechanism_->constraints[c];
-        const auto& support = constraint.support();
-        const int m = static_cast<int>(support.size());
-        constraint.evaluate(dual_at1_, dual_q1_.data(), Order::hessian, dual_local_);
-        for (int a = 0; a < m; ++a) {
-            W_yth_(nd_ + c, support[a]) -= dual_local_.gradient[a].d;  // d(Dh mu)/dq1
-            for (int b = 0; b < m; ++b)
-                if (support[a] <= support[b])
-                    W_thth_(support[a], support[b]) -= lam[c] * dual_local_.hessian[a * m + b].d;
-        }
-        constraint.evaluate(at2_, q2.data(), Order::hessian, local_);
-        for (int a = 0; a < m; ++a)
-            for (int b = 0; b < m; ++b) add_22(support[a], support[b], mu_[nd_ + c] * local_.hessian[a * m + b]);
-    }
-
-    // H = W_thth + Y'Z + Z'Y with Z = W_yy Y / 2 + W_yth, as one product [Y; Z]'[Z; Y]: strips of rows, the upper triangle
-    // only, each written out together with its mirror image while it is in the cache.
-    Rows y_rows(Y.data(), ny, ld);
-    YZ_.topRows(ny) = y_rows.leftCols(n_theta_);
-    auto z = YZ_.bottomRows(ny);
-    z = W_yth_;
-    z.noalias() += (0.5 * W_yy_) * YZ_.topRows(ny);
-    ZY_.topRows(ny) = z;
-    ZY_.bottomRows(ny) = YZ_.topRows(ny);
-    for (int first = 0; first < n_theta_; first += strip) {
-        const int rows = std::min(strip, n_theta_ - first), rest = n_theta_ - first;
-        auto block = strip_.topLeftCorner(rows, rest);
-        block = W_thth_.block(first, first, rows, rest);
-        block.noalias() += YZ_.middleCols(first, rows).transpose() * ZY_.rightCols(rest);
-        for (int i = 0; i < rows; ++i)
-            for (int j = 0; j < i; ++j) block(i, j) = block(j, i);
-        int at[strip];
-        for (int i = 0; i < rows; ++i) at[i] = position(runs, first + i);
-        for (const Run& to : runs) {
-            const int begin = std::max(to.first, first) - first, end = to.first + to.length - first;
-            for (int i = 0; i < rows && begin < end; ++i)
-                std::copy(&block(i, 0) + begin, &block(i, 0) + end,
-                          out + static_cast<std::size_t>(at[i]) * ld_out + to.position + first + begin - to.first);
-        }
-        for (int j = rows; j < rest; ++j) {
-            double* row = out + static_cast<std::size_t>(position(runs, first + j)) * ld_out;
-            for (int i = 0; i < rows; ++i) row[at[i]] = block(i, j);
-        }
-    }
 }
 
 }  // namespace leastaction

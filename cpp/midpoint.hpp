@@ -41,6 +41,13 @@ struct StepReport {
     bool rank_deficient = false;  // constraints were redundant: least-norm multiplier
 };
 
+// A direction in the space of the mechanism's numbers: of the numbers of elements by slot (or none at all), and of spatial
+// inertias by joint, in the joint's frame.
+struct Parameter {
+    std::vector<double> numbers;
+    std::vector<std::pair<int, Inertia<double>>> inertias;
+};
+
 // One step and all that is derived from it, with its work space; one object per thread.
 // Everything is in internal order of the variables (see Mechanism).
 class MidpointStep {
@@ -81,6 +88,11 @@ public:
     void curvature(double dt, const double* w_q, const double* w_p, const double* w_lam, const std::vector<Run>& runs,
                    double* out, int ld_out);
 
+    // After differentiate(): derivatives of (q2, lam) and of p2 by parameters, which allocates.
+    void differentiate_by(double dt, const std::vector<Parameter>& parameters);
+    std::vector<double> Y_parameters, P2_parameters;  // rows of ld_parameters()
+    int ld_parameters() const { return ld_parameters_; }
+
     // Where solve() stood when it gave up, for the error message: residuals by row, dynamics then constraints.
     std::vector<double> residual, residual_scale;
 
@@ -93,7 +105,16 @@ private:
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
-    void force_jacobians();
+    void add_elements();  // forces into f_, potentials into L_q
+    // Calls add(i, j, value) for all that potentials and forces add to the Newton matrix.
+    template <class Add>
+    void element_matrix(double dt, const Add& add);
+    ForcePoint<double> force_point() const { return {lagrangian_.at, q_mid_.data(), v_.data(), u.data()}; }
+    void differentiate_forces(double dt);
+    template <class Add11, class Add12, class Add22>
+    void potential_curvature(const Add11& add_11, const Add12& add_12, const Add22& add_22);
+    template <class Add11, class Add12, class Add22>
+    void force_curvature(double dt, const double* w_p, const Add11& add_11, const Add12& add_12, const Add22& add_22);
     void constraint_gradients(const Placement<double>& at, const double* q, double* C);
     bool wants_refresh(const StepReport& report, double merit, double previous);
     // A trial that overflowed must not leave its mark on the tolerance of the next.
@@ -105,24 +126,28 @@ private:
 
     std::shared_ptr<const Mechanism> mechanism_;
     MidpointSettings settings_;
-    int nd_, nq_, nu_, nk_, nc_, n_theta_, ld_;
+    int nd_, nq_, nu_, nk_, nc_, n_theta_, ld_, ld_parameters_ = 0;
 
     Lagrangian<double> lagrangian_;
     Lagrangian<Dual<double>> dual_;
     NewtonMatrix newton_;
     std::unique_ptr<TreeNewton> tree_;  // null: not for this mechanism
-    bool forces_couple_ = false;        // forces reach off the diagonal of the Newton matrix
     Placement<double> at1_, at2_;
     Placement<Dual<double>> dual_at1_;
     LocalTaylor<double> local_;
     LocalTaylor<Dual<double>> dual_local_;
-    std::vector<double> q_mid_, v_, f_, f_q_, f_v_, f_u_;
-    std::vector<double> diagonal_, diagonal_q_, diagonal_v_;  // of the forces: in the Newton matrix, of f_q, of f_v
+    LocalForce<double> force_;
+    std::vector<double> q_mid_, v_, f_;
+    double potential_size_ = 0;     // of the largest slope of a potential
+    std::vector<double> diagonal_;  // what forces and potentials add to the Newton matrix's, where they add to no more
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;
     std::vector<double> correction_, q2_kept_, lam_kept_, first_scale_;
     NewtonMatrix::Matrix G_y_, W_yy_, W_yth_, W_thth_, YZ_, ZY_, strip_;  // second order, see curvature()
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
+    std::unique_ptr<Placement<Dual<double>>> along_v_, along_mu_;  // for forces; null where there are none
+    std::vector<Dual<double>> q_along_v_, q_along_mu_;
+    std::vector<double> mu_force_;
     std::vector<double> mu_;
     bool have_factors_ = false;
     bool in_tree_ = false;               // they are tree_'s

@@ -105,6 +105,15 @@ bool NewtonMatrix::factor_schur(const double* C1, const double* C2, int ld) {
     return true;
 }
 
+void NewtonMatrix::take_least_norm(const double* C1, int ld, double* lam) {
+    Eigen::Map<const Matrix, 0, Eigen::OuterStride<>> rows(C1, nc_, n_, Eigen::OuterStride<>(ld));
+    Eigen::Map<Eigen::VectorXd> multipliers(lam, nc_);
+    // The Schur complement is quadratic in the constraints, so its threshold is too.
+    orthogonal_C1t_.setThreshold(std::sqrt(rank_tolerance));
+    orthogonal_C1t_.compute(rows.transpose());
+    multipliers = orthogonal_C1t_.solve(rows.transpose() * Eigen::VectorXd(multipliers));
+}
+
 // A panel of columns, `wides` vectors across: enough independent chains to hide the latency of each.
 template <int wides>
 void NewtonMatrix::solve_panel(double* b, int ld) const {

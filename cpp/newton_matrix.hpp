@@ -34,6 +34,9 @@ public:
     // The same where `tree`, which must outlive the factors, has factored M.
     bool factor(TreeNewton& tree, const double* C1, const double* C2, int ld);
     bool rank_deficient() const { return rank_deficient_; }
+    // Of all multipliers with the same C1' lam the one of least norm: what redundancy leaves open would otherwise be
+    // carried on, and grow, from guess to guess. C1 as in factor().
+    void take_least_norm(const double* C1, int ld, double* lam);
 
     // Solves for many right-hand sides at once: rows f (n x cols) and g (n_constraints x cols), row-major with leading
     // dimension ld, a multiple of `lanes` and at least cols, overwritten by y and l.
@@ -61,7 +64,7 @@ private:
     Matrix schur_;                    // nc x nc, padded; its LU factors
     Matrix unfactored_;
     std::vector<int> pivots_;
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> orthogonal_;
+    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> orthogonal_, orthogonal_C1t_;
     Eigen::VectorXd column_;
     bool rank_deficient_ = false;
 };

@@ -112,19 +112,20 @@ inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, in
 }  // namespace
 
 template <class T>
-void place(const std::vector<Joint>& joints, const std::vector<int>& list, const T* q, Placement<T>& out) {
+void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
+    const std::vector<Joint>& joints = out.joints();
     const int n = static_cast<int>(list.size());
-    for (int i = 0; i < n; ++i) out.angle[i] = value_of(q[joints[list[i]].variable]);
+    for (int i = 0; i < n; ++i) out.angle[i] = value_of(joints[list[i]].coordinate(q));
     sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
     for (int i = 0; i < n; ++i) {
         const Joint& joint = joints[list[i]];
-        const T& x = q[joint.variable];
+        const T x = joint.coordinate(q);
         place_one(joint, x, with_slope(x, out.sine[i], out.cosine[i]), with_slope(x, out.cosine[i], -out.sine[i]),
                   list[i], out);
     }
 }
 
-template void place(const std::vector<Joint>&, const std::vector<int>&, const double*, Placement<double>&);
-template void place(const std::vector<Joint>&, const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
+template void place(const std::vector<int>&, const double*, Placement<double>&);
+template void place(const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
 
 }  // namespace leastaction

@@ -4,6 +4,7 @@
 // and for j an ancestor of i (or i itself):                          d2p/dq_i dq_j = w_j x dp/dq_i.
 #pragma once
 
+#include <type_traits>
 #include <vector>
 
 #include "dual.hpp"
@@ -13,14 +14,40 @@ namespace leastaction {
 
 enum class Axis { rx, ry, rz, tx, ty, tz, screw };
 
-// One joint: a constant pose behind the parent joint, then exp(twist * q).
+// A configuration variable times a factor.
+struct Term {
+    int variable;
+    double factor;
+};
+
+// One joint: a constant pose behind the parent joint, then exp(twist * s), where its coordinate s is an affine function of
+// the configuration variables: s = factor q[variable] + offset, and `more` terms where it couples several.
 struct Joint {
     int parent = -1;    // joint index, -1: the world
     int variable = -1;  // index of its configuration variable (internal order, see Mechanism)
+    double factor = 1.0, offset = 0.0;
+    std::vector<Term> more;
     Axis axis = Axis::screw;
     bool base_rotates = true;  // the constant pose has a rotation
     Pose<double> base;
     Motion<double> twist;
+
+    template <class T>
+    T coordinate(const T* q) const {
+        return rate(q) + offset;
+    }
+    template <class T>
+    T rate(const T* v) const {
+        T out = factor * v[variable];
+        for (const Term& term : more) out += term.factor * v[term.variable];
+        return out;
+    }
+    // Calls f(variable, factor) for every term.
+    template <class F>
+    void each_term(const F& f) const {
+        f(variable, factor);
+        for (const Term& term : more) f(term.variable, term.factor);
+    }
 };
 
 // A point fixed in the frame behind a joint (joint -1: fixed in the world).
@@ -29,29 +56,60 @@ struct Point {
     Vec3<double> offset;
 };
 
+// All numbers of a mechanism that placements and elements read: elements hold indices into it, so numbers can change while
+// the structure is shared.
+struct Constants {
+    std::vector<Joint> joints;
+    std::vector<Point> points;
+    std::vector<Point> directions;  // vectors fixed in the frame behind a joint: they turn, but do not move
+    std::vector<double> numbers;    // of the elements, by slot
+};
+
 template <class T>
-struct Placement {
+class Placement {
+public:
     std::vector<Pose<T>> pose;                // by joint, after its motion
     std::vector<Motion<T>> twist;             // by joint, world coordinates, at the world origin
     std::vector<double> angle, sine, cosine;  // work space of place()
+    const double* number_slopes = nullptr;    // duals only: the direction in the space of the numbers
 
-    explicit Placement(std::size_t joints)
-        : pose(joints), twist(joints), angle(joints + 8), sine(joints + 8), cosine(joints + 8) {}
+    explicit Placement(const Constants& constants)
+        : pose(constants.joints.size()),
+          twist(pose.size()),
+          angle(pose.size() + 8),
+          sine(pose.size() + 8),
+          cosine(pose.size() + 8),
+          constants_(&constants) {}
 
-    Vec3<T> position(const Point& point) const {
+    const std::vector<Joint>& joints() const { return constants_->joints; }
+    Vec3<T> position(int index) const {
+        const Point& point = constants_->points[index];
         if (point.joint < 0) return {T(point.offset.x), T(point.offset.y), T(point.offset.z)};
         const Pose<T>& at = pose[point.joint];
         return at.R * point.offset + at.p;
     }
+    Vec3<T> direction(int index) const {
+        const Point& fixed = constants_->directions[index];
+        if (fixed.joint < 0) return {T(fixed.offset.x), T(fixed.offset.y), T(fixed.offset.z)};
+        return pose[fixed.joint].R * fixed.offset;
+    }
+    T number(int slot) const {
+        if constexpr (std::is_same_v<T, double>)
+            return constants_->numbers[slot];
+        else
+            return {constants_->numbers[slot], number_slopes ? number_slopes[slot] : 0.0};
+    }
+
+private:
+    const Constants* constants_;
 };
 
 // Places the listed joints at q, parents before children.
 template <class T>
-void place(const std::vector<Joint>& joints, const std::vector<int>& list, const T* q, Placement<T>& out);
+void place(const std::vector<int>& list, const T* q, Placement<T>& out);
 
-extern template void place(const std::vector<Joint>&, const std::vector<int>&, const double*, Placement<double>&);
-extern template void place(const std::vector<Joint>&, const std::vector<int>&, const Dual<double>*,
-                           Placement<Dual<double>>&);
+extern template void place(const std::vector<int>&, const double*, Placement<double>&);
+extern template void place(const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
 
 // Reads a twist in the joint's base frame: one of the six primitive axes where it is one, else a screw.
 Axis axis_of(const Motion<double>& twist);

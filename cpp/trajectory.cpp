@@ -48,6 +48,14 @@ struct Layout {
             x[nq + i] = (step.q2[i] - step.q1[i]) / dt;
         }
     }
+    // The derivatives of a step whose end is known; false where it is no step of the mechanism.
+    bool differentiate(MidpointStep& step, const double* x, const double* u, const double* next, double dt) const {
+        start(x, u, step);
+        for (int i = 0; i < nd; ++i) step.q2[i] = next[m.external[i]];
+        std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
+        step.place_start();
+        return step.solve(dt, true).status == StepStatus::converged && step.differentiate(dt);
+    }
     // One row over th, internal order, into rows over the states and u, user's order. Nothing depends on the velocities of
     // the prescribed variables and the multipliers: their columns are zero, and left alone where they are so already.
     void scatter(const double* row, double* by_x, double* by_u, bool zeroed) const {
@@ -85,9 +93,11 @@ struct Layout {
     }
 };
 
-}  // namespace
-
-namespace {
+void note_failure(std::atomic<int>& first, int k) {
+    int seen = first.load();
+    while (k < seen && !first.compare_exchange_weak(seen, k)) {
+    }
+}
 
 // Solves a step from the best guess that there is: velocities and multipliers go on as the parabola through their last
 // values does. Where that leads nowhere, because the motion changes too fast, from the last velocity, then from rest.
@@ -179,14 +189,9 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
         for (int k = begin; k < end; ++k) {
             const double dt = t[k + 1] - t[k];
             const double* next = X + static_cast<std::size_t>(k + 1) * at.nx;
-            at.start(X + static_cast<std::size_t>(k) * at.nx, U + static_cast<std::size_t>(k) * at.nu, step);
-            for (int i = 0; i < at.nd; ++i) step.q2[i] = next[at.m.external[i]];
-            std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
-            step.place_start();
-            if (step.solve(dt, true).status != StepStatus::converged || !step.differentiate(dt)) {
-                int seen = first_failure.load();
-                while (k < seen && !first_failure.compare_exchange_weak(seen, k)) {
-                }
+            if (!at.differentiate(step, X + static_cast<std::size_t>(k) * at.nx,
+                                  U + static_cast<std::size_t>(k) * at.nu, next, dt)) {
+                note_failure(first_failure, k);
                 return;
             }
             defect[k] = 0;
@@ -223,6 +228,37 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
             }
             for (int i = 0; i < at.nd + at.nc; ++i) m = std::copy_n(&step.Y[i * ld + at.theta], at.nc, m);
             for (int i = 0; i < at.nd; ++i) m = std::copy_n(&step.P2[i * ld + at.theta], at.nc, m);
+        }
+    });
+    return first_failure.load();
+}
+
+int differentiate_by_parameters(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings,
+                                int steps, const double* t, const double* X, const double* U,
+                                const std::vector<Parameter>& parameters, int threads, double* by_x, double* by_lam) {
+    const Layout at(*mechanism);
+    const std::size_t count = parameters.size();
+    std::atomic<int> first_failure{steps};
+    parallel_ranges(steps, threads, [&](int begin, int end) {
+        MidpointStep step(mechanism, settings);
+        for (int k = begin; k < end; ++k) {
+            const double dt = t[k + 1] - t[k];
+            if (!at.differentiate(step, X + static_cast<std::size_t>(k) * at.nx,
+                                  U + static_cast<std::size_t>(k) * at.nu, X + static_cast<std::size_t>(k + 1) * at.nx,
+                                  dt)) {
+                note_failure(first_failure, k);
+                return;
+            }
+            step.differentiate_by(dt, parameters);
+            const int ld = step.ld_parameters();
+            double *x = by_x + k * at.nx * count, *lam = by_lam + k * at.nc * count;
+            std::fill_n(x, at.nx * count, 0.0);
+            for (int i = 0; i < at.nd; ++i) {
+                const int row = at.m.external[i];
+                std::copy_n(&step.Y_parameters[i * ld], count, x + row * count);
+                std::copy_n(&step.P2_parameters[i * ld], count, x + (at.nq + row) * count);
+            }
+            for (int c = 0; c < at.nc; ++c) std::copy_n(&step.Y_parameters[(at.nd + c) * ld], count, lam + c * count);
         }
     });
     return first_failure.load();

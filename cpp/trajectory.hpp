@@ -37,6 +37,12 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
               const double* t, const double* X, const double* U, bool multipliers, int threads, double* A, double* B,
               double* lam, double* memo, double* defect, bool zeroed = false);
 
+// Derivatives of the next states (N, nx, P) and the multipliers (N, nc, P) of every step by parameters, the state and the
+// input of the step held. Returns the first step at which the trajectory is not one, or N.
+int differentiate_by_parameters(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings,
+                                int steps, const double* t, const double* X, const double* U,
+                                const std::vector<Parameter>& parameters, int threads, double* by_x, double* by_lam);
+
 // Hessians by (states, u), (N, ny + nu, ny + nu), of the next states weighted with W (N, ny).
 void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const MidpointSettings& settings, int steps,
                 const double* t, const double* X, const double* U, bool multipliers, const double* A, const double* B,

@@ -1,5 +1,6 @@
 // The mechanism and what can be asked of it at one point.
 
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
 
@@ -14,44 +15,78 @@ namespace leastaction {
 
 namespace {
 
-Vec3<double> vec3(const In<1>& a) {
-    expect(a.size(), 3, "vector");
-    return {a.data()[0], a.data()[1], a.data()[2]};
-}
+// The whole Lagrangian at one point, all joints placed: the kernel, and the potentials that it does not know.
+template <class T>
+class WholeLagrangian : public Lagrangian<T> {
+public:
+    WholeLagrangian(const Mechanism& m, std::vector<T> q, const std::vector<T>& v)
+        : Lagrangian<T>(m), q(std::move(q)), mechanism_(m) {
+        this->gradient(this->q.data(), v.data());
+        place(m.massless_joints_seen, this->q.data(), this->at);
+        for (const auto& potential : m.potentials) {
+            potential->evaluate(this->at, this->q.data(), Order::gradient, local_);
+            stored_ += local_.value;
+            for (std::size_t i = 0; i < potential->support().size(); ++i)
+                this->L_q[potential->support()[i]] -= local_.gradient[i];
+        }
+    }
+    T potential_energy() const { return Lagrangian<T>::potential_energy() + stored_; }
+    // Hessian by (q, v) in the user's order, for duals its derivative: (L_qq, L_vq, L_vv).
+    nb::tuple second() {
+        const Mechanism& m = mechanism_;
+        this->hessian();
+        const std::size_t n = m.n_variables();
+        Out qq = new_array({n, n}), vq = new_array({n, n}), vv = new_array({n, n});
+        for (const Out& out : {qq, vq, vv}) std::fill_n(out.data(), n * n, 0.0);
+        const auto add = [&](const Out& out, int i, int j, double x) {
+            out.data()[m.external[i] * n + m.external[j]] += x;
+        };
+        const PairDerivatives& d = this->pairs;
+        each_pair(m, d.stride, [&](int i, int j, std::size_t at, double weight, bool mirrored) {
+            add(qq, i, j, weight * d.qq[at]);
+            add(vq, i, j, weight * d.v_q[at]);
+            add(vv, i, j, weight * d.vv[at]);
+            if (!mirrored) return;
+            add(qq, j, i, weight * d.qq[at]);
+            add(vq, j, i, weight * d.q_v[at]);
+            add(vv, j, i, weight * d.vv[at]);
+        });
+        for (const auto& potential : m.potentials) {
+            const auto& support = potential->support();
+            potential->evaluate(this->at, q.data(), Order::hessian, local_);
+            for (std::size_t a = 0; a < support.size(); ++a)
+                for (std::size_t b = 0; b < support.size(); ++b)
+                    add(qq, support[a], support[b], -highest(local_.hessian[a * support.size() + b]));
+        }
+        return nb::make_tuple(qq, vq, vv);
+    }
 
-Pose<double> pose_of(const In<2>& a) {
-    expect(a.size(), 16, "pose");
-    const double* m = a.data();
-    return {{{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}}, {m[3], m[7], m[11]}};
-}
+    std::vector<T> q;
 
-Lagrangian<double> kernel_at(const Mechanism& m, const In<1>& q, const In<1>& v) {
+private:
+    static double highest(double x) { return x; }
+    static double highest(const Dual<double>& x) { return x.d; }
+
+    const Mechanism& mechanism_;
+    LocalTaylor<T> local_;
+    T stored_{};
+};
+
+WholeLagrangian<double> point_at(const Mechanism& m, const In<1>& q, const In<1>& v) {
     expect(q.size(), m.n_variables(), "q");
     expect(v.size(), m.n_variables(), "v");
-    Lagrangian<double> kernel(m);
-    kernel.gradient(to_internal(m, q.data(), m.n_variables()).data(), to_internal(m, v.data(), m.n_variables()).data());
-    return kernel;
+    return {m, to_internal(m, q.data(), m.n_variables()), to_internal(m, v.data(), m.n_variables())};
+}
+
+std::vector<Dual<double>> duals(const Mechanism& m, const double* x, const double* dx) {
+    std::vector<Dual<double>> out(m.n_variables());
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = {x[m.external[i]], dx[m.external[i]]};
+    return out;
 }
 
 Out by_variable(const Mechanism& m, const std::vector<double>& internal) {
     Out out = new_array({static_cast<std::size_t>(m.n_variables())});
     for (int i = 0; i < m.n_variables(); ++i) out.data()[m.external[i]] = internal[i];
-    return out;
-}
-
-// A pair plane as a full matrix in the user's order: row from `lower` for (i, j), from `upper` for (j, i).
-Out pair_matrix(const Mechanism& m, const PairDerivatives& d, const std::vector<double>& lower,
-                const std::vector<double>& upper) {
-    const std::size_t n = m.n_variables();
-    Out out = new_array({n, n});
-    std::fill_n(out.data(), n * n, 0.0);
-    for (int joint = 0; joint < m.n_massive; ++joint)
-        for (const int ancestor : m.path[joint]) {
-            const std::size_t i = m.external[m.joints[joint].variable], j = m.external[m.joints[ancestor].variable];
-            const std::size_t at = joint * d.stride + ancestor;
-            out.data()[i * n + j] = lower[at];
-            if (i != j) out.data()[j * n + i] = upper[at];
-        }
     return out;
 }
 
@@ -63,8 +98,8 @@ ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
     expect(q.size(), m.n_variables(), "q");
     const int nq = m.n_variables(), nc = m.n_constraints();
     const std::vector<double> internal = to_internal(m, q.data(), nq);
-    Placement<double> at(m.joints.size());
-    place(m.joints, m.constraint_joints, internal.data(), at);
+    Placement<double> at(m);
+    place(m.constraint_joints, internal.data(), at);
     ConstraintRows out{std::vector<double>(nc), std::vector<double>(static_cast<std::size_t>(nc) * nq)};
     LocalTaylor<double> local;
     for (int c = 0; c < nc; ++c) {
@@ -80,11 +115,11 @@ Out joint_poses(const Mechanism& m, const In<2>& q) {
     const std::size_t count = q.shape(0), nj = m.joints.size(), nq = m.n_variables();
     expect(q.shape(1), nq, "q");
     Out out = new_array({count, nj, 4, 4});
-    Placement<double> at(nj);
+    Placement<double> at(m);
     std::vector<int> all(nj);
     std::iota(all.begin(), all.end(), 0);
     for (std::size_t k = 0; k < count; ++k) {
-        place(m.joints, all, to_internal(m, q.data() + k * nq, static_cast<int>(nq)).data(), at);
+        place(all, to_internal(m, q.data() + k * nq, static_cast<int>(nq)).data(), at);
         for (std::size_t j = 0; j < nj; ++j) {
             const Pose<double>& pose = at.pose[m.joint_of_builder[j]];
             const Mat3<double>& R = pose.R;
@@ -92,6 +127,127 @@ Out joint_poses(const Mechanism& m, const In<2>& q) {
                                      R.c0.z, R.c1.z, R.c2.z, pose.p.z, 0,      0,      0,      1};
             std::copy(rows, rows + 16, out.data() + (k * nj + j) * 16);
         }
+    }
+    return out;
+}
+
+Out joint_twists(const Mechanism& m, const In<2>& q) {
+    const std::size_t count = q.shape(0), nj = m.joints.size(), nq = m.n_variables();
+    expect(q.shape(1), nq, "q");
+    Out out = new_array({count, nj, 6});
+    Placement<double> at(m);
+    std::vector<int> all(nj);
+    std::iota(all.begin(), all.end(), 0);
+    for (std::size_t k = 0; k < count; ++k) {
+        place(all, to_internal(m, q.data() + k * nq, static_cast<int>(nq)).data(), at);
+        for (std::size_t j = 0; j < nj; ++j) {
+            const Motion<double>& S = at.twist[m.joint_of_builder[j]];
+            const double row[6] = {S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z};
+            std::copy(row, row + 6, out.data() + (k * nj + j) * 6);
+        }
+    }
+    return out;
+}
+
+Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
+    expect(q.size(), m.n_variables(), "q");
+    expect(lam.size(), m.n_constraints(), "lam");
+    const std::size_t n = m.n_variables();
+    const std::vector<double> internal = to_internal(m, q.data(), m.n_variables());
+    Placement<double> at(m);
+    place(m.constraint_joints, internal.data(), at);
+    Out out = new_array({n, n});
+    std::fill_n(out.data(), n * n, 0.0);
+    LocalTaylor<double> local;
+    for (int c = 0; c < m.n_constraints(); ++c) {
+        m.constraints[c]->evaluate(at, internal.data(), Order::hessian, local);
+        const auto& support = m.constraints[c]->support();
+        for (std::size_t a = 0; a < support.size(); ++a)
+            for (std::size_t b = 0; b < support.size(); ++b)
+                out.data()[m.external[support[a]] * n + m.external[support[b]]] +=
+                    lam.data()[c] * local.hessian[a * support.size() + b];
+    }
+    return out;
+}
+
+// All forces at one point: f (nq), of kinematic variables too; by_q and by_v (nq x nq), by_u (nq x inputs).
+struct Forces {
+    Forces(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, Order order) : m(m), n(m.n_variables()) {
+        expect(q.size(), n, "q");
+        expect(v.size(), n, "v");
+        expect(u.size(), m.n_inputs, "u");
+        const std::size_t r = m.n_inputs;
+        f = new_array({n});
+        std::fill_n(f.data(), n, 0.0);
+        if (order != Order::value) {
+            by_q = new_array({n, n});
+            by_v = new_array({n, n});
+            by_u = new_array({n, r});
+            std::fill_n(by_q.data(), n * n, 0.0);
+            std::fill_n(by_v.data(), n * n, 0.0);
+            std::fill_n(by_u.data(), n * r, 0.0);
+        }
+        for (const auto& [variable, slot] : m.damping) {
+            const std::size_t i = m.external[variable];
+            f.data()[i] -= m.numbers[slot] * v.data()[i];
+            if (order != Order::value) by_v.data()[i * n + i] -= m.numbers[slot];
+        }
+        for (const auto& [variable, input] : m.joint_forces) {
+            f.data()[m.external[variable]] += u.data()[input];
+            if (order != Order::value) by_u.data()[m.external[variable] * r + input] += 1.0;
+        }
+        const std::vector<double> Q = to_internal(m, q.data(), m.n_variables());
+        const std::vector<double> V = to_internal(m, v.data(), m.n_variables());
+        Placement<double> at(m);
+        place(m.force_joints, Q.data(), at);
+        LocalForce<double> local;
+        for (const auto& force : m.forces) {
+            const auto &support = force->support(), &inputs = force->inputs();
+            force->evaluate({at, Q.data(), V.data(), u.data()}, order, local);
+            for (std::size_t a = 0; a < support.size(); ++a) {
+                const std::size_t i = m.external[support[a]];
+                f.data()[i] += local.f[a];
+                if (order == Order::value) continue;
+                for (std::size_t b = 0; b < support.size(); ++b) {
+                    by_q.data()[i * n + m.external[support[b]]] += local.f_q[a * support.size() + b];
+                    by_v.data()[i * n + m.external[support[b]]] += local.f_v[a * support.size() + b];
+                }
+                for (std::size_t b = 0; b < inputs.size(); ++b)
+                    by_u.data()[i * r + inputs[b]] += local.f_u[a * inputs.size() + b];
+            }
+        }
+    }
+    const Mechanism& m;
+    const std::size_t n;
+    Out f, by_q, by_v, by_u;
+};
+
+Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, const In<1>& mu) {
+    const std::size_t n = m.n_variables(), r = m.n_inputs, size = 2 * n + r;
+    for (const auto* a : {&q, &v, &mu}) expect(a->size(), n, "argument");
+    expect(u.size(), r, "u");
+    const std::vector<double> Q = to_internal(m, q.data(), m.n_variables());
+    const std::vector<double> V = to_internal(m, v.data(), m.n_variables());
+    const std::vector<double> MU = to_internal(m, mu.data(), m.n_variables());
+    const auto along_v = duals(m, q.data(), v.data()), along_mu = duals(m, q.data(), mu.data());
+    Placement<double> at(m);
+    Placement<Dual<double>> at_v(m), at_mu(m);
+    place(m.force_joints, Q.data(), at);
+    place(m.force_joints, along_v.data(), at_v);
+    place(m.force_joints, along_mu.data(), at_mu);
+    Out out = new_array({size, size});
+    std::fill_n(out.data(), size * size, 0.0);
+    LocalForce<double> local;
+    for (const auto& force : m.forces) {
+        force->curvature({at, Q.data(), V.data(), u.data()}, {at_v, at_mu, along_v.data(), along_mu.data(), MU.data()},
+                         local);
+        std::vector<std::size_t> to;
+        for (const int i : force->support()) to.push_back(m.external[i]);
+        for (const int i : force->support()) to.push_back(n + m.external[i]);
+        for (const int a : force->inputs()) to.push_back(2 * n + a);
+        for (std::size_t a = 0; a < to.size(); ++a)
+            for (std::size_t b = 0; b < to.size(); ++b)
+                out.data()[to[a] * size + to[b]] += local.second[a * to.size() + b];
     }
     return out;
 }
@@ -106,49 +262,67 @@ void bind_mechanism(nb::module_& module) {
         .def_prop_ro("n_constraints", &Mechanism::n_constraints)
         .def_prop_ro("n_joints", [](const Mechanism& m) { return m.joints.size(); })
         .def("joint_poses", &joint_poses, "q"_a, "Poses (N, n_joints, 4, 4) of the joints' moved frames at q (N, nq).")
+        .def("joint_twists", &joint_twists, "q"_a,
+             "Twists [v; w] (N, n_joints, 6) of the joints in the world, at the world origin.")
         .def(
             "kinetic_energy",
-            [](const Mechanism& m, const In<1>& q, const In<1>& v) { return kernel_at(m, q, v).kinetic_energy(); },
+            [](const Mechanism& m, const In<1>& q, const In<1>& v) { return point_at(m, q, v).kinetic_energy(); },
             "q"_a, "v"_a, "Kinetic energy in joules.")
         .def(
-            "potential_energy",
-            [](const Mechanism& m, const In<1>& q) { return kernel_at(m, q, q).potential_energy(); }, "q"_a,
-            "Potential energy in joules.")
+            "potential_energy", [](const Mechanism& m, const In<1>& q) { return point_at(m, q, q).potential_energy(); },
+            "q"_a, "Potential energy in joules, of gravity and all other potentials.")
         .def(
             "gradient",
             [](const Mechanism& m, const In<1>& q, const In<1>& v) {
-                const auto kernel = kernel_at(m, q, v);
-                return std::tuple(by_variable(m, kernel.L_q), by_variable(m, kernel.L_v));
+                const auto point = point_at(m, q, v);
+                return std::tuple(by_variable(m, point.L_q), by_variable(m, point.L_v));
             },
             "q"_a, "v"_a, "Gradient of the Lagrangian: (L_q, L_v), each (nq,).")
         .def(
-            "hessian",
-            [](const Mechanism& m, const In<1>& q, const In<1>& v) {
-                auto kernel = kernel_at(m, q, v);
-                kernel.hessian();
-                const auto& d = kernel.pairs;
-                return std::tuple(pair_matrix(m, d, d.qq, d.qq), pair_matrix(m, d, d.v_q, d.q_v),
-                                  pair_matrix(m, d, d.vv, d.vv));
-            },
+            "hessian", [](const Mechanism& m, const In<1>& q, const In<1>& v) { return point_at(m, q, v).second(); },
             "q"_a, "v"_a, "Hessian of the Lagrangian: (L_qq, L_vq, L_vv), L_vq[i, j] = d2L/dv_i dq_j.")
         .def(
             "third",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& dq, const In<1>& dv) {
-                const int n = m.n_variables();
-                for (const auto* a : {&q, &v, &dq, &dv}) expect(a->size(), n, "argument");
-                Lagrangian<Dual<double>> kernel(m);
-                std::vector<Dual<double>> Q(n), V(n);
-                for (int i = 0; i < n; ++i) {
-                    Q[i] = {q.data()[m.external[i]], dq.data()[m.external[i]]};
-                    V[i] = {v.data()[m.external[i]], dv.data()[m.external[i]]};
-                }
-                kernel.gradient(Q.data(), V.data());
-                kernel.hessian();
-                const auto& d = kernel.pairs;
-                return std::tuple(pair_matrix(m, d, d.qq, d.qq), pair_matrix(m, d, d.v_q, d.q_v),
-                                  pair_matrix(m, d, d.vv, d.vv));
+                for (const auto* a : {&q, &v, &dq, &dv}) expect(a->size(), m.n_variables(), "argument");
+                return WholeLagrangian<Dual<double>>(m, duals(m, q.data(), dq.data()), duals(m, v.data(), dv.data()))
+                    .second();
             },
             "q"_a, "v"_a, "dq"_a, "dv"_a, "Derivative of hessian() along (dq, dv).")
+        .def(
+            "inertia_slope",
+            [](const Mechanism& m, const In<1>& q, const In<1>& v, int joint, const std::array<double, 10>& i) {
+                if (joint < 0 || joint >= static_cast<int>(m.joints.size()) || m.joint_of_builder[joint] >= m.n_massive)
+                    throw std::invalid_argument("no such joint with a mass");
+                std::vector<double> L_q(m.n_variables()), L_v(m.n_variables());
+                point_at(m, q, v).add_inertia_slope(m.joint_of_builder[joint],
+                                                    {i[0], {i[1], i[2], i[3]}, {i[4], i[5], i[6], i[7], i[8], i[9]}},
+                                                    L_q, L_v);
+                return std::tuple(by_variable(m, L_q), by_variable(m, L_v));
+            },
+            "q"_a, "v"_a, "joint"_a, "inertia"_a,
+            "What gradient() changes by where the body of a joint (the builder's number) gets more inertia: mass, "
+            "first "
+            "moment and rotational inertia xx yy zz xy xz yz about the origin of the joint's frame.")
+        .def("constraint_hessian", &constraint_hessian, "q"_a, "lam"_a, "Second derivatives (nq, nq) of lam.h(q).")
+        .def(
+            "force",
+            [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u) {
+                return Forces(m, q, v, u, Order::value).f;
+            },
+            "q"_a, "v"_a, "u"_a, "Generalized forces f(q, v, u), (nq,).")
+        .def(
+            "force_jacobians",
+            [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u) {
+                const Forces forces(m, q, v, u, Order::gradient);
+                return std::tuple(forces.by_q, forces.by_v, forces.by_u);
+            },
+            "q"_a, "v"_a, "u"_a, "Their derivatives by q, v and u: (nq, nq), (nq, nq) and (nq, n_inputs).")
+        .def("force_curvature", &force_curvature, "q"_a, "v"_a, "u"_a, "mu"_a,
+             "Second derivatives of mu.f by [q; v; u].")
+        .def_prop_ro(
+            "numbers", [](const Mechanism& m) { return copy_of(m.numbers, {m.numbers.size()}); }, nb::rv_policy::move,
+            "Numbers of the elements, by slot.")
         .def(
             "constraints",
             [](const Mechanism& m, const In<1>& q) {
@@ -162,41 +336,6 @@ void bind_mechanism(nb::module_& module) {
                                                         static_cast<std::size_t>(m.n_variables())});
             },
             "q"_a, "Constraint Jacobian Dh(q), (nc, nq).");
-
-    nb::class_<MechanismBuilder>(module, "MechanismBuilder", "Collects joints, bodies and elements; build() compiles.")
-        .def(nb::init<int, int, int>(), "n_dynamic"_a, "n_kinematic"_a, "n_inputs"_a)
-        .def(
-            "add_joint",
-            [](MechanismBuilder& b, int parent, const In<2>& pose, const In<1>& twist, int variable) {
-                expect(twist.size(), 6, "twist");
-                const double* s = twist.data();
-                return b.add_joint(parent, pose_of(pose), {{s[0], s[1], s[2]}, {s[3], s[4], s[5]}}, variable);
-            },
-            "parent"_a, "pose"_a, "twist"_a, "variable"_a)
-        .def(
-            "add_body",
-            [](MechanismBuilder& b, int joint, double mass, const In<1>& com, const In<2>& inertia) {
-                expect(inertia.size(), 9, "inertia");
-                const double* I = inertia.data();
-                b.add_body(joint, {mass, vec3(com), {I[0], I[4], I[8], I[1], I[2], I[5]}});
-            },
-            "joint"_a, "mass"_a, "com"_a, "inertia"_a)
-        .def(
-            "add_point",
-            [](MechanismBuilder& b, int joint, const In<1>& offset) { return b.add_point(joint, vec3(offset)); },
-            "joint"_a, "offset"_a)
-        .def(
-            "set_gravity", [](MechanismBuilder& b, const In<1>& g) { b.set_gravity(vec3(g)); }, "g"_a)
-        .def("add_distance", &MechanismBuilder::add_distance, "point1"_a, "point2"_a, "length"_a, "variable"_a = -1)
-        .def(
-            "add_coincidence",
-            [](MechanismBuilder& b, int point1, int point2, const In<1>& direction) {
-                b.add_coincidence(point1, point2, vec3(direction));
-            },
-            "point1"_a, "point2"_a, "direction"_a)
-        .def("add_damping", &MechanismBuilder::add_damping, "variable"_a, "coefficient"_a)
-        .def("add_joint_force", &MechanismBuilder::add_joint_force, "variable"_a, "input"_a)
-        .def("build", [](const MechanismBuilder& b) { return std::const_pointer_cast<Mechanism>(b.build()); });
 }
 
 }  // namespace leastaction

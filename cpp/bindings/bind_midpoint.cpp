@@ -1,10 +1,13 @@
 // The midpoint integrator over whole trajectories; one step is a trajectory of one step.
 
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
+#include <array>
 #include <optional>
 
 #include "arrays.hpp"
@@ -123,6 +126,42 @@ public:
         return H;
     }
 
+    // directions (P, n_numbers) of the elements' numbers; inertias: (parameter, builder's joint, 10 numbers m, m c, I in
+    // the joint's frame about its origin, xx yy zz xy xz yz).
+    nb::dict by_parameters(const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& directions,
+                           const std::vector<std::tuple<int, int, std::array<double, 10>>>& inertias,
+                           int threads) const {
+        const Mechanism& m = *mechanism_;
+        const std::size_t N = check(t, x, u), P = directions.shape(0), n = m.numbers.size();
+        const std::size_t nx = m.n_states(), nc = m.n_constraints();
+        expect(directions.shape(1), n, "direction");
+        std::vector<Parameter> parameters(P);
+        for (std::size_t k = 0; k < P; ++k) {
+            const double* row = directions.data() + k * n;
+            if (std::any_of(row, row + n, [](double d) { return d != 0.0; }))
+                parameters[k].numbers.assign(row, row + n);
+        }
+        for (const auto& [k, joint, i] : inertias) {
+            if (k < 0 || k >= static_cast<int>(P) || joint < 0 || joint >= static_cast<int>(m.joints.size()) ||
+                m.joint_of_builder[joint] >= m.n_massive)
+                throw std::invalid_argument("inertias: no such parameter, or no such joint with a mass");
+            parameters[k].inertias.push_back(
+                {m.joint_of_builder[joint], {i[0], {i[1], i[2], i[3]}, {i[4], i[5], i[6], i[7], i[8], i[9]}}});
+        }
+        Out by_x = new_array({N, nx, P}), by_lam = new_array({N, nc, P});
+        int done = 0;
+        {
+            nb::gil_scoped_release release;
+            done = differentiate_by_parameters(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
+                                               parameters, threads, by_x.data(), by_lam.data());
+        }
+        nb::dict out;
+        out["x"] = by_x;
+        out["lam"] = by_lam;
+        out["steps"] = done;
+        return out;
+    }
+
     nb::tuple momenta(const In<1>& q1, const In<1>& q2, const In<1>& u, double dt) const {
         const Mechanism& m = *mechanism_;
         expect(q1.size(), m.n_variables(), "q1");
@@ -170,6 +209,8 @@ void bind_midpoint(nb::module_& module) {
              "split"_a = "symmetric", "tolerance"_a = 1e-13, "max_iterations"_a = 50, "solver"_a = "auto")
         .def("roll_out", &Midpoint::roll_out, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
              "velocity"_a.none(), "Steps from x0 over the times t under u = ubar - K (x - xbar).")
+        .def("by_parameters", &Midpoint::by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,
+             "threads"_a = 0, "Derivatives of every step by directions of the elements' numbers and of inertias.")
         .def("momenta", &Midpoint::momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a,
              "Momenta (p1, p2) at both ends of a segment, without constraint forces.")
         .def("linearize", &Midpoint::linearize, "t"_a, "x"_a, "u"_a, "multipliers"_a = false, "threads"_a = 0,

@@ -3,14 +3,21 @@
 #include <nanobind/nanobind.h>
 
 namespace leastaction {
+void bind_builder(nanobind::module_&);
 void bind_mechanism(nanobind::module_&);
 void bind_midpoint(nanobind::module_&);
 void bind_linear_quadratic(nanobind::module_&);
+void bind_tape(nanobind::module_&);
 }  // namespace leastaction
 
 NB_MODULE(LEASTACTION_MODULE, m) {
+    // A mechanism may hold a function of the user's whose module holds the mechanism: a circle that the garbage collector
+    // does not see, and nothing to warn of at exit.
+    nanobind::set_leak_warnings(false);
     m.doc() = "The numerical core of leastaction.";
+    leastaction::bind_tape(m);
     leastaction::bind_mechanism(m);
+    leastaction::bind_builder(m);
     leastaction::bind_midpoint(m);
     leastaction::bind_linear_quadratic(m);
 }

@@ -14,12 +14,15 @@ from typing import Any
 
 __all__ = [
     "ArgumentError",
+    "ContradictoryConstraintsError",
     "DescriptionError",
+    "EquilibriumError",
     "InconsistentStartError",
     "LeastActionError",
     "MotionFileError",
     "OutputError",
     "ResultFileError",
+    "SingularityWarning",
     "StepError",
     "closest",
     "worst_first",
@@ -57,6 +60,63 @@ class InconsistentStartError(LeastActionError):
     def __init__(self, message: str, *, residuals: Mapping[str, float]) -> None:
         super().__init__(message)
         self.residuals: dict[str, float] = worst_first(residuals)
+
+
+class ContradictoryConstraintsError(InconsistentStartError):
+    """Constraints pull against each other: where they are violated least, no motion of the free variables helps.
+
+    Attributes
+    ----------
+    residuals : dict[str, float]
+        Residual of every constraint there by name, largest magnitude first.
+    constraints : tuple[str, ...]
+        The constraints that cannot hold together, the largest residual first.
+    held : tuple[str, ...]
+        Held variables whose motion would lessen the residual, the most effective first.
+    q : Any
+        The configuration of least residual.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        residuals: Mapping[str, float],
+        constraints: tuple[str, ...],
+        held: tuple[str, ...] = (),
+        q: Any = None,
+    ) -> None:
+        super().__init__(message, residuals=residuals)
+        self.constraints = tuple(constraints)
+        self.held = tuple(held)
+        self.q = q
+
+
+class EquilibriumError(LeastActionError):
+    """No equilibrium was found.
+
+    Attributes
+    ----------
+    residuals : dict[str, float]
+        Net force on every free variable and residual of every constraint by name, largest magnitude first.
+    iteration : int
+        Iterations that were made.
+    reached : Any
+        The `Equilibrium` that was come to, which is none; None if not even the constraints could be met.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        residuals: Mapping[str, float],
+        iteration: int,
+        reached: Any = None,
+    ) -> None:
+        super().__init__(message)
+        self.residuals: dict[str, float] = worst_first(residuals)
+        self.iteration = int(iteration)
+        self.reached = reached
 
 
 class StepError(LeastActionError):
@@ -100,6 +160,10 @@ class OutputError(LeastActionError, OSError):
 
 class ResultFileError(LeastActionError, ValueError):
     """A saved result cannot be read back, or belongs to another mechanism."""
+
+
+class SingularityWarning(UserWarning):
+    """A joint came so near to a singularity of its angles that they no longer follow its motion well."""
 
 
 def closest(name: object, known: Iterable[str], *, what: str) -> str:

@@ -66,7 +66,7 @@ class MidpointSystem(DiscreteSystem):
             state = self.integrator.trajectory(
                 self.t[k : k + 1], x[None, :], u[None, :][:0], nothing
             ).last
-            raise self.integrator.step_error(out, state)
+            raise self.integrator.step_error(out, state, u[m.nu :])
         return np.asarray(self._states(out["x"], out["lam"], full)[1])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:

@@ -29,7 +29,7 @@ from leastaction.mechanics import (
     world,
 )
 from leastaction.mechanics.compilation import plan
-from leastaction.mechanics.tree import flatten
+from leastaction.mechanics.flattening import flatten
 
 
 def cart():
@@ -116,7 +116,7 @@ def test_poses_agree_with_an_independent_product_of_transformations():
         worlds = [np.eye(4)]
         for frame in mechanism.tree.frames[1:]:
             spec = frame.spec
-            amount = spec.value if spec.variable is None else values[spec.variable]
+            amount = None if spec.amount is None else spec.amount.value(values)
             local = np.eye(4)
             if spec.matrix is not None:
                 local = spec.matrix
@@ -338,7 +338,7 @@ def test_a_chain_deeper_than_python_recurses():
         description = [rz(f"q{k}"), [tx(1.0, mass=1.0), description]]
     flat = flatten(description)
     assert len(flat.joints) == 1500
-    assert flat.joints[-1].variable == "q0"
+    assert flat.joints[-1].variables == ("q0",)
 
 
 def test_a_mechanism_may_be_all_prescribed_or_all_dynamic():

@@ -11,27 +11,48 @@ import numpy as np
 
 from leastaction.mechanics import (
     Body,
+    BodyWrench,
     Branch,
     Damping,
     Distance,
     Element,
     Gravity,
+    HybridWrench,
     JointForce,
+    JointSpring,
+    LinearDamper,
+    LinearSpring,
     Mechanism,
+    PointOnPlane,
     PointToPoint,
+    SpatialWrench,
     world,
 )
 
 # How each element type of the files is described in the package; a type that is not here is waited for.
 ELEMENTS: dict[str, Callable[[dict[str, Any]], Element]] = {
     "gravity": lambda e: Gravity(e["vector"]),
+    "linear_spring": lambda e: LinearSpring(*e["frames"], stiffness=e["k"], length=e["x0"]),
+    "config_spring": lambda e: JointSpring(e["config"], stiffness=e["k"], rest=e["q0"]),
     "damping": lambda e: Damping(e["coefficients"]),
+    "linear_damper": lambda e: LinearDamper(*e["frames"], coefficient=e["c"]),
+    "body_wrench": lambda e: BodyWrench(e["frame"], **halves(e["wrench"])),
+    "spatial_wrench": lambda e: SpatialWrench(e["frame"], **halves(e["wrench"])),
+    "hybrid_wrench": lambda e: HybridWrench(e["frame"], **halves(e["wrench"])),
     "config_force": lambda e: JointForce(e["config"], input=e["input"]),
     "distance": lambda e: Distance(*e["frames"], length=e["length"]),
+    "point_on_plane": lambda e: PointOnPlane(
+        e["plane_frame"], e["point_frame"], normal=e["normal"]
+    ),
     "point_to_point_component": lambda e: PointToPoint(
         *e["frames"], axes=e["axis"], name=f"{' on '.join(e['frames'])} {e['axis']}"
     ),
 }
+
+
+def halves(wrench: list[float | str]) -> dict[str, list[float | str]]:
+    """Return the force and the torque of a wrench ``[fx fy fz tx ty tz]``."""
+    return {"force": wrench[:3], "torque": wrench[3:]}
 
 
 class Case(NamedTuple):

@@ -70,6 +70,7 @@ class Tree:
         return SimpleNamespace(
             core=self.core(),
             elements={},
+            balls=(),
             nd=self.n_dynamic,
             nrho=self.n_kinematic,
             nq=self.nq,

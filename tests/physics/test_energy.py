@@ -57,10 +57,10 @@ def test_energy_of_ten_links_over_1e5_steps_stays_in_a_band_without_drift() -> N
     swung = np.ptp(run.energy().kinetic)
     assert swung > 100.0
     # The motion is chaotic: its rare whips set the width of the band, which rounding alone moves by a factor
-    # of two. Drift is what must not be, below.
+    # of thirty. What the corrected energy keeps is compared with the band, and drift is what must not be.
     assert 1e-5 * swung < np.ptp(H) < 5e-3 * swung
     assert np.ptp(run.energy().total) < 1e-2 * swung
-    assert np.ptp(kept) < 1e-4 * swung
+    assert np.ptp(kept) < 0.1 * np.ptp(H)
     trend, error = drift(kept)
     assert abs(trend) < 1e-7 * swung  # over the whole run: 1e-12 a step
     assert abs(trend) < 4.0 * error or abs(trend) < 1e-8 * swung

@@ -8,9 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError, InconsistentStartError, closest
+from leastaction.errors import ArgumentError, InconsistentStartError
 from leastaction.mechanics.arguments import Array, as_array
-from leastaction.mechanics.least_change import RANK_TOLERANCE, Indices, LeastChange, row_scales
+from leastaction.mechanics.contradiction import contradictory, find_contradiction
+from leastaction.mechanics.least_change import (
+    RANK_TOLERANCE,
+    Indices,
+    LeastChange,
+    free_variables,
+    row_scales,
+)
 from leastaction.mechanics.mechanism import Mechanism
 
 
@@ -76,7 +83,8 @@ def check_consistent(mechanism: Mechanism, q: npt.ArrayLike, *, tolerance: float
     Raises
     ------
     InconsistentStartError
-        With the residual by constraint name.
+        With the residual by constraint name. A `ContradictoryConstraintsError` if no motion of the dynamic
+        variables brings it onto them.
     """
     values = mechanism.constraint_values(
         as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
@@ -84,6 +92,9 @@ def check_consistent(mechanism: Mechanism, q: npt.ArrayLike, *, tolerance: float
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q))
     if np.any(np.abs(values) > limits):
         residuals = dict(zip(mechanism.constraints, values, strict=True))
+        contradiction = find_contradiction(mechanism, q)
+        if contradiction is not None:
+            raise contradictory("the configuration cannot satisfy the constraints", contradiction)
         raise InconsistentStartError(
             f"the configuration does not satisfy the constraints: {_worst(residuals, limits)}. "
             "Use project_configuration to bring it onto them",
@@ -100,6 +111,7 @@ def project_configuration(
     weights: Mapping[str, float] | npt.ArrayLike | None = None,
     tolerance: float = 1e-12,
     max_iterations: int = 200,
+    attempts: int = 1,
 ) -> ConfigurationProjection:
     """Return the configuration on the constraints that is nearest to a given one.
 
@@ -118,7 +130,10 @@ def project_configuration(
         Largest ``|h_i| / max(1, |Dh_i|, |Dh_i|^2 / 4)`` of the result. The constraints are met to
         rounding where that is possible; the nearest point is found to about 1e-8.
     max_iterations : int, optional
-        Bound on the steps from one starting point; a few more are tried where the first leads nowhere.
+        Bound on the steps from one starting point.
+    attempts : int, optional
+        Starting points that are tried until one leads to the constraints: first the given one, then points
+        beside it (always the same ones). The change is measured from the given one in any case.
 
     Returns
     -------
@@ -128,26 +143,34 @@ def project_configuration(
     ------
     ArgumentError
         For a wrong shape, a value that is not finite, an unknown name or a weight that is not positive.
+    ContradictoryConstraintsError
+        If constraints contradict each other or are out of reach: names them, and the held variables that
+        stand in the way.
     InconsistentStartError
-        If no such configuration is found: the constraints contradict each other or cannot be reached.
-        Carries the residual by constraint name.
+        If no such configuration is found for another reason. Both carry the residuals by constraint name.
     """
     start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
-    free = _free(mechanism, hold, move_kinematic)
+    free = free_variables(mechanism, hold, move_kinematic)
+    if attempts is True or not hasattr(attempts, "__index__") or attempts < 1:
+        raise ArgumentError(f"attempts: got {attempts!r}; expected a whole number, one or more")
     root = np.sqrt(_weights(mechanism, weights)[free])
-    problem = LeastChange(
-        mechanism.constraint_values, mechanism.constraint_jacobian, start, free, root
-    )
-    q_near, iterations = problem.solve(tolerance, max_iterations)
+    problem = LeastChange(mechanism, start, free, root)
+    q_near, iterations = problem.solve(tolerance, max_iterations, attempts)
     values = mechanism.constraint_values(q_near)
     residuals = dict(zip(mechanism.constraints, (float(h) for h in values), strict=True))
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q_near))
     if not np.all(np.isfinite(values) & (np.abs(values) <= limits)):
+        contradiction = None
+        if np.all(np.isfinite(values)):
+            contradiction = find_contradiction(
+                mechanism, q_near, hold=hold, move_kinematic=move_kinematic
+            )
+        if contradiction is not None:
+            raise contradictory("no configuration on the constraints was found", contradiction)
         raise InconsistentStartError(
             f"no configuration on the constraints was found in {iterations} steps: "
-            f"{_worst(residuals, limits)}. They contradict each other, cannot be reached with the held "
-            "variables, or the start is too far away: hold fewer variables, let the kinematic ones move "
-            "(move_kinematic=True), or start nearer",
+            f"{_worst(residuals, limits)}. Start nearer, allow more steps (max_iterations=), or let other "
+            "starting points be tried (attempts=)",
             residuals=residuals,
         )
     correction, largest = _correction(mechanism, free, q_near - start)
@@ -191,7 +214,7 @@ def project_velocity(
     """
     wanted = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
     jacobian = mechanism.constraint_jacobian(q)
-    free = _free(mechanism, hold, move_kinematic)
+    free = free_variables(mechanism, hold, move_kinematic)
     root = np.sqrt(_weights(mechanism, weights)[free])
     result = wanted.copy()
     if mechanism.nc and len(free):
@@ -230,22 +253,6 @@ def _worst(residuals: Mapping[str, float], limits: Array) -> str:
     over.sort(key=lambda item: -abs(item[1]))
     shown = ", ".join(f"{name!r} is off by {value:.3g}" for name, value in over[:6])
     return shown + (f" and {len(over) - 6} more" if len(over) > 6 else "")
-
-
-def _free(mechanism: Mechanism, hold: Sequence[str], move_kinematic: bool) -> Indices:
-    if isinstance(hold, str):
-        raise ArgumentError(f"hold: expected a list of variables, got the string {hold!r}")
-    for name in hold:
-        if name not in mechanism.variables:
-            raise ArgumentError(
-                f"hold: unknown variable {name!r}; "
-                f"{closest(name, mechanism.variables, what='variables')}"
-            )
-    count = mechanism.nq if move_kinematic else mechanism.nd
-    held = set(hold)
-    return np.array(
-        [i for i, name in enumerate(mechanism.variables[:count]) if name not in held], dtype=np.intp
-    )
 
 
 def _weights(mechanism: Mechanism, weights: Mapping[str, float] | npt.ArrayLike | None) -> Array:

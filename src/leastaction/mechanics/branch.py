@@ -8,12 +8,12 @@ from typing import Any, Unpack
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError
+from leastaction.mechanics.affine import Amount
+from leastaction.mechanics.compositions import Composition, ball, free, universal
 from leastaction.mechanics.frames import (
     Frame,
     FrameOptions,
-    PrimitiveOptions,
-    check_name,
-    pose,
+    JointOptions,
     rx,
     ry,
     rz,
@@ -21,13 +21,17 @@ from leastaction.mechanics.frames import (
     ty,
     tz,
 )
+from leastaction.mechanics.joints import prismatic, revolute, screw, twist
+from leastaction.mechanics.names import check_name
+from leastaction.mechanics.poses import pose
 
 
 class Branch:
     """A place in a tree under construction, to which further frames are chained.
 
-    Made by `world`. Each of `tx ty tz rx ry rz pose` puts a frame on this one and returns the place of
-    the new frame, so calls can be chained; several calls on one place make its several children.
+    Made by `world`. Each of `tx ty tz rx ry rz pose twist screw revolute prismatic universal ball free`
+    puts a frame on this one and returns the place of the new frame (of a composition: of its last one), so
+    calls can be chained; several calls on one place make its several children.
 
     Attributes
     ----------
@@ -56,8 +60,13 @@ class Branch:
             place = place.parent
         return place
 
-    def put(self, frame: Frame) -> Branch:
+    def put(self, frame: Frame | Composition) -> Branch:
         """Put a frame on this one and return the place of the new frame."""
+        if isinstance(frame, Composition):
+            place = self
+            for part in frame.frames:
+                place = place.put(part)
+            return place
         if not isinstance(frame, Frame):
             raise DescriptionError(
                 f"put: expected a frame such as tx('x') or pose(...), got {frame!r}; "
@@ -77,27 +86,27 @@ class Branch:
         self.children.extend(side.children)
         return self
 
-    def tx(self, value: float | str, **options: Unpack[PrimitiveOptions]) -> Branch:
+    def tx(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
         """Chain a translation along x; see `tx`."""
         return self.put(tx(value, **options))
 
-    def ty(self, value: float | str, **options: Unpack[PrimitiveOptions]) -> Branch:
+    def ty(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
         """Chain a translation along y; see `ty`."""
         return self.put(ty(value, **options))
 
-    def tz(self, value: float | str, **options: Unpack[PrimitiveOptions]) -> Branch:
+    def tz(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
         """Chain a translation along z; see `tz`."""
         return self.put(tz(value, **options))
 
-    def rx(self, value: float | str, **options: Unpack[PrimitiveOptions]) -> Branch:
+    def rx(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
         """Chain a rotation about x; see `rx`."""
         return self.put(rx(value, **options))
 
-    def ry(self, value: float | str, **options: Unpack[PrimitiveOptions]) -> Branch:
+    def ry(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
         """Chain a rotation about y; see `ry`."""
         return self.put(ry(value, **options))
 
-    def rz(self, value: float | str, **options: Unpack[PrimitiveOptions]) -> Branch:
+    def rz(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
         """Chain a rotation about z; see `rz`."""
         return self.put(rz(value, **options))
 
@@ -111,6 +120,79 @@ class Branch:
     ) -> Branch:
         """Chain a constant pose; see `pose`."""
         return self.put(pose(matrix, translation=translation, rotation=rotation, **options))
+
+    def twist(
+        self,
+        value: Amount,
+        *,
+        linear: npt.ArrayLike = (0.0, 0.0, 0.0),
+        angular: npt.ArrayLike = (0.0, 0.0, 0.0),
+        **options: Unpack[JointOptions],
+    ) -> Branch:
+        """Chain a motion along a twist; see `twist`."""
+        return self.put(twist(value, linear=linear, angular=angular, **options))
+
+    def screw(
+        self,
+        value: Amount,
+        *,
+        axis: npt.ArrayLike | str,
+        point: npt.ArrayLike = (0.0, 0.0, 0.0),
+        pitch: float,
+        **options: Unpack[JointOptions],
+    ) -> Branch:
+        """Chain a screw, its pitch in metres per radian; see `screw`."""
+        return self.put(screw(value, axis=axis, point=point, pitch=pitch, **options))
+
+    def revolute(
+        self,
+        value: Amount,
+        *,
+        axis: npt.ArrayLike | str,
+        point: npt.ArrayLike = (0.0, 0.0, 0.0),
+        **options: Unpack[JointOptions],
+    ) -> Branch:
+        """Chain a rotation about any axis; see `revolute`."""
+        return self.put(revolute(value, axis=axis, point=point, **options))
+
+    def prismatic(
+        self, value: Amount, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]
+    ) -> Branch:
+        """Chain a translation along any axis; see `prismatic`."""
+        return self.put(prismatic(value, axis=axis, **options))
+
+    def universal(
+        self,
+        variables: str | Sequence[Amount],
+        *,
+        axes: str = "xy",
+        kinematic: bool | Sequence[str] = False,
+        **options: Unpack[FrameOptions],
+    ) -> Branch:
+        """Chain a universal joint; see `universal`."""
+        return self.put(universal(variables, axes=axes, kinematic=kinematic, **options))
+
+    def ball(
+        self,
+        variables: str | Sequence[Amount],
+        *,
+        axes: str = "xyz",
+        kinematic: bool | Sequence[str] = False,
+        **options: Unpack[FrameOptions],
+    ) -> Branch:
+        """Chain a ball joint in Euler angles; see `ball`."""
+        return self.put(ball(variables, axes=axes, kinematic=kinematic, **options))
+
+    def free(
+        self,
+        variables: str | Sequence[Amount],
+        *,
+        axes: str = "xyz",
+        kinematic: bool | Sequence[str] = False,
+        **options: Unpack[FrameOptions],
+    ) -> Branch:
+        """Chain three translations and a ball joint; see `free`."""
+        return self.put(free(variables, axes=axes, kinematic=kinematic, **options))
 
     def __repr__(self) -> str:
         place = self.world_name if self.frame is None else repr(self.frame)
@@ -173,9 +255,10 @@ def read_nested(description: Sequence[Any], place: Branch) -> None:
             open_lists.discard(id(items))
             continue
         item = items[position]
-        if not isinstance(item, Frame):
+        if not isinstance(item, (Frame, Composition)):
             raise DescriptionError(_misplaced(item, position, parent))
-        check_once(item, seen)
+        for frame in (item,) if isinstance(item, Frame) else item.frames:
+            check_once(frame, seen)
         child = parent.put(item)
         children = items[position + 1] if position + 1 < len(items) else None
         if not isinstance(children, (list, tuple)):

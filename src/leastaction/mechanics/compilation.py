@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,8 @@ class Plan:
         By their unique names, in the order given.
     dynamic, kinematic, inputs, constraints : tuple of str
         Names in the order of every array.
+    numbers : dict of str to float
+        Values of parameters that have been changed and are no field of their element.
     """
 
     tree: Tree
@@ -33,19 +35,62 @@ class Plan:
     kinematic: tuple[str, ...]
     inputs: tuple[str, ...]
     constraints: tuple[str, ...]
+    numbers: dict[str, float] = field(default_factory=dict)
+
+    def with_numbers(self, tree: Tree, numbers: Mapping[str, float]) -> Plan:
+        """Return the plan with another tree of the same frames, and elements with other numbers.
+
+        Parameters
+        ----------
+        tree : Tree
+        numbers : mapping of str to float
+            Values by parameter name; those of frames and bodies are in the tree already.
+
+        Raises
+        ------
+        DescriptionError
+            For a number that an element refuses, or a dynamic variable that is left without a mass.
+        """
+        elements, rest = dict(self.elements), dict(self.numbers)
+        for parameter, value in numbers.items():
+            owners = [name for name in elements if parameter.startswith(f"{name}.")]
+            if not owners:
+                continue
+            name = max(owners, key=len)
+            changed = elements[name].with_number(parameter.removeprefix(f"{name}."), value)
+            if changed is None:
+                rest[parameter] = value
+            else:
+                elements[name] = changed
+        check_structure(tree)
+        return replace(self, tree=tree, elements=elements, numbers=rest)
 
     def context(self) -> Context:
         """Return a fresh context; it remembers the points of one builder, so each builder needs its own."""
         frames = {frame.name: index for index, frame in enumerate(self.tree.frames)}
         return Context(self.tree, self.dynamic, self.kinematic, self.inputs, frames)
 
-    def emit(self, builder: Builder) -> None:
-        """Make the calls that build this mechanism, joints first, then bodies, then elements."""
+    def emit(self, builder: Builder) -> Context:
+        """Make the calls that build this mechanism, joints first, then bodies, then elements.
+
+        Returns
+        -------
+        Context
+            It holds the slots of the elements' numbers by name, in ``parameters``.
+        """
         context = self.context()
         for joint in self.tree.joints:
-            builder.add_joint(
-                joint.parent, joint.pose, joint.twist, context.variable(joint.variable)
+            (name, factor), *more = joint.amount.terms
+            index = builder.add_joint(
+                joint.parent,
+                joint.pose,
+                joint.twist,
+                context.variable(name),
+                factor,
+                joint.amount.offset,
             )
+            for name, factor in more:
+                builder.couple_joint(index, context.variable(name), factor)
         for joint_index, body, pose in self.tree.bodies():
             rotation, origin = pose[:3, :3], pose[:3, 3]
             inertia = rotation @ body.inertia @ rotation.T
@@ -55,8 +100,11 @@ class Plan:
                 np.ascontiguousarray(rotation @ body.com + origin),
                 np.ascontiguousarray((inertia + inertia.T) / 2.0),
             )
-        for element in self.elements.values():
-            element.add_to(builder, context)
+        for name, element in self.elements.items():
+            element.add_to(builder, context.within(name))
+        for name, value in self.numbers.items():
+            builder.set_number(context.parameters[name], value)
+        return context
 
 
 def plan(

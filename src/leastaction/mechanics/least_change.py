@@ -9,6 +9,10 @@ and a part along them, with Z a basis of the null space of A:
 
     t = -Z (Z^T B Z)^-1 Z^T (s + B n),   B = 1 + sum_i lam_i d2h_i.
 
+Equations that are redundant on the constraints need not be so beside them: there A has singular values of
+the size of the distance. They are noise, and what they belong to is a direction along the constraints; so
+singular values below a multiple of |h| count as zero where h has next to no part in them.
+
 The curvature of the constraints in B makes the convergence quadratic however far q0 is; without it the
 iteration diverges as soon as the correction is longer than the radius of curvature. Where ``Z^T B Z`` is
 not positive definite, ``t = -Z Z^T s`` descends. The exact penalty
@@ -17,19 +21,32 @@ not positive definite, ``t = -Z Z^T s`` descends. The exact penalty
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.arguments import Array
+
+if TYPE_CHECKING:
+    from leastaction.mechanics.mechanism import Mechanism
 
 Indices = npt.NDArray[np.intp]
 
 # Singular values below this fraction of the largest count as zero: redundant constraints.
 RANK_TOLERANCE = 1e-10
-# Starting points that are tried until one leads to the constraints.
-ATTEMPTS = 6
+# Beside the constraints the bound rises with their residual, up to this fraction of the largest.
+LOOSE_RANK_TOLERANCE = 0.03
+_LOOSENING = 10.0
+# Part of the squared residual that a motion of size one may lessen, to first order, where it counts as least.
+_BLOCKED = 1e-4
+# The penalty may fall in the first steps of every so many.
+_FORGETFUL, _PERIOD = 40, 50
+# Steps along the search direction that are shorter are left for plain restoration.
+_SHORTEST = 1e-5
+_LEFT = 0.1  # of |h| at most may be left for a later step
 
 
 def row_scales(jacobian: Array) -> Array:
@@ -43,6 +60,43 @@ def row_scales(jacobian: Array) -> Array:
     return scales
 
 
+def free_variables(
+    mechanism: Mechanism, hold: Sequence[str], move_kinematic: bool = False
+) -> Indices:
+    """Return the indices in q of the variables that may move: the dynamic ones that are not held.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    hold : sequence of str
+        Variables that must not move.
+    move_kinematic : bool, optional
+        Let the kinematic variables move too.
+
+    Returns
+    -------
+    ndarray of int
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown name.
+    """
+    if isinstance(hold, str):
+        raise ArgumentError(f"hold: expected a list of variables, got the string {hold!r}")
+    for name in hold:
+        if name not in mechanism.variables:
+            raise ArgumentError(
+                f"hold: unknown variable {name!r}; "
+                f"{closest(name, mechanism.variables, what='variables')}"
+            )
+    count = mechanism.nq if move_kinematic else mechanism.nd
+    held = set(hold)
+    return np.array(
+        [i for i, name in enumerate(mechanism.variables[:count]) if name not in held], dtype=np.intp
+    )
+
+
 def _finite(*arrays: Array) -> bool:
     return all(bool(np.isfinite(array).all()) for array in arrays)
 
@@ -52,8 +106,8 @@ class LeastChange:
 
     Parameters
     ----------
-    values, jacobian : callable
-        h(q), shape (nc,), and Dh(q), shape (nc, nq).
+    mechanism : Mechanism
+        Whose constraints are h.
     start : ndarray, shape (nq,)
         The wanted point q0.
     free : ndarray of int, shape (n_free,)
@@ -64,19 +118,17 @@ class LeastChange:
 
     def __init__(
         self,
-        values: Callable[[Array], Array],
-        jacobian: Callable[[Array], Array],
+        mechanism: Mechanism,
         start: Array,
         free: Indices,
         root: Array,
     ) -> None:
-        self._values = values
-        self._jacobian = jacobian
+        self.mechanism = mechanism
         self.start = start
         self.free = free
         self.root = root
 
-    def solve(self, tolerance: float, max_iterations: int) -> tuple[Array, int]:
+    def solve(self, tolerance: float, max_iterations: int, attempts: int = 1) -> tuple[Array, int]:
         """Return the point that was reached and the number of steps; the caller checks h there.
 
         Parameters
@@ -85,10 +137,12 @@ class LeastChange:
             Largest ``|h_i| / row_scales``.
         max_iterations : int
             Bound on the steps of each attempt.
+        attempts : int, optional
+            Starting points that are tried until one leads to the constraints, the wanted point first.
         """
         total = 0
         reached = self.start
-        for attempt in range(ATTEMPTS):
+        for attempt in range(attempts):
             # |h| can be stuck where its gradient vanishes and h does not; setting out from beside the
             # wanted point leads around. The change is still measured from the wanted point.
             aside = np.random.default_rng(attempt).normal(size=len(self.free))
@@ -105,18 +159,25 @@ class LeastChange:
         """Iterate from s; return the point that was reached and the number of steps."""
         h, jacobian, limits = self._at(s)
         penalty = np.ones(len(h))
-        steps = 0
+        steps, restoring = 0, False
         while steps < max_iterations and _finite(h, jacobian):
             feasible = bool(np.all(np.abs(h) <= tolerance * limits))
-            normal, along, multiplier = self._directions(s, h, jacobian)
+            restoring = restoring and not feasible
+            normal, along, multiplier = self._directions(s, h, jacobian, loose=not feasible)
             if feasible and np.linalg.norm(along) <= 1e-9 * (1.0 + np.linalg.norm(s)):
                 break
-            # Halved at most: a multiplier that was large near a singular place is forgotten again.
-            penalty = np.maximum(penalty / 2.0, 1.0 + 2.0 * np.abs(multiplier))
-            following = self._search(s, h, normal, along, penalty)
+            # A multiplier that was large near a singular place is forgotten again; but not at all times, or
+            # two places that each make the other look better may take turns for ever.
+            kept = penalty if steps % _PERIOD >= _FORGETFUL else penalty / 2.0
+            penalty = np.maximum(kept, 1.0 + 2.0 * np.abs(multiplier))
+            following = None
+            if not restoring:
+                following = self._search(s, h, jacobian, normal, along, penalty)
             if following is None and not feasible:
-                # The penalty is stuck: plain restoration tells whether the constraints can be met.
-                following = self._restore(s, h, normal)
+                # The penalty is stuck: plain restoration tells whether the constraints can be met. It goes on
+                # until they are, or the next search would lead back.
+                restoring = True
+                following = self._restore(s, h, jacobian)
             if following is None:
                 break
             s = following
@@ -130,20 +191,31 @@ class LeastChange:
         return q
 
     def _h(self, s: Array) -> Array:
-        return self._values(self._configuration(s))
+        return self.mechanism.constraint_values(self._configuration(s))
 
     def _at(self, s: Array) -> tuple[Array, Array, Array]:
         """Return h, its Jacobian by s, and the scale of each h_i."""
         q = self._configuration(s)
-        full = self._jacobian(q)
-        return self._values(q), full[:, self.free] / self.root, row_scales(full)
+        full = self.mechanism.constraint_jacobian(q)
+        return self.mechanism.constraint_values(q), full[:, self.free] / self.root, row_scales(full)
 
-    def _directions(self, s: Array, h: Array, jacobian: Array) -> tuple[Array, Array, Array]:
+    def _directions(
+        self, s: Array, h: Array, jacobian: Array, *, loose: bool
+    ) -> tuple[Array, Array, Array]:
         """Return the restoring part of the step, the part along the constraints, and the multiplier."""
         if not jacobian.size:
             return np.zeros(len(s)), -s, np.zeros(len(h))
         left, sizes, right = np.linalg.svd(jacobian)
         rank = int(np.sum(sizes > RANK_TOLERANCE * max(1.0, sizes[0])))
+        if loose:
+            parts, size = left.T @ h, float(np.linalg.norm(h))
+            bound = min(LOOSE_RANK_TOLERANCE * sizes[0], _LOOSENING * size)
+            while (
+                rank
+                and sizes[rank - 1] < bound
+                and np.linalg.norm(parts[rank - 1 :]) < _LEFT * size
+            ):
+                rank -= 1
         inverse = (right[:rank].T / sizes[:rank]) @ left[:, :rank].T
         normal, multiplier = -inverse @ h, -inverse.T @ s
         null = right[rank:].T
@@ -159,22 +231,12 @@ class LeastChange:
         return normal, -null @ np.linalg.solve(reduced, target), multiplier
 
     def _curvature(self, s: Array, multiplier: Array) -> Array:
-        """Return the Hessian of ``multiplier . h`` by s: central differences of the exact Jacobian.
-
-        Its error slows the last steps a little and does not move the solution, so differences do.
-        """
-        result = np.zeros((len(s), len(s)))
-        if not np.any(multiplier):
-            return result
-        for i in range(len(s)):
-            step = np.zeros(len(s))
-            step[i] = 1e-5 * max(1.0, abs(s[i]))
-            change = self._at(s + step)[1] - self._at(s - step)[1]
-            result[i] = multiplier @ change / (2.0 * step[i])
-        return (result + result.T) / 2.0
+        """Return the Hessian of ``multiplier . h`` by s."""
+        full = self.mechanism.core.constraint_hessian(self._configuration(s), multiplier)
+        return full[np.ix_(self.free, self.free)] / np.outer(self.root, self.root)
 
     def _search(
-        self, s: Array, h: Array, normal: Array, along: Array, penalty: Array
+        self, s: Array, h: Array, jacobian: Array, normal: Array, along: Array, penalty: Array
     ) -> Array | None:
         """Return the next point, at which the exact penalty has fallen enough; None if there is none."""
 
@@ -184,7 +246,9 @@ class LeastChange:
 
         here = 0.5 * float(s @ s) + float(penalty @ np.abs(h))
         direction = normal + along
-        expected = float(s @ direction) - float(penalty @ np.abs(h))
+        # What the step leaves of h: nothing, but for singular values that were passed over.
+        left = np.abs(h + jacobian @ direction)
+        expected = float(s @ direction) - float(penalty @ (np.abs(h) - left))
         if expected >= 0.0:
             return None
         trial = s + direction
@@ -196,21 +260,31 @@ class LeastChange:
         if falls(corrected, self._h(corrected), 1.0):
             return corrected
         length = 0.5
-        while length > 1e-10:
+        while length > _SHORTEST:
             trial = s + length * direction
             if falls(trial, self._h(trial), length):
                 return trial
             length *= 0.5
         return None
 
-    def _restore(self, s: Array, h: Array, normal: Array) -> Array | None:
-        """Return the next point on the way to the constraints, where |h| has fallen; None if none."""
-        length, here = 1.0, float(np.linalg.norm(h))
-        while length > 1e-6:
-            trial = s + length * normal
-            if float(np.linalg.norm(self._h(trial))) < (1.0 - 1e-4 * length) * here:
+    def _restore(self, s: Array, h: Array, jacobian: Array) -> Array | None:
+        """Return the next point on the way to the constraints, where |h| has fallen; None if none.
+
+        Levenberg's and Marquardt's step: near a place where the Jacobian loses rank the undamped one is
+        long and leads nowhere.
+        """
+        if not jacobian.size:
+            return None
+        left, sizes, right = np.linalg.svd(jacobian, full_matrices=False)
+        parts, here = left.T @ h, float(np.linalg.norm(h))
+        for damping in (0.0, *np.logspace(-8, 2, 11)):
+            filtered = sizes / (sizes**2 + damping * sizes[0] ** 2 + np.finfo(float).tiny)
+            filtered[sizes <= RANK_TOLERANCE * sizes[0]] = 0.0
+            change = -right.T @ (filtered * parts)
+            gain = here - float(np.linalg.norm(h + jacobian @ change))
+            trial: Array = s + change
+            if float(np.linalg.norm(self._h(trial))) <= here - 0.1 * gain and gain > 1e-9 * here:
                 return trial
-            length *= 0.5
         return None
 
     def _polish(self, s: Array) -> Array:
@@ -225,3 +299,54 @@ class LeastChange:
                 break
             s, h = trial, h_trial
         return s
+
+    def least_residual(self, q: Array, max_iterations: int = 200) -> tuple[Array, Array]:
+        """Return the point near q where the constraints are violated least, and which of them block there.
+
+        Minimises ``sum_i (h_i / scale_i)^2`` by Levenberg's and Marquardt's method. Where that sum is least and
+        not zero, the residuals are a combination in the left null space of the Jacobian: the equations with a
+        part in it pull against each other.
+
+        Parameters
+        ----------
+        q : ndarray, shape (nq,)
+            Where to start.
+        max_iterations : int, optional
+            Bound on the steps.
+
+        Returns
+        -------
+        q : ndarray, shape (nq,)
+            The point that was reached.
+        parts : ndarray, shape (nc,)
+            Part of the residual of each equation, relative to its scale, that no small motion lessens; zero
+            where q is no such point.
+        """
+        s = (q[self.free] - self.start[self.free]) * self.root
+        scales = self._at(s)[2]
+
+        def scaled(s: Array) -> tuple[Array, Array]:
+            h, jacobian, _ = self._at(s)
+            return h / scales, jacobian / scales[:, None]
+
+        h, jacobian = scaled(s)
+        damping, eye = 1e-3, np.eye(len(s))
+        for _ in range(max_iterations):
+            slope, normal = jacobian.T @ h, jacobian.T @ jacobian
+            if not _finite(h, jacobian) or np.linalg.norm(slope) <= 1e-14 * np.linalg.norm(h):
+                break
+            # Where the residual is large, its own curvature, left out of `normal`, is of its size.
+            size = max(float(np.trace(normal)), float(np.linalg.norm(h)))
+            trial = s - np.linalg.solve(normal + damping * size * eye, slope)
+            h_trial, jacobian_trial = scaled(trial)
+            if np.linalg.norm(h_trial) < np.linalg.norm(h):
+                s, h, jacobian, damping = trial, h_trial, jacobian_trial, 0.2 * damping
+            elif damping > 1e6:
+                break
+            else:
+                damping *= 5.0
+        residual = float(np.linalg.norm(h))
+        # h is in the left null space of the Jacobian: to first order no motion of size one lessens it.
+        slope = jacobian.T @ h
+        blocked = _finite(h, jacobian) and np.linalg.norm(slope) <= _BLOCKED * residual**2
+        return self._configuration(s), h if blocked else np.zeros(len(h))

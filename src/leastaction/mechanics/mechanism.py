@@ -3,37 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from leastaction import _core
-from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
 from leastaction.mechanics.branch import Branch
 from leastaction.mechanics.compilation import Plan, plan
+from leastaction.mechanics.constraint_queries import ConstraintQueries
 from leastaction.mechanics.elements import Element
+from leastaction.mechanics.flattening import flatten
+from leastaction.mechanics.frame_queries import FrameQueries
+from leastaction.mechanics.mass_queries import Energy as Energy
+from leastaction.mechanics.mass_queries import MassQueries
 from leastaction.mechanics.masses import check_inertia
-from leastaction.mechanics.tree import WORLD, Tree, flatten
+from leastaction.mechanics.parameters import (
+    Length,
+    Place,
+    checked,
+    find,
+    freed,
+    parameter_places,
+    parameter_value,
+    with_values,
+)
 from leastaction.mechanics.view import tree_view
+from leastaction.mechanics.view_html import html_view
 
 
-@dataclass(frozen=True)
-class Energy:
-    """Energy of a mechanism (J): floats, or arrays (N,) for a batch of states."""
-
-    kinetic: Any
-    potential: Any
-
-    @property
-    def total(self) -> Any:
-        """Kinetic and potential energy together (J)."""
-        return self.kinetic + self.potential
-
-
-class Mechanism:
+class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
     """A mechanism: a tree of frames with bodies, and the elements that act on it.
 
     The description is checked and compiled once; after that nothing in a mechanism changes, so threads
@@ -63,6 +60,10 @@ class Mechanism:
         The elements by name (a copy).
     tree : Tree
         The frames and joints that the description came to.
+    balls : tuple of Ball
+        The ball joints, those of free joints too.
+    mass : float
+        Mass of all bodies (kg).
     core : _core.Mechanism
         The compiled mechanism.
 
@@ -73,17 +74,7 @@ class Mechanism:
         body has, a dynamic variable that moves no mass, or an element that does not fit.
     """
 
-    __slots__ = ("_frame_index", "_plan", "core", "nc", "nd", "nq", "nrho", "nu", "nx")
-
-    _plan: Plan
-    _frame_index: Mapping[str, int]
-    core: _core.Mechanism
-    nd: int
-    nrho: int
-    nq: int
-    nu: int
-    nc: int
-    nx: int
+    __slots__ = ()
 
     def __init__(
         self,
@@ -100,14 +91,15 @@ class Mechanism:
             )
         )
 
-    def _compile(self, settled: Plan) -> None:
+    def _compile(self, settled: Plan, *, like: _core.Mechanism | None = None) -> None:
         nd, nrho, nu = len(settled.dynamic), len(settled.kinematic), len(settled.inputs)
         builder = _core.MechanismBuilder(nd, nrho, nu)
-        settled.emit(builder)
+        slots = settled.emit(builder).parameters
         fields: dict[str, Any] = {
             "_plan": settled,
             "_frame_index": {f.name: i for i, f in enumerate(settled.tree.frames)},
-            "core": builder.build(),
+            "_slots": slots,
+            "core": builder.build() if like is None else _build_like(builder, like),
             "nd": nd,
             "nrho": nrho,
             "nq": nd + nrho,
@@ -117,7 +109,8 @@ class Mechanism:
         }
         for name, value in fields.items():
             object.__setattr__(self, name, value)
-        check_inertia(self.tree, self.variables, self.core)
+        if like is None:
+            check_inertia(self.tree, self.variables, self.core)
 
     def with_elements(self, elements: Sequence[Element]) -> Mechanism:
         """Return the same mechanism with more elements; names and orders stay, new inputs come last.
@@ -149,182 +142,64 @@ class Mechanism:
         )
         return result
 
-    # Names
+    # Parameters
 
     @property
-    def tree(self) -> Tree:
-        """The frames and joints that the description came to."""
-        return self._plan.tree
+    def parameters(self) -> dict[str, float]:
+        """Every number of the description by name, such as ``"bob.mass"`` or ``"spring.stiffness"``.
 
-    @property
-    def elements(self) -> dict[str, Element]:
-        """The elements by name (a copy)."""
-        return dict(self._plan.elements)
+        Of bodies the mass (kg), the centre of mass (m) and the inertia (kg m^2); of constant frames the
+        amount or the translation (m or rad); of elements their numbers, in the units of each.
+        """
+        numbers = self.core.numbers
+        return {
+            name: parameter_value(self.tree, place, numbers)
+            for name, place in parameter_places(self.tree, self._slots).items()
+        }
 
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """Names of the frames in depth-first order; the world first."""
-        return tuple(self._frame_index)
+    def parameter_places(self, names: Sequence[str]) -> dict[str, Place]:
+        """Return where some named parameters are; raise an `ArgumentError` for a name that is none."""
+        return find(parameter_places(self.tree, self._slots), names)
 
-    @property
-    def dynamic(self) -> tuple[str, ...]:
-        """Names of the dynamic variables, in the order of the first nd entries of q."""
-        return self._plan.dynamic
-
-    @property
-    def kinematic(self) -> tuple[str, ...]:
-        """Names of the kinematic variables, in the order of the last nrho entries of q."""
-        return self._plan.kinematic
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of all configuration variables, in the order of q."""
-        return self._plan.dynamic + self._plan.kinematic
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the force inputs."""
-        return self._plan.inputs
-
-    @property
-    def constraints(self) -> tuple[str, ...]:
-        """Names of the scalar constraint equations."""
-        return self._plan.constraints
-
-    def configuration(
-        self, values: Mapping[str, float] | None = None, *, default: float = 0.0
-    ) -> Array:
-        """Return a configuration (or velocity) from values by name.
+    def with_parameters(self, values: Mapping[str, float]) -> Mechanism:
+        """Return the same mechanism with other numbers; its structure is shared, not compiled again.
 
         Parameters
         ----------
-        values : mapping of str to float, optional
-            Value of some variables (m or rad).
-        default : float, optional
-            Value of the others.
+        values : mapping of str to float
+            New values by the names of `parameters`; the other numbers stay.
 
         Returns
         -------
-        ndarray, shape (nq,)
+        Mechanism
 
         Raises
         ------
         ArgumentError
-            For an unknown name or a value that is not a finite number.
+            For an unknown name, or a value that is not a finite number.
+        DescriptionError
+            For a mass, an inertia or a coefficient that cannot be, or where a dynamic variable is left
+            without a mass to move.
         """
-        q = np.full(self.nq, as_number(default, "default"))
-        order = {name: index for index, name in enumerate(self.variables)}
-        for name, value in (values or {}).items():
-            if name not in order:
-                raise ArgumentError(
-                    f"unknown variable {name!r}; {closest(name, order, what='variables')}"
-                )
-            q[order[name]] = as_number(value, f"the value of {name!r}")
-        return q
+        places = self.parameter_places(list(values))
+        new = {places[name]: value for name, value in checked(values).items()}
+        result = Mechanism.__new__(Mechanism)
+        result._compile(
+            self._plan.with_numbers(with_values(self.tree, new), checked(values)), like=self.core
+        )
+        return result
 
-    def named(self, q: npt.ArrayLike) -> dict[str, Any]:
-        """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""
-        values, single = self._batch(q)
-        columns = values.T
-        return {
-            name: float(column[0]) if single else column.copy()
-            for name, column in zip(self.variables, columns, strict=True)
-        }
+    def with_free_lengths(self, lengths: Mapping[str, Length]) -> Mechanism:
+        """Return the mechanism with constant amounts as kinematic variables, after all the others.
 
-    # Frames
-
-    def frame_pose(self, q: npt.ArrayLike, name: str) -> Array:
-        """Return the pose of a frame in the world.
-
-        Parameters
-        ----------
-        q : array_like, shape (nq,) or (N, nq)
-            One configuration or a batch.
-        name : str
-            The frame.
-
-        Returns
-        -------
-        ndarray, shape (4, 4) or (N, 4, 4)
-            Takes coordinates in the frame to coordinates in the world.
+        A derivative by a length is one by a prescribed variable that does not move.
         """
-        values, single = self._batch(q)
-        poses = self._poses(self.core.joint_poses(values), self._frame(name))
-        return poses[0] if single else poses
-
-    def positions(self, q: npt.ArrayLike, names: Sequence[str] | None = None) -> Array:
-        """Return the origins of frames in the world.
-
-        Parameters
-        ----------
-        q : array_like, shape (nq,) or (N, nq)
-            One configuration or a batch.
-        names : sequence of str, optional
-            The frames; all of them, in the order of `frames`, if not given.
-
-        Returns
-        -------
-        ndarray, shape (len(names), 3) or (N, len(names), 3)
-            Metres.
-        """
-        values, single = self._batch(q)
-        if isinstance(names, str):
-            raise ArgumentError(f"names: expected a list of frames, got the string {names!r}")
-        indices = [self._frame(name) for name in (self.frames if names is None else names)]
-        joints = self.core.joint_poses(values)
-        points = np.empty((len(values), len(indices), 3))
-        for column, index in enumerate(indices):
-            points[:, column] = self._poses(joints, index)[:, :3, 3]
-        return points[0] if single else points
-
-    # Dynamics
-
-    def energy(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Energy:
-        """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch."""
-        values, single = self._batch(q)
-        speeds, _ = self._batch(v, "v", rows=None if single else len(values))
-        pairs = list(zip(values, speeds, strict=True))
-        kinetic = np.array([self.core.kinetic_energy(a, b) for a, b in pairs])
-        potential = np.array([self.core.potential_energy(a) for a, _ in pairs])
-        if single:
-            return Energy(float(kinetic[0]), float(potential[0]))
-        return Energy(kinetic, potential)
-
-    def momentum(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
-        """Return dL/dv at q, v of shape (nq,): the momentum of every variable, kinematic ones too."""
-        return self.core.gradient(self._single(q), self._single(v, "v"))[1]
-
-    def mass_matrix(self, q: npt.ArrayLike) -> Array:
-        """Return the inertia matrix (nq, nq) of all variables at q of shape (nq,)."""
-        # L is quadratic in v, so its second derivative by v is the same at any velocity.
-        return self.core.hessian(self._single(q), np.zeros(self.nq))[2]
-
-    # Constraints
-
-    def constraint_values(self, q: npt.ArrayLike) -> Array:
-        """Return h(q), shape (nc,), or (N, nc) for a batch."""
-        values, single = self._batch(q)
-        result = np.empty((len(values), self.nc))
-        for row, configuration in zip(result, values, strict=True):
-            row[:] = self.core.constraints(configuration)
-        return result[0] if single else result
-
-    def constraint_residuals(self, q: npt.ArrayLike) -> dict[str, Any]:
-        """Return h(q) by constraint name: floats, or arrays (N,) for a batch."""
-        values = self.constraint_values(q)
-        if values.ndim == 1:
-            return {n: float(h) for n, h in zip(self.constraints, values, strict=True)}
-        return dict(zip(self.constraints, values.T, strict=True))
-
-    def constraint_jacobian(self, q: npt.ArrayLike) -> Array:
-        """Return Dh(q), shape (nc, nq), at q of shape (nq,)."""
-        jacobian = self.core.constraint_jacobian(self._single(q))
-        return np.asarray(jacobian).reshape(self.nc, self.nq)
-
-    def degrees_of_freedom(self, q: npt.ArrayLike) -> int:
-        """Return nd less the rank of the constraints on the dynamic variables at q of shape (nq,)."""
-        jacobian = self.constraint_jacobian(q)[:, : self.nd]
-        return self.nd - (int(np.linalg.matrix_rank(jacobian)) if jacobian.size else 0)
+        result = Mechanism.__new__(Mechanism)
+        settled = replace(
+            self._plan, tree=freed(self.tree, lengths), kinematic=(*self.kinematic, *lengths)
+        )
+        result._compile(settled)
+        return result
 
     # Python
 
@@ -353,30 +228,16 @@ class Mechanism:
     def __str__(self) -> str:
         return tree_view(self._plan)
 
-    def _frame(self, name: str) -> int:
-        index = self._frame_index.get(name)
-        if index is None:
-            raise ArgumentError(
-                f"unknown frame {name!r}; {closest(name, self.frames, what='frames')}"
-            )
-        return index
+    def _repr_html_(self) -> str:
+        return html_view(self._plan)
 
-    def _poses(self, joints: Array, index: int) -> Array:
-        frame = self.tree.frames[index]
-        if frame.joint == WORLD:
-            return np.broadcast_to(frame.pose, (len(joints), 4, 4)).copy()
-        return joints[:, frame.joint] @ frame.pose
 
-    def _single(self, q: npt.ArrayLike, what: str = "q") -> Array:
-        return as_array(q, what, (self.nq,), names=self.variables)
-
-    def _batch(
-        self, q: npt.ArrayLike, what: str = "q", *, rows: int | None = None
-    ) -> tuple[Array, bool]:
-        """Return q as (N, nq), and whether it was a single configuration."""
-        if len(shape_of(q) or ()) == 2:
-            return as_array(q, what, (rows, self.nq), names=self.variables), False
-        return self._single(q, what)[None, :], True
+def _build_like(builder: _core.MechanismBuilder, like: _core.Mechanism) -> _core.Mechanism:
+    """Build with the structure of another mechanism; from scratch where numbers were part of it."""
+    try:
+        return builder.build_like(like)
+    except ValueError:
+        return builder.build()
 
 
 def _restore(settled: Plan) -> Mechanism:

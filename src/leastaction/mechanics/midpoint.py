@@ -19,9 +19,10 @@ from leastaction import _core
 from leastaction.errors import ArgumentError, InconsistentStartError, StepError, worst_first
 from leastaction.mechanics.arguments import Array, as_array, as_number
 from leastaction.mechanics.assembly import check_consistent
-from leastaction.mechanics.derivatives import StepDifferentiation
-from leastaction.mechanics.elements import Distance
+from leastaction.mechanics.contradiction import find_contradiction
+from leastaction.mechanics.elements import Distance, PathLength
 from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.sensitivity import ParameterDifferentiation
 from leastaction.mechanics.signals import (
     Signal,
     as_count,
@@ -30,6 +31,7 @@ from leastaction.mechanics.signals import (
     check_times,
     signal_rows,
 )
+from leastaction.mechanics.singularity import SingularityWatch
 from leastaction.mechanics.step import Step
 from leastaction.mechanics.trajectory import SimulationStatus, State, Trajectory
 
@@ -44,7 +46,7 @@ _VELOCITY_TOLERANCE = 1e-6
 _CHUNK = 2000  # steps between looks at Ctrl-C
 
 
-class MidpointVI(StepDifferentiation):
+class MidpointVI(ParameterDifferentiation):
     """Midpoint variational integrator of one mechanism. Holds settings, no state.
 
     Parameters
@@ -84,7 +86,19 @@ class MidpointVI(StepDifferentiation):
         self.tolerance = float(tolerance)
         self.threads = as_count(threads, "threads", 0)
         steps = as_count(max_iterations, "max_iterations", 1)
+        self.max_iterations = steps
+        self._watch = SingularityWatch(mechanism.balls, mechanism.variables)
         self.core = _core.Midpoint(mechanism.core, split, self.tolerance, steps)
+
+    def like(self, mechanism: Mechanism) -> MidpointVI:
+        """Return an integrator of another mechanism with the same settings."""
+        return MidpointVI(
+            mechanism,
+            split=self.split,
+            tolerance=self.tolerance,
+            max_iterations=self.max_iterations,
+            threads=self.threads,
+        )
 
     # Starts
 
@@ -189,6 +203,11 @@ class MidpointVI(StepDifferentiation):
             For wrong shapes, values that are not finite, or dt <= 0.
         StepError
             If the step has no solution; residuals by equation, the state is the one given.
+
+        Warns
+        -----
+        SingularityWarning
+            If the step ends near the singularity of a `ball` or `free` joint.
         """
         m = self.mechanism
         check_state(state)
@@ -205,8 +224,10 @@ class MidpointVI(StepDifferentiation):
             t, self._vector(state), None, np.concatenate([u, rho])[None, :], None, None
         )
         if out["steps"] < 1:
-            raise self.step_error(out, state)
+            raise self.step_error(out, state, rho)
         x = out["x"][1]
+        # The start is the end of the step before, which has told of it.
+        self._watch.look(t[1:], x[None, : m.nq])
         return Step(self._state(float(t[1]), x), out["lam"][0], int(out["iterations"]))
 
     def simulate(
@@ -243,6 +264,11 @@ class MidpointVI(StepDifferentiation):
         ------
         ArgumentError
             For wrong shapes, values that are not finite, or times that do not increase.
+
+        Warns
+        -----
+        SingularityWarning
+            If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
         """
         m = self.mechanism
         check_state(start)
@@ -278,13 +304,15 @@ class MidpointVI(StepDifferentiation):
                 begun, done = done, done + made
                 if done < stop:
                     status = SimulationStatus.STEP_FAILED
-                    message = str(self.step_error(out, self._state(float(times[done]), x[done])))
+                    last = self._state(float(times[done]), x[done])
+                    message = str(self.step_error(out, last, u[done, m.nu :]))
                     break
                 if progress is not None and done > begun:
                     progress(done, N)
         except KeyboardInterrupt:
             status = SimulationStatus.INTERRUPTED
             message = f"interrupted after {done} of {N} steps"
+        self._watch.look(times[: done + 1], x[: done + 1, : m.nq])
         return self.trajectory(
             times[: done + 1],
             x[: done + 1],
@@ -323,17 +351,23 @@ class MidpointVI(StepDifferentiation):
 
     # Errors
 
-    def step_error(self, out: dict[str, Any], state: State) -> StepError:
-        """Return the error of a roll-out of the core that failed after `state`."""
+    def step_error(self, out: dict[str, Any], state: State, rho_next: Array) -> StepError:
+        """Return the error of a roll-out of the core that failed after `state`, going to `rho_next`."""
         m = self.mechanism
+        wanted = np.concatenate([state.q[: m.nd], rho_next])
+        found = find_contradiction(m, wanted) if np.all(np.isfinite(wanted)) else None
+        advice = (
+            "Try a smaller time step, or prescribed variables and inputs that the mechanism can follow"
+            if found is None
+            else f"Where the prescribed variables go, {found}"
+        )
         names = [f"dynamics of {name!r}" for name in m.dynamic]
         names += [f"constraint {name!r}" for name in m.constraints]
         residuals = worst_first(dict(zip(names, out["residual"], strict=True)))
         shown = ", ".join(f"{name}: {value:.2g}" for name, value in list(residuals.items())[:3])
         reason = _REASONS[int(out["status"])].format(iterations=out["failed_iterations"])
         return StepError(
-            f"the step at t = {state.t:.6g} s failed: {reason}; largest residuals {shown}. Try a smaller "
-            "time step, or prescribed variables and inputs that the mechanism can follow",
+            f"the step at t = {state.t:.6g} s failed: {reason}; largest residuals {shown}. {advice}",
             t=state.t,
             residuals=residuals,
             iteration=int(out["failed_iterations"]),
@@ -351,7 +385,7 @@ class MidpointVI(StepDifferentiation):
         """Complain about a prescribed distance that is not positive: it has no direction to pull in."""
         m = self.mechanism
         for name, element in m.elements.items():
-            if not (isinstance(element, Distance) and isinstance(element.length, str)):
+            if not (isinstance(element, Distance | PathLength) and isinstance(element.length, str)):
                 continue
             lengths = q[:, m.variables.index(element.length)]
             if np.any(lengths <= 0.0):

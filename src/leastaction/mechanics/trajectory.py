@@ -10,10 +10,13 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.elements import Distance
+from leastaction.mechanics.elements import Distance, PathLength
 
 if TYPE_CHECKING:
     from leastaction.mechanics.mechanism import Mechanism
+
+
+_LOOKS = 7  # instants at which a run is asked for equations that are redundant
 
 
 class SimulationStatus(Enum):
@@ -90,7 +93,8 @@ class Trajectory:
     message : str
         What happened, in a sentence.
     rank_deficient : bool
-        Whether constraints were redundant somewhere, so that the least multiplier was taken.
+        Whether constraints were redundant somewhere, so that the least multiplier was taken; see
+        `redundant`.
     """
 
     mechanism: Mechanism = field(repr=False)
@@ -134,6 +138,39 @@ class Trajectory:
         return np.diff(self.q, axis=0) / np.diff(self.t)[:, None]
 
     @property
+    def redundant(self) -> dict[str, tuple[str, ...]]:
+        """The constraint equations that were redundant all along, and those that each follows from.
+
+        As `Mechanism.redundancy` finds them at most of a few instants. Empty where no equation was redundant,
+        or where equations became so for an instant only, in a singular configuration; `rank_deficient` tells
+        these two apart. The motion is unique in any case, the multipliers are not: those of least norm were
+        taken.
+        """
+        if not self.rank_deficient:
+            return {}
+        instants = np.unique(np.linspace(0, self.steps, _LOOKS).astype(int))
+        found = [self.mechanism.redundancy(self.q[k]) for k in instants]
+        result: dict[str, tuple[str, ...]] = {}
+        for name in self.mechanism.constraints:
+            sources = [look[name] for look in found if name in look]
+            if 2 * len(sources) > len(found):
+                result[name] = max(sources, key=len)
+        return result
+
+    def __str__(self) -> str:
+        """Return what happened in a few lines: steps, times, and equations that were redundant."""
+        lines = [f"{self.steps} steps, t = {self.t[0]:g} to {self.t[-1]:g} s: {self.message}"]
+        if self.rank_deficient:
+            redundant = self.redundant
+            for name, sources in redundant.items():
+                origin = f"follows from {', '.join(sources)}" if sources else "has no gradient"
+                lines.append(f"redundant: {name} {origin}")
+            if not redundant:
+                lines.append("redundant: equations in a singular configuration, for an instant")
+            lines.append("multipliers are those of least norm")
+        return "\n".join(lines)
+
+    @property
     def last(self) -> State:
         """The last state, to go on from."""
         return self.state(self.steps)
@@ -162,13 +199,14 @@ class Trajectory:
         return self.mechanism.energy(0.5 * (self.q[1:] + self.q[:-1]), self.v)
 
     def tensions(self) -> dict[str, Array]:
-        """Return the tension of every string (`Distance` constraint) over each step.
+        """Return the tension of every string (`Distance` and `PathLength` constraints) over each step.
 
         Returns
         -------
         dict of str to ndarray, shape (N,)
-            Newtons, positive where the string pulls: ``2 L lam / dt`` with the length at the step's start,
-            for the constraint ``h = |p1 - p2|^2 - L^2`` whose multiplier is an impulse.
+            Newtons, positive where the string pulls: ``lam / dt`` of a path, whose multiplier is an
+            impulse, and ``2 L lam / dt`` with the length at the step's start of a distance, for the
+            constraint ``h = |p1 - p2|^2 - L^2``.
 
         Notes
         -----
@@ -187,4 +225,6 @@ class Trajectory:
                     else float(element.length)
                 )
                 result[name] = 2.0 * length * self[name] / dt
+            elif isinstance(element, PathLength):
+                result[name] = self[name] / dt
         return result

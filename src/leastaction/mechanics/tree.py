@@ -1,24 +1,22 @@
-"""From a description to joints: names, order, and the merging of constant frames.
+"""The flattened form of a description: frames, and the joints that move them.
 
-The core knows joints only: one variable each, a twist, and a constant pose in the moved frame of the
-parent joint. A frame without a variable costs nothing at run time: it is a constant pose on the joint
-that carries it. Joints are in depth-first preorder, so parents come before children and every subtree
-is a contiguous range.
+The core knows joints only: a coordinate each (a linear expression of variables), a twist, and a constant
+pose in the moved frame of the parent joint. A frame without a variable costs nothing at run time: it is a
+constant pose on the joint that carries it. Joints are in depth-first preorder, so parents come before
+children and every subtree is a contiguous range.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from leastaction.errors import DescriptionError
+from leastaction.mechanics.affine import Affine
 from leastaction.mechanics.arguments import Array
 from leastaction.mechanics.bodies import Body
-from leastaction.mechanics.branch import Branch, check_once, read_nested
-from leastaction.mechanics.frames import PRIMITIVES, Frame
+from leastaction.mechanics.frames import Frame, Group
 
 WORLD = -1  # the joint that carries what is fixed in the world
 
@@ -45,15 +43,47 @@ class Joint:
 
     ``frame``: index of the frame that it moves. ``parent``: the joint before it, -1 for the world.
     ``pose``: its base (4, 4) in the moved frame of the parent. ``twist``: [v; w] (6,) in the base.
-    ``variable``: name of its coordinate. ``kinematic``: whether that is prescribed.
+    ``amount``: its coordinate. ``kinematic``: whether all variables of that are prescribed.
     """
 
     frame: int
     parent: int
     pose: Array
     twist: Array
-    variable: str
+    amount: Affine
     kinematic: bool
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The variables that move it; at least one."""
+        return self.amount.names
+
+
+@dataclass(frozen=True)
+class Ball:
+    """Three rotations one behind the other, of a `ball` or a `free` joint.
+
+    Attributes
+    ----------
+    name : str
+        Name of the joint.
+    amounts : tuple of Affine
+        The outer, middle and inner angle (rad).
+    singular : float
+        Its angles are not determined where the middle angle is this or differs from it by a multiple of pi.
+    watched : bool
+        Whether dynamic variables move both the outer and the inner angle, so that the singularity matters.
+    """
+
+    name: str
+    amounts: tuple[Affine, Affine, Affine]
+    singular: float
+    watched: bool
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The variables of its three angles, each once."""
+        return tuple(dict.fromkeys(name for amount in self.amounts for name in amount.names))
 
 
 @dataclass(frozen=True)
@@ -66,20 +96,39 @@ class Tree:
         In depth-first preorder; the world first.
     joints : tuple of Joint
         In depth-first preorder.
+    dynamic, kinematic : tuple of str
+        Names of the variables in the order that the tree meets them.
+    compositions : tuple of (Group, tuple of int)
+        The universal, ball and free joints, with the indices of their frames from the outermost on.
+    balls : tuple of Ball
+        The ball joints, those of free joints too.
     """
 
     frames: tuple[TreeFrame, ...]
     joints: tuple[Joint, ...]
+    dynamic: tuple[str, ...]
+    kinematic: tuple[str, ...]
+    compositions: tuple[tuple[Group, tuple[int, ...]], ...]
+    balls: tuple[Ball, ...]
 
-    @property
-    def dynamic(self) -> tuple[str, ...]:
-        """Names of the dynamic variables in the order that the tree meets them."""
-        return tuple(joint.variable for joint in self.joints if not joint.kinematic)
+    def coupling(self, joints: Sequence[int], variables: Sequence[str]) -> tuple[Array, Array]:
+        """Return E (len(joints), len(variables)) and s0 of the joint coordinates ``s = E q + s0``.
 
-    @property
-    def kinematic(self) -> tuple[str, ...]:
-        """Names of the kinematic variables in the order that the tree meets them."""
-        return tuple(joint.variable for joint in self.joints if joint.kinematic)
+        Parameters
+        ----------
+        joints : sequence of int
+            The joints asked for.
+        variables : sequence of str
+            The variables in the order of q.
+        """
+        column = {name: index for index, name in enumerate(variables)}
+        E, s0 = np.zeros((len(joints), len(variables))), np.zeros(len(joints))
+        for row, joint in enumerate(joints):
+            amount = self.joints[joint].amount
+            s0[row] = amount.offset
+            for name, factor in amount.terms:
+                E[row, column[name]] = factor
+        return E, s0
 
     def bodies(self) -> list[tuple[int, Body, Array]]:
         """Every body with the index of its joint and the constant pose of its frame there."""
@@ -106,137 +155,3 @@ class Tree:
             if parent != WORLD:
                 sums[parent] += sums[index]
         return sums
-
-
-def constant_matrix(transform: str, value: float) -> Array:
-    """Return the pose (4, 4) of a primitive transformation by a constant amount (m or rad)."""
-    matrix = np.eye(4)
-    axis = "xyz".index(transform[1])
-    if transform[0] == "t":
-        matrix[axis, 3] = value
-    else:
-        i, j = (axis + 1) % 3, (axis + 2) % 3
-        cosine, sine = np.cos(value), np.sin(value)
-        matrix[i, i] = matrix[j, j] = cosine
-        matrix[i, j], matrix[j, i] = -sine, sine
-    return matrix
-
-
-def flatten(description: Branch | Sequence[Any]) -> Tree:
-    """Flatten a description into frames and joints.
-
-    Parameters
-    ----------
-    description : nested list of Frame, or Branch
-        Any place of a tree of chained calls stands for the whole tree.
-
-    Returns
-    -------
-    Tree
-
-    Raises
-    ------
-    DescriptionError
-        For a frame that stands in two places, a name or a variable that is used twice, or anything that
-        is not a description.
-    """
-    if isinstance(description, Branch):
-        root = description.root
-    else:
-        root = Branch(None)
-        read_nested(description, root)
-    specs, parents = _preorder(root)
-    return _place(_names(root.world_name, specs, parents), specs, parents)
-
-
-def _preorder(root: Branch) -> tuple[list[Frame], list[int]]:
-    """Return the frames without the world, and for each the index of its parent (world = 0)."""
-    specs: list[Frame] = []
-    parents: list[int] = []
-    seen: set[int] = set()
-    stack = [(child, 0) for child in reversed(root.children)]
-    while stack:
-        place, parent = stack.pop()
-        assert place.frame is not None
-        check_once(place.frame, seen)
-        specs.append(place.frame)
-        parents.append(parent)
-        stack.extend((child, len(specs)) for child in reversed(place.children))
-    return specs, parents
-
-
-def _names(world: str, specs: Sequence[Frame], parents: Sequence[int]) -> list[str]:
-    """Name every frame: the given names, and for the others a readable one that depends on the tree only.
-
-    A frame with a variable is called after it, ``rz(theta)``; a constant frame after its parent,
-    ``cart/ty(-1)``. What is still the same gets a number, ``cart/ty(-1)#2``.
-    """
-    given: dict[str, Frame | None] = {world: None}
-    for spec in specs:
-        if spec.name is None:
-            continue
-        if spec.name in given:
-            other = given[spec.name]
-            first = "the world frame" if other is None else other.label
-            raise DescriptionError(
-                f"duplicate frame name {spec.name!r}: given to {first} and to {spec.label}; "
-                "frame names are unique in a mechanism"
-            )
-        given[spec.name] = spec
-    taken = set(given)
-    names = [world]
-    for spec, parent in zip(specs, parents, strict=True):
-        if spec.name is not None:
-            names.append(spec.name)
-            continue
-        stem = spec.label if spec.variable is not None else f"{names[parent]}/{spec.label}"
-        name, number = stem, 1
-        while name in taken:
-            number += 1
-            name = f"{stem}#{number}"
-        taken.add(name)
-        names.append(name)
-    return names
-
-
-def _place(names: list[str], specs: Sequence[Frame], parents: Sequence[int]) -> Tree:
-    frames = [TreeFrame(names[0], -1, None, WORLD, _frozen(np.eye(4)))]
-    joints: list[Joint] = []
-    driven: dict[str, str] = {}
-    for name, spec, parent in zip(names[1:], specs, parents, strict=True):
-        carrier = frames[parent]
-        if spec.variable is None:
-            if spec.matrix is not None:
-                local = spec.matrix
-            else:
-                assert spec.value is not None
-                local = constant_matrix(spec.transform, spec.value)
-            frames.append(
-                TreeFrame(name, parent, spec, carrier.joint, _frozen(carrier.pose @ local))
-            )
-            continue
-        if spec.variable in driven:
-            raise DescriptionError(
-                f"the variable {spec.variable!r} drives two frames, {driven[spec.variable]!r} and "
-                f"{name!r}; give each frame a variable of its own"
-            )
-        driven[spec.variable] = name
-        twist = np.zeros(6)
-        twist[PRIMITIVES.index(spec.transform)] = 1.0
-        joints.append(
-            Joint(
-                frame=len(frames),
-                parent=carrier.joint,
-                pose=carrier.pose,
-                twist=_frozen(twist),
-                variable=spec.variable,
-                kinematic=spec.kinematic,
-            )
-        )
-        frames.append(TreeFrame(name, parent, spec, len(joints) - 1, _frozen(np.eye(4))))
-    return Tree(tuple(frames), tuple(joints))
-
-
-def _frozen(array: Array) -> Array:
-    array.setflags(write=False)
-    return array

@@ -1,0 +1,88 @@
+// Functions of the user's own, written in Python. They take the interpreter's lock for each call.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/complex.h>
+
+#include <complex>
+
+#include "arrays.hpp"
+#include "coordinates.hpp"
+
+namespace leastaction {
+
+// function(z, order) -> (value, gradient, Hessian), with z an array of floats; of complex numbers where the derivative
+// along a direction is asked for, which then is the imaginary part of a complex step.
+class PythonFunction final : public LocalFunction {
+public:
+    explicit PythonFunction(nb::object function);
+    ~PythonFunction() override;
+    PythonFunction(const PythonFunction&) = delete;
+    PythonFunction& operator=(const PythonFunction&) = delete;
+
+    void evaluate(const Placement<double>&, const double* z, int n, Order order, double& value, double* gradient,
+                  double* hessian, double&) const override;
+    void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
+                  Dual<double>* gradient, Dual<double>* hessian, double&) const override;
+
+private:
+    // Value, gradient (n) and Hessian (n x n) in a row, as far as the order asks.
+    template <class Number>
+    std::vector<Number> call(std::vector<Number> z, Order order) const;
+
+    static constexpr double step = 1e-30;  // complex: no difference is taken, so it may be as small as it likes
+    nb::object function_;
+};
+
+inline PythonFunction::PythonFunction(nb::object function) : function_(std::move(function)) {}
+
+inline PythonFunction::~PythonFunction() {
+    // The last owner may be a thread without the lock.
+    nb::gil_scoped_acquire acquire;
+    function_.reset();
+}
+
+template <class Number>
+std::vector<Number> PythonFunction::call(std::vector<Number> z, Order order) const {
+    using Argument = nb::ndarray<nb::numpy, Number, nb::ndim<1>, nb::c_contig>;
+    using Result = nb::ndarray<const Number, nb::c_contig, nb::device::cpu>;
+    nb::gil_scoped_acquire acquire;
+    const std::size_t n = z.size();
+    // A copy of its own for each call: what Python is given it may keep.
+    auto* data = new std::vector<Number>(std::move(z));
+    const nb::capsule owner(data, [](void* p) noexcept { delete static_cast<std::vector<Number>*>(p); });
+    const nb::object returned = function_(nb::cast(Argument(data->data(), {n}, owner)), static_cast<int>(order));
+    const nb::tuple parts = nb::cast<nb::tuple>(returned);
+    expect(parts.size(), 3, "what a function in Python returned");
+    std::vector<Number> out{nb::cast<Number>(parts[0])};
+    const auto append = [&](const nb::handle& part, std::size_t size, const char* what) {
+        const auto values = nb::cast<Result>(part);
+        expect(values.size(), size, what);
+        out.insert(out.end(), values.data(), values.data() + size);
+    };
+    if (order != Order::value) append(parts[1], n, "gradient of a function in Python");
+    if (order == Order::hessian) append(parts[2], n * n, "Hessian of a function in Python");
+    return out;
+}
+
+inline void PythonFunction::evaluate(const Placement<double>&, const double* z, int n, Order order, double& value,
+                                     double* gradient, double* hessian, double&) const {
+    const std::vector<double> out = call(std::vector<double>(z, z + n), order);
+    value = out[0];
+    if (order != Order::value) std::copy_n(out.begin() + 1, n, gradient);
+    if (order == Order::hessian) std::copy_n(out.begin() + 1 + n, n * n, hessian);
+}
+
+inline void PythonFunction::evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order,
+                                     Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian,
+                                     double&) const {
+    std::vector<std::complex<double>> complex(n);
+    for (int i = 0; i < n; ++i) complex[i] = {z[i].v, step * z[i].d};
+    const auto out = call(std::move(complex), order);
+    const auto dual = [](const std::complex<double>& x) { return Dual<double>(x.real(), x.imag() / step); };
+    value = dual(out[0]);
+    for (int i = 0; i < n && order != Order::value; ++i) gradient[i] = dual(out[1 + i]);
+    for (int i = 0; i < n * n && order == Order::hessian; ++i) hessian[i] = dual(out[1 + n + i]);
+}
+
+}  // namespace leastaction

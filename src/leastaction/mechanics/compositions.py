@@ -1,0 +1,215 @@
+"""Joints of several parameters as compositions of simple ones: universal, ball and free joints.
+
+A composition stands in a description like a frame: bodies, a name and children belong to the last of its
+frames. Its variables are the parameters of the simple joints, so everything that can be done with a
+variable can be done with them.
+
+A ball (and the rotation of a free joint) is three rotations, hence Euler angles, and has their
+singularity: where the middle angle is 90 degrees (any three different axes), or 0 (first and last axis the
+same), the outer and the inner axis are parallel, the angles are not determined by the motion, and the
+mass matrix is singular. No choice of three angles is free of it; choose ``axes`` so that the motion stays
+away from it. `MidpointVI` warns (`SingularityWarning`) when a simulation comes near.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import eq
+from typing import Unpack
+
+from leastaction.errors import DescriptionError
+from leastaction.mechanics.affine import Amount, as_affine
+from leastaction.mechanics.frames import (
+    TWISTS,
+    Frame,
+    FrameOptions,
+    Group,
+    kinematic_names,
+    moving,
+)
+from leastaction.mechanics.names import check_name
+
+
+@dataclass(frozen=True, eq=False)
+class Composition:
+    """Frames one behind the other that are described as one; made by `universal`, `ball` and `free`.
+
+    Attributes
+    ----------
+    group : Group
+        Its kind, name and axes.
+    frames : tuple of Frame
+        From the outermost on. The last one carries the bodies and the children.
+    """
+
+    group: Group
+    frames: tuple[Frame, ...]
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The variables that move it, each once."""
+        return tuple(dict.fromkeys(name for frame in self.frames for name in frame.variables))
+
+    def __repr__(self) -> str:
+        return f"{self.group.kind}({', '.join(self.variables)}) {self.group.name!r}"
+
+
+def universal(
+    variables: str | Sequence[Amount],
+    *,
+    axes: str = "xy",
+    kinematic: bool | Sequence[str] = False,
+    **options: Unpack[FrameOptions],
+) -> Composition:
+    """Rotate about two axes, one after the other: a universal (Cardan) joint.
+
+    Parameters
+    ----------
+    variables : str or sequence of 2 amounts
+        The joint's name, for variables ``name.rx`` and ``name.ry`` (or as the axes are); or the two amounts.
+    axes : str, optional
+        The axes, two different letters of ``xyz``.
+    kinematic : bool or sequence of str, optional
+        True if all its variables are prescribed, or the list of those that are.
+    **options
+        See `FrameOptions`. ``name`` is the name of the frame behind the joint; that of the joint if not given.
+
+    Returns
+    -------
+    Composition
+
+    Raises
+    ------
+    DescriptionError
+        For other axes, another number of amounts, or what a frame does not take.
+    """
+    return _compose("universal", variables, "", axes, 2, kinematic, options)
+
+
+def ball(
+    variables: str | Sequence[Amount],
+    *,
+    axes: str = "xyz",
+    kinematic: bool | Sequence[str] = False,
+    **options: Unpack[FrameOptions],
+) -> Composition:
+    """Rotate about three axes, one after the other: a ball joint in Euler angles.
+
+    Singular where the middle angle is 90 or -90 degrees, or 0 or 180 if the first and the last axis are the
+    same; there its angles are not determined. A simulation that comes near warns (`SingularityWarning`).
+
+    Parameters
+    ----------
+    variables : str or sequence of 3 amounts
+        The joint's name, for variables ``name.rx``, ``name.ry`` and ``name.rz`` (or as the axes are); or the
+        three amounts. If an axis comes twice, its second variable ends in ``2``, as in ``name.rz2``.
+    axes : str, optional
+        The axes: three letters of ``xyz``, no two neighbours the same.
+    kinematic : bool or sequence of str, optional
+        True if all its variables are prescribed, or the list of those that are.
+    **options
+        See `FrameOptions`. ``name`` is the name of the frame behind the joint; that of the joint if not given.
+
+    Returns
+    -------
+    Composition
+
+    Raises
+    ------
+    DescriptionError
+        For other axes, another number of amounts, or what a frame does not take.
+    """
+    return _compose("ball", variables, "", axes, 3, kinematic, options)
+
+
+def free(
+    variables: str | Sequence[Amount],
+    *,
+    axes: str = "xyz",
+    kinematic: bool | Sequence[str] = False,
+    **options: Unpack[FrameOptions],
+) -> Composition:
+    """Translate along x, y and z, then rotate as a `ball`: a body that nothing holds.
+
+    Singular where its ball is.
+
+    Parameters
+    ----------
+    variables : str or sequence of 6 amounts
+        The joint's name, for variables ``name.x``, ``name.y``, ``name.z``, ``name.rx``, ``name.ry`` and
+        ``name.rz`` (or as the axes are); or the six amounts.
+    axes : str, optional
+        The axes of the rotations: three letters of ``xyz``, no two neighbours the same.
+    kinematic : bool or sequence of str, optional
+        True if all its variables are prescribed, or the list of those that are.
+    **options
+        See `FrameOptions`. ``name`` is the name of the frame behind the joint; that of the joint if not given.
+
+    Returns
+    -------
+    Composition
+
+    Raises
+    ------
+    DescriptionError
+        For other axes, another number of amounts, or what a frame does not take.
+    """
+    return _compose("free", variables, "xyz", axes, 3, kinematic, options)
+
+
+def _compose(
+    kind: str,
+    variables: str | Sequence[Amount],
+    slides: str,
+    axes: str,
+    turns: int,
+    kinematic: bool | Sequence[str],
+    options: FrameOptions,
+) -> Composition:
+    _check_axes(axes, turns, kind)
+    transforms = [f"t{axis}" for axis in slides] + [f"r{axis}" for axis in axes]
+    own = options.copy()
+    if isinstance(variables, str):
+        prefix = check_name(variables, f"the name of a {kind} joint")
+        suffixes = list(slides) + [
+            f"r{axis}{'2' if axis in axes[:i] else ''}" for i, axis in enumerate(axes)
+        ]
+        amounts: list[Amount] = [f"{prefix}.{suffix}" for suffix in suffixes]
+        if own.get("name") is None:
+            own["name"] = prefix
+    elif isinstance(variables, (list, tuple)) and len(variables) == len(transforms):
+        prefix, amounts = None, list(variables)
+    else:
+        raise DescriptionError(
+            f"{kind}: expected a name or a list of {len(transforms)} amounts "
+            f"({', '.join(transforms)}), got {variables!r}"
+        )
+    parts = [as_affine(a, f"{kind}: {t}") for a, t in zip(amounts, transforms, strict=True)]
+    every = tuple(dict.fromkeys(name for part in parts for name in part.names))
+    label = f"{kind}({', '.join(every)})"
+    prescribed = kinematic_names(kinematic, every, label)
+    group = Group(kind, prefix or own.get("name") or label, axes)
+    last = len(transforms) - 1
+    return Composition(
+        group,
+        tuple(
+            moving(
+                transform,
+                TWISTS[transform],
+                part,
+                group=group,
+                kinematic=[name for name in part.names if name in prescribed],
+                **(own if index == last else {}),
+            )
+            for index, (transform, part) in enumerate(zip(transforms, parts, strict=True))
+        ),
+    )
+
+
+def _check_axes(axes: object, count: int, kind: str) -> None:
+    good = isinstance(axes, str) and len(axes) == count and set(axes) <= set("xyz")
+    if not good or any(map(eq, str(axes), str(axes)[1:])):
+        raise DescriptionError(
+            f"{kind}: got axes {axes!r}, expected {count} letters of 'xyz', no two neighbours the same"
+        )

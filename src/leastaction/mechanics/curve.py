@@ -1,0 +1,204 @@
+"""Smooth curves: what a nonlinear spring, a muscle or a cam is given by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numpy.polynomial import polynomial
+
+from leastaction.errors import ArgumentError, DescriptionError, LeastActionError
+from leastaction.mechanics.arguments import Array, as_array, as_number
+
+_DEGREE = 5
+
+
+class Curve:
+    """A smooth function of one variable through given points: an interpolating quintic spline.
+
+    Four derivatives are continuous, so a force from it has all the derivatives that Newton's method and
+    the second order of a step use. Up to six points are met by the one polynomial through them, which is
+    smooth everywhere. Outside of the points the first and the last piece carry on, so give points as far
+    as the motion goes: a polynomial that is left to itself soon grows.
+
+    Parameters
+    ----------
+    x : array_like, shape (n,)
+        Places, two at least, strictly increasing.
+    y : array_like, shape (n,)
+        Values there.
+
+    Attributes
+    ----------
+    breaks : ndarray, shape (pieces + 1,)
+        Where the pieces begin and the last one ends.
+    coefficients : ndarray, shape (pieces, degree + 1)
+        Of every piece in ascending powers of ``x - breaks[i]``.
+
+    Raises
+    ------
+    DescriptionError
+        If the points are fewer than two, not finite, not increasing or of different number.
+
+    Notes
+    -----
+    The spline is SciPy's `make_interp_spline` with its not-a-knot ends. Like every interpolation of high
+    degree it swings where the points have a kink; sample a function that is smooth.
+    """
+
+    __slots__ = ("breaks", "coefficients")
+
+    breaks: Array
+    coefficients: Array
+
+    def __init__(self, x: npt.ArrayLike, y: npt.ArrayLike) -> None:
+        places = as_array(x, "Curve: x", (None,), error=DescriptionError)
+        if len(places) < 2:
+            raise DescriptionError(
+                f"Curve: got {len(places)} point{'s'[: len(places) != 1]}; expected two at least, and "
+                "more than six for a spline"
+            )
+        values = as_array(y, "Curve: y", (len(places),), error=DescriptionError)
+        steps = np.diff(places)
+        if np.any(steps <= 0.0):
+            k = int(np.argmax(steps <= 0.0))
+            raise DescriptionError(
+                f"Curve: x must increase strictly, but x[{k}] = {places[k]:g} is followed by "
+                f"x[{k + 1}] = {places[k + 1]:g}; sort the points and name each place once"
+            )
+        # Here, so that to import the package is quick.
+        from scipy.interpolate import PPoly, make_interp_spline
+
+        degree = min(_DEGREE, len(places) - 1)
+        pieces = PPoly.from_spline(make_interp_spline(places, values, k=degree))
+        # A spline repeats the knots at its ends, which makes pieces of no width.
+        wide = np.diff(pieces.x) > 0.0
+        self._set(np.append(pieces.x[:-1][wide], pieces.x[-1]), pieces.c[::-1, wide].T)
+
+    @classmethod
+    def from_function(
+        cls, function: Callable[[float], float], start: float, end: float, *, pieces: int = 32
+    ) -> Curve:
+        """Return the curve through equally spaced points of a function.
+
+        Parameters
+        ----------
+        function : callable
+            Takes a float and returns one.
+        start, end : float
+            The range.
+        pieces : int, optional
+            How many spaces lie between the points.
+
+        Returns
+        -------
+        Curve
+
+        Raises
+        ------
+        DescriptionError
+            If the range is empty, there is no piece, or a value is not a finite number.
+        """
+        first = as_number(start, "Curve: start", error=DescriptionError)
+        last = as_number(end, "Curve: end", error=DescriptionError)
+        if first >= last:
+            raise DescriptionError(
+                f"Curve: got start {first:g} and end {last:g}; expected start < end"
+            )
+        number = _whole(pieces, "Curve: pieces", DescriptionError)
+        if number < 1:
+            raise DescriptionError(f"Curve: pieces: got {number}, expected 1 or more")
+        places = np.linspace(first, last, number + 1)
+        values = [
+            as_number(function(float(x)), f"Curve: the function at {x:g}", error=DescriptionError)
+            for x in places
+        ]
+        return cls(places, values)
+
+    @property
+    def start(self) -> float:
+        """Where the given points begin."""
+        return float(self.breaks[0])
+
+    @property
+    def end(self) -> float:
+        """Where the given points end."""
+        return float(self.breaks[-1])
+
+    def __call__(self, x: npt.ArrayLike, derivative: int = 0) -> Any:
+        """Return the value, or a derivative, at places of any shape: a float for a single place.
+
+        Parameters
+        ----------
+        x : array_like
+            Places.
+        derivative : int, optional
+            Order of the derivative.
+
+        Returns
+        -------
+        float or ndarray
+        """
+        order = _whole(derivative, "Curve: derivative", ArgumentError)
+        if order < 0:
+            raise ArgumentError(
+                f"Curve: derivative: got {order}, expected zero or more; integral() goes the other way"
+            )
+        places = np.asarray(x, dtype=np.float64)
+        last = len(self.breaks) - 2
+        piece = np.clip(np.searchsorted(self.breaks, places, side="right") - 1, 0, last)
+        terms = polynomial.polyder(self.coefficients, order, axis=1)[piece]
+        powers = np.moveaxis(terms, -1, 0)
+        values = polynomial.polyval(places - self.breaks[piece], powers, tensor=False)
+        return float(values) if values.ndim == 0 else values
+
+    def integral(self) -> Curve:
+        """Return the curve of the integral from the start: the energy of a curve of force."""
+        coefficients = np.asarray(polynomial.polyint(self.coefficients, axis=1), dtype=np.float64)
+        widths = np.diff(self.breaks)
+        areas = polynomial.polyval(widths, coefficients.T, tensor=False)
+        coefficients[1:, 0] = np.cumsum(areas)[:-1]
+        return _restore(self.breaks, coefficients)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Curve):
+            return NotImplemented
+        return np.array_equal(self.breaks, other.breaks) and np.array_equal(
+            self.coefficients, other.coefficients
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.breaks.tobytes(), self.coefficients.tobytes()))
+
+    def __setattr__(self, field: str, value: object) -> None:
+        raise AttributeError(f"a Curve is immutable ({field} cannot be set); make a new one")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore, (self.breaks, self.coefficients)
+
+    def __repr__(self) -> str:
+        pieces, terms = self.coefficients.shape
+        return (
+            f"<Curve from {self.start:g} to {self.end:g}: {pieces} piece{'s'[: pieces != 1]} of degree "
+            f"{terms - 1}>"
+        )
+
+    def _set(self, breaks: Array, coefficients: Array) -> None:
+        for name, array in (("breaks", breaks), ("coefficients", coefficients)):
+            own = np.array(array, order="C")
+            own.setflags(write=False)
+            object.__setattr__(self, name, own)
+
+
+def _restore(breaks: Array, coefficients: Array) -> Curve:
+    curve = Curve.__new__(Curve)
+    curve._set(breaks, coefficients)
+    return curve
+
+
+def _whole(value: object, what: str, error: type[LeastActionError]) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise error(f"{what}: expected a whole number, got {value!r}")
+    return int(value)

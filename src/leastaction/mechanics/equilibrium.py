@@ -1,0 +1,382 @@
+"""Equilibria: where a mechanism stays at rest, and whether it comes back to it.
+
+    V_q - f(q, 0, u) + Dh(q)^T lam = 0,   h(q) = 0
+
+over the dynamic variables that are not held. A minimum of the potential on the constraints is sought by Newton's
+method in their tangent space, with Z a basis of it and ``W = V_qq - f_q + sum_i lam_i d2h_i``::
+
+    d = -Z |Z^T W Z|^-1 Z^T (V_q - f)
+
+where ``|B|`` has the eigenvalues of B with their signs dropped, so that d descends and leaves saddles. Every
+step is brought back onto the constraints and must lessen the potential (less the work of f).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError, EquilibriumError, worst_first
+from leastaction.mechanics.arguments import Array, as_array, as_number
+from leastaction.mechanics.assembly import project_configuration
+from leastaction.mechanics.least_change import (
+    RANK_TOLERANCE,
+    Indices,
+    free_variables,
+    row_scales,
+)
+from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.trajectory import read_only
+
+_ON_CONSTRAINTS = 1e-12  # relative residual of the constraints at every iterate
+_FLAT = 1e-9  # eigenvalues below this part of the largest count as zero
+_FIRST_RADIUS, _LONGEST = 0.5, 1e6  # bound on the first step, on every step (m or rad)
+_FAR = 1e5  # from the guess, where the potential has no bound
+
+
+class Stability(Enum):
+    """What a small push does to an equilibrium; the value says it in words."""
+
+    STABLE = "stable: after a small push it swings about the equilibrium"
+    UNSTABLE = "unstable: after a small push it moves away from the equilibrium"
+    MARGINAL = "marginal: some motion meets no resistance, so the second order does not decide"
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A configuration in which the mechanism stays at rest.
+
+    Attributes
+    ----------
+    q : ndarray, shape (nq,)
+        The configuration (m or rad).
+    multipliers : dict of str to float
+        Multiplier of each constraint by name: the constraints exert ``-Dh^T lam``. Those of least norm where
+        constraints are redundant.
+    holding : dict of str to float
+        Force (N or N m) that keeps each held and each kinematic variable where it is.
+    potential : float
+        Potential energy (J).
+    residual : float
+        Largest net force along the free directions (N or N m).
+    stability : Stability
+        Undamped, with the held variables held.
+    eigenvalues : ndarray, shape (nf,)
+        Of the stiffness relative to the mass matrix on the nf free directions, ascending (1/s^2); complex
+        where forces that have no potential couple the variables.
+    modes : ndarray, shape (nq, nf)
+        The motions that belong to them, as columns.
+    iterations : int
+        Newton steps that were made.
+    """
+
+    q: Array
+    multipliers: dict[str, float]
+    holding: dict[str, float]
+    potential: float
+    residual: float
+    stability: Stability
+    eigenvalues: npt.NDArray[np.inexact] = field(repr=False)
+    modes: npt.NDArray[np.inexact] = field(repr=False)
+    iterations: int
+
+    def __post_init__(self) -> None:
+        for name in ("q", "eigenvalues", "modes"):
+            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
+
+    @property
+    def frequencies(self) -> Array:
+        """Natural angular frequencies (rad/s), ascending; empty unless the equilibrium is stable."""
+        if self.stability is not Stability.STABLE:
+            return np.zeros(0)
+        result: Array = np.sqrt(np.real(self.eigenvalues))
+        return result
+
+
+def equilibrium(
+    mechanism: Mechanism,
+    q_guess: npt.ArrayLike,
+    *,
+    hold: Sequence[str] = (),
+    inputs: npt.ArrayLike | None = None,
+    kind: Literal["minimum", "any"] = "minimum",
+    tolerance: float = 1e-12,
+    max_iterations: int = 200,
+) -> Equilibrium:
+    """Return an equilibrium under the constraints, with the kinematic and the held variables where they are.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q_guess : array_like, shape (nq,)
+        Where to start; need not satisfy the constraints.
+    hold : sequence of str, optional
+        Dynamic variables that must not move.
+    inputs : array_like, shape (nu,), optional
+        Inputs, constant; zero if not given.
+    kind : {"minimum", "any"}, optional
+        Go down to a minimum of the potential, never to a saddle; or to any equilibrium near the guess.
+    tolerance : float, optional
+        Largest net force of the result, relative to the size of the forces (and of the stiffness, at a
+        deflection of one metre or radian).
+    max_iterations : int, optional
+        Bound on the Newton steps.
+
+    Returns
+    -------
+    Equilibrium
+
+    Raises
+    ------
+    ArgumentError
+        For a wrong shape, a value that is not finite, or an unknown name or kind.
+    InconsistentStartError
+        If the guess cannot be brought onto the constraints; see `project_configuration`.
+    EquilibriumError
+        If none is found, with the net forces by name and what was reached: the potential has no minimum
+        or is not smooth there, or the iterations were too few.
+    """
+    if kind not in ("minimum", "any"):
+        raise ArgumentError(f"kind: got {kind!r}, expected 'minimum' or 'any'")
+    if not 0.0 < as_number(tolerance, "tolerance") < 1.0:
+        raise ArgumentError(f"tolerance: got {tolerance}, expected a number between 0 and 1")
+    u = np.zeros(mechanism.nu)
+    if inputs is not None:
+        u = as_array(inputs, "inputs", (mechanism.nu,), names=mechanism.inputs)
+    start = as_array(q_guess, "q_guess", (mechanism.nq,), names=mechanism.variables)
+    search = _Search(mechanism, free_variables(mechanism, hold), u)
+    if mechanism.nc:
+        start = project_configuration(mechanism, start, hold=hold).q
+    return search.run(start.copy(), kind, tolerance, max_iterations)
+
+
+@dataclass
+class _Point:
+    """What is known at one configuration on the constraints."""
+
+    q: Array
+    slope: Array  # V_q - f, (nq,)
+    jacobian: Array  # (nc, nq)
+    lam: Array  # (nc,)
+    basis: Array  # of the free directions, (n_free, nf)
+    stiffness: Array  # Z^T W Z, (nf, nf)
+    force: Array  # f(q, 0, u), (nd,)
+    size: float  # of the forces, and of the stiffness at a deflection of one
+
+    along: Array  # slope along the free directions, (nf,)
+
+
+class _Search:
+    def __init__(self, mechanism: Mechanism, free: Indices, u: Array) -> None:
+        self.m, self.free, self.u = mechanism, free, u
+        self.rest = np.zeros(mechanism.nq)
+
+    def at(self, q: Array) -> _Point:
+        m, free, core = self.m, self.free, self.m.core
+        force = np.zeros(m.nq)
+        force[: m.nd] = core.force(q, self.rest, self.u)[: m.nd]
+        potential_slope = -core.gradient(q, self.rest)[0]
+        slope = potential_slope - force
+        stiffness = -core.hessian(q, self.rest)[0]
+        stiffness[: m.nd] -= core.force_jacobians(q, self.rest, self.u)[0][: m.nd]
+        jacobian = m.constraint_jacobian(q)
+        lam, basis = np.zeros(m.nc), np.eye(len(free))
+        if m.nc and len(free):
+            left, sizes, right = np.linalg.svd(jacobian[:, free])
+            rank = int(np.sum(sizes > RANK_TOLERANCE * max(1.0, sizes[0])))
+            lam = -left[:, :rank] @ ((right[:rank] @ slope[free]) / sizes[:rank])
+            basis = right[rank:].T
+            stiffness = stiffness + core.constraint_hessian(q, lam)
+        reduced = basis.T @ stiffness[np.ix_(free, free)] @ basis
+        size = max(
+            float(np.abs(potential_slope[free]).max(initial=0.0)),
+            float(np.abs(force[free]).max(initial=0.0)),
+            float(np.abs(reduced).max(initial=0.0)),
+        )
+        return _Point(q, slope, jacobian, lam, basis, reduced, force, size, basis.T @ slope[free])
+
+    def run(self, q: Array, kind: str, tolerance: float, max_iterations: int) -> Equilibrium:
+        start, radius = q, _FIRST_RADIUS
+        point = self.at(q)
+        for iteration in range(max_iterations + 1):
+            at_rest = float(np.abs(point.along).max(initial=0.0)) <= tolerance * point.size
+            values, vectors = np.linalg.eigh(0.5 * (point.stiffness + point.stiffness.T))
+            flat = _FLAT * float(np.abs(values).max(initial=0.0))
+            saddle = kind == "minimum" and bool(np.any(values < -flat))
+            if at_rest and not saddle:
+                return self.result(point, iteration)
+            if iteration == max_iterations:
+                raise self.error(point, iteration, f"none was found in {iteration} iterations")
+            if float(np.abs(point.q - start).max()) > _FAR:
+                name = self.m.variables[int(np.argmax(np.abs(point.q - start)))]
+                raise self.error(
+                    point, iteration, f"the potential falls without bound along {name!r}"
+                )
+            if kind == "any":
+                following, radius = self.towards_any(point, radius)
+            else:
+                following, radius = self.down(point, values, vectors, flat, radius)
+            if following is None:
+                close = float(np.abs(point.along).max(initial=0.0)) <= 1e4 * tolerance * point.size
+                if close and not saddle:
+                    return self.result(point, iteration)  # rounding is reached
+                raise self.error(
+                    point,
+                    iteration,
+                    "a saddle of the potential was reached that no motion on the constraints leaves"
+                    if close
+                    else "no step lessens the potential any more",
+                )
+            point = following
+        raise AssertionError("unreachable")
+
+    def down(
+        self, point: _Point, values: Array, vectors: Array, flat: float, radius: float
+    ) -> tuple[_Point | None, float]:
+        """Return a point of less potential, and the bound on the next step."""
+        slope = vectors.T @ point.along
+        # Bounded direction by direction, so that one that meets no resistance does not hold up the others.
+        stiff = np.maximum(np.maximum(np.abs(values), flat), np.abs(slope) / radius)
+        d = -slope / np.maximum(stiff, np.finfo(float).tiny)
+        if values[0] < -flat:
+            # Near a saddle the slope says little: leave it along the most negative curvature.
+            d[0] = -np.copysign(radius, slope[0])
+        direction = point.basis @ (vectors @ d)
+        here = self.m.core.potential_energy(point.q)
+        # Rounding of the energy, below which Armijo's test cannot see.
+        rounding = 1e-14 * max(1.0, abs(here), point.size)
+        share = 1.0
+        for _ in range(40):
+            q = self.moved(point, share * direction)
+            if q is not None:
+                expected = share * float(slope @ d) + 0.5 * share**2 * float(
+                    np.minimum(values, 0.0) @ d**2
+                )
+                work = float(point.force @ (q - point.q))
+                gained = self.m.core.potential_energy(q) - here - work
+                following = self.at(q)
+                allowed = 1e-4 * expected
+                if -expected < 1e3 * rounding and (
+                    np.linalg.norm(following.along) < 0.5 * np.linalg.norm(point.along)
+                ):
+                    allowed += rounding
+                if gained <= allowed:
+                    grown = 2.0 * radius if share == 1.0 else share * radius
+                    return following, min(max(grown, 1e-6), _LONGEST)
+            share *= 0.5
+        return None, radius
+
+    def towards_any(self, point: _Point, radius: float) -> tuple[_Point | None, float]:
+        """Return a point with less net force, and the bound on the next step."""
+        here = float(np.linalg.norm(point.along))
+        newton = -np.linalg.lstsq(point.stiffness, point.along, rcond=_FLAT)[0]
+        steepest = -point.stiffness.T @ point.along
+        for d in (newton, steepest):
+            length = float(np.linalg.norm(d))
+            share = min(1.0, radius / length) if length > 0.0 else 0.0
+            while share * length > 1e-12:
+                q = self.moved(point, point.basis @ (share * d))
+                if q is not None:
+                    following = self.at(q)
+                    if float(np.linalg.norm(following.along)) < (1.0 - 1e-4 * share) * here:
+                        return following, min(2.0 * max(share * length, 1e-6), _LONGEST)
+                share *= 0.5
+        return None, radius
+
+    def moved(self, point: _Point, change: Array) -> Array | None:
+        """Return the configuration after a change of the free variables, brought back onto the constraints."""
+        q = point.q.copy()
+        q[self.free] += change
+        if not self.m.nc:
+            return q
+        allowed = 2.0 * float(np.linalg.norm(change)) + 1e-9
+        for _ in range(25):
+            jacobian = self.m.constraint_jacobian(q)
+            values = self.m.constraint_values(q)
+            if not (np.isfinite(values).all() and np.isfinite(jacobian).all()):
+                return None
+            if np.all(np.abs(values) <= _ON_CONSTRAINTS * row_scales(jacobian)):
+                return q
+            back = np.linalg.lstsq(jacobian[:, self.free], -values, rcond=RANK_TOLERANCE)[0]
+            q[self.free] += back
+            if np.linalg.norm(q[self.free] - point.q[self.free]) > allowed:
+                return None
+        return None
+
+    def result(self, point: _Point, iterations: int) -> Equilibrium:
+        m, free = self.m, self.free
+        mass = point.basis.T @ m.mass_matrix(point.q)[np.ix_(free, free)] @ point.basis
+        values, vectors = _modes(point.stiffness, mass)
+        modes = np.zeros((m.nq, len(values)), dtype=vectors.dtype)
+        modes[free] = point.basis @ vectors
+        held = np.setdiff1d(np.arange(m.nq), free)
+        holding = point.slope + point.jacobian.T @ point.lam
+        return Equilibrium(
+            q=point.q,
+            multipliers=dict(zip(m.constraints, map(float, point.lam), strict=True)),
+            holding={m.variables[i]: float(holding[i]) for i in held},
+            potential=float(m.core.potential_energy(point.q)),
+            residual=float(np.abs(point.basis @ point.along).max(initial=0.0)),
+            stability=_stability(values),
+            eigenvalues=values,
+            modes=modes,
+            iterations=iterations,
+        )
+
+    def error(self, point: _Point, iterations: int, what: str) -> EquilibriumError:
+        m = self.m
+        net = np.zeros(m.nq)
+        net[self.free] = point.basis @ point.along
+        residuals = {f"force on {m.variables[i]!r}": float(-net[i]) for i in self.free}
+        values = m.constraint_values(point.q)
+        residuals |= {
+            f"constraint {n!r}": float(h) for n, h in zip(m.constraints, values, strict=True)
+        }
+        shown = ", ".join(f"{n}: {r:.3g}" for n, r in list(worst_first(residuals).items())[:3])
+        reached = self.result(point, iterations) if np.isfinite(point.size) else None
+        return EquilibriumError(
+            f"no equilibrium: {what}; largest residuals {shown}. Start nearer, hold variables along which "
+            "nothing resists, allow more iterations, or ask for kind='any'",
+            residuals=residuals,
+            iteration=iterations,
+            reached=reached,
+        )
+
+
+def _modes(
+    stiffness: Array, mass: Array
+) -> tuple[npt.NDArray[np.inexact], npt.NDArray[np.inexact]]:
+    """Return the eigenvalues, ascending, and the modes of a stiffness relative to a mass matrix."""
+    import scipy.linalg  # slow to import, and needed here only
+
+    if not len(stiffness):
+        return np.zeros(0), np.zeros((0, 0))
+    scale = float(np.abs(stiffness).max())
+    if np.abs(stiffness - stiffness.T).max() <= 1e-9 * scale:
+        try:
+            values, vectors = scipy.linalg.eigh(0.5 * (stiffness + stiffness.T), mass)
+            return values, vectors
+        except np.linalg.LinAlgError:
+            pass  # some motion moves no mass
+    values, vectors = scipy.linalg.eig(stiffness, mass)
+    order = np.argsort(values.real)
+    values, vectors = values[order], vectors[:, order]
+    if np.abs(values.imag[np.isfinite(values)]).max(initial=0.0) <= _FLAT * scale:
+        return values.real, vectors.real
+    return values, vectors
+
+
+def _stability(values: npt.NDArray[np.inexact]) -> Stability:
+    if not len(values):
+        return Stability.STABLE
+    finite = values[np.isfinite(values)]
+    flat = _FLAT * float(np.abs(finite).max(initial=0.0))
+    # v'' = -value v: anything but a positive number has a root that grows.
+    if np.any(finite.real < -flat) or np.any(np.abs(finite.imag) > flat):
+        return Stability.UNSTABLE
+    return Stability.MARGINAL if np.any(finite.real <= flat) else Stability.STABLE

@@ -1,0 +1,275 @@
+"""Expressions: potentials, constraints and forces of your own, written with SymPy.
+
+An expression is made of points, directions, variables, inputs and numbers of a mechanism::
+
+    from leastaction.mechanics.expressions import distance, parameter, point, variable
+
+    cam = point("roller")[1] - 0.02 * sympy.cos(variable("theta"))
+    magnet = -parameter("strength", 3e-4) / distance("coil", "anchor") ** 3
+
+It is compiled to a short list of instructions that the core evaluates and differentiates by itself, to
+every order that it needs: there is nothing to differentiate by hand and nothing runs in Python during a step.
+Give it to an `ExpressionPotential`, an `ExpressionConstraint` or an `ExpressionForce`.
+
+Needs SymPy (the extra ``leastaction[expressions]``), which is imported by the first call.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import DescriptionError
+from leastaction.mechanics.arguments import as_array, as_number
+from leastaction.mechanics.names import check_name
+
+if TYPE_CHECKING:
+    import sympy
+
+    from leastaction.mechanics.compiled_expression import CompiledExpression, CompiledForce
+    from leastaction.mechanics.symbols import Quantity
+
+UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def point(frame: str) -> sympy.Matrix:
+    """Return the position of a frame's origin in the world (m), a column of three symbols.
+
+    Parameters
+    ----------
+    frame : str
+        Name of the frame.
+
+    Returns
+    -------
+    sympy.Matrix, shape (3, 1)
+        Its entries are ``point(frame)[0]`` for x and so on; `dot`, `norm` and `cross` work as on any other.
+    """
+    check_name(frame, "point: the frame")
+    module = symbols()
+    return module.sympy.ImmutableMatrix(
+        [module.Quantity("point", frame, axis) for axis in range(3)]
+    )
+
+
+def direction(frame: str, vector: str | npt.ArrayLike) -> sympy.Matrix:
+    """Return a unit vector that is fixed in a frame, in world axes: a column of three symbols.
+
+    Parameters
+    ----------
+    frame : str
+        Name of the frame.
+    vector : {"x", "y", "z"} or array_like, shape (3,)
+        The vector in the axes of the frame; three numbers are brought to length one.
+
+    Returns
+    -------
+    sympy.Matrix, shape (3, 1)
+
+    Raises
+    ------
+    DescriptionError
+        If the vector is no axis and not three finite numbers, or has no length.
+    """
+    check_name(frame, "direction: the frame")
+    unit = unit_vector(frame, vector)
+    module = symbols()
+    return module.sympy.ImmutableMatrix(
+        [module.Quantity("direction", frame, unit, axis) for axis in range(3)]
+    )
+
+
+def unit_vector(frame: str, vector: str | npt.ArrayLike) -> tuple[float, ...]:
+    """Return a direction in a frame, as `direction` takes it, as three numbers of length one."""
+    if isinstance(vector, str):
+        if vector not in UNITS:
+            raise DescriptionError(
+                f"direction of {frame!r}: got {vector!r}, expected 'x', 'y', 'z' or three numbers"
+            )
+        return UNITS[vector]
+    given = as_array(vector, f"direction of {frame!r}", (3,), error=DescriptionError)
+    length = float(np.linalg.norm(given))
+    if length == 0.0:
+        raise DescriptionError(
+            f"direction of {frame!r}: got zero, which points nowhere; give a vector with a length"
+        )
+    # Adding zero turns -0.0 into 0.0, so that equal directions are equal symbols.
+    return tuple((given / length + 0.0).tolist())
+
+
+def distance(frame1: str, frame2: str) -> sympy.Expr:
+    """Return the distance between the origins of two frames (m), smooth as long as it is not zero.
+
+    Parameters
+    ----------
+    frame1, frame2 : str
+        Names of two different frames.
+
+    Returns
+    -------
+    sympy.Expr
+        ``sqrt((x1 - x2)**2 + (y1 - y2)**2 + (z1 - z2)**2)`` in the entries of `point`.
+    """
+    if frame1 == frame2:
+        raise DescriptionError(
+            f"distance: both ends are the frame {frame1!r}; give two different frames"
+        )
+    between = point(frame1) - point(frame2)
+    return symbols().sympy.sqrt(sum(component**2 for component in between))
+
+
+def variable(name: str) -> Quantity:
+    """Return the symbol of a configuration variable (m or rad), dynamic or kinematic."""
+    return _quantity("variable", name)
+
+
+def input_(name: str) -> Quantity:
+    """Return the symbol of an input; new with the force that uses it, or shared with others of that name."""
+    return _quantity("input", name)
+
+
+def parameter(name: str, value: float) -> Quantity:
+    """Return the symbol of a named number.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the element: the mechanism's parameter is ``"element.name"``.
+    value : float
+        Its value; it can be changed later without compiling the mechanism again.
+
+    Returns
+    -------
+    Quantity
+
+    Raises
+    ------
+    DescriptionError
+        If the name is empty or the value not one finite number.
+    """
+    check_name(name, "parameter: the name")
+    number = as_number(value, f"parameter {name!r}", error=DescriptionError)
+    return _quantity("parameter", name, number)
+
+
+def coordinate(expression: Any) -> sympy.Expr:
+    """Mark a part of a force's expression as one coordinate of the core; its value stays what it is.
+
+    A force is evaluated on scalar coordinates, for each of which the core makes the chain rule once. It
+    finds good ones itself: marking is for a part that it would tear to pieces.
+    """
+    return symbols().Coordinate(_scalar(expression, "coordinate"))
+
+
+def rate(expression: Any) -> sympy.Expr:
+    """Return the rate in time of a scalar of the configuration (its unit per s), for forces.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+        In points, directions, variables and numbers, such as ``distance("a", "b")``.
+
+    Returns
+    -------
+    sympy.Expr
+    """
+    return symbols().Rate(_scalar(expression, "rate"))
+
+
+def speed(name: str) -> sympy.Expr:
+    """Return the velocity of a configuration variable (m/s or rad/s): ``rate(variable(name))``."""
+    return rate(variable(name))
+
+
+def compile_expression(expression: Any, *, what: str = "the expression") -> CompiledExpression:
+    """Compile a scalar of the configuration for the core.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+        In points, directions, variables and parameters.
+    what : str, optional
+        What it belongs to, for messages.
+
+    Returns
+    -------
+    CompiledExpression
+
+    Raises
+    ------
+    DescriptionError
+        If it depends on a rate or an input or on nothing at all, gives a parameter two values, holds a plain
+        symbol, a number that is infinite or not real, or a function that is unknown or not smooth.
+    """
+    symbols()
+    from leastaction.mechanics import compiled_expression
+
+    return compiled_expression.compile_expression(expression, what=what)
+
+
+def compile_force(expression: Any, along: Any, *, what: str = "the force") -> CompiledForce:
+    """Compile a force ``f_i = F ds/dq_i`` for the core.
+
+    Parameters
+    ----------
+    expression : sympy.Expr or number
+        F, in points, directions, variables, their rates, inputs and parameters.
+    along : str or sympy.Expr
+        The scalar s, or the name of a variable.
+    what : str, optional
+        What it belongs to, for messages.
+
+    Returns
+    -------
+    CompiledForce
+
+    Raises
+    ------
+    DescriptionError
+        As `compile_expression`.
+    """
+    symbols()
+    from leastaction.mechanics import compiled_expression
+
+    return compiled_expression.compile_force(expression, along, what=what)
+
+
+def symbols() -> ModuleType:
+    """Return the module `leastaction.mechanics.symbols`, or say that it needs SymPy."""
+    try:
+        from leastaction.mechanics import symbols as module
+    except ImportError as error:
+        if error.name != "sympy":
+            raise
+        raise DescriptionError(
+            "expressions are written with SymPy, which is not installed; "
+            "install it with: pip install 'leastaction[expressions]'"
+        ) from None
+    return module
+
+
+def _quantity(role: str, name: str, *more: Any) -> Quantity:
+    check_name(name, f"{role}: the name")
+    made: Quantity = symbols().Quantity(role, name, *more)
+    return made
+
+
+def _scalar(expression: Any, what: str) -> sympy.Expr:
+    sympy = symbols().sympy
+    if isinstance(expression, str):
+        raise DescriptionError(
+            f"{what}: got the text {expression!r}, expected an expression; "
+            f"for a variable write variable({expression!r})"
+        )
+    try:
+        scalar = sympy.sympify(expression)
+    except (sympy.SympifyError, TypeError):
+        scalar = None
+    if not isinstance(scalar, sympy.Expr) or isinstance(scalar, sympy.MatrixBase):
+        raise DescriptionError(
+            f"{what}: expected a scalar expression, got {expression!r} ({type(expression).__name__})"
+        )
+    return scalar

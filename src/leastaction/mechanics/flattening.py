@@ -1,0 +1,192 @@
+"""From a description to frames and joints: names, order, and the merging of constant frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import DescriptionError
+from leastaction.mechanics.arguments import Array
+from leastaction.mechanics.branch import Branch, check_once, read_nested
+from leastaction.mechanics.frames import PRIMITIVES, Frame, Group
+from leastaction.mechanics.poses import constant_matrix, exponential
+from leastaction.mechanics.tree import WORLD, Ball, Joint, Tree, TreeFrame
+
+
+def flatten(description: Branch | Sequence[Any]) -> Tree:
+    """Flatten a description into frames and joints.
+
+    Parameters
+    ----------
+    description : nested list of Frame, or Branch
+        Any place of a tree of chained calls stands for the whole tree.
+
+    Returns
+    -------
+    Tree
+
+    Raises
+    ------
+    DescriptionError
+        For a frame that stands in two places, a name that is used twice, a variable that is dynamic in one
+        place and kinematic in another, or anything that is not a description.
+    """
+    if isinstance(description, Branch):
+        root = description.root
+    else:
+        root = Branch(None)
+        read_nested(description, root)
+    specs, parents = _preorder(root)
+    return place_frames(_names(root.world_name, specs, parents), specs, parents)
+
+
+def _preorder(root: Branch) -> tuple[list[Frame], list[int]]:
+    """Return the frames without the world, and for each the index of its parent (world = 0)."""
+    specs: list[Frame] = []
+    parents: list[int] = []
+    seen: set[int] = set()
+    stack = [(child, 0) for child in reversed(root.children)]
+    while stack:
+        place, parent = stack.pop()
+        assert place.frame is not None
+        check_once(place.frame, seen)
+        specs.append(place.frame)
+        parents.append(parent)
+        stack.extend((child, len(specs)) for child in reversed(place.children))
+    return specs, parents
+
+
+def _names(world: str, specs: Sequence[Frame], parents: Sequence[int]) -> list[str]:
+    """Name every frame: the given names, and for the others a readable one that depends on the tree only.
+
+    A frame with a variable is called after it, ``rz(theta)``; a constant frame after its parent,
+    ``cart/ty(-1)``. What is still the same gets a number, ``cart/ty(-1)#2``.
+    """
+    given: dict[str, Frame | None] = {world: None}
+    for spec in specs:
+        if spec.name is None:
+            continue
+        if spec.name in given:
+            other = given[spec.name]
+            first = "the world frame" if other is None else other.label
+            raise DescriptionError(
+                f"duplicate frame name {spec.name!r}: given to {first} and to {spec.label}; "
+                "frame names are unique in a mechanism"
+            )
+        given[spec.name] = spec
+    taken = set(given)
+    names = [world]
+    for spec, parent in zip(specs, parents, strict=True):
+        if spec.name is not None:
+            names.append(spec.name)
+            continue
+        stem = spec.label if spec.variables else f"{names[parent]}/{spec.label}"
+        name, number = stem, 1
+        while name in taken:
+            number += 1
+            name = f"{stem}#{number}"
+        taken.add(name)
+        names.append(name)
+    return names
+
+
+def place_frames(names: Sequence[str], specs: Sequence[Frame], parents: Sequence[int]) -> Tree:
+    """Return the tree of frames with settled names; the world has the first, and parent 0."""
+    frames = [TreeFrame(names[0], -1, None, WORLD, _frozen(np.eye(4)))]
+    joints: list[Joint] = []
+    kinds: dict[str, tuple[bool, str]] = {}
+    for name, spec, parent in zip(names[1:], specs, parents, strict=True):
+        carrier = frames[parent]
+        if not spec.variables:
+            with np.errstate(over="ignore", invalid="ignore"):
+                pose = carrier.pose @ _constant(spec)
+            if not np.all(np.isfinite(pose)):
+                raise DescriptionError(
+                    f"frame {name!r}: its constant pose is too far from {names[parent]!r} to compute with; "
+                    "give smaller numbers"
+                )
+            frames.append(TreeFrame(name, parent, spec, carrier.joint, _frozen(pose)))
+            continue
+        assert spec.amount is not None
+        assert spec.twist is not None
+        for variable in spec.variables:
+            _same_kind(kinds, variable, variable in spec.kinematic, name)
+        joints.append(
+            Joint(
+                frame=len(frames),
+                parent=carrier.joint,
+                pose=carrier.pose,
+                twist=spec.twist,
+                amount=spec.amount,
+                kinematic=len(spec.kinematic) == len(spec.variables),
+            )
+        )
+        frames.append(TreeFrame(name, parent, spec, len(joints) - 1, _frozen(np.eye(4))))
+    dynamic = tuple(variable for variable, (kinematic, _) in kinds.items() if not kinematic)
+    groups: dict[int, tuple[Group, list[int]]] = {}
+    for index, frame in enumerate(frames):
+        if frame.spec is not None and frame.spec.group is not None:
+            group = frame.spec.group
+            groups.setdefault(id(group), (group, []))[1].append(index)
+    compositions = tuple((group, tuple(indices)) for group, indices in groups.values())
+    return Tree(
+        tuple(frames),
+        tuple(joints),
+        dynamic,
+        tuple(variable for variable, (kinematic, _) in kinds.items() if kinematic),
+        compositions,
+        _balls(frames, compositions, dynamic),
+    )
+
+
+def _balls(
+    frames: Sequence[TreeFrame],
+    compositions: Sequence[tuple[Group, tuple[int, ...]]],
+    dynamic: Sequence[str],
+) -> tuple[Ball, ...]:
+    balls = []
+    for group, indices in compositions:
+        if len(group.axes) != 3:
+            continue
+        specs = [frames[index].spec for index in indices[-3:]]
+        outer, middle, inner = (s.amount for s in specs if s is not None and s.amount is not None)
+        balls.append(
+            Ball(
+                name=group.name,
+                amounts=(outer, middle, inner),
+                singular=0.0 if group.axes[0] == group.axes[2] else np.pi / 2.0,
+                watched=all(not set(a.names).isdisjoint(dynamic) for a in (outer, inner)),
+            )
+        )
+    return tuple(balls)
+
+
+def _same_kind(
+    kinds: dict[str, tuple[bool, str]], variable: str, kinematic: bool, frame: str
+) -> None:
+    """Note whether a variable is kinematic and where; complain if another frame says otherwise."""
+    before, first = kinds.setdefault(variable, (kinematic, frame))
+    if before != kinematic:
+        words = ("dynamic", "kinematic")
+        raise DescriptionError(
+            f"the variable {variable!r} is {words[before]} in the frame {first!r} and {words[kinematic]} in "
+            f"{frame!r}; mark it kinematic in every frame that it moves or in none, or give each frame a "
+            "variable of its own"
+        )
+
+
+def _constant(spec: Frame) -> Array:
+    if spec.matrix is not None:
+        return spec.matrix
+    assert spec.amount is not None
+    assert spec.twist is not None
+    if spec.transform in PRIMITIVES:
+        return constant_matrix(spec.transform, spec.amount.offset)
+    return exponential(spec.twist, spec.amount.offset)
+
+
+def _frozen(array: Array) -> Array:
+    array.setflags(write=False)
+    return array

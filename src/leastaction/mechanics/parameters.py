@@ -1,0 +1,254 @@
+"""Named parameters: the numbers of a mechanism, its masses, lengths and coefficients.
+
+Every number of a description has a name: ``"bob.mass"``, ``"bob.com.x"``, ``"bob.inertia.xx"`` of the body
+on the frame ``bob`` (``"bob.body2.mass"`` of its second one), ``"rod.value"`` of a constant frame such as
+``tx(0.5, name="rod")``, ``"hook.translation.x"`` of a `pose`, and ``"spring.stiffness"`` of an element.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, DescriptionError, closest
+from leastaction.mechanics.affine import Affine
+from leastaction.mechanics.arguments import Array, as_number
+from leastaction.mechanics.bodies import Body
+from leastaction.mechanics.flattening import place_frames
+from leastaction.mechanics.frames import PRIMITIVES, Frame
+from leastaction.mechanics.poses import pose
+from leastaction.mechanics.tree import Tree
+
+_AXES = "xyz"
+_MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
+
+
+@dataclass(frozen=True)
+class BodyNumber:
+    """A number of a body: the index of its frame and of the body there, and ``field`` such as "com.x"."""
+
+    frame: int
+    body: int
+    field: str
+
+
+@dataclass(frozen=True)
+class Length:
+    """A number of a constant frame: its amount, or the component ``axis`` of its translation."""
+
+    frame: int
+    axis: int | None
+
+
+@dataclass(frozen=True)
+class ElementNumber:
+    """A number of an element: its slot in the core."""
+
+    slot: int
+
+
+Place = BodyNumber | Length | ElementNumber
+
+
+def parameter_places(tree: Tree, slots: Mapping[str, int]) -> dict[str, Place]:
+    """Return where every named parameter is: those of bodies and frames, then those of elements."""
+    places: dict[str, Place] = {}
+    for index, frame in enumerate(tree.frames):
+        if frame.spec is None:
+            continue
+        for number in range(len(frame.spec.bodies)):
+            stem = frame.name if number == 0 else f"{frame.name}.body{number + 1}"
+            fields = ["mass", *(f"com.{a}" for a in _AXES), *(f"inertia.{m}" for m in _MOMENTS)]
+            places.update({f"{stem}.{field}": BodyNumber(index, number, field) for field in fields})
+        if frame.spec.variables:
+            continue
+        if frame.spec.matrix is None:
+            places[f"{frame.name}.value"] = Length(index, None)
+        else:
+            for axis, letter in enumerate(_AXES):
+                places[f"{frame.name}.translation.{letter}"] = Length(index, axis)
+    places.update({name: ElementNumber(slot) for name, slot in slots.items()})
+    return places
+
+
+def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
+    """Return the value of a parameter; ``numbers`` are those of the core."""
+    if isinstance(place, ElementNumber):
+        return float(numbers[place.slot])
+    spec = tree.frames[place.frame].spec
+    assert spec is not None
+    if isinstance(place, Length):
+        if place.axis is not None:
+            assert spec.matrix is not None
+            return float(spec.matrix[place.axis, 3])
+        assert spec.amount is not None
+        return spec.amount.offset
+    body = spec.bodies[place.body]
+    kind, _, which = place.field.partition(".")
+    if kind == "mass":
+        return body.mass
+    if kind == "com":
+        return float(body.com[_AXES.index(which)])
+    return float(body.inertia[_AXES.index(which[0]), _AXES.index(which[1])])
+
+
+def find(places: Mapping[str, Place], names: Iterable[str]) -> dict[str, Place]:
+    """Return the places of some parameters; raise an `ArgumentError` for a name that is none."""
+    if isinstance(names, str):
+        raise ArgumentError(f"parameters: expected a list of names, got the string {names!r}")
+    found: dict[str, Place] = {}
+    for name in names:
+        if name not in places:
+            raise ArgumentError(
+                f"unknown parameter {name!r}; {closest(name, places, what='parameters')}"
+            )
+        if name in found:
+            raise ArgumentError(f"parameters: {name!r} is listed twice; name each one once")
+        found[name] = places[name]
+    return found
+
+
+def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
+    """Return a tree with other masses and lengths; the names of its frames stay.
+
+    Raises
+    ------
+    DescriptionError
+        For a body that cannot be, with the name of its frame.
+    """
+    bodies: dict[tuple[int, int], dict[str, float]] = {}
+    lengths: dict[int, dict[int | None, float]] = {}
+    for place, value in changes.items():
+        if isinstance(place, BodyNumber):
+            bodies.setdefault((place.frame, place.body), {})[place.field] = value
+        elif isinstance(place, Length):
+            lengths.setdefault(place.frame, {})[place.axis] = value
+    if not bodies and not lengths:
+        return tree
+    specs = [frame.spec for frame in tree.frames]
+    for (index, number), values in bodies.items():
+        spec = specs[index]
+        assert spec is not None
+        try:
+            changed = _changed(spec.bodies[number], values)
+        except DescriptionError as error:
+            raise DescriptionError(f"frame {tree.frames[index].name!r}: {error}") from None
+        kept = spec.bodies
+        specs[index] = replace(spec, bodies=(*kept[:number], changed, *kept[number + 1 :]))
+    for index, amounts in lengths.items():
+        spec = specs[index]
+        assert spec is not None
+        specs[index] = _resized(spec, amounts)
+    return place_frames(
+        [frame.name for frame in tree.frames],
+        [spec for spec in specs if spec is not None],
+        [frame.parent for frame in tree.frames if frame.spec is not None],
+    )
+
+
+def checked(changes: Mapping[str, float]) -> dict[str, float]:
+    """Return new values as finite floats; raise an `ArgumentError` for anything else."""
+    given: object = changes
+    if not isinstance(given, Mapping):
+        raise ArgumentError(
+            f"parameters: expected a mapping of names to values such as {{'bob.mass': 2.0}}, got {given!r}"
+        )
+    return {name: as_number(value, f"the parameter {name!r}") for name, value in changes.items()}
+
+
+def _changed(body: Body, values: Mapping[str, float]) -> Body:
+    """Return a body with other numbers, all at once: what is in between need not be a body."""
+    mass, com, inertia = body.mass, body.com.copy(), body.inertia.copy()
+    for field, value in values.items():
+        kind, _, which = field.partition(".")
+        if kind == "mass":
+            mass = value
+        elif kind == "com":
+            com[_AXES.index(which)] = value
+        else:
+            i, j = _AXES.index(which[0]), _AXES.index(which[1])
+            inertia[i, j] = inertia[j, i] = value
+    return Body(mass, com=com, inertia=inertia, allow_nonphysical=body.allow_nonphysical)
+
+
+def _resized(spec: Frame, amounts: Mapping[int | None, float]) -> Frame:
+    """Return a constant frame with another amount (None), or other components of its translation."""
+    if None in amounts:
+        return replace(spec, amount=Affine((), amounts[None]))
+    assert spec.matrix is not None
+    matrix = spec.matrix.copy()
+    for axis, value in amounts.items():
+        matrix[axis, 3] = value
+    matrix.setflags(write=False)
+    return replace(spec, matrix=matrix)
+
+
+def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
+    """Return the joint (-1: the world) whose inertia a body's number changes, and by how much.
+
+    Returns
+    -------
+    joint : int
+    slope : ndarray, shape (10,)
+        Of mass, first moment and rotational inertia (xx yy zz xy xz yz) about the origin of the joint's
+        moved frame, in its axes: ``I_o = R I R^T + m (c.c E - c c^T)`` with ``c = R com + o``.
+    """
+    frame = tree.frames[place.frame]
+    assert frame.spec is not None
+    body = frame.spec.bodies[place.body]
+    rotation, origin = frame.pose[:3, :3], frame.pose[:3, 3]
+    centre = rotation @ body.com + origin
+    kind, _, which = place.field.partition(".")
+    mass, moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+    if kind == "mass":
+        mass, moment = 1.0, centre
+        inertia = (centre @ centre) * np.eye(3) - np.outer(centre, centre)
+    elif kind == "com":
+        axis = rotation[:, _AXES.index(which)]
+        moment = body.mass * axis
+        across = np.outer(centre, axis)
+        inertia = body.mass * (2.0 * (centre @ axis) * np.eye(3) - across - across.T)
+    else:
+        i, j = _AXES.index(which[0]), _AXES.index(which[1])
+        unit = np.zeros((3, 3))
+        unit[i, j] = unit[j, i] = 1.0
+        inertia = rotation @ unit @ rotation.T
+    upper = [inertia[_AXES.index(m[0]), _AXES.index(m[1])] for m in _MOMENTS]
+    return frame.joint, np.array([mass, *moment, *upper])
+
+
+def freed(tree: Tree, lengths: Mapping[str, Length]) -> Tree:
+    """Return the tree with constant amounts turned into kinematic variables of the parameters' names.
+
+    What moves with a length then moves with a variable, so that derivatives by the one are derivatives by
+    the other. A `pose` is split into translations and its rotation.
+    """
+    names, parents, specs = [tree.frames[0].name], [], []
+    moved_to = {0: 0}  # the frame's index in the new tree
+    for index, frame in enumerate(tree.frames[1:], start=1):
+        spec = frame.spec
+        assert spec is not None
+        parent = moved_to[frame.parent]
+        own = {p.axis: name for name, p in lengths.items() if p.frame == index}
+        if None in own:
+            spec = replace(spec, amount=Affine(((own[None], 1.0),)), kinematic=(own[None],))
+        elif own:
+            assert spec.matrix is not None
+            offset = np.where([axis in own for axis in range(3)], 0.0, spec.matrix[:3, 3])
+            for axis, name in own.items():
+                assert axis is not None
+                unit = np.eye(6)[axis]
+                slide = Frame(PRIMITIVES[axis], Affine(((name, 1.0),)), unit, kinematic=(name,))
+                names.append(f"{name} (slide)")
+                specs.append(slide)
+                parents.append(parent)
+                parent = len(names) - 1
+            rest = pose(translation=offset, rotation=spec.matrix[:3, :3])
+            spec = replace(spec, matrix=rest.matrix)
+        moved_to[index] = len(names)
+        names.append(frame.name)
+        specs.append(spec)
+        parents.append(parent)
+    return place_frames(names, specs, parents)

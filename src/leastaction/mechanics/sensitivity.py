@@ -1,0 +1,248 @@
+"""Exact derivatives of the discrete step by the named parameters of the mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics.arguments import Array, as_array
+from leastaction.mechanics.derivatives import StepDifferentiation
+from leastaction.mechanics.elements import Gravity
+from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.parameters import BodyNumber, ElementNumber, Length, Place, inertia_slope
+from leastaction.mechanics.trajectory import Trajectory
+from leastaction.mechanics.tree import WORLD
+
+if TYPE_CHECKING:
+    from leastaction.mechanics.midpoint import MidpointVI
+
+
+@dataclass(frozen=True)
+class StepSensitivity:
+    """Derivatives of every step by parameters, its start and its inputs held.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The parameters.
+    x : ndarray, shape (N, nx, len(names))
+        Of the state at the end of each step.
+    lam : ndarray, shape (N, nc, len(names))
+        Of its multipliers.
+    """
+
+    names: tuple[str, ...]
+    x: Array
+    lam: Array
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives of a whole trajectory by parameters, its inputs held.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The parameters.
+    x : ndarray, shape (N+1, nx, len(names))
+        Of the states ``[q; rho; p; v_rho]``.
+    lam : ndarray, shape (N, nc, len(names))
+        Of the multipliers.
+    """
+
+    names: tuple[str, ...]
+    x: Array
+    lam: Array
+
+
+class ParameterDifferentiation(StepDifferentiation):
+    """The derivatives by parameters that an integrator offers; see `MidpointVI`, which is one.
+
+    Numbers of elements are differentiated by one dual evaluation each, inertias through the linearity of
+    the Lagrangian in them, and lengths as what they are: prescribed variables that do not move.
+    """
+
+    def differentiate_by(self, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
+        """Return the exact first derivatives of every step by some parameters.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Of this mechanism.
+        names : sequence of str
+            Parameters, among the names of `Mechanism.parameters`.
+
+        Raises
+        ------
+        ArgumentError
+            For an unknown parameter, or a trajectory of a mechanism with other variables.
+        StepError
+            Where the arrays are not a trajectory of the mechanism.
+        """
+        self.linearize(trajectory)  # its checks
+        return self._steps_by(trajectory, names)
+
+    def _steps_by(self, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
+        """Differentiate steps that were checked."""
+        m = self.mechanism
+        places = m.parameter_places(names)
+        x = np.zeros((trajectory.steps, m.nx, len(places)))
+        lam = np.zeros((trajectory.steps, m.nc, len(places)))
+        lengths = {name: place for name, place in places.items() if isinstance(place, Length)}
+        columns = {name: column for column, name in enumerate(places)}
+        if lengths:
+            of_lengths = _by_lengths(cast("MidpointVI", self), trajectory, lengths)
+            chosen = [columns[name] for name in lengths]
+            x[:, :, chosen], lam[:, :, chosen] = of_lengths
+        others = {name: place for name, place in places.items() if name not in lengths}
+        if others:
+            directions, inertias = _directions(m, others)
+            out = self.core.by_parameters(
+                trajectory.t, trajectory.x, trajectory.u, directions, inertias, self.threads
+            )
+            chosen = [columns[name] for name in others]
+            x[:, :, chosen], lam[:, :, chosen] = out["x"], out["lam"]
+        return StepSensitivity(tuple(places), x, lam)
+
+    def sensitivity(
+        self,
+        trajectory: Trajectory,
+        names: Sequence[str],
+        *,
+        v: npt.ArrayLike | None = None,
+        dx0: npt.ArrayLike | None = None,
+    ) -> Sensitivity:
+        """Return the exact derivatives of a trajectory by some parameters, its inputs held.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Of this mechanism.
+        names : sequence of str
+            Parameters, among the names of `Mechanism.parameters`.
+        v : array_like, shape (nq,), optional
+            The velocity that the trajectory started from: the momentum there depends on the masses. Without
+            it (and without `dx0`) the start is a state of its own, which depends on nothing.
+        dx0 : array_like, shape (nx, len(names)), optional
+            Derivatives of the initial state, instead of `v`.
+
+        Raises
+        ------
+        ArgumentError, StepError
+            As in `differentiate_by`; or if both v and dx0 are given.
+        """
+        m = self.mechanism
+        if v is not None and dx0 is not None:
+            raise ArgumentError("sensitivity: got both v and dx0; give one of them")
+        d = self.linearize(trajectory, multipliers=True)
+        steps = self._steps_by(trajectory, names)
+        x = np.zeros((trajectory.steps + 1, m.nx, len(steps.names)))
+        if dx0 is not None:
+            x[0] = as_array(dx0, "dx0", (m.nx, len(steps.names)))
+        elif v is not None:
+            x[0, m.nq : m.nq + m.nd] = momentum_by(m, trajectory.q[0], v, names)
+        for k in range(trajectory.steps):
+            x[k + 1] = d.A[k] @ x[k] + steps.x[k]
+        return Sensitivity(steps.names, x, d.lam_dx @ x[:-1] + steps.lam)
+
+
+def momentum_by(
+    mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, names: Sequence[str]
+) -> Array:
+    """Return the derivatives (nd, len(names)) of the momentum dL/dv by parameters, q and v held.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : array_like, shape (nq,)
+    names : sequence of str
+        Parameters, among the names of `Mechanism.parameters`.
+    """
+    places = mechanism.parameter_places(names)
+    q0 = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
+    v0 = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
+    out = np.zeros((mechanism.nd, len(places)))
+    lengths = {name: place for name, place in places.items() if isinstance(place, Length)}
+    if lengths:
+        freed = mechanism.with_free_lengths(_as_variables(mechanism, lengths))
+        values = [mechanism.parameters[name] for name in lengths]
+        _, by_q, _ = freed.core.hessian(
+            np.append(q0, values), np.append(v0, np.zeros(len(lengths)))
+        )
+    for column, (name, place) in enumerate(places.items()):
+        if isinstance(place, BodyNumber):
+            joint, slope = inertia_slope(mechanism.tree, place)
+            if joint != WORLD:
+                out[:, column] = mechanism.core.inertia_slope(q0, v0, joint, list(slope))[1][
+                    : mechanism.nd
+                ]
+        elif isinstance(place, Length):
+            out[:, column] = by_q[: mechanism.nd, mechanism.nq + list(lengths).index(name)]
+    return out
+
+
+def _directions(
+    m: Mechanism, places: dict[str, Place]
+) -> tuple[Array, list[tuple[int, int, list[float]]]]:
+    """Return what the core takes: directions of the elements' numbers, and slopes of inertias."""
+    directions = np.zeros((len(places), len(m.core.numbers)))
+    inertias = []
+    for row, (name, place) in enumerate(places.items()):
+        if isinstance(place, ElementNumber):
+            directions[row, place.slot] = 1.0
+        elif isinstance(place, BodyNumber):
+            _refuse_partial_gravity(m, name, place)
+            joint, slope = inertia_slope(m.tree, place)
+            if joint != WORLD:
+                inertias.append((row, joint, slope.tolist()))
+    return directions, inertias
+
+
+def _refuse_partial_gravity(m: Mechanism, name: str, place: BodyNumber) -> None:
+    if place.field.startswith("inertia"):
+        return
+    frame = m.tree.frames[place.frame].name
+    for label, element in m.elements.items():
+        if isinstance(element, Gravity) and element.frames is not None and frame in element.frames:
+            raise ArgumentError(
+                f"the parameter {name!r} also sets the weight that {label!r} gives to {frame!r} alone; "
+                "derivatives by it are for gravity on all masses, or for none"
+            )
+
+
+def _as_variables(m: Mechanism, lengths: dict[str, Length]) -> dict[str, Length]:
+    """Return the lengths by names that are no variables of the mechanism yet."""
+    renamed = {}
+    for name, place in lengths.items():
+        while name in m.variables:
+            name += "'"
+        renamed[name] = place
+    return renamed
+
+
+def _by_lengths(
+    vi: MidpointVI, trajectory: Trajectory, lengths: dict[str, Length]
+) -> tuple[Array, Array]:
+    """Derivatives of the steps by lengths: those by both ends of a prescribed variable that stands still."""
+    m = vi.mechanism
+    freed = m.with_free_lengths(_as_variables(m, lengths))
+    count, steps = len(lengths), trajectory.steps
+    values = np.array([m.parameters[name] for name in lengths])
+    held = np.tile(values, (steps + 1, 1))
+    x = np.concatenate(
+        [trajectory.x[:, : m.nq], held, trajectory.x[:, m.nq :], np.zeros_like(held)], axis=1
+    )
+    u = np.concatenate([trajectory.u, held[1:]], axis=1)
+    d = vi.like(freed).linearize_arrays(trajectory.t, x, u, multipliers=True)
+    at_start, at_end = slice(m.nq, m.nq + count), slice(m.nu + m.nrho, m.nu + m.nrho + count)
+    by_x = d.A[:, :, at_start] + d.B[:, :, at_end]
+    by_lam = d.lam_dx[:, :, at_start] + d.lam_du[:, :, at_end]
+    rows = [*range(m.nq), *range(m.nq + count, m.nq + count + m.nq)]
+    out = by_x[:, rows]
+    out[:, [*range(m.nd, m.nq), *range(m.nq + m.nd, m.nx)]] = 0.0
+    return out, by_lam

@@ -1,0 +1,91 @@
+"""Where a simulated ball joint comes near the singularity of its Euler angles.
+
+Let ``d`` be how far the middle angle is from a singular one. The outer and the inner axis enclose that angle,
+so an angular velocity ``w`` of the joint takes angle rates up to ``w / sin(d)``, and the least eigenvalue of the
+mass matrix of the two angles falls as ``1 - cos(d)``.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from leastaction.errors import SingularityWarning
+from leastaction.mechanics.arguments import Array
+from leastaction.mechanics.tree import Ball
+
+# At 0.05 rad (2.9 degrees) the angles turn up to 20 times as fast as the joint: a time step that resolves 20
+# steps a radian of motion then takes the angles a radian a step. Well outside, the angles do as well as any.
+NEAR = 0.05
+
+
+class SingularityWatch:
+    """Looks at the configurations of a simulation for ball joints near their singularity.
+
+    Parameters
+    ----------
+    balls : sequence of Ball
+        The ball joints of the mechanism; only those are looked at whose singularity matters.
+    variables : sequence of str
+        Names of the entries of q.
+    """
+
+    def __init__(self, balls: Sequence[Ball], variables: Sequence[str]) -> None:
+        self.balls = tuple(ball for ball in balls if ball.watched)
+        column = {name: index for index, name in enumerate(variables)}
+        # The middle angles less the singular ones, in half turns: singular where they are whole numbers.
+        self._factors = np.zeros((len(variables), len(self.balls)))
+        self._offsets = np.zeros(len(self.balls))
+        for index, ball in enumerate(self.balls):
+            middle = ball.amounts[1]
+            self._offsets[index] = (middle.offset - ball.singular) / np.pi
+            for name, factor in middle.terms:
+                self._factors[column[name], index] = factor / np.pi
+
+    def look(self, t: Array, q: Array, *, stacklevel: int = 3) -> None:
+        """Warn of every ball joint that comes near its singularity or goes through it between two instants.
+
+        Parameters
+        ----------
+        t : ndarray, shape (N+1,)
+            Times (s); a single one says nothing of the step.
+        q : ndarray, shape (N+1, nq)
+            Configurations.
+        stacklevel : int, optional
+            How many calls out the warning points to; the caller's caller.
+
+        Warns
+        -----
+        SingularityWarning
+            Once for every joint: its name, its middle angle, and the step and the time when it came near.
+        """
+        if not self.balls:
+            return
+        turns = q @ self._factors + self._offsets
+        near = np.abs(turns - np.rint(turns)) < NEAR / np.pi
+        # A change of the floor means that a singular angle was passed.
+        near[1:] |= np.floor(turns[1:]) != np.floor(turns[:-1])
+        if not near.any():
+            return
+        for index, ball in enumerate(self.balls):
+            if near[:, index].any():
+                k = int(np.argmax(near[:, index]))
+                step = f"step {k}, " if len(t) > 1 else ""
+                warnings.warn(
+                    _message(ball, float(turns[k, index]), f"{step}t = {t[k]:.6g} s"),
+                    SingularityWarning,
+                    stacklevel=stacklevel,
+                )
+
+
+def _message(ball: Ball, turns: float, when: str) -> str:
+    outer, middle, inner = ball.amounts
+    offset = np.degrees(ball.singular)
+    return (
+        f"the ball joint {ball.name!r} came near the singularity of its angles at {when}: its middle angle "
+        f"({middle}) is {180.0 * turns + offset:.2f} degrees there, and at {180.0 * round(turns) + offset:.0f} its "
+        f"outer and inner axis are parallel, so that {outer} and {inner} are not determined. Give the joint "
+        "other axes= so that its motion stays away from there; a smaller time step helps to pass by"
+    )
