@@ -10,12 +10,26 @@ from collections.abc import Callable
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics import Mechanism
-from leastaction.models import cart_pendulum, chain, marionette
+from leastaction.models import andrews, bricard, cart_pendulum, chain, four_bars, hand, marionette
 
-__all__ = ["MODELS", "build", "cart_pendulum", "chain", "marionette"]
+__all__ = [
+    "MODELS",
+    "andrews",
+    "bricard",
+    "build",
+    "cart_pendulum",
+    "chain",
+    "four_bars",
+    "hand",
+    "marionette",
+]
 
 MODELS: dict[str, Callable[[], Mechanism]] = {
+    "andrews": andrews.andrews,
+    "bricard": bricard.bricard,
     "cart_pendulum": cart_pendulum.cart_pendulum,
+    "four_bars": four_bars.four_bars,
+    "hand": hand.hand,
     "marionette": marionette.marionette,
     "pendulum_chain": chain.pendulum_chain,
 }
