@@ -14,6 +14,7 @@ from benchmarks import (
     marionette,
     mujoco_puppet,
     steps,
+    tendons,
     unit,
 )
 from benchmarks.cases import Case
@@ -25,6 +26,7 @@ GROUPS: dict[str, Callable[[Case, Settings], list[Row | Absent]]] = {
     steps.GROUP: steps.rows,
     mujoco_puppet.GROUP: mujoco_puppet.rows,
     chains.GROUP: lambda _case, settings: chains.rows(settings),
+    tendons.GROUP: lambda _case, settings: tendons.rows(settings),
     linear_quadratic.GROUP: linear_quadratic.rows,
     marionette.GROUP: marionette.rows,
     cart_pendulum.GROUP: lambda _case, settings: cart_pendulum.rows(settings),
