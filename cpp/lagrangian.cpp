@@ -99,7 +99,7 @@ void Lagrangian<T>::gradient(const T* q, const T* v) {
     for (int i = 0; i < n; ++i) {
         const Joint& joint = m.joints[i];
         const Motion<T>& S = at.twist[i];
-        const T rate = m.plain ? v[joint.variable] : joint.rate(v);
+        const T rate = joint.rate(v);
         V_[i] = joint.parent < 0 ? rate * S : V_[joint.parent] + rate * S;
         W_[i] = cross(S, V_[i]);
 

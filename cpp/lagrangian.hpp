@@ -59,6 +59,7 @@ public:
     // Second derivatives at the point of the last gradient, in `pairs`; for a dual scalar, their derivatives along the
     // direction.
     void hessian();
+    std::size_t pairs_stride() const { return stride_; }  // of the planes in `pairs`, before they are made too
 
     // Adds what the gradient changes by where a joint's own body gets more inertia (in the frame of the joint, about its
     // origin): L is linear in it.

@@ -117,6 +117,7 @@ int MechanismBuilder::add_joint(int parent, const Pose<double>& base, const Moti
     joint.variable = check_variable(variable);
     joint.factor = factor;
     joint.offset = offset;
+    joint.simple = factor == 1.0 && offset == 0.0;
     joint.base = base;
     joint.twist = twist;
     joint.axis = axis_of(twist);
@@ -126,7 +127,9 @@ int MechanismBuilder::add_joint(int parent, const Pose<double>& base, const Moti
 }
 void MechanismBuilder::couple_joint(int joint, int variable, double factor) {
     if (joint < 0) throw std::invalid_argument("the world has no coordinate to couple");
-    joints_[check_joint(joint)].more.push_back({check_variable(variable), factor});
+    Joint& coupled = joints_[check_joint(joint)];
+    coupled.more.push_back({check_variable(variable), factor});
+    coupled.simple = false;
 }
 void MechanismBuilder::add_body(int joint, const Body& body) { bodies_.emplace_back(check_joint(joint), body); }
 int MechanismBuilder::add_point(int joint, const Vec3<double>& offset) {

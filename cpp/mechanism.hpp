@@ -69,22 +69,28 @@ public:
     std::vector<int> element_joints;  // all that potentials and forces look at
 };
 
+// The number one, which multiplies at no cost.
+struct One {};
+inline double operator*(One, double x) { return x; }
+
 // Calls f(i, j, at, weight, mirrored) for every pair of variables that a pair of massive joints couples: their second
 // derivatives are `weight` times those at index `at` of the pair planes; mirrored, once more for (j, i), where the two mixed
 // planes change places.
 template <class F>
 void each_pair(const Mechanism& m, std::size_t stride, const F& f) {
-    for (int joint = 0; joint < m.n_massive; ++joint)
-        for (const int ancestor : m.path[joint]) {
-            const std::size_t at = joint * stride + ancestor;
-            const Joint &a = m.joints[joint], &b = m.joints[ancestor];
-            if (m.plain)
-                f(a.variable, b.variable, at, 1.0, joint != ancestor);
-            else
+    for (int joint = 0; joint < m.n_massive; ++joint) {
+        const Joint& a = m.joints[joint];
+        if (m.plain)
+            for (const int ancestor : m.path[joint])
+                f(a.variable, m.joints[ancestor].variable, joint * stride + ancestor, One{}, joint != ancestor);
+        else
+            for (const int ancestor : m.path[joint])
                 a.each_term([&](int i, double factor_i) {
-                    b.each_term([&](int j, double factor_j) { f(i, j, at, factor_i * factor_j, joint != ancestor); });
+                    m.joints[ancestor].each_term([&](int j, double factor_j) {
+                        f(i, j, joint * stride + ancestor, factor_i * factor_j, joint != ancestor);
+                    });
                 });
-        }
+    }
 }
 
 class MechanismBuilder {

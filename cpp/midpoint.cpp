@@ -206,21 +206,34 @@ bool MidpointStep::factor_tree(double dt) {
     return tree_->factor(lagrangian_, dt, diagonal_.data()) && newton_.factor(*tree_, C1_.data(), C2_.data(), nq_);
 }
 
+void MidpointStep::list_entries() {
+    each_pair(*mechanism_, lagrangian_.pairs_stride(), [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        if (i >= nd_ || j >= nd_) return;
+        const int ij = i * newton_.stride + j, ji = j * newton_.stride + i;
+        (mirrored ? mirrored_entries_ : own_entries_).push_back({at, ij, ji, weight * 1.0});
+    });
+}
+
 bool MidpointStep::factor_dense(double dt) {
+    if (own_entries_.empty()) list_entries();
     lagrangian_.hessian();
     newton_.clear();
+    double* M = newton_.M.data();
     const PairDerivatives& d = lagrangian_.pairs;
+    const double dt_4 = 0.25 * dt, per_dt = 1.0 / dt;
     std::fill(diagonal_.begin(), diagonal_.end(), 0.0);  // of the inertia, here
-    each_pair(*mechanism_, d.stride, [&](int i, int j, std::size_t at, double weight, bool mirrored) {
-        if (i >= nd_ || j >= nd_) return;
-        const double even = weight * (0.25 * dt * d.qq[at] - d.vv[at] / dt);
-        const double odd = weight * 0.5 * (d.q_v[at] - d.v_q[at]);
-        newton_.M[i * newton_.stride + j] += even + odd;
-        if (mirrored) newton_.M[j * newton_.stride + i] += even - odd;
-        if (i == j) diagonal_[i] += (mirrored ? 2.0 : 1.0) * weight * d.vv[at];
-    });
+    for (const Entry& e : own_entries_) {
+        M[e.ij] += e.weight * (dt_4 * d.qq[e.at] - per_dt * d.vv[e.at]);
+        if (e.ij == e.ji) diagonal_[e.ij / newton_.stride] += e.weight * d.vv[e.at];
+    }
+    for (const Entry& e : mirrored_entries_) {
+        const double even = e.weight * (dt_4 * d.qq[e.at] - per_dt * d.vv[e.at]);
+        const double odd = 0.5 * e.weight * (d.q_v[e.at] - d.v_q[e.at]);
+        M[e.ij] += even + odd;
+        M[e.ji] += even - odd;
+    }
     for (int i = 0; i < nd_; ++i) note_inertia(i, diagonal_[i]);
-    element_matrix(dt, [&](int i, int j, double value) { newton_.M[i * newton_.stride + j] += value; });
+    element_matrix(dt, [&](int i, int j, double value) { M[i * newton_.stride + j] += value; });
     return newton_.factor(C1_.data(), C2_.data(), nq_);
 }
 

@@ -105,6 +105,7 @@ private:
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
+    void list_entries();
     void add_elements();  // forces into f_, potentials into L_q
     // Calls add(i, j, value) for all that potentials and forces add to the Newton matrix.
     template <class Add>
@@ -131,6 +132,13 @@ private:
     Lagrangian<double> lagrangian_;
     Lagrangian<Dual<double>> dual_;
     NewtonMatrix newton_;
+    // Where the pair derivatives of dynamic variables go in the Newton matrix: of a joint by itself, and of two.
+    struct Entry {
+        std::size_t at;
+        int ij, ji;
+        double weight;
+    };
+    std::vector<Entry> own_entries_, mirrored_entries_;
     std::unique_ptr<TreeNewton> tree_;  // null: not for this mechanism
     Placement<double> at1_, at2_;
     Placement<Dual<double>> dual_at1_;

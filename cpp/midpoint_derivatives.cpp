@@ -51,9 +51,9 @@ bool MidpointStep::differentiate(double dt) {
         }
     };
     const PairDerivatives& d = lagrangian_.pairs;
-    each_pair(*mechanism_, d.stride, [&](int i, int j, std::size_t at, double weight, bool mirrored) {
-        const double qq = weight * 0.25 * dt * d.qq[at], vv = weight * d.vv[at] / dt;
-        const double sum = weight * 0.5 * (d.q_v[at] + d.v_q[at]), odd = weight * 0.5 * (d.q_v[at] - d.v_q[at]);
+    each_pair(*mechanism_, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
+        const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
         if (i < nd_) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
         if (j < nd_ && mirrored) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
     });
@@ -229,10 +229,10 @@ void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, co
         if (i <= j) W_thth_(i, j) += value;
     };
     const PairDerivatives& d = dual_.pairs;
-    each_pair(*mechanism_, d.stride, [&](int i, int j, std::size_t at, double weight, bool mirrored) {
-        const double qq = weight * 0.25 * d.qq[at], vv = weight * d.vv[at] / (dt * dt);
-        const double sum = weight * 0.5 * (d.q_v[at] + d.v_q[at]) / dt;
-        const double odd = weight * 0.5 * (d.q_v[at] - d.v_q[at]) / dt;
+    each_pair(*mechanism_, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        const double qq = weight * (0.25 * d.qq[at]), vv = weight * (d.vv[at] / (dt * dt));
+        const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at]) / dt);
+        const double odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]) / dt);
         add_11(i, j, qq - sum + vv);
         add_22(i, j, qq + sum + vv);
         add_12(i, j, qq - vv + odd);

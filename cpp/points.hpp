@@ -25,19 +25,24 @@ struct Term {
 struct Joint {
     int parent = -1;    // joint index, -1: the world
     int variable = -1;  // index of its configuration variable (internal order, see Mechanism)
-    double factor = 1.0, offset = 0.0;
-    std::vector<Term> more;
     Axis axis = Axis::screw;
     bool base_rotates = true;  // the constant pose has a rotation
+    bool simple = true;        // s is the variable itself
+    double factor = 1.0, offset = 0.0;
     Pose<double> base;
     Motion<double> twist;
+    std::vector<Term> more;
 
     template <class T>
     T coordinate(const T* q) const {
-        return rate(q) + offset;
+        return simple ? q[variable] : linear(q) + offset;
     }
     template <class T>
     T rate(const T* v) const {
+        return simple ? v[variable] : linear(v);
+    }
+    template <class T>
+    T linear(const T* v) const {
         T out = factor * v[variable];
         for (const Term& term : more) out += term.factor * v[term.variable];
         return out;

@@ -42,7 +42,7 @@ public:
             out.data()[m.external[i] * n + m.external[j]] += x;
         };
         const PairDerivatives& d = this->pairs;
-        each_pair(m, d.stride, [&](int i, int j, std::size_t at, double weight, bool mirrored) {
+        each_pair(m, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
             add(qq, i, j, weight * d.qq[at]);
             add(vq, i, j, weight * d.v_q[at]);
             add(vv, i, j, weight * d.vv[at]);
