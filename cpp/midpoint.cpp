@@ -264,6 +264,8 @@ StepReport MidpointStep::solve(double dt, bool known) {
         report.residual = largest_residual(residual_scale);
         if (report.residual <= settings_.tolerance) break;
         if (report.iterations == 0) first_scale_ = residual_scale;
+        for (std::size_t i = 0; i < first_scale_.size(); ++i)  // what was nothing at all at first has a size now
+            if (!(first_scale_[i] > 0)) first_scale_[i] = residual_scale[i];
         const double merit = largest_residual(first_scale_);
         if (fresh && merit > 0.25 * previous && std::min(report.residual, last_residual_) < rounding_floor) break;
         last_residual_ = report.residual;

@@ -10,7 +10,11 @@ import numpy as np
 from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.elements import Builder, Context, Element
 from leastaction.mechanics.masses import check_structure
+from leastaction.mechanics.parameters import parameter_places
 from leastaction.mechanics.tree import Tree
+
+# How the names of the parameters of frames and bodies end.
+_FRAME_NUMBERS = {"mass", "value", *"xyz", "xx", "yy", "zz", "xy", "xz", "yz"}
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,9 @@ class Plan:
     constraints: tuple[str, ...]
     numbers: dict[str, float] = field(default_factory=dict)
 
-    def with_numbers(self, tree: Tree, numbers: Mapping[str, float]) -> Plan:
+    def with_numbers(
+        self, tree: Tree, numbers: Mapping[str, float], owners: Mapping[str, tuple[str, str]]
+    ) -> Plan:
         """Return the plan with another tree of the same frames, and elements with other numbers.
 
         Parameters
@@ -45,6 +51,8 @@ class Plan:
         tree : Tree
         numbers : mapping of str to float
             Values by parameter name; those of frames and bodies are in the tree already.
+        owners : mapping of str to (str, str)
+            The element that each parameter of an element belongs to, and its name there.
 
         Raises
         ------
@@ -53,11 +61,10 @@ class Plan:
         """
         elements, rest = dict(self.elements), dict(self.numbers)
         for parameter, value in numbers.items():
-            owners = [name for name in elements if parameter.startswith(f"{name}.")]
-            if not owners:
+            if parameter not in owners:
                 continue
-            name = max(owners, key=len)
-            changed = elements[name].with_number(parameter.removeprefix(f"{name}."), value)
+            name, number = owners[parameter]
+            changed = elements[name].with_number(number, value)
             if changed is None:
                 rest[parameter] = value
             else:
@@ -76,7 +83,7 @@ class Plan:
         Returns
         -------
         Context
-            It holds the slots of the elements' numbers by name, in ``parameters``.
+            It holds the slots of the elements' numbers by name, in ``parameters``, and whose they are.
         """
         context = self.context()
         for joint in self.tree.joints:
@@ -93,13 +100,15 @@ class Plan:
                 builder.couple_joint(index, context.variable(name), factor)
         for joint_index, body, pose in self.tree.bodies():
             rotation, origin = pose[:3, :3], pose[:3, 3]
-            inertia = rotation @ body.inertia @ rotation.T
-            builder.add_body(
-                joint_index,
-                body.mass,
-                np.ascontiguousarray(rotation @ body.com + origin),
-                np.ascontiguousarray((inertia + inertia.T) / 2.0),
-            )
+            # What overflows is refused with the inertia that it makes.
+            with np.errstate(over="ignore", invalid="ignore"):
+                inertia = rotation @ body.inertia @ rotation.T
+                builder.add_body(
+                    joint_index,
+                    body.mass,
+                    np.ascontiguousarray(rotation @ body.com + origin),
+                    np.ascontiguousarray((inertia + inertia.T) / 2.0),
+                )
         for name, element in self.elements.items():
             element.add_to(builder, context.within(name))
         for name, value in self.numbers.items():
@@ -114,6 +123,7 @@ def plan(
     dynamic: Sequence[str] | None = None,
     kinematic: Sequence[str] | None = None,
     inputs: Sequence[str] | None = None,
+    numbers: Mapping[str, float] | None = None,
 ) -> Plan:
     """Check a description and settle the order of its names.
 
@@ -125,6 +135,8 @@ def plan(
         What acts on them.
     dynamic, kinematic, inputs : sequence of str, optional
         The order of the names; as first met in the tree, then in the elements, if not given.
+    numbers : mapping of str to float, optional
+        Values of parameters that are no field of their element, other than it gave them.
 
     Returns
     -------
@@ -137,6 +149,10 @@ def plan(
     """
     if isinstance(elements, Element):
         raise DescriptionError(f"elements: expected a list, got {elements!r} alone; write [...]")
+    if isinstance(elements, (str, Mapping)) or not isinstance(elements, Iterable):
+        raise DescriptionError(
+            f"elements: expected a list of elements such as Gravity() or Distance(...), got {elements!r}"
+        )
     elements = tuple(elements)
     for element in elements:
         if not isinstance(element, Element):
@@ -159,12 +175,44 @@ def plan(
         constraints=tuple(
             name + suffix for name, element in named.items() for suffix in element.equations
         ),
+        numbers=dict(numbers or {}),
     )
     context = result.context()
     for element in elements:
         element.check(context)
     check_structure(tree)
     return result
+
+
+def check_parameter_names(tree: Tree, owners: Mapping[str, tuple[str, str]]) -> None:
+    """Raise a `DescriptionError` if a name would stand for two parameters of a mechanism.
+
+    Frames, bodies and elements may share a name, as long as no number of the one is called like one of the
+    other: a `Damping` called "bob" on a variable "mass", say, and a body on the frame "bob".
+
+    Parameters
+    ----------
+    tree : Tree
+    owners : mapping of str to (str, str)
+        The parameters of elements, with the element that each belongs to.
+    """
+    heavy = {frame.name for frame in tree.frames if frame.spec is not None and frame.spec.bodies}
+    for frame in tree.frames:
+        for number in range(2, len(frame.spec.bodies) + 1 if frame.spec is not None else 0):
+            if f"{frame.name}.body{number}" in heavy:
+                raise DescriptionError(
+                    f"the frame '{frame.name}.body{number}' is called like body {number} of the frame "
+                    f"{frame.name!r}, so their parameters have the same names; give it another name="
+                )
+    if not any(name.rpartition(".")[2] in _FRAME_NUMBERS for name in owners):
+        return
+    places = parameter_places(tree, {})
+    for name, (element, _) in owners.items():
+        if name in places:
+            raise DescriptionError(
+                f"the parameter {name!r} is one of the element {element!r} and one of a frame; give one of "
+                "them another name="
+            )
 
 
 def _named(elements: Sequence[Element]) -> dict[str, Element]:
@@ -176,7 +224,8 @@ def _named(elements: Sequence[Element]) -> dict[str, Element]:
             raise DescriptionError(
                 f"{element.label}: a mechanism holds only one {type(element).__name__}; combine them"
             )
-        types.add(type(element))
+        if element.unique:
+            types.add(type(element))
         if element.name is not None and element.name in given:
             raise DescriptionError(
                 f"duplicate element name {element.name!r}: given to a "
@@ -202,9 +251,10 @@ def _ordered(
     names = tuple(found)
     if given is None:
         return names
-    if isinstance(given, str) or not all(isinstance(name, str) for name in given):
+    listed = isinstance(given, Iterable) and not isinstance(given, str)
+    order = tuple(given) if listed else ()
+    if not listed or not all(isinstance(name, str) for name in order):
         raise DescriptionError(f"{argument}: expected a list of names, got {given!r}")
-    order = tuple(given)
     for name in order:
         if name not in names:
             raise DescriptionError(

@@ -19,11 +19,14 @@ from leastaction.mechanics.tree import Ball, Tree
 class Compiled:
     """Names, sizes and the compiled core; see `Mechanism`, which is one."""
 
-    __slots__ = ("_frame_index", "_plan", "_slots", "core", "nc", "nd", "nq", "nrho", "nu", "nx")
+    __slots__ = (
+        "_frame_index", "_owners", "_plan", "_slots", "core", "nc", "nd", "nq", "nrho", "nu", "nx",
+    )  # fmt: skip
 
     _plan: Plan
     _frame_index: Mapping[str, int]
     _slots: Mapping[str, int]
+    _owners: Mapping[str, tuple[str, str]]
     core: _core.Mechanism
     nd: int
     nrho: int

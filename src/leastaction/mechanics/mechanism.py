@@ -8,17 +8,18 @@ from typing import Any
 
 from leastaction import _core
 from leastaction.mechanics.branch import Branch
-from leastaction.mechanics.compilation import Plan, plan
+from leastaction.mechanics.compilation import Plan, check_parameter_names, plan
 from leastaction.mechanics.constraint_queries import ConstraintQueries
 from leastaction.mechanics.elements import Element
 from leastaction.mechanics.flattening import flatten
 from leastaction.mechanics.frame_queries import FrameQueries
 from leastaction.mechanics.mass_queries import Energy as Energy
 from leastaction.mechanics.mass_queries import MassQueries
-from leastaction.mechanics.masses import check_inertia
+from leastaction.mechanics.masses import check_inertia, recheck_inertia
 from leastaction.mechanics.parameters import (
     Length,
     Place,
+    check_names,
     checked,
     find,
     freed,
@@ -94,11 +95,14 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
     def _compile(self, settled: Plan, *, like: _core.Mechanism | None = None) -> None:
         nd, nrho, nu = len(settled.dynamic), len(settled.kinematic), len(settled.inputs)
         builder = _core.MechanismBuilder(nd, nrho, nu)
-        slots = settled.emit(builder).parameters
+        context = settled.emit(builder)
+        if like is None:
+            check_parameter_names(settled.tree, context.owners)
         fields: dict[str, Any] = {
             "_plan": settled,
             "_frame_index": {f.name: i for i, f in enumerate(settled.tree.frames)},
-            "_slots": slots,
+            "_slots": context.parameters,
+            "_owners": context.owners,
             "core": builder.build() if like is None else _build_like(builder, like),
             "nd": nd,
             "nrho": nrho,
@@ -110,7 +114,10 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         for name, value in fields.items():
             object.__setattr__(self, name, value)
         if like is None:
+            check_names(self.tree, context.parameters)
             check_inertia(self.tree, self.variables, self.core)
+        else:
+            recheck_inertia(self.tree, self.variables, self.core, like)
 
     def with_elements(self, elements: Sequence[Element]) -> Mechanism:
         """Return the same mechanism with more elements; names and orders stay, new inputs come last.
@@ -138,6 +145,7 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
                 dynamic=self.dynamic,
                 kinematic=self.kinematic,
                 inputs=[*self.inputs, *dict.fromkeys(added)],
+                numbers=self._plan.numbers,
             )
         )
         return result
@@ -181,12 +189,13 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
             For a mass, an inertia or a coefficient that cannot be, or where a dynamic variable is left
             without a mass to move.
         """
-        places = self.parameter_places(list(values))
-        new = {places[name]: value for name, value in checked(values).items()}
+        numbers = checked(values)
+        places = self.parameter_places(list(numbers))
+        tree = with_values(self.tree, {places[name]: value for name, value in numbers.items()})
         result = Mechanism.__new__(Mechanism)
-        result._compile(
-            self._plan.with_numbers(with_values(self.tree, new), checked(values)), like=self.core
-        )
+        result._compile(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
+        if tree is not self.tree:
+            check_inertia(tree, result.variables, result.core)
         return result
 
     def with_free_lengths(self, lengths: Mapping[str, Length]) -> Mechanism:

@@ -54,6 +54,27 @@ Place = BodyNumber | Length | ElementNumber
 
 def parameter_places(tree: Tree, slots: Mapping[str, int]) -> dict[str, Place]:
     """Return where every named parameter is: those of bodies and frames, then those of elements."""
+    places = _tree_places(tree)
+    places.update({name: ElementNumber(slot) for name, slot in slots.items()})
+    return places
+
+
+def check_names(tree: Tree, slots: Mapping[str, int]) -> None:
+    """Raise a `DescriptionError` if a frame or body and an element have a parameter of the same name."""
+    if not slots:
+        return
+    places = _tree_places(tree)
+    for name in slots:
+        if name in places:
+            place = places[name]
+            assert not isinstance(place, ElementNumber)
+            raise DescriptionError(
+                f"duplicate parameter {name!r}: a number of the frame {tree.frames[place.frame].name!r} and "
+                "of an element; give the element another name"
+            )
+
+
+def _tree_places(tree: Tree) -> dict[str, Place]:
     places: dict[str, Place] = {}
     for index, frame in enumerate(tree.frames):
         if frame.spec is None:
@@ -69,7 +90,6 @@ def parameter_places(tree: Tree, slots: Mapping[str, int]) -> dict[str, Place]:
         else:
             for axis, letter in enumerate(_AXES):
                 places[f"{frame.name}.translation.{letter}"] = Length(index, axis)
-    places.update({name: ElementNumber(slot) for name, slot in slots.items()})
     return places
 
 

@@ -21,6 +21,8 @@ from leastaction.mechanics.tree import WORLD
 if TYPE_CHECKING:
     from leastaction.mechanics.midpoint import MidpointVI
 
+_SMALL = 10  # states up to which derivatives are accumulated for all steps at once
+
 
 @dataclass(frozen=True)
 class StepSensitivity:
@@ -146,9 +148,30 @@ class ParameterDifferentiation(StepDifferentiation):
             x[0] = as_array(dx0, "dx0", (m.nx, len(steps.names)))
         elif v is not None:
             x[0, m.nq : m.nq + m.nd] = momentum_by(m, trajectory.q[0], v, names)
-        for k in range(trajectory.steps):
-            x[k + 1] = d.A[k] @ x[k] + steps.x[k]
+        _accumulate(d.A, steps.x, x)
         return Sensitivity(steps.names, x, d.lam_dx @ x[:-1] + steps.lam)
+
+
+def _accumulate(A: Array, added: Array, x: Array) -> None:
+    """Fill in ``x_{k+1} = A_k x_k + added_k`` from the first x (nx, columns) on."""
+    nx, columns = x.shape[1:]
+    if nx > _SMALL or not added.size:
+        for Ak, before, after, new in zip(A, x[:-1], x[1:], added, strict=True):
+            np.matmul(Ak, before, out=after)
+            after += new
+        return
+    # A loop in Python would take longer than the steps of a small mechanism themselves: substitute forward in
+    # the banded matrix of these equations. Imported here, so that to import the package is quick.
+    from scipy.linalg import lapack
+
+    steps, entry = len(A), np.arange(nx)
+    band = np.zeros((2 * nx, steps * nx), order="F")
+    columns_of_steps = nx * np.arange(steps - 1)[:, None, None] + entry
+    band[nx + entry[:, None] - entry, columns_of_steps] = -A[1:]
+    right = added.copy()
+    right[0] += A[0] @ x[0]
+    found, _ = lapack.dtbtrs(band, right.reshape(steps * nx, columns), uplo="L", diag="U")
+    x[1:] = found.reshape(steps, nx, columns)
 
 
 def momentum_by(

@@ -104,6 +104,7 @@ def tree_view(plan: Plan) -> str:
         lines.append(row.branch + "  ".join(text))
     for title, name, description in element_lines(plan):
         lines.append(f"{title}{f' {name!r}' if name else ''}: {description}")
+    lines.extend(f"{name} = {value:g}" for name, value in plan.numbers.items())
     for name, frames in shared_variables(plan.tree).items():
         lines.append(f"{name} moves {len(frames)} frames: {some(frames)}")
     for kind, names in name_lines(plan):
@@ -117,8 +118,9 @@ def _row(branch: str, name: str, specs: list[Frame]) -> Row:
     if len(specs) > 1 and group is not None:
         transform, detail = _composition(group, [str(spec.amount) for spec in specs])
     else:
-        # The name of a frame that was given none tells its transformation.
-        transform = last.label if last.name is not None else ""
+        # The name of a frame that was given none tells its transformation, unless a number was changed.
+        told = last.name is None and last.label in name
+        transform = "" if told else last.label
         detail = last.detail
     prescribed = [v for v in variables if any(v in spec.kinematic for spec in specs)]
     kinematic = "kinematic"

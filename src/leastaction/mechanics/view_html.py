@@ -84,6 +84,9 @@ def html_view(plan: Plan) -> str:
             for title, name, description in elements
         ]
         parts.append(_section("elements", len(elements), entries))
+    if plan.numbers:
+        numbers = [(escape(name), f"{value:g}") for name, value in plan.numbers.items()]
+        parts.append(_section("changed numbers", len(numbers), numbers))
     shared = shared_variables(plan.tree)
     if shared:
         couplings = [(escape(name), escape(some(f))) for name, f in shared.items()]
