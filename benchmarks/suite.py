@@ -9,6 +9,7 @@ from typing import Any
 from benchmarks import (
     cart_pendulum,
     chains,
+    continuous,
     linear_quadratic,
     machine,
     marionette,
@@ -24,6 +25,7 @@ from benchmarks.timing import Absent, Row, Timing
 
 GROUPS: dict[str, Callable[[Case, Settings], list[Row | Absent]]] = {
     steps.GROUP: steps.rows,
+    continuous.GROUP: continuous.rows,
     mujoco_puppet.GROUP: mujoco_puppet.rows,
     chains.GROUP: lambda _case, settings: chains.rows(settings),
     tendons.GROUP: lambda _case, settings: tendons.rows(settings),

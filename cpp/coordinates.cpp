@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dual_functions.hpp"
 #include "tape_call.hpp"
 
 namespace leastaction {
@@ -28,14 +29,14 @@ std::vector<int> that_stretch(const Constants& constants, const std::vector<int>
 
 template <class T>
 T length_of(const Vec3<T>& d) {
-    const T square = dot(d, d);
-    const double length = std::sqrt(value_of(square));
-    return with_slope(square, length, 0.5 / length);
+    using std::sqrt;
+    return sqrt(dot(d, d));
 }
+double reciprocal(double x) { return 1.0 / x; }
 template <class T>
-T reciprocal(const T& x) {
-    const double r = 1.0 / value_of(x);
-    return with_slope(x, r, -r * r);
+Dual<T> reciprocal(const Dual<T>& x) {
+    const T r = reciprocal(x.v);
+    return {r, -(r * r * x.d)};
 }
 
 template <class T>
@@ -241,12 +242,20 @@ void ComponentFunction::evaluate(const Placement<Dual<double>>&, const Dual<doub
                                  Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double&) const {
     component(z, n, order, value, gradient, hessian);
 }
+void ComponentFunction::evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                                 HyperDual* gradient, HyperDual* hessian, double&) const {
+    component(z, n, order, value, gradient, hessian);
+}
 void ProductFunction::evaluate(const Placement<double>&, const double* z, int n, Order order, double& value,
                                double* gradient, double* hessian, double&) const {
     product(z, n, order, value, gradient, hessian);
 }
 void ProductFunction::evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order,
                                Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double&) const {
+    product(z, n, order, value, gradient, hessian);
+}
+void ProductFunction::evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                               HyperDual* gradient, HyperDual* hessian, double&) const {
     product(z, n, order, value, gradient, hessian);
 }
 
@@ -264,6 +273,10 @@ void TapeFunction::evaluate(const Placement<double>& at, const double* z, int n,
 }
 void TapeFunction::evaluate(const Placement<Dual<double>>& at, const Dual<double>* z, int n, Order order,
                             Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double& scale) const {
+    evaluate_on(at, z, n, order, value, gradient, hessian, scale);
+}
+void TapeFunction::evaluate(const Placement<HyperDual>& at, const HyperDual* z, int n, Order order, HyperDual& value,
+                            HyperDual* gradient, HyperDual* hessian, double& scale) const {
     evaluate_on(at, z, n, order, value, gradient, hessian, scale);
 }
 

@@ -51,6 +51,8 @@ public:
                           double* gradient, double* hessian, double& scale) const = 0;
     virtual void evaluate(const Placement<Dual<double>>& at, const Dual<double>* z, int n, Order order,
                           Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double& scale) const = 0;
+    virtual void evaluate(const Placement<HyperDual>& at, const HyperDual* z, int n, Order order, HyperDual& value,
+                          HyperDual* gradient, HyperDual* hessian, double& scale) const = 0;
 };
 
 class LocalCoordinate final : public OnAnyScalar<LocalCoordinate> {
@@ -75,6 +77,8 @@ public:
                   double* hessian, double& scale) const override;
     void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
                   Dual<double>* gradient, Dual<double>* hessian, double& scale) const override;
+    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                  HyperDual* gradient, HyperDual* hessian, double& scale) const override;
 };
 
 // z = [d | e]: d.e.
@@ -84,6 +88,8 @@ public:
                   double* hessian, double& scale) const override;
     void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
                   Dual<double>* gradient, Dual<double>* hessian, double& scale) const override;
+    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                  HyperDual* gradient, HyperDual* hessian, double& scale) const override;
 };
 
 // A recorded expression; its last inputs are numbers of the mechanism.
@@ -94,6 +100,8 @@ public:
                   double* hessian, double& scale) const override;
     void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
                   Dual<double>* gradient, Dual<double>* hessian, double& scale) const override;
+    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                  HyperDual* gradient, HyperDual* hessian, double& scale) const override;
 
 private:
     template <class T>

@@ -81,10 +81,26 @@ void sincos_of(const Dual<T>& a, Dual<T>& s, Dual<T>& c) {
     c.d = -(s.v * a.d);
 }
 
-// The plain number under a scalar, and the scalar f(x) from the plain values of f and f' there.
+// Sine and cosine of a scalar whose plain number's sine and cosine are known.
+inline void sincos_from(double, double sine, double cosine, double& s, double& c) {
+    s = sine;
+    c = cosine;
+}
+template <class T>
+void sincos_from(const Dual<T>& a, double sine, double cosine, Dual<T>& s, Dual<T>& c) {
+    sincos_from(a.v, sine, cosine, s.v, c.v);
+    s.d = c.v * a.d;
+    c.d = -(s.v * a.d);
+}
+
+// Two directions: second derivatives along them, the same direction twice where they are one.
+using HyperDual = Dual<Dual<double>>;
+
+// The plain number under a scalar.
 inline double value_of(double x) { return x; }
-inline double value_of(const Dual<double>& x) { return x.v; }
-inline double with_slope(double, double f, double) { return f; }
-inline Dual<double> with_slope(const Dual<double>& x, double f, double slope) { return {f, slope * x.d}; }
+template <class T>
+double value_of(const Dual<T>& x) {
+    return value_of(x.v);
+}
 
 }  // namespace leastaction

@@ -11,11 +11,6 @@
 namespace leastaction {
 
 template <class T>
-double value_of(const Dual<T>& x) {
-    return value_of(x.v);
-}
-
-template <class T>
 Dual<T> operator/(const Dual<T>& a, const Dual<T>& b) {
     const T quotient = a.v / b.v;
     return {quotient, (a.d - quotient * b.d) / b.v};
@@ -51,6 +46,7 @@ Dual<T> log(const Dual<T>& x) {
 template <class T>
 Dual<T> pow(const Dual<T>& x, double exponent) {
     using std::pow;
+    if (exponent == 0.0) return {1.0, 0.0};  // at x = 0 too, where the rule below has no value
     return {pow(x.v, exponent), exponent * pow(x.v, exponent - 1.0) * x.d};
 }
 

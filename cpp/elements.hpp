@@ -2,8 +2,8 @@
 //
 // A potential V(q), a holonomic constraint h(q) = 0 and a coordinate s(q) that a force acts along are the same thing to the
 // core: a scalar function of a few configuration variables (its support). It states its value, gradient and Hessian once,
-// on the generic scalar; the third order along a direction comes from the dual scalar, and so do derivatives by its
-// numbers, so a type with a missing order cannot exist.
+// on the generic scalar; the third order along a direction comes from the dual scalar, the fourth along two from the
+// hyper-dual one, and derivatives by its numbers in the same way, so a type with a missing order cannot exist.
 #pragma once
 
 #include <vector>
@@ -36,6 +36,8 @@ public:
                           LocalTaylor<double>& out) const = 0;
     virtual void evaluate(const Placement<Dual<double>>& at, const Dual<double>* q, Order order,
                           LocalTaylor<Dual<double>>& out) const = 0;
+    virtual void evaluate(const Placement<HyperDual>& at, const HyperDual* q, Order order,
+                          LocalTaylor<HyperDual>& out) const = 0;
 
 protected:
     std::vector<int> support_, joints_;
@@ -52,13 +54,18 @@ public:
                   LocalTaylor<Dual<double>>& out) const final {
         static_cast<const Type&>(*this).evaluate_on(at, q, order, out);
     }
+    void evaluate(const Placement<HyperDual>& at, const HyperDual* q, Order order,
+                  LocalTaylor<HyperDual>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(at, q, order, out);
+    }
 };
 
 // Put at the end of the file that defines evaluate_on().
 #define LEASTACTION_ON_ANY_SCALAR(Type)                                                                          \
     template void Type::evaluate_on(const Placement<double>&, const double*, Order, LocalTaylor<double>&) const; \
     template void Type::evaluate_on(const Placement<Dual<double>>&, const Dual<double>*, Order,                  \
-                                    LocalTaylor<Dual<double>>&) const
+                                    LocalTaylor<Dual<double>>&) const;                                           \
+    template void Type::evaluate_on(const Placement<HyperDual>&, const HyperDual*, Order, LocalTaylor<HyperDual>&) const
 
 // Where forces are evaluated. For their second derivatives, contracted with mu, the same configuration twice more on
 // duals: along the velocity, and along mu.

@@ -23,10 +23,16 @@ constexpr KindName kinds[] = {
     {"inverse", Law::Kind::inverse, 1}, {"tanh", Law::Kind::tanh, 2},     {"taut", Law::Kind::taut, 3}};
 
 // log(1 + exp(y)), without overflow.
+double softplus(double y) { return std::max(y, 0.0) + std::log1p(std::exp(-std::abs(y))); }
+double logistic_of(double y) { return 1.0 / (1.0 + std::exp(-y)); }
 template <class T>
-T softplus(const T& y, const T& logistic) {
-    const double x = value_of(y);
-    return with_slope(y, std::max(x, 0.0) + std::log1p(std::exp(-std::abs(x))), value_of(logistic));
+Dual<T> logistic_of(const Dual<T>& y) {
+    const T l = logistic_of(y.v);
+    return {l, l * (1.0 - l) * y.d};
+}
+template <class T>
+Dual<T> softplus(const Dual<T>& y) {
+    return {softplus(y.v), logistic_of(y.v) * y.d};
 }
 
 }  // namespace
@@ -102,9 +108,8 @@ void Law::evaluate(const Placement<T>& at, const T& x, T out[3]) const {
             out[2] = -2.0 * (out[1] / x);
             return;
         case Kind::tanh: {
-            const T y = x / number(1);
-            const double t = std::tanh(value_of(y));
-            const T tanh_y = with_slope(y, t, 1.0 - t * t), slope = 1.0 - tanh_y * tanh_y;
+            using std::tanh;
+            const T tanh_y = tanh(T(x / number(1))), slope = 1.0 - tanh_y * tanh_y;
             out[0] = number(0) * tanh_y;
             out[1] = number(0) * slope / number(1);
             out[2] = -2.0 * (tanh_y * out[1] / number(1));
@@ -112,8 +117,7 @@ void Law::evaluate(const Placement<T>& at, const T& x, T out[3]) const {
         }
         case Kind::taut: {
             const T k = number(0), width = number(2), y = (x - number(1)) / width;
-            const double l = 1.0 / (1.0 + std::exp(-value_of(y)));
-            const T logistic = with_slope(y, l, l * (1.0 - l)), stretch = width * softplus(y, logistic);
+            const T logistic = logistic_of(y), stretch = width * softplus(y);
             out[0] = 0.5 * (k * stretch * stretch);
             out[1] = k * stretch * logistic;
             out[2] = k * (logistic * logistic + stretch * logistic * (1.0 - logistic) / width);
@@ -135,5 +139,6 @@ void Law::evaluate(const Placement<T>& at, const T& x, T out[3]) const {
 
 template void Law::evaluate(const Placement<double>&, const double&, double[3]) const;
 template void Law::evaluate(const Placement<Dual<double>>&, const Dual<double>&, Dual<double>[3]) const;
+template void Law::evaluate(const Placement<HyperDual>&, const HyperDual&, HyperDual[3]) const;
 
 }  // namespace leastaction

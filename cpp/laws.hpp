@@ -41,5 +41,6 @@ private:
 
 extern template void Law::evaluate(const Placement<double>&, const double&, double[3]) const;
 extern template void Law::evaluate(const Placement<Dual<double>>&, const Dual<double>&, Dual<double>[3]) const;
+extern template void Law::evaluate(const Placement<HyperDual>&, const HyperDual&, HyperDual[3]) const;
 
 }  // namespace leastaction

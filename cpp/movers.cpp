@@ -75,5 +75,6 @@ void Movers::fold_terms(Order order, LocalTaylor<T>& out) const {
 
 template void Movers::fold_terms(Order, LocalTaylor<double>&) const;
 template void Movers::fold_terms(Order, LocalTaylor<Dual<double>>&) const;
+template void Movers::fold_terms(Order, LocalTaylor<HyperDual>&) const;
 
 }  // namespace leastaction

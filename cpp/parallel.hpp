@@ -10,8 +10,9 @@ namespace leastaction {
 
 // Threads to use: as asked for, or as many as the machine has (requested <= 0); never more than there is work.
 inline int thread_count(int requested, int work) {
-    const int available = std::max(1u, std::thread::hardware_concurrency());
-    return std::max(1, std::min(requested > 0 ? requested : available, work));
+    // Only where it counts: asking the machine takes microseconds.
+    if (requested <= 0 && work > 1) requested = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    return std::max(1, std::min(requested, work));
 }
 
 // Calls body(begin, end) for contiguous parts of [0, n), each in a thread of its own, and waits for all of them.

@@ -120,12 +120,14 @@ void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
     for (int i = 0; i < n; ++i) {
         const Joint& joint = joints[list[i]];
         const T x = joint.coordinate(q);
-        place_one(joint, x, with_slope(x, out.sine[i], out.cosine[i]), with_slope(x, out.cosine[i], -out.sine[i]),
-                  list[i], out);
+        T s, c;
+        sincos_from(x, out.sine[i], out.cosine[i], s, c);
+        place_one(joint, x, s, c, list[i], out);
     }
 }
 
 template void place(const std::vector<int>&, const double*, Placement<double>&);
 template void place(const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
+template void place(const std::vector<int>&, const HyperDual*, Placement<HyperDual>&);
 
 }  // namespace leastaction

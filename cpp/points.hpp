@@ -115,6 +115,7 @@ void place(const std::vector<int>& list, const T* q, Placement<T>& out);
 
 extern template void place(const std::vector<int>&, const double*, Placement<double>&);
 extern template void place(const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
+extern template void place(const std::vector<int>&, const HyperDual*, Placement<HyperDual>&);
 
 // Reads a twist in the joint's base frame: one of the six primitive axes where it is one, else a screw.
 Axis axis_of(const Motion<double>& twist);

@@ -323,5 +323,7 @@ void Tape::evaluate(const T* z, int m, Order order, T& value, T* gradient, T* he
 template void Tape::evaluate(const double*, int, Order, double&, double*, double*, TapeWork<double>&) const;
 template void Tape::evaluate(const Dual<double>*, int, Order, Dual<double>&, Dual<double>*, Dual<double>*,
                              TapeWork<Dual<double>>&) const;
+template void Tape::evaluate(const HyperDual*, int, Order, HyperDual&, HyperDual*, HyperDual*,
+                             TapeWork<HyperDual>&) const;
 
 }  // namespace leastaction

@@ -114,5 +114,7 @@ private:
 extern template void Tape::evaluate(const double*, int, Order, double&, double*, double*, TapeWork<double>&) const;
 extern template void Tape::evaluate(const Dual<double>*, int, Order, Dual<double>&, Dual<double>*, Dual<double>*,
                                     TapeWork<Dual<double>>&) const;
+extern template void Tape::evaluate(const HyperDual*, int, Order, HyperDual&, HyperDual*, HyperDual*,
+                                    TapeWork<HyperDual>&) const;
 
 }  // namespace leastaction

@@ -61,10 +61,8 @@ TreeNewton::TreeNewton(const Mechanism& mechanism) {
 
 bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal) {
     const double quarter = 0.25 * dt, rate = 1.0 / dt;
-    for (int i = static_cast<int>(nodes_.size()) - 1; i >= 0; --i) {
-        const Node& node = nodes_[i];
-        Factors& at = factors_[i];
-        const JointVectors vectors = lagrangian.vectors(node.joint);
+    return eliminate([&](int i, int joint, Vector& a, Factors& at) {
+        const JointVectors vectors = lagrangian.vectors(joint);
         for (int k = 0; k < 6; ++k) {
             const double S = vectors.S[k], W = vectors.W[k], even = -rate * S - quarter * vectors.G[k], odd = 0.5 * W;
             at.b[k] = even + odd;
@@ -72,7 +70,29 @@ bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const d
             at.b[6 + k] = 0.5 * S - quarter * W;
             at.c[6 + k] = -0.5 * S - quarter * W;
         }
-        Vector u = Eigen::Map<const Vector>(vectors.AB);
+        a = Eigen::Map<const Vector>(vectors.AB);
+        return diagonal[i];
+    });
+}
+
+bool TreeNewton::factor(const NewtonEuler& bodies) {
+    return eliminate([&](int, int joint, Vector& a, Factors& at) {
+        const Motion<double>& S = bodies.at.twist[joint];
+        at.b << S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z, 0, 0, 0, 0, 0, 0;
+        at.c = at.b;
+        const double* Y = bodies.inertia_vector(joint);
+        a << Y[0], Y[1], Y[2], Y[3], Y[4], Y[5], 0, 0, 0, 0, 0, 0;
+        return 0.0;
+    });
+}
+
+template <class Load>
+bool TreeNewton::eliminate(const Load& load) {
+    for (int i = static_cast<int>(nodes_.size()) - 1; i >= 0; --i) {
+        const Node& node = nodes_[i];
+        Factors& at = factors_[i];
+        Vector u;
+        const double diagonal = load(i, node.joint, u, at);
         Vector w = u;
 
         // Of an only child the update of P is still to be done: it shares the pass over P with the products.
@@ -95,8 +115,8 @@ bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const d
             }
         }
         const Vector terms = u * at.b;
-        const double pivot = terms.sum() + diagonal[i];
-        const double size = terms.abs().sum() + std::abs(diagonal[i]);
+        const double pivot = terms.sum() + diagonal;
+        const double size = terms.abs().sum() + std::abs(diagonal);
         if (!(std::abs(pivot) > lost_pivot * size) || !std::isfinite(pivot)) return false;
         at.reciprocal = 1.0 / pivot;
         at.w = w;

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "lagrangian.hpp"
+#include "newton_euler.hpp"
 
 namespace leastaction {
 
@@ -37,6 +38,8 @@ public:
     // Factors at the point of the last composites(); `diagonal` (n_dynamic) is what forces add. False where a pivot is
     // lost to rounding.
     bool factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal);
+    // The mass matrix at the point of the last composites(): a = [Y; 0], b = c = [S; 0].
+    bool factor(const NewtonEuler& bodies);
     // Overwrites b (n_dynamic) by the solution.
     void solve(double* b);
     // The same for many right-hand sides, row-major with leading dimension ld, a multiple of `lanes`.
@@ -62,6 +65,10 @@ private:
     struct Projection {
         Vector columns[rank], rows[rank];
     };
+
+    // `load(i, joint, a, factors)` fills a, b and c, and returns the diagonal.
+    template <class Load>
+    bool eliminate(const Load& load);
 
     std::vector<Node> nodes_;  // by dynamic variable: parents first, subtrees in one piece
     std::vector<Factors> factors_;

@@ -8,6 +8,7 @@ void bind_mechanism(nanobind::module_&);
 void bind_midpoint(nanobind::module_&);
 void bind_linear_quadratic(nanobind::module_&);
 void bind_tape(nanobind::module_&);
+void bind_continuous(nanobind::module_&);
 }  // namespace leastaction
 
 NB_MODULE(LEASTACTION_MODULE, m) {
@@ -19,5 +20,6 @@ NB_MODULE(LEASTACTION_MODULE, m) {
     leastaction::bind_mechanism(m);
     leastaction::bind_builder(m);
     leastaction::bind_midpoint(m);
+    leastaction::bind_continuous(m);
     leastaction::bind_linear_quadratic(m);
 }

@@ -24,6 +24,9 @@ public:
                   double* hessian, double&) const override;
     void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
                   Dual<double>* gradient, Dual<double>* hessian, double&) const override;
+    // A complex step gives one direction only: throws std::domain_error.
+    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                  HyperDual* gradient, HyperDual* hessian, double&) const override;
 
 private:
     // Value, gradient (n) and Hessian (n x n) in a row, as far as the order asks.
@@ -83,6 +86,13 @@ inline void PythonFunction::evaluate(const Placement<Dual<double>>&, const Dual<
     value = dual(out[0]);
     for (int i = 0; i < n && order != Order::value; ++i) gradient[i] = dual(out[1 + i]);
     for (int i = 0; i < n * n && order == Order::hessian; ++i) hessian[i] = dual(out[1 + n + i]);
+}
+
+inline void PythonFunction::evaluate(const Placement<HyperDual>&, const HyperDual*, int, Order, HyperDual&, HyperDual*,
+                                     HyperDual*, double&) const {
+    throw std::domain_error(
+        "second derivatives in continuous time need the fourth order of every constraint, which a function in Python "
+        "does not give; state the constraint as an expression, or use first derivatives only");
 }
 
 }  // namespace leastaction

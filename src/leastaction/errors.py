@@ -16,6 +16,7 @@ __all__ = [
     "ArgumentError",
     "ContradictoryConstraintsError",
     "DescriptionError",
+    "DynamicsError",
     "EquilibriumError",
     "InconsistentStartError",
     "LeastActionError",
@@ -148,6 +149,26 @@ class StepError(LeastActionError):
         self.residuals: dict[str, float] = worst_first(residuals)
         self.iteration = int(iteration)
         self.state = state
+
+
+class DynamicsError(LeastActionError):
+    """The equations of motion have no solution at a point.
+
+    Attributes
+    ----------
+    t : float
+        Time (s).
+    point : int
+        Which of several points it was, from 0.
+    variable : str or None
+        The variable without inertia, if that is why.
+    """
+
+    def __init__(self, message: str, *, t: float, point: int = 0, variable: str | None) -> None:
+        super().__init__(message)
+        self.t = float(t)
+        self.point = int(point)
+        self.variable = variable
 
 
 class MotionFileError(LeastActionError, ValueError):

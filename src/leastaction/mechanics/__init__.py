@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from leastaction.mechanics.acceleration import (
+    AccelerationDerivatives,
+    Accelerations,
+    AccelerationTensors,
+)
 from leastaction.mechanics.affine import Affine, var
 from leastaction.mechanics.assembly import (
     ConfigurationProjection,
@@ -13,6 +18,7 @@ from leastaction.mechanics.assembly import (
 from leastaction.mechanics.bodies import Body
 from leastaction.mechanics.branch import Branch, world
 from leastaction.mechanics.compositions import Composition, ball, free, universal
+from leastaction.mechanics.continuous import ContinuousDynamics
 from leastaction.mechanics.contradiction import Contradiction, find_contradiction
 from leastaction.mechanics.curve import Curve
 from leastaction.mechanics.elements import (
@@ -68,6 +74,9 @@ from leastaction.mechanics.step import Step, StepDerivatives, StepTensors
 from leastaction.mechanics.trajectory import SimulationStatus, State, Trajectory
 
 __all__ = [
+    "AccelerationDerivatives",
+    "AccelerationTensors",
+    "Accelerations",
     "Affine",
     "Body",
     "BodyWrench",
@@ -75,6 +84,7 @@ __all__ = [
     "Composition",
     "ConfigurationProjection",
     "Constraint",
+    "ContinuousDynamics",
     "Contradiction",
     "CoulombFriction",
     "Coupling",

@@ -1,0 +1,281 @@
+// The equations of motion in continuous time, at many points at once.
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+
+#include "arrays.hpp"
+#include "continuous.hpp"
+#include "parallel.hpp"
+
+using namespace nanobind::literals;
+
+namespace leastaction {
+
+namespace {
+
+// Points of motions, in the user's order: q, v (N, nq), u (N, n_inputs), rho_a (N, n_kinematic).
+struct Points {
+    In<2> q, v, u, rho_a;
+};
+
+class ContinuousMotion {
+public:
+    ContinuousMotion(std::shared_ptr<Mechanism> mechanism, double damping, double stiffness)
+        : mechanism_(std::move(mechanism)), damping_(damping), stiffness_(stiffness) {}
+
+    nb::dict accelerations(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, int threads) {
+        const Points points{q, v, u, rho_a};
+        const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
+        Out a = new_array({N, nd}), lam = new_array({N, nc});
+        return each_point(points, threads, a, lam, [](Continuous& at, std::size_t) { return at.accelerate(); });
+    }
+
+    Out inverse_dynamics(const In<2>& q, const In<2>& v, const In<2>& a, const In<2>& u, const In<2>& lam,
+                         int threads) {
+        const Mechanism& m = *mechanism_;
+        const std::size_t N = q.shape(0), nq = m.n_variables(), nc = m.n_constraints();
+        const Points points{q, v, u, a};
+        for (const auto* x : {&q, &v, &a}) expect(x->size(), N * nq, "q, v or a");
+        expect(u.size(), N * m.n_inputs, "u");
+        expect(lam.size(), N * nc, "lam");
+        Out out = new_array({N, nq});
+        double* to = out.data();
+        nb::gil_scoped_release release;
+        parallel_ranges(static_cast<int>(N), threads, [&](int begin, int end) {
+            Loan loan(*this);
+            std::vector<double> needed(nq);
+            for (std::size_t k = begin; k < static_cast<std::size_t>(end); ++k) {
+                load(*loan, points, k);
+                for (std::size_t i = 0; i < nq; ++i) loan->a[i] = a.data()[k * nq + m.external[i]];
+                std::copy_n(lam.data() + k * nc, nc, loan->lam.begin());
+                loan->inverse_dynamics(needed);
+                for (std::size_t i = 0; i < nq; ++i) to[k * nq + m.external[i]] = needed[i];
+            }
+        });
+        return out;
+    }
+
+    nb::dict linearize(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, int threads,
+                       const std::optional<nb::dict>& reuse) {
+        const Points points{q, v, u, rho_a};
+        const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
+        const std::size_t n = n_theta();
+        Out a = new_array({N, nd}), lam = new_array({N, nc});
+        Out slopes = reused(reuse, "slopes", {N, nd + nc, n});
+        double* to = slopes.data();
+        const std::vector<int> column = columns();
+        nb::dict out = each_point(points, threads, a, lam, [&](Continuous& at, std::size_t k) {
+            const MotionReport report = at.differentiate();
+            if (report.status == MotionStatus::solved) write_slopes(at, column, to + k * (nd + nc) * n);
+            return report;
+        });
+        out["slopes"] = slopes;
+        return out;
+    }
+
+    nb::dict curvatures(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, const In<2>& z_a,
+                        const In<2>& z_lam, int threads, const std::optional<nb::dict>& reuse) {
+        const Points points{q, v, u, rho_a};
+        const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
+        const std::size_t n = n_theta();
+        expect(z_a.size(), N * nd, "z_a");
+        expect(z_lam.size(), N * nc, "z_lam");
+        Out a = new_array({N, nd}), lam = new_array({N, nc}), H = reused(reuse, "H", {N, n, n});
+        double* to = H.data();
+        const std::vector<int> column = columns();
+        nb::dict out = each_point(points, threads, a, lam, [&](Continuous& at, std::size_t k) {
+            const MotionReport report = at.differentiate();
+            if (report.status != MotionStatus::solved) return report;
+            std::vector<double> weights(nd);
+            for (std::size_t i = 0; i < nd; ++i) weights[i] = z_a.data()[k * nd + mechanism_->external[i]];
+            at.curvature(weights.data(), z_lam.data() + k * nc);
+            write_hessian(at, column, to + k * n * n);
+            return report;
+        });
+        out["H"] = H;
+        return out;
+    }
+
+    // Of one point: the Hessians of every acceleration, then of every multiplier.
+    nb::dict tensors(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a) {
+        const Points points{q, v, u, rho_a};
+        expect(check(points), 1, "points");
+        const std::size_t nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints(), n = n_theta();
+        Out a = new_array({1, nd}), lam = new_array({1, nc}), all = new_array({nd + nc, n, n});
+        double* to = all.data();
+        const std::vector<int> column = columns();
+        nb::dict out = each_point(points, 1, a, lam, [&](Continuous& at, std::size_t) {
+            const MotionReport report = at.differentiate();
+            if (report.status != MotionStatus::solved) return report;
+            std::vector<double> unit(nd + nc, 0.0);
+            for (std::size_t i = 0; i < nd + nc; ++i) {
+                unit[i] = 1.0;
+                at.curvature(unit.data(), unit.data() + nd);
+                unit[i] = 0.0;
+                const std::size_t row = i < nd ? mechanism_->external[i] : i;
+                write_hessian(at, column, to + row * n * n);
+            }
+            return report;
+        });
+        out["tensors"] = all;
+        return out;
+    }
+
+private:
+    // Work space for one thread: taken from those at rest, or made; given back.
+    class Loan {
+    public:
+        explicit Loan(ContinuousMotion& from) : from_(from) {
+            {
+                const std::lock_guard lock(from.idle_lock_);
+                if (!from.idle_.empty()) {
+                    point_ = std::move(from.idle_.back());
+                    from.idle_.pop_back();
+                }
+            }
+            if (!point_) point_ = std::make_unique<Continuous>(from.mechanism_, from.damping_, from.stiffness_);
+        }
+        ~Loan() {
+            const std::lock_guard lock(from_.idle_lock_);
+            from_.idle_.push_back(std::move(point_));
+        }
+        Loan(const Loan&) = delete;
+        Loan& operator=(const Loan&) = delete;
+        Continuous& operator*() const { return *point_; }
+        Continuous* operator->() const { return point_.get(); }
+
+    private:
+        ContinuousMotion& from_;
+        std::unique_ptr<Continuous> point_;
+    };
+
+    std::size_t n_theta() const {
+        return 2 * mechanism_->n_variables() + mechanism_->n_inputs + mechanism_->n_kinematic;
+    }
+    std::size_t check(const Points& points) const {
+        const Mechanism& m = *mechanism_;
+        const std::size_t N = points.q.shape(0);
+        expect(points.q.size(), N * m.n_variables(), "q");
+        expect(points.v.size(), N * m.n_variables(), "v");
+        expect(points.u.size(), N * m.n_inputs, "u");
+        expect(points.rho_a.size(), N * m.n_kinematic, "rho_a");
+        return N;
+    }
+    // Where the entries of th, internal order, stand in the user's.
+    std::vector<int> columns() const {
+        const Mechanism& m = *mechanism_;
+        std::vector<int> out(m.external);
+        for (const int i : m.external) out.push_back(m.n_variables() + i);
+        for (int i = static_cast<int>(out.size()); i < static_cast<int>(n_theta()); ++i) out.push_back(i);
+        return out;
+    }
+    void load(Continuous& at, const Points& points, std::size_t k) const {
+        const Mechanism& m = *mechanism_;
+        const std::size_t nq = m.n_variables();
+        for (std::size_t i = 0; i < nq; ++i) {
+            at.q[i] = points.q.data()[k * nq + m.external[i]];
+            at.v[i] = points.v.data()[k * nq + m.external[i]];
+        }
+        std::copy_n(points.u.data() + k * m.n_inputs, m.n_inputs, at.u.begin());
+    }
+
+    // Runs a function at every point; a and lam are filled as far as no point failed.
+    template <class Function>
+    nb::dict each_point(const Points& points, int threads, const Out& a, const Out& lam, const Function& function) {
+        const Mechanism& m = *mechanism_;
+        const std::size_t N = points.q.shape(0), nd = m.n_dynamic, nk = m.n_kinematic, nc = m.n_constraints();
+        double *to_a = a.data(), *to_lam = lam.data();
+        std::mutex failure_lock;
+        std::size_t failed = N;
+        MotionReport failure;
+        std::atomic<bool> redundant{false};
+        {
+            nb::gil_scoped_release release;
+            parallel_ranges(static_cast<int>(N), threads, [&](int begin, int end) {
+                Loan loan(*this);
+                for (std::size_t k = begin; k < static_cast<std::size_t>(end); ++k) {
+                    load(*loan, points, k);
+                    std::copy_n(points.rho_a.data() + k * nk, nk, loan->a.begin() + nd);
+                    const MotionReport report = function(*loan, k);
+                    if (report.rank_deficient) redundant = true;
+                    if (report.status != MotionStatus::solved) {
+                        const std::lock_guard lock(failure_lock);
+                        if (k < failed) {
+                            failed = k;
+                            failure = report;
+                        }
+                        return;
+                    }
+                    for (std::size_t i = 0; i < nd; ++i) to_a[k * nd + m.external[i]] = loan->a[i];
+                    std::copy(loan->lam.begin(), loan->lam.end(), to_lam + k * nc);
+                }
+            });
+        }
+        nb::dict out;
+        out["a"] = a;
+        out["lam"] = lam;
+        out["points"] = failed;
+        out["status"] = static_cast<int>(failure.status);
+        out["variable"] = failure.variable < 0 ? -1 : m.external[failure.variable];
+        out["rank_deficient"] = redundant.load();
+        return out;
+    }
+
+    void write_slopes(const Continuous& at, const std::vector<int>& column, double* to) const {
+        const std::size_t nd = mechanism_->n_dynamic, rows = nd + mechanism_->n_constraints(), n = column.size();
+        for (std::size_t i = 0; i < rows; ++i) {
+            const double* from = &at.Y[i * at.ld()];
+            double* row = to + (i < nd ? mechanism_->external[i] : i) * n;
+            if (mechanism_->same_order)
+                std::copy_n(from, n, row);
+            else
+                for (std::size_t j = 0; j < n; ++j) row[column[j]] = from[j];
+        }
+    }
+    // From the blocks on and below the diagonal.
+    void write_hessian(const Continuous& at, const std::vector<int>& column, double* to) const {
+        const std::size_t n = column.size(), nq = mechanism_->n_variables(), nu = mechanism_->n_inputs;
+        const std::size_t ends[4] = {nq, 2 * nq, 2 * nq + nu, n};
+        std::size_t begin = 0;
+        for (const std::size_t end : ends) {
+            for (std::size_t i = begin; i < end; ++i) {
+                const double* from = &at.H[i * n];
+                double* row = to + column[i] * n;
+                for (std::size_t j = 0; j < end; ++j) row[column[j]] = from[j];
+                for (std::size_t j = 0; j < begin; ++j) to[column[j] * n + column[i]] = from[j];
+            }
+            begin = end;
+        }
+    }
+
+    std::shared_ptr<Mechanism> mechanism_;
+    double damping_, stiffness_;
+    std::mutex idle_lock_;
+    std::vector<std::unique_ptr<Continuous>> idle_;
+};
+
+}  // namespace
+
+void bind_continuous(nb::module_& module) {
+    nb::class_<ContinuousMotion>(module, "Continuous", "Equations of motion of one mechanism in continuous time.")
+        .def(nb::init<std::shared_ptr<Mechanism>, double, double>(), "mechanism"_a, "damping"_a = 0.0,
+             "stiffness"_a = 0.0)
+        .def("accelerations", &ContinuousMotion::accelerations, "q"_a, "v"_a, "u"_a, "rho_a"_a, "threads"_a = 0,
+             "Dynamic accelerations and multipliers at many points.")
+        .def("inverse_dynamics", &ContinuousMotion::inverse_dynamics, "q"_a, "v"_a, "a"_a, "u"_a, "lam"_a,
+             "threads"_a = 0, "Generalized forces (N, nq) that motions need besides those of the elements under u.")
+        .def("linearize", &ContinuousMotion::linearize, "q"_a, "v"_a, "u"_a, "rho_a"_a, "threads"_a = 0,
+             "reuse"_a.none() = nb::none(),
+             "accelerations(), and `slopes`: their derivatives, then those of the multipliers, by [q; v; u; rho_a].")
+        .def("curvatures", &ContinuousMotion::curvatures, "q"_a, "v"_a, "u"_a, "rho_a"_a, "z_a"_a, "z_lam"_a,
+             "threads"_a = 0, "reuse"_a.none() = nb::none(),
+             "accelerations(), and `H`: the Hessians of z_a.a + z_lam.lam by [q; v; u; rho_a].")
+        .def("tensors", &ContinuousMotion::tensors, "q"_a, "v"_a, "u"_a, "rho_a"_a,
+             "accelerations(), and `tensors`: the Hessians of every acceleration and multiplier of one point.");
+}
+
+}  // namespace leastaction

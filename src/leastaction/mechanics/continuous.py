@@ -1,0 +1,318 @@
+"""Continuous time: accelerations, inverse dynamics, and exact derivatives of both orders.
+
+With ``r = d/dt L_v - L_q - f`` the dynamic accelerations and the multipliers solve (dissertation chapter 3, A.1)::
+
+    r(q, v, a, u) - Dh(q)^T lam = 0   (dynamic variables),   Dh a + v^T D2h v = 0
+
+where the accelerations ``rho_a`` of the kinematic variables are given. The multipliers are those of ``M a + ... = f +
+Dh^T lam``: per second the negative of the impulses of a `MidpointVI` step.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeGuard
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction import _core
+from leastaction.errors import ArgumentError, DynamicsError
+from leastaction.mechanics.acceleration import (
+    AccelerationDerivatives,
+    Accelerations,
+    AccelerationTensors,
+)
+from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
+from leastaction.mechanics.elements import PythonConstraint
+from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.signals import as_count
+
+
+class ContinuousDynamics:
+    """Equations of motion of one mechanism in continuous time. Holds settings, no state.
+
+    All methods take one point, or N of them: then every argument has a leading axis, or is the same for all. Every
+    result has a leading axis if and only if q or v has.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    constraint_damping, constraint_stiffness : float, optional
+        Baumgarte's stabilisation: the constraints become ``h'' + damping h' + stiffness h = 0`` (1/s and 1/s^2), so
+        that what a solver lets them drift comes back. Zero: ``h'' = 0``.
+    threads : int, optional
+        Threads for many points at once; 0: as many as there are cores.
+
+    Raises
+    ------
+    ArgumentError
+        For a damping, a stiffness or a count out of range.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        *,
+        constraint_damping: float = 0.0,
+        constraint_stiffness: float = 0.0,
+        threads: int = 0,
+    ) -> None:
+        self.constraint_damping = as_number(constraint_damping, "constraint_damping")
+        self.constraint_stiffness = as_number(constraint_stiffness, "constraint_stiffness")
+        if min(self.constraint_damping, self.constraint_stiffness) < 0.0:
+            raise ArgumentError(
+                f"constraint_damping and constraint_stiffness: got {constraint_damping} 1/s and "
+                f"{constraint_stiffness} 1/s^2, expected numbers that are not negative"
+            )
+        self.mechanism = mechanism
+        self.threads = as_count(threads, "threads", 0)
+        self.core = _core.Continuous(
+            mechanism.core, self.constraint_damping, self.constraint_stiffness
+        )
+
+    def accelerations(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        u: npt.ArrayLike | None = None,
+        rho_a: npt.ArrayLike | None = None,
+        t: npt.ArrayLike = 0.0,
+    ) -> Accelerations:
+        """Return the accelerations and multipliers.
+
+        Parameters
+        ----------
+        q, v : array_like, shape (nq,)
+            Configuration (rad or m) and velocity. The constraints need not hold exactly: they may have drifted.
+        u : array_like, shape (nu,), optional
+            Inputs; zero if not given.
+        rho_a : array_like, shape (nrho,), optional
+            Accelerations of the kinematic variables; zero if not given.
+        t : float or array_like, shape (N,), optional
+            Time (s), for the message of an error: no element depends on it.
+
+        Returns
+        -------
+        Accelerations
+
+        Raises
+        ------
+        ArgumentError
+            For wrong shapes or values that are not finite.
+        DynamicsError
+            Where the equations have no solution: the inertia of a variable is lost to rounding, or the equations
+            overflow.
+        """
+        points = self._points(q, v, u, rho_a)
+        out = self._solved(self.core.accelerations(*points.arrays, self.threads), points, t)
+        return Accelerations(
+            points.shaped(out["a"]), points.shaped(out["lam"]), bool(out["rank_deficient"])
+        )
+
+    def inverse_dynamics(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        a: npt.ArrayLike,
+        lam: npt.ArrayLike | None = None,
+        *,
+        u: npt.ArrayLike | None = None,
+    ) -> Array:
+        """Return the generalised force that a motion needs besides that of the elements.
+
+        Parameters
+        ----------
+        q, v, a : array_like, shape (nq,)
+            Configuration, velocity and acceleration of all variables.
+        lam : array_like, shape (nc,), optional
+            Multipliers of constraints that carry their part; zero if not given.
+        u : array_like, shape (nu,), optional
+            Inputs of the force elements; zero if not given, so that the result is what inputs have to do.
+
+        Returns
+        -------
+        ndarray, shape (nq,)
+            ``d/dt L_v - L_q - f(q, v, u) - Dh^T lam`` (N or N m): of dynamic variables zero for a motion that
+            `accelerations` gives for the same u, of kinematic ones what drives them.
+        """
+        m = self.mechanism
+        points = self._points(q, v, u, None, a=a)
+        multipliers = points.rows(lam, "lam", m.constraints)
+        accelerations = points.rows(a, "a", m.variables)
+        values, speeds, inputs, _ = points.arrays
+        return points.shaped(
+            self.core.inverse_dynamics(
+                values, speeds, accelerations, inputs, multipliers, self.threads
+            )
+        )
+
+    def linearize(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        u: npt.ArrayLike | None = None,
+        rho_a: npt.ArrayLike | None = None,
+        t: npt.ArrayLike = 0.0,
+    ) -> AccelerationDerivatives:
+        """Return the first derivatives; arguments and errors as of `accelerations`.
+
+        Where constraints are redundant, the derivatives of the multipliers leave out how the choice among them turns.
+        """
+        m = self.mechanism
+        points = self._points(q, v, u, rho_a)
+        out = self._solved(self.core.linearize(*points.arrays, self.threads), points, t)
+        return AccelerationDerivatives(
+            points.shaped(out["a"]),
+            points.shaped(out["lam"]),
+            points.shaped(out["slopes"]),
+            (m.nd, m.nq, m.nu),
+        )
+
+    def curvature(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        u: npt.ArrayLike | None = None,
+        rho_a: npt.ArrayLike | None = None,
+        t: npt.ArrayLike = 0.0,
+        *,
+        z_a: npt.ArrayLike | None = None,
+        z_lam: npt.ArrayLike | None = None,
+    ) -> Array:
+        """Return the second derivatives, contracted with weights.
+
+        Parameters
+        ----------
+        q, v, u, rho_a, t
+            As of `accelerations`, errors too.
+        z_a : array_like, shape (nd,), optional
+            Weights on the accelerations; zero if not given.
+        z_lam : array_like, shape (nc,), optional
+            Weights on the multipliers; zero if not given.
+
+        Returns
+        -------
+        ndarray, shape (n, n), n = 2 nq + nu + nrho
+            Hessian of ``z_a . a + z_lam . lam`` by ``[q; v; u; rho_a]``, symmetric.
+
+        Raises
+        ------
+        ArgumentError
+            Also if a constraint is a `PythonConstraint`: of constraints the fourth order is needed, and a complex step
+            gives the third.
+        """
+        m = self.mechanism
+        self._check_orders()
+        points = self._points(q, v, u, rho_a)
+        weights = (
+            points.rows(z_a, "z_a", m.dynamic),
+            points.rows(z_lam, "z_lam", m.constraints),
+        )
+        out = self.core.curvatures(*points.arrays, *weights, self.threads)
+        return points.shaped(self._solved(out, points, t)["H"])
+
+    def tensors(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        u: npt.ArrayLike | None = None,
+        rho_a: npt.ArrayLike | None = None,
+        t: float = 0.0,
+    ) -> AccelerationTensors:
+        """Return the full second derivatives at one point; arguments and errors as of `curvature`."""
+        self._check_orders()
+        points = self._points(q, v, u, rho_a)
+        if not points.single:
+            raise ArgumentError(
+                f"tensors: got {len(points.arrays[0])} points, expected one: q and v of shape "
+                f"({self.mechanism.nq},)"
+            )
+        out = self._solved(self.core.tensors(*points.arrays), points, t)["tensors"]
+        return AccelerationTensors(out[: self.mechanism.nd], out[self.mechanism.nd :])
+
+    def _points(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        u: npt.ArrayLike | None,
+        rho_a: npt.ArrayLike | None,
+        *,
+        a: npt.ArrayLike | None = None,
+    ) -> _Points:
+        m = self.mechanism
+        given = (q, v) if a is None else (q, v, a)
+        counts = [shape[0] for x in given if len(shape := shape_of(x) or ()) == 2]
+        points = _Points(counts[0] if counts else 1, not counts)
+        points.arrays = (
+            points.rows(q, "q", m.variables),
+            points.rows(v, "v", m.variables),
+            points.rows(u, "u", m.inputs),
+            points.rows(rho_a, "rho_a", m.kinematic),
+        )
+        return points
+
+    def _solved(self, out: dict[str, Any], points: _Points, t: npt.ArrayLike) -> dict[str, Any]:
+        """Return what the core returned, or raise the error that it tells of."""
+        k, N = int(out["points"]), points.count
+        many = len(shape_of(t) or ()) == 1
+        times = as_array(t, "t", (N,)) if many else np.full(N, as_number(t, "t"))
+        if k == N:
+            return out
+        m, at = self.mechanism, float(times[k])
+        variable = m.variables[out["variable"]] if out["variable"] >= 0 else None
+        where = f"at t = {at:.6g} s" + ("" if points.single else f", point {k}")
+        if out["status"] == 1:
+            message = "a force, a constraint or the inertia is not finite; look for values that are too large"
+        elif variable is not None:
+            message = (
+                f"the mass matrix is singular: {variable!r} has no inertia left that the other variables do not "
+                "take up; give its frame a body, or keep a ball joint away from its singular angle"
+            )
+        else:
+            message = "the equations of the constraints are singular"
+        raise DynamicsError(
+            f"no accelerations {where}: {message}", t=at, point=k, variable=variable
+        )
+
+    def _check_orders(self) -> None:
+        for name, element in self.mechanism.elements.items():
+            if isinstance(element, PythonConstraint):
+                raise ArgumentError(
+                    f"{name}: second derivatives in continuous time need the fourth order of every constraint, and a "
+                    "PythonConstraint gives the third; use an ExpressionConstraint, or first derivatives"
+                )
+
+
+class _Points:
+    """Arguments of N points as arrays of N rows, and back to the shape in which they were given."""
+
+    def __init__(self, count: int, single: bool) -> None:
+        self.count = count
+        self.single = single
+        self.arrays: tuple[Array, Array, Array, Array]
+
+    def rows(self, value: npt.ArrayLike | None, what: str, names: tuple[str, ...]) -> Array:
+        """Return one row for every point: zero if not given, the same for all if given once."""
+        n = len(names)
+        if value is None:
+            return np.zeros((self.count, n))
+        if _is_checked(value, (n,) if self.single else (self.count, n)):
+            return value.reshape(self.count, n)
+        if len(shape_of(value) or ()) == 2 and not self.single:
+            return as_array(value, what, (self.count, n), names=names)
+        row = as_array(value, what, (n,), names=names)
+        return row[None, :] if self.single else np.tile(row, (self.count, 1))
+
+    def shaped(self, result: Array) -> Array:
+        return result[0] if self.single else result
+
+
+def _is_checked(value: object, shape: tuple[int, ...]) -> TypeGuard[Array]:
+    """Whether a value is what `as_array` makes of it: in a solver's loop its questions take most of the time."""
+    return (
+        type(value) is np.ndarray
+        and value.dtype == np.float64
+        and value.shape == shape
+        and value.flags.c_contiguous
+        and bool(np.isfinite(value).all())
+    )
