@@ -19,7 +19,26 @@ from leastaction.mechanics.bodies import Body
 from leastaction.mechanics.branch import Branch, world
 from leastaction.mechanics.compositions import Composition, ball, free, universal
 from leastaction.mechanics.continuous import ContinuousDynamics
+from leastaction.mechanics.continuous_constraints import Baumgarte, Drift, Projection
+from leastaction.mechanics.continuous_events import Event, EventRecord
+from leastaction.mechanics.continuous_legendre import (
+    legendre_jacobian,
+    to_momentum,
+    to_velocity,
+)
+from leastaction.mechanics.continuous_signals import Feedback, PrescribedMotion
+from leastaction.mechanics.continuous_trajectory import (
+    ContinuousState,
+    ContinuousTrajectory,
+    IntegrationStatus,
+)
 from leastaction.mechanics.contradiction import Contradiction, find_contradiction
+from leastaction.mechanics.conversion import (
+    gain_to_continuous,
+    gain_to_discrete,
+    to_continuous,
+    to_discrete,
+)
 from leastaction.mechanics.curve import Curve
 from leastaction.mechanics.elements import (
     BodyWrench,
@@ -70,6 +89,7 @@ from leastaction.mechanics.mechanism import Energy, Mechanism
 from leastaction.mechanics.midpoint import MidpointVI
 from leastaction.mechanics.poses import pose
 from leastaction.mechanics.sensitivity import Sensitivity, StepSensitivity, momentum_by
+from leastaction.mechanics.simulation import simulate
 from leastaction.mechanics.step import Step, StepDerivatives, StepTensors
 from leastaction.mechanics.trajectory import SimulationStatus, State, Trajectory
 
@@ -78,6 +98,7 @@ __all__ = [
     "AccelerationTensors",
     "Accelerations",
     "Affine",
+    "Baumgarte",
     "Body",
     "BodyWrench",
     "Branch",
@@ -85,6 +106,8 @@ __all__ = [
     "ConfigurationProjection",
     "Constraint",
     "ContinuousDynamics",
+    "ContinuousState",
+    "ContinuousTrajectory",
     "Contradiction",
     "CoulombFriction",
     "Coupling",
@@ -92,13 +115,17 @@ __all__ = [
     "Damping",
     "Distance",
     "Drag",
+    "Drift",
     "ElasticString",
     "Element",
     "Energy",
     "Equilibrium",
+    "Event",
+    "EventRecord",
     "ExpressionConstraint",
     "ExpressionForce",
     "ExpressionPotential",
+    "Feedback",
     "FixedOrientation",
     "Force",
     "Frame",
@@ -106,6 +133,7 @@ __all__ = [
     "Gravity",
     "HingeLoop",
     "HybridWrench",
+    "IntegrationStatus",
     "InverseSquareGravity",
     "JointForce",
     "JointSpring",
@@ -120,7 +148,9 @@ __all__ = [
     "PointOnPlane",
     "PointToPoint",
     "Potential",
+    "PrescribedMotion",
     "PrescribedPath",
+    "Projection",
     "PythonConstraint",
     "PythonForce",
     "PythonFunction",
@@ -145,6 +175,9 @@ __all__ = [
     "equilibrium",
     "find_contradiction",
     "free",
+    "gain_to_continuous",
+    "gain_to_discrete",
+    "legendre_jacobian",
     "momentum_by",
     "pose",
     "prismatic",
@@ -155,6 +188,11 @@ __all__ = [
     "ry",
     "rz",
     "screw",
+    "simulate",
+    "to_continuous",
+    "to_discrete",
+    "to_momentum",
+    "to_velocity",
     "twist",
     "tx",
     "ty",

@@ -1,0 +1,171 @@
+"""The equations of motion as ``dx/dt = f(t, x)`` with the inputs of a simulation in them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import LeastActionError
+from leastaction.mechanics.arguments import Array, as_array
+from leastaction.mechanics.continuous import ContinuousDynamics
+from leastaction.mechanics.continuous_constraints import ConstraintLost, Projection, project
+from leastaction.mechanics.continuous_signals import PrescribedMotion, WholeInput, motion_at
+
+
+class Equations:
+    """``x = [q; rho; v; v_rho]`` and its rate ``[v; v_rho; a; rho_a]``.
+
+    A prescribed motion takes the place of its entries of x wherever x is used, so that they are exact at all
+    times; what the integrator makes of them is its own business.
+
+    Parameters
+    ----------
+    dynamics : ContinuousDynamics
+    law : WholeInput
+        The input ``[inputs; rho_a]``; only its part for the inputs where there is a prescribed motion.
+    motion : PrescribedMotion, optional
+    projection : Projection, optional
+        Given where constraints are projected on.
+    """
+
+    def __init__(
+        self,
+        dynamics: ContinuousDynamics,
+        law: WholeInput,
+        motion: PrescribedMotion | None,
+        projection: Projection | None,
+    ) -> None:
+        self.dynamics = dynamics
+        self.mechanism = dynamics.mechanism
+        self.law = law
+        self.motion = motion
+        self.projection = projection if self.mechanism.nc else None
+        self.start = -np.inf
+        """Where the interval between jumps of the inputs begins that is being integrated (s)."""
+        self.cause: str | None = None
+        """Why the last evaluation that failed did."""
+
+    def __getstate__(self) -> dict[str, object]:
+        # A trajectory goes to another process with the mechanism; what is compiled is made anew there.
+        d = self.dynamics
+        stabilization = (d.constraint_damping, d.constraint_stiffness)
+        return {**self.__dict__, "dynamics": stabilization}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        damping, stiffness = state["dynamics"]
+        self.dynamics = ContinuousDynamics(
+            self.mechanism, constraint_damping=damping, constraint_stiffness=stiffness
+        )
+
+    def state(self, t: float, x: Array) -> Array:
+        """Return x with the prescribed motion in its place."""
+        if self.motion is None:
+            return x
+        m = self.mechanism
+        x = x.copy()
+        value, velocity = motion_at(self.motion, t, m.kinematic)
+        x[m.nd : m.nq], x[m.nq + m.nd :] = value, velocity
+        return x
+
+    def input(self, t: float, x: Array, start: float | None = None) -> Array:
+        """Return ``[inputs; rho_a]`` at a time and a state; `start` as in `InputLaw.value`."""
+        u = self.law.value(t, x, self.start if start is None else start)
+        if self.motion is None:
+            return u
+        names = self.mechanism.kinematic
+        acceleration = as_array(
+            self.motion.acceleration(t),
+            f"the acceleration of rho({t:g})",
+            (len(names),),
+            names=names,
+        )
+        return np.concatenate([u, acceleration])
+
+    def input_at(self, t: float, x: Array) -> Array:
+        """Return ``[inputs; rho_a]`` at a time and a state; after the jump where the inputs jump."""
+        return self.input(t, x, t)
+
+    def solve(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return the accelerations (nq,) and the multipliers (nc,) at a state and an input."""
+        m = self.mechanism
+        out = self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.nu], u[m.nu :])
+        return np.concatenate([out.a, u[m.nu :]]), out.lam
+
+    def rate(self, t: float, x: Array) -> Array:
+        """Return dx/dt; not finite where there is none, and then `cause` says why."""
+        m = self.mechanism
+        nothing = np.full(2 * m.nq, np.nan)
+        if not np.all(np.isfinite(x)):
+            # What came before this says more.
+            self.cause = self.cause or "the state is not finite"
+            return nothing
+        x = self.state(t, x)
+        u = self.input(t, x)
+        if not np.all(np.isfinite(u)):
+            names = [*m.inputs, *(f"acceleration of {name}" for name in m.kinematic)]
+            bad = names[int(np.argmax(~np.isfinite(u)))]
+            self.cause = f"the input {bad!r} is not finite"
+            return nothing
+        # The core itself: all is checked, and the checks of a call by hand would take longer than it.
+        out = self.dynamics.core.accelerations(
+            x[None, : m.nq], x[None, m.nq :], u[None, : m.nu], u[None, m.nu :], 1
+        )
+        if out["points"] < 1:
+            self.cause = self._why(t, x, u)
+            return nothing
+        return np.concatenate([x[m.nq :], out["a"][0], u[m.nu :]])
+
+    def _why(self, t: float, x: Array, u: Array) -> str:
+        """Return why there are no accelerations at a state and an input."""
+        m = self.mechanism
+        try:
+            self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.nu], u[m.nu :], t)
+        except LeastActionError as error:
+            return str(error)
+        return "the equations of motion have no solution"
+
+    def jacobian(self, t: float, x: Array) -> Array:
+        """Return the derivative of the rate by x, (nx, nx), exact but for laws that give no derivative."""
+        m = self.mechanism
+        nd, nq = m.nd, m.nq
+        x = self.state(t, x)
+        u = self.input(t, x)
+        q, v = x[:nq], x[nq:]
+        d = self.dynamics.linearize(q, v, u[: m.nu], u[m.nu :])
+        by_x = np.zeros((2 * nq, 2 * nq))
+        by_x[:nq, nq:] = np.eye(nq)
+        by_x[nq : nq + nd, :nq] = d.a_dq
+        by_x[nq : nq + nd, nq:] = d.a_dv
+        slope = self.law.jacobian(t, x)
+        if slope is not None:
+            by_u = np.zeros((2 * nq, m.nu + m.nrho))
+            by_u[nq : nq + nd] = np.hstack([d.a_du, d.a_drho_a])
+            by_u[nq + nd :, m.nu :] = np.eye(m.nrho)
+            by_x += by_u[:, : len(slope)] @ slope
+        if self.motion is not None:
+            prescribed = np.r_[nd:nq, nq + nd : 2 * nq]
+            by_x[:, prescribed] = 0.0
+            by_x[prescribed] = 0.0
+        return by_x
+
+    def hold(self, t: float, x: Array) -> Array:
+        """Return x with the prescribed motion in its place, and on the constraints where they are projected on.
+
+        Raises
+        ------
+        ConstraintLost
+            If the constraints are not reached.
+        """
+        x = self.state(t, x)
+        if self.projection is None:
+            return x
+        if not np.all(np.isfinite(x)):
+            raise ConstraintLost("the state is not finite")
+        m = self.mechanism
+        try:
+            q, v = project(m, x[: m.nq], x[m.nq :], self.projection.tolerance)
+        except np.linalg.LinAlgError as error:
+            raise ConstraintLost(f"the constraints cannot be held: {error}") from None
+        return np.concatenate([q, v])

@@ -1,0 +1,128 @@
+"""The Legendre transform between velocities and momenta, with the velocities of kinematic variables given."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics.arguments import Array, as_array, shape_of
+from leastaction.mechanics.continuous_constraints import ConstraintMetric
+from leastaction.mechanics.mechanism import Mechanism
+
+
+def to_momentum(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+    """Return the momenta ``p = dL/dv`` of the dynamic variables.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : array_like, shape (nq,) or (N, nq)
+        Configurations and velocities, kinematic ones too: ``p = M_dd v_d + M_dk v_rho``.
+
+    Returns
+    -------
+    ndarray, shape (nd,) or (N, nd)
+    """
+    m = mechanism
+    single, (qs, vs) = _rows(m, {"q": (q, m.nq), "v": (v, m.nq)})
+    p = np.array([m.core.gradient(*pair)[1][: m.nd] for pair in zip(qs, vs, strict=True)])
+    return p[0] if single else p.reshape(len(qs), m.nd)
+
+
+def to_velocity(
+    mechanism: Mechanism,
+    q: npt.ArrayLike,
+    p: npt.ArrayLike,
+    v_rho: npt.ArrayLike | None = None,
+    *,
+    keep_constraints: bool = False,
+) -> Array:
+    """Return the velocities that belong to momenta: ``v_d = M_dd^-1 (p - M_dk v_rho)``, then v_rho.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q : array_like, shape (nq,) or (N, nq)
+        Configurations.
+    p : array_like, shape (nd,) or (N, nd)
+        Momenta of the dynamic variables.
+    v_rho : array_like, shape (nrho,) or (N, nrho), optional
+        Velocities of the kinematic variables; zero if not given.
+    keep_constraints : bool, optional
+        Leave out the part that the constraints stop, as they do with a discrete momentum: the nearest velocity
+        with ``Dh v = 0`` in the metric of the mass matrix.
+
+    Returns
+    -------
+    ndarray, shape (nq,) or (N, nq)
+
+    Raises
+    ------
+    ArgumentError
+        For wrong shapes, values that are not finite, or a mass matrix that is singular.
+    """
+    m, nd = mechanism, mechanism.nd
+    if v_rho is None:
+        v_rho = np.zeros((*(shape_of(p) or (0,))[:-1], m.nrho))
+    given = {"q": (q, m.nq), "p": (p, nd), "v_rho": (v_rho, m.nrho)}
+    single, (qs, ps, rhos) = _rows(m, given)
+    v = np.empty((len(qs), m.nq))
+    v[:, nd:] = rhos
+    for row, at, momentum in zip(v, qs, ps, strict=True):
+        mass = m.core.hessian(at, np.zeros(m.nq))[2]
+        v_d = solve_mass(mass[:nd, :nd], momentum - mass[:nd, nd:] @ row[nd:])
+        row[:nd] = v_d
+        if keep_constraints and m.nc:
+            metric = ConstraintMetric(m, at)
+            row[:nd] -= metric.change(metric.jacobian @ row)
+    return v[0] if single else v
+
+
+def legendre_jacobian(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+    """Return the derivative T of ``[q; rho; p; v_rho]`` by ``[q; rho; v; v_rho]``.
+
+    Identity but for the rows of p, which are ``[L_vq, L_vv]``. By it a small deviation of one state is one of the
+    other: ``dx_discrete = T dx_continuous``.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : array_like, shape (nq,) or (N, nq)
+
+    Returns
+    -------
+    ndarray, shape (nx, nx) or (N, nx, nx)
+    """
+    m, nd, nq = mechanism, mechanism.nd, mechanism.nq
+    single, (qs, vs) = _rows(m, {"q": (q, nq), "v": (v, nq)})
+    T = np.tile(np.eye(2 * nq), (len(qs), 1, 1))
+    for block, at, speed in zip(T, qs, vs, strict=True):
+        _, L_vq, L_vv = m.core.hessian(at, speed)
+        block[nq : nq + nd, :nq] = L_vq[:nd]
+        block[nq : nq + nd, nq:] = L_vv[:nd]
+    return T[0] if single else T
+
+
+def _rows(m: Mechanism, given: dict[str, tuple[npt.ArrayLike, int]]) -> tuple[bool, list[Array]]:
+    """Return whether arguments are single ones, and all of them as rows of equal number."""
+    names = {"q": m.variables, "v": m.variables, "p": m.dynamic, "v_rho": m.kinematic}
+    first = next(iter(given.values()))[0]
+    shape = shape_of(first)
+    single = shape is None or len(shape) < 2
+    count = None if single or shape is None else shape[0]
+    wanted = (lambda n: (n,)) if single else (lambda n: (count, n))
+    arrays = [as_array(a, what, wanted(n), names=names[what]) for what, (a, n) in given.items()]
+    return single, [array[None, :] if single else array for array in arrays]
+
+
+def solve_mass(matrix: Array, right: Array) -> Array:
+    """Return the solution of equations with a mass matrix or with T; an `ArgumentError` if there is none."""
+    try:
+        result = np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        raise ArgumentError(
+            "the mass matrix is singular at this configuration, so velocities do not follow from momenta; give "
+            "every dynamic variable a mass to move"
+        ) from None
+    return result

@@ -1,0 +1,267 @@
+"""Inputs and prescribed motions as functions of time and state, for a simulation in continuous time."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics.arguments import Array, as_array, shape_of
+from leastaction.mechanics.signals import check_times
+
+Law = Callable[[float, Array], npt.ArrayLike]
+"""An input as a function of the time (s) and the state ``x = [q; rho; v; v_rho]``."""
+
+ContinuousSignal = npt.ArrayLike | Law | None
+"""A constant, one row an instant, one row an interval, a function of time and state, or nothing."""
+
+_AGREE = (
+    1e-6  # by how much a start may be off a prescribed motion, relative to its size (at least 1)
+)
+
+
+@dataclass(frozen=True)
+class PrescribedMotion:
+    """A twice differentiable motion of the kinematic variables.
+
+    Attributes
+    ----------
+    value, velocity, acceleration : callable
+        Functions of time that return arrays (nrho,): the kinematic variables (m or rad), and their first and
+        second derivatives.
+    """
+
+    value: Callable[[float], npt.ArrayLike]
+    velocity: Callable[[float], npt.ArrayLike]
+    acceleration: Callable[[float], npt.ArrayLike]
+
+    @classmethod
+    def from_spline(cls, spline: Any) -> PrescribedMotion:
+        """Return a motion along a spline of SciPy, or anything else with ``derivative(order)``."""
+        return cls(spline, spline.derivative(1), spline.derivative(2))
+
+    @classmethod
+    def through(cls, t: npt.ArrayLike, rho: npt.ArrayLike, *, degree: int = 5) -> PrescribedMotion:
+        """Return the interpolating spline through rows of kinematic variables.
+
+        Parameters
+        ----------
+        t : array_like, shape (N+1,)
+            Times (s), increasing.
+        rho : array_like, shape (N+1, nrho)
+            Kinematic variables at these times (m or rad).
+        degree : int, optional
+            Degree of the spline, 3 or 5; cubic, and through two or three rows a line or a parabola, where there
+            are too few rows for more.
+        """
+        times = check_times(t)
+        if degree not in (3, 5):
+            raise ArgumentError(f"degree: got {degree!r}, expected 3 or 5")
+        rows = as_array(rho, "rho", (len(times), None))
+        enough = degree == 5 and len(times) > 5
+        from scipy.interpolate import CubicSpline, make_interp_spline  # slow to import
+
+        spline = make_interp_spline(times, rows, k=5) if enough else CubicSpline(times, rows)
+        return cls.from_spline(spline)
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """The law ``u = ubar(t) - K(t) (x - xbar(t))`` with an exact derivative by the state.
+
+    Attributes
+    ----------
+    K : ndarray of shape (n, nx), or callable
+        Gains, or a function of time that returns them.
+    xbar : ndarray of shape (nx,), or callable
+        Reference state ``[q; rho; v; v_rho]``.
+    ubar : ndarray of shape (n,), or callable
+        Reference input.
+    """
+
+    K: Any
+    xbar: Any
+    ubar: Any
+
+    def __call__(self, t: float, x: Array) -> Array:
+        """Return the input (n,) at a time and a state."""
+        ubar, gain, xbar = (_at(part, t) for part in (self.ubar, self.K, self.xbar))
+        value: Array = ubar - gain @ (x - xbar)
+        return value
+
+    def jacobian(self, t: float, x: Array) -> Array:  # noqa: ARG002 - the signature of every law
+        """Return the derivative of the input by the state, (n, nx)."""
+        return -_at(self.K, t)
+
+
+class InputLaw:
+    """One input signal, checked, as a function of time and state.
+
+    Parameters
+    ----------
+    signal : array_like, callable or None
+        A constant (n,); rows (N+1, n), which are joined by straight lines; rows (N, n), each held over an
+        interval; a function ``(t, x)``, which may have a ``jacobian(t, x)`` of shape (n, nx); zero if None.
+    times : ndarray, shape (N+1,)
+        The instants of the rows (s).
+    names : sequence of str
+        Names of the n entries.
+    what : str
+        The name of the argument, for messages.
+    """
+
+    def __init__(
+        self, signal: ContinuousSignal, times: Array, names: Sequence[str], what: str
+    ) -> None:
+        self.times, self.names, self.what = times, tuple(names), what
+        self.n = len(self.names)
+        self.function: Law | None = None
+        self.rows = np.zeros((1, self.n))
+        self.held = False
+        if callable(signal):
+            _check_call(signal, what)
+            self.function = signal
+            return
+        if signal is None:
+            return
+        shape, N = shape_of(signal), len(times) - 1
+        if shape is not None and len(shape) == 2:
+            self.held = shape[0] == N
+            rows = N if self.held else N + 1
+            self.rows = as_array(signal, what, (rows, self.n), names=self.names)
+        else:
+            self.rows = as_array(signal, what, (self.n,), names=self.names)[None, :]
+
+    @property
+    def breaks(self) -> Array:
+        """Times (s) inside at which the signal jumps."""
+        if not self.held or len(self.rows) < 2:
+            return np.zeros(0)
+        jumps = np.any(np.diff(self.rows, axis=0) != 0.0, axis=1)
+        breaks: Array = self.times[1:-1][jumps]
+        return breaks
+
+    def value(self, t: float, x: Array, start: float) -> Array:
+        """Return the input (n,); `start` is where the interval between jumps begins that t belongs to."""
+        if self.function is not None:
+            given = self.function(t, x)
+            array = np.asarray(given)
+            if array.shape == (self.n,) and array.dtype.kind == "f":
+                # What is not finite is for the integrator to say: it knows the state that led to it.
+                return array.astype(np.float64, copy=False)
+            return as_array(given, f"{self.what}({t:g}, x)", (self.n,), names=self.names)
+        if len(self.rows) == 1:
+            return np.asarray(self.rows[0])
+        if self.held:
+            k = int(np.searchsorted(self.times, start, side="right")) - 1
+            return np.asarray(self.rows[min(max(k, 0), len(self.rows) - 1)])
+        k = min(max(int(np.searchsorted(self.times, t, side="right")) - 1, 0), len(self.times) - 2)
+        part = (t - self.times[k]) / (self.times[k + 1] - self.times[k])
+        line: Array = (1.0 - part) * self.rows[k] + part * self.rows[k + 1]
+        return line
+
+    def jacobian(self, t: float, x: Array) -> Array | None:
+        """Return the derivative by the state (n, nx): the law's own, or forward differences; None for zero.
+
+        The differences serve the Newton iterations of an implicit method, and nothing else.
+        """
+        if self.function is None or not self.n:
+            return None
+        derivative = getattr(self.function, "jacobian", None)
+        if callable(derivative):
+            given = derivative(t, x)
+            return as_array(given, f"{self.what}.jacobian({t:g}, x)", (self.n, len(x)))
+        here = self.value(t, x, t)
+        result = np.empty((self.n, len(x)))
+        for i, entry in enumerate(x):
+            step = 1e-7 * max(1.0, abs(float(entry)))
+            beside = x.copy()
+            beside[i] += step
+            result[:, i] = (self.value(t, beside, t) - here) / (beside[i] - entry)
+        return result
+
+
+class WholeInput:
+    """The input ``u = [inputs; rho_a]`` from its two parts, or from one law for both."""
+
+    def __init__(self, parts: Sequence[InputLaw]) -> None:
+        self.parts = tuple(parts)
+
+    @property
+    def breaks(self) -> Array:
+        """Times (s) inside at which one of the parts jumps, increasing."""
+        return np.unique(np.concatenate([part.breaks for part in self.parts]))
+
+    def value(self, t: float, x: Array, start: float) -> Array:
+        """Return u (nu + nrho,)."""
+        if len(self.parts) == 1:
+            return self.parts[0].value(t, x, start)
+        return np.concatenate([part.value(t, x, start) for part in self.parts])
+
+    def jacobian(self, t: float, x: Array) -> Array | None:
+        """Return its derivative by the state (nu + nrho, nx); None for zero."""
+        blocks = [part.jacobian(t, x) for part in self.parts]
+        if all(block is None for block in blocks):
+            return None
+        return np.vstack([
+            np.zeros((part.n, len(x))) if block is None else block
+            for part, block in zip(self.parts, blocks, strict=True)
+        ])  # fmt: skip
+
+
+def as_motion(rho: object, times: Array, names: Sequence[str]) -> PrescribedMotion:
+    """Return a prescribed motion from what a user gives: one, a spline, or rows at the instants."""
+    if isinstance(rho, PrescribedMotion):
+        return rho
+    if callable(rho) and callable(getattr(rho, "derivative", None)):
+        return PrescribedMotion.from_spline(rho)
+    if callable(rho):
+        raise ArgumentError(
+            f"rho: got the function {rho!r}, which says nothing of its derivatives; give a PrescribedMotion "
+            "of value, velocity and acceleration, a spline of SciPy, rows at the instants, or accelerations "
+            "as rho_a="
+        )
+    rows = as_array(rho, "rho", (len(times), len(names)), names=names)
+    return PrescribedMotion.through(times, rows)
+
+
+def motion_at(motion: PrescribedMotion, t: float, names: Sequence[str]) -> tuple[Array, Array]:
+    """Return the value and the velocity (nrho,) of a prescribed motion."""
+    n = len(names)
+    value = as_array(motion.value(t), f"rho({t:g})", (n,), names=names)
+    return value, as_array(motion.velocity(t), f"the velocity of rho({t:g})", (n,), names=names)
+
+
+def check_start(given: Array, wanted: Array, names: Sequence[str], what: str) -> None:
+    """Raise unless a start agrees with a prescribed motion."""
+    off = np.abs(given - wanted) / np.maximum(1.0, np.abs(wanted))
+    if np.any(off > _AGREE):
+        i = int(np.argmax(off))
+        raise ArgumentError(
+            f"{what}: the start has {names[i]!r} at {given[i]:.6g}, but the prescribed motion has it at "
+            f"{wanted[i]:.6g}; they must agree"
+        )
+
+
+def _at(part: Any, t: float) -> Array:
+    return np.asarray(part(t) if callable(part) else part, dtype=np.float64)
+
+
+def _check_call(function: Callable[..., Any], what: str) -> None:
+    """Raise unless a function can be called with a time and a state."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return  # a function of C that does not say how it is called
+    try:
+        signature.bind(0.0, np.zeros(0))
+    except TypeError:
+        raise ArgumentError(
+            f"{what}: it is called as {what}(t, x) with the time and the state [q; rho; v; v_rho], but takes "
+            f"{signature}; give it these two arguments"
+        ) from None

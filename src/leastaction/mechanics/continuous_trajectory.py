@@ -1,0 +1,270 @@
+"""Trajectories of a mechanism in continuous time, with everything in them found by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.arguments import Array, as_array, shape_of
+from leastaction.mechanics.continuous_constraints import Drift
+from leastaction.mechanics.continuous_events import EventRecord
+from leastaction.mechanics.continuous_integration import Effort
+from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.trajectory import read_only
+
+
+class IntegrationStatus(Enum):
+    """How a simulation in continuous time ended; the value says what happened and what to try."""
+
+    COMPLETED = "completed: integrated over all times"
+    EVENT = "an event ended it: the last instant is that of the event"
+    FAILED = (
+        "failed: the trajectory ends at the last accepted step. Try an implicit method, looser tolerances, a "
+        "start away from singular configurations, or inputs and prescribed motion that stay bounded"
+    )
+    INTERRUPTED = "interrupted: the trajectory ends where it was stopped; simulate on from there"
+
+
+@dataclass(frozen=True)
+class ContinuousState:
+    """State of a mechanism in continuous time.
+
+    Attributes
+    ----------
+    t : float
+        Time (s).
+    q, v : ndarray, shape (nq,)
+        Configuration (m or rad) and velocity (m/s or rad/s), dynamic variables first.
+    """
+
+    t: float
+    q: Array
+    v: Array
+
+    def __post_init__(self) -> None:
+        for name in ("q", "v"):
+            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
+
+    @property
+    def x(self) -> Array:
+        """The state vector ``[q; rho; v; v_rho]``, shape (nx,)."""
+        return np.concatenate([self.q, self.v])
+
+
+@dataclass(frozen=True)
+class ContinuousTrajectory:
+    """A motion in continuous time, at ``N + 1`` instants and, by dense output, between them.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    t : ndarray, shape (N+1,)
+        Times (s): those that were asked for, up to the end. Where an event, a failure or Ctrl-C ended the
+        simulation between two of them, that time is the last.
+    q, v, a : ndarray, shape (N+1, nq)
+        Configurations, velocities, accelerations (m or rad, per second, per second squared).
+    inputs : ndarray, shape (N+1, nu)
+        Force inputs; where they jump, those after the jump.
+    lam : ndarray, shape (N+1, nc)
+        Multipliers: the force of the constraints is ``Dh(q)^T lam``.
+    status : IntegrationStatus
+    message : str
+        What happened, in a sentence.
+    drift : mapping of str to Drift
+        How far it was from each constraint.
+    events : mapping of str to EventRecord
+        When each event took place.
+    effort : Effort
+        What it took.
+    """
+
+    mechanism: Mechanism = field(repr=False)
+    t: Array = field(repr=False)
+    q: Array = field(repr=False)
+    v: Array = field(repr=False)
+    a: Array = field(repr=False)
+    inputs: Array = field(repr=False)
+    lam: Array = field(repr=False)
+    status: IntegrationStatus = IntegrationStatus.COMPLETED
+    message: str = "completed"
+    drift: Mapping[str, Drift] = field(default_factory=dict, repr=False)
+    events: Mapping[str, EventRecord] = field(default_factory=dict, repr=False)
+    effort: Effort = field(default=Effort(0, 0, 0), repr=False)
+    dense: Callable[[float], Array] | None = field(default=None, repr=False)
+    law: Callable[[float, Array], Array] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("t", "q", "v", "a", "inputs", "lam"):
+            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
+
+    @property
+    def steps(self) -> int:
+        """Number of intervals N between instants."""
+        return len(self.t) - 1
+
+    @property
+    def rho(self) -> Array:
+        """Kinematic variables, shape (N+1, nrho)."""
+        return self.q[:, self.mechanism.nd :]
+
+    @property
+    def rho_a(self) -> Array:
+        """Accelerations of the kinematic variables, shape (N+1, nrho)."""
+        return self.a[:, self.mechanism.nd :]
+
+    @property
+    def x(self) -> Array:
+        """States ``[q; rho; v; v_rho]``, shape (N+1, nx)."""
+        return np.hstack([self.q, self.v])
+
+    @property
+    def u(self) -> Array:
+        """Inputs of the continuous system ``[inputs; rho_a]``, shape (N+1, nu + nrho)."""
+        return np.hstack([self.inputs, self.rho_a])
+
+    @property
+    def last(self) -> ContinuousState:
+        """The last state, to go on from."""
+        return self.state(self.steps)
+
+    def state(self, k: int) -> ContinuousState:
+        """Return the state at instant k."""
+        return ContinuousState(float(self.t[k]), self.q[k], self.v[k])
+
+    def __call__(self, t: npt.ArrayLike) -> Array:
+        """Return the state at any time between the first and the last instant, by dense output.
+
+        Parameters
+        ----------
+        t : float or array_like, shape (n,)
+            Times (s).
+
+        Returns
+        -------
+        ndarray, shape (nx,) or (n, nx)
+            ``[q; rho; v; v_rho]``; prescribed variables are exact, and constraints that were projected on hold.
+
+        Raises
+        ------
+        ArgumentError
+            For a time outside, or a trajectory without dense output.
+        """
+        if self.dense is None:
+            raise ArgumentError(
+                "the trajectory has no dense output; simulate with dense_output=True"
+            )
+        single, times = self._times(t)
+        rows = np.array([self.dense(float(at)) for at in times]).reshape(
+            len(times), 2 * self.q.shape[1]
+        )
+        return rows[0] if single else rows
+
+    def input(self, t: npt.ArrayLike) -> Array:
+        """Return the input ``[inputs; rho_a]`` at any time: (nu + nrho,), or (n, nu + nrho) for times (n,).
+
+        From the law that was simulated with; on straight lines between the instants where there is none.
+        """
+        single, times = self._times(t)
+        if self.law is not None and self.dense is not None:
+            rows = np.array([self.law(float(at), self.dense(float(at))) for at in times])
+        else:
+            columns = [np.interp(times, self.t, column) for column in self.u.T]
+            rows = np.array(columns).T
+        rows = rows.reshape(len(times), self.u.shape[1])
+        return rows[0] if single else rows
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a variable, an input or a multiplier (N+1,) by name."""
+        m = self.mechanism
+        for names, values in (
+            (m.variables, self.q),
+            (m.inputs, self.inputs),
+            (m.constraints, self.lam),
+        ):
+            if name in names:
+                return values[:, names.index(name)]
+        known = m.variables + m.inputs + m.constraints
+        raise ArgumentError(
+            f"unknown name {name!r}; {closest(name, known, what='variables, inputs and constraints')}"
+        )
+
+    def velocity(self, name: str) -> Array:
+        """Return the velocity (N+1,) of a variable by name (m/s or rad/s)."""
+        return self.v[:, self._variable(name)]
+
+    def acceleration(self, name: str) -> Array:
+        """Return the acceleration (N+1,) of a variable by name (m/s^2 or rad/s^2)."""
+        return self.a[:, self._variable(name)]
+
+    def energy(self) -> Any:
+        """Return the `Energy` at every instant, arrays (N+1,) (J)."""
+        return self.mechanism.energy(self.q, self.v)
+
+    def __str__(self) -> str:
+        """Return what happened in a few lines: times, effort, events, and the drift of the constraints."""
+        e = self.effort
+        lines = [
+            f"t = {self.t[0]:g} to {self.t[-1]:g} s: {self.message}",
+            f"{e.steps} steps, {e.evaluations} evaluations, {e.jacobians} Jacobians",
+        ]
+        lines += [f"event {name!r}: {len(record.t)} times" for name, record in self.events.items()]
+        worst = sorted(self.drift.items(), key=lambda item: -item[1].h)
+        lines += [
+            f"drift of {name!r}: {d.h:.2g}, of its rate {d.rate:.2g}" for name, d in worst[:3]
+        ]
+        return "\n".join(lines)
+
+    def _variable(self, name: str) -> int:
+        m = self.mechanism
+        if name not in m.variables:
+            raise ArgumentError(
+                f"unknown variable {name!r}; {closest(name, m.variables, what='variables')}"
+            )
+        return m.variables.index(name)
+
+    def _times(self, t: npt.ArrayLike) -> tuple[bool, Array]:
+        single = not shape_of(t)
+        times = as_array([t] if single else t, "t", (None,))
+        outside = (times < self.t[0]) | (times > self.t[-1])
+        if np.any(outside):
+            raise ArgumentError(
+                f"t: got {times[outside][0]:g} s, expected times from {self.t[0]:g} to {self.t[-1]:g} s, which the "
+                "trajectory covers"
+            )
+        return single, times
+
+
+class DenseOutput:
+    """States between the instants, from the interpolants of the steps.
+
+    Parameters
+    ----------
+    pieces : sequence of callable
+        Interpolants of the steps, with ``start`` and ``end``, in the order of time.
+    hold : callable
+        What brings an interpolated state onto prescribed motions and constraints: ``(t, x) -> x``.
+    start : ndarray, shape (nx,)
+        The state before the first step.
+    """
+
+    def __init__(
+        self, pieces: Sequence[Any], hold: Callable[[float, Array], Array], start: Array
+    ) -> None:
+        self._pieces = tuple(pieces)
+        self._starts = np.array([piece.start for piece in pieces])
+        self._hold = hold
+        self._start = start
+
+    def __call__(self, t: float) -> Array:
+        """Return the state (nx,) at a time."""
+        if not self._pieces or t <= self._starts[0]:
+            return self._start.copy()
+        # At the end of a step that step's own interpolant holds: it ends in the step's state.
+        k = max(int(np.searchsorted(self._starts, t, side="left")) - 1, 0)
+        return self._hold(t, self._pieces[k](t))

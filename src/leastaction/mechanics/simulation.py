@@ -1,0 +1,310 @@
+"""Simulation in continuous time with SciPy's solvers."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError, LeastActionError, closest
+from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
+from leastaction.mechanics.continuous import ContinuousDynamics
+from leastaction.mechanics.continuous_constraints import (
+    Baumgarte,
+    Projection,
+    as_handling,
+    check_start_consistent,
+)
+from leastaction.mechanics.continuous_equations import Equations
+from leastaction.mechanics.continuous_events import Event, EventRecord, watch
+from leastaction.mechanics.continuous_integration import METHODS, Integration, Progress
+from leastaction.mechanics.continuous_signals import (
+    ContinuousSignal,
+    InputLaw,
+    Law,
+    PrescribedMotion,
+    WholeInput,
+    as_motion,
+    check_start,
+    motion_at,
+)
+from leastaction.mechanics.continuous_trajectory import (
+    ContinuousTrajectory,
+    DenseOutput,
+    IntegrationStatus,
+)
+from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.signals import as_count, check_times
+from leastaction.mechanics.singularity import SingularityWatch
+
+_SHOWN = 8  # variables of a state that a message lists
+
+
+def simulate(
+    dynamics: ContinuousDynamics | Mechanism,
+    q0: npt.ArrayLike,
+    v0: npt.ArrayLike | None,
+    t: npt.ArrayLike,
+    *,
+    inputs: ContinuousSignal = None,
+    rho: PrescribedMotion | npt.ArrayLike | None = None,
+    rho_a: ContinuousSignal = None,
+    u: Law | None = None,
+    method: str = "DOP853",
+    rtol: float = 1e-8,
+    atol: float | npt.ArrayLike = 1e-10,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    events: Mapping[str, Event | Callable[[float, Array], float] | str] | None = None,
+    constraints: str | Projection | Baumgarte = "project",
+    dense_output: bool = True,
+    progress: Callable[[float, float], None] | None = None,
+) -> ContinuousTrajectory:
+    """Simulate a mechanism in continuous time.
+
+    The state is ``x = [q; rho; v; v_rho]``: configuration and velocity of the dynamic variables q and of the
+    kinematic ones rho, whose accelerations rho_a are inputs.
+
+    Parameters
+    ----------
+    dynamics : ContinuousDynamics or Mechanism
+    q0 : array_like, shape (nq,)
+        Configuration at the start, dynamic variables first (m or rad).
+    v0 : array_like, shape (nq,), optional
+        Velocity at the start (m/s or rad/s). None: at rest, but for a prescribed motion, whose velocity is
+        taken.
+    t : array_like, shape (N+1,)
+        Times of the result (s), increasing; the first is that of the start. The solver chooses its own steps.
+    inputs : array_like or callable, optional
+        Force inputs: a constant (nu,); rows (N+1, nu) at the instants, joined by straight lines; rows (N, nu), each
+        held from one instant to the next, at whose jumps the solver stops; or a function ``(t, x) -> (nu,)``, which
+        may have a ``jacobian(t, x) -> (nu, nx)`` for implicit methods, such as `Feedback`. Zero if not given.
+    rho : PrescribedMotion, spline of SciPy, or array_like of shape (N+1, nrho), optional
+        Motion of the kinematic variables, twice differentiable; through rows a quintic spline is laid. It is kept
+        exactly.
+    rho_a : array_like or callable, optional
+        Accelerations of the kinematic variables instead, in the forms of `inputs`; rho and v_rho are integrated.
+        Zero if neither is given: they go on at the velocity of the start.
+    u : callable, optional
+        All inputs by one function ``(t, x) -> [inputs; rho_a]``, instead of `inputs`, `rho` and `rho_a`.
+    method : {"RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"}, optional
+        SciPy's solver. The last three are for stiff equations and get the exact Jacobian.
+    rtol, atol : float, optional
+        Error allowed for each step, relative and absolute (array_like of shape (nx,) for the latter too).
+    max_step, first_step : float, optional
+        Largest and first step (s).
+    max_steps : int, optional
+        Steps of the solver after which a simulation counts as failed; no limit if not given.
+    events : mapping of str to Event, callable or str, optional
+        Functions of time and state whose zeros are looked for, by name; see `Event`.
+    constraints : {"project", "baumgarte", "none"}, Projection or Baumgarte, optional
+        How constraints are kept: every step is brought back onto them, in the metric of the mass matrix;
+        deviations die out by Baumgarte's stabilisation; or not at all. `Baumgarte` takes starts off the
+        constraints too.
+    dense_output : bool, optional
+        Keep what is needed for states between the instants.
+    progress : callable, optional
+        Called after each step with the time that it came to and the last time.
+
+    Returns
+    -------
+    ContinuousTrajectory
+        Up to the last time, the event that ended it, the last step before a failure, or where Ctrl-C stopped it; its
+        status says which.
+
+    Raises
+    ------
+    ArgumentError
+        For wrong shapes, values that are not finite, unknown names, times that do not increase, or a start that
+        does not agree with the prescribed motion.
+    InconsistentStartError
+        If q0 or v0 violates the constraints; residuals by constraint name.
+
+    Warns
+    -----
+    SingularityWarning
+        If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
+    """
+    if isinstance(dynamics, Mechanism):
+        dynamics = ContinuousDynamics(dynamics)
+    elif not isinstance(dynamics, ContinuousDynamics):
+        raise ArgumentError(
+            f"dynamics: got {type(dynamics).__name__}, expected a Mechanism or its ContinuousDynamics"
+        )
+    m = dynamics.mechanism
+    times = check_times(t)
+    handling = as_handling(constraints)
+    motion = _motion(m, rho, rho_a, u, inputs, times)
+    x0 = _start(m, q0, v0, motion, float(times[0]))
+    if not isinstance(handling, Baumgarte):
+        check_start_consistent(m, x0[: m.nq], x0[m.nq :])
+    watched = watch(events or {}, m)
+    options = _options(m, method, rtol, atol, max_step, first_step, float(times[-1] - times[0]))
+    limit = None if max_steps is None else as_count(max_steps, "max_steps", 1)
+    if isinstance(handling, Baumgarte):
+        dynamics = ContinuousDynamics(
+            m, constraint_damping=handling.damping, constraint_stiffness=handling.stiffness
+        )
+    law = _law(m, inputs, rho_a, u, motion, times)
+    projection = handling if isinstance(handling, Projection) else None
+    equations = Equations(dynamics, law, motion, projection)
+    done = Progress([float(times[0])], [x0])
+    status, message = IntegrationStatus.COMPLETED, f"completed, to t = {times[-1]:g} s"
+    try:
+        Integration(equations, method, options, watched, dense_output, limit).run(
+            times, x0, done, progress
+        )
+    except KeyboardInterrupt:
+        status = IntegrationStatus.INTERRUPTED
+        message = f"interrupted at t = {done.reached:.6g} s of {times[-1]:g} s"
+    if done.event is not None:
+        status = IntegrationStatus.EVENT
+        message = f"the event {done.event!r} took place at t = {done.reached:.6g} s"
+    elif done.failure is not None:
+        status = IntegrationStatus.FAILED
+        message = (
+            f"{method} failed after t = {done.reached:.6g} s: {done.failure}. The state there: "
+            f"{_named(m, done.state)}"
+        )
+    records = {event.name: event.record(m.nx) for event in watched}
+    result = _result(equations, done, status, message, records, dense_output)
+    SingularityWatch(m.balls, m.variables).look(result.t, result.q)
+    return result
+
+
+def _motion(
+    m: Mechanism, rho: object, rho_a: object, u: object, inputs: object, times: Array
+) -> PrescribedMotion | None:
+    given = {"rho": rho, "rho_a": rho_a, "u": u, "inputs": inputs}
+    named = [name for name, value in given.items() if value is not None]
+    if u is not None and len(named) > 1:
+        raise ArgumentError(
+            f"u: it gives all inputs, but {' and '.join(n for n in named if n != 'u')} came too; give one or "
+            "the other"
+        )
+    if rho is not None and rho_a is not None:
+        raise ArgumentError(
+            "rho: got both rho and rho_a; give the prescribed motion or its accelerations"
+        )
+    if u is not None and not callable(u):
+        raise ArgumentError(
+            f"u: got {type(u).__name__}, expected a function (t, x) -> [inputs; rho_a]; give arrays as inputs= and "
+            "rho_a="
+        )
+    return None if rho is None else as_motion(rho, times, m.kinematic)
+
+
+def _start(
+    m: Mechanism, q0: object, v0: object, motion: PrescribedMotion | None, t0: float
+) -> Array:
+    """Return the state at the start, on the prescribed motion."""
+    q = as_array(q0, "q0", (m.nq,), names=m.variables).copy()
+    v = np.zeros(m.nq) if v0 is None else as_array(v0, "v0", (m.nq,), names=m.variables).copy()
+    if motion is not None:
+        value, velocity = motion_at(motion, t0, m.kinematic)
+        check_start(q[m.nd :], value, m.kinematic, "q0")
+        if v0 is not None:
+            check_start(v[m.nd :], velocity, m.kinematic, "v0")
+        q[m.nd :], v[m.nd :] = value, velocity
+    return np.concatenate([q, v])
+
+
+def _law(
+    m: Mechanism,
+    inputs: ContinuousSignal,
+    rho_a: ContinuousSignal,
+    u: Law | None,
+    motion: PrescribedMotion | None,
+    times: Array,
+) -> WholeInput:
+    accelerations = [f"acceleration of {name}" for name in m.kinematic]
+    if u is not None:
+        return WholeInput([InputLaw(u, times, [*m.inputs, *accelerations], "u")])
+    forces = InputLaw(inputs, times, m.inputs, "inputs")
+    if motion is not None:
+        return WholeInput([forces])
+    return WholeInput([forces, InputLaw(rho_a, times, m.kinematic, "rho_a")])
+
+
+def _options(
+    m: Mechanism,
+    method: str,
+    rtol: float,
+    atol: float | npt.ArrayLike,
+    max_step: float | None,
+    first_step: float | None,
+    span: float,
+) -> dict[str, object]:
+    """Return the options of the solver, checked."""
+    if method not in METHODS:
+        raise ArgumentError(
+            f"method: unknown {method!r}; {closest(method, METHODS, what='methods')}"
+        )
+    # Below 100 eps SciPy would raise it with a warning.
+    least = 100.0 * float(np.finfo(float).eps)
+    if not least <= as_number(rtol, "rtol") < 1.0:
+        raise ArgumentError(f"rtol: got {rtol}, expected a number from {least:.2g} to 1")
+    absolute = as_array(atol, "atol", (m.nx,) if shape_of(atol) else ())
+    if np.any(absolute <= 0.0):
+        raise ArgumentError(f"atol: got {atol!r}, expected positive numbers")
+    options: dict[str, object] = {"rtol": float(rtol), "atol": absolute[()]}
+    for name, value in (("max_step", max_step), ("first_step", first_step)):
+        if value is None:
+            continue
+        if as_number(value, name) <= 0.0:
+            raise ArgumentError(f"{name}: got {value} s, expected a positive time")
+        if name == "first_step" and value > span:
+            raise ArgumentError(f"first_step: got {value} s, expected at most the {span:g} s of t")
+        options[name] = float(value)
+    return options
+
+
+def _result(
+    equations: Equations,
+    done: Progress,
+    status: IntegrationStatus,
+    message: str,
+    records: dict[str, EventRecord],
+    dense_output: bool,
+) -> ContinuousTrajectory:
+    m = equations.mechanism
+    # Ctrl-C may have come between a time and its state.
+    count = min(len(done.t), len(done.x))
+    t, x = done.t[:count], done.x[:count]
+    if t[-1] < done.reached:
+        t, x = [*t, done.reached], [*x, done.state]
+    at, states = np.array(t), np.array(x)
+    u = np.array([equations.input_at(*pair) for pair in zip(t, x, strict=True)])
+    a = np.full((len(t), m.nq), np.nan)
+    lam = np.full((len(t), m.nc), np.nan)
+    for k, state in enumerate(x):
+        # Where the simulation failed there may be none.
+        with contextlib.suppress(LeastActionError):
+            a[k], lam[k] = equations.solve(state, u[k])
+    return ContinuousTrajectory(
+        m,
+        at,
+        states[:, : m.nq],
+        states[:, m.nq :],
+        a,
+        u[:, : m.nu],
+        lam,
+        status,
+        message,
+        done.drift(m.constraints),
+        records,
+        done.effort,
+        DenseOutput(done.pieces, equations.hold, done.x[0]) if dense_output else None,
+        equations.input_at,
+    )
+
+
+def _named(m: Mechanism, x: Array) -> str:
+    """Return the largest part of a state by name."""
+    pairs = list(zip(m.variables, x[: m.nq], x[m.nq :], strict=True))
+    pairs.sort(key=lambda entry: -max(abs(entry[1]), abs(entry[2])))
+    shown = ", ".join(f"{name} = {q:.4g} (rate {v:.4g})" for name, q, v in pairs[:_SHOWN])
+    return shown + (f", and {len(pairs) - _SHOWN} more" if len(pairs) > _SHOWN else "")
