@@ -1,6 +1,7 @@
 """Mechanisms, variational integrators with exact derivatives, and trajectory optimisation.
 
-Describe a mechanism (`Mechanism`), simulate it (`MidpointVI`), steer it (`MidpointSystem`, `optimize`).
+Describe a mechanism (`Mechanism`), simulate it (`MidpointVI`), steer it (`MidpointSystem`, `optimize`). The same in
+continuous time: `simulate`, `MechanismSystem`, `optimize_continuous`.
 Ready mechanisms are in `leastaction.models`, files in `leastaction.io`, pictures in `leastaction.viz`.
 """
 
@@ -106,13 +107,20 @@ from leastaction.optimal import (
     optimize,
     regulate,
 )
-from leastaction.systems import MidpointSystem
+from leastaction.optimal.continuous import (
+    ContinuousQuadraticCost,
+    optimize_continuous,
+    regulate_continuous,
+    steady_state_regulator,
+)
+from leastaction.systems import MechanismSystem, MidpointSystem
 
 __all__ = [
     "Baumgarte",
     "Body",
     "BodyWrench",
     "ContinuousDynamics",
+    "ContinuousQuadraticCost",
     "ContinuousTrajectory",
     "CoulombFriction",
     "Coupling",
@@ -139,6 +147,7 @@ __all__ = [
     "LinearDamper",
     "LinearSpring",
     "Mechanism",
+    "MechanismSystem",
     "MidpointSystem",
     "MidpointVI",
     "NonlinearDamping",
@@ -176,6 +185,7 @@ __all__ = [
     "gain_to_discrete",
     "input_",
     "optimize",
+    "optimize_continuous",
     "parameter",
     "point",
     "pose",
@@ -184,6 +194,7 @@ __all__ = [
     "project_velocity",
     "rate",
     "regulate",
+    "regulate_continuous",
     "revolute",
     "rx",
     "ry",
@@ -191,6 +202,7 @@ __all__ = [
     "screw",
     "simulate",
     "speed",
+    "steady_state_regulator",
     "to_continuous",
     "to_discrete",
     "to_momentum",

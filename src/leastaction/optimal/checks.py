@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.optimal._arrays import Floats, as_floats
 from leastaction.optimal.costs import Cost
+from leastaction.optimal.differences import central_differences, relative_error
 from leastaction.optimal.protocol import DiscreteSystem
 
 __all__ = ["DerivativeReport", "check_derivatives"]
@@ -87,10 +88,10 @@ def check_derivatives(
     errors = dict.fromkeys(("A", "B"), 0.0)
     for k in sorted({0, N // 3, N - 1}):
         A, B = system.derivatives(x[k], u[k], k)
-        A_differences = _differences(lambda y, k=k: system.f(y, u[k], k), x[k])
-        B_differences = _differences(lambda y, k=k: system.f(x[k], y, k), u[k])
-        errors["A"] = max(errors["A"], _error(A, A_differences))
-        errors["B"] = max(errors["B"], _error(B, B_differences))
+        A_differences = central_differences(lambda y, k=k: system.f(y, u[k], k), x[k])
+        B_differences = central_differences(lambda y, k=k: system.f(x[k], y, k), u[k])
+        errors["A"] = max(errors["A"], relative_error(A, A_differences))
+        errors["B"] = max(errors["B"], relative_error(B, B_differences))
         if system.has_curvature:
             _check_curvature(system, x[k], u[k], k, rng.standard_normal(nx), errors)
     _check_whole(system, x, u, rng, errors)
@@ -107,10 +108,10 @@ def _check_curvature(
     def gradient(y: Floats) -> Floats:
         return z @ np.hstack(system.derivatives(y[: x.size], y[x.size :], k))
 
-    differences = _differences(gradient, np.concatenate([x, u]))
+    differences = central_differences(gradient, np.concatenate([x, u]))
     for name, error in (
-        ("curvature", _error(H, differences)),
-        ("curvature symmetry", _error(H, H.T)),
+        ("curvature", relative_error(H, differences)),
+        ("curvature symmetry", relative_error(H, H.T)),
     ):
         errors[name] = max(errors.get(name, 0.0), error)
 
@@ -132,19 +133,19 @@ def _check_whole(
         raise ArgumentError(
             f"system.rollout: made {theirs.steps_done} steps where f makes {ours.steps_done}."
         )
-    errors["rollout"] = _error(theirs.x, ours.x)
+    errors["rollout"] = relative_error(theirs.x, ours.x)
     A, B = system.linearize(x, u)
     steps = sorted({0, N // 2, N - 1})
     singles = [system.derivatives(x[k], u[k], k) for k in steps]
     errors["linearize"] = max(
-        _error(A[steps], np.stack([A_k for A_k, _ in singles])),
-        _error(B[steps], np.stack([B_k for _, B_k in singles])),
+        relative_error(A[steps], np.stack([A_k for A_k, _ in singles])),
+        relative_error(B[steps], np.stack([B_k for _, B_k in singles])),
     )
     if system.has_curvature:
         z = rng.standard_normal((N + 1, nx))
         H = system.curvatures(x, u, z)
         single = np.stack([system.curvature(x[k], u[k], k, z[k + 1]) for k in steps])
-        errors["curvatures"] = _error(H[steps], single)
+        errors["curvatures"] = relative_error(H[steps], single)
 
 
 def _check_cost(
@@ -170,27 +171,7 @@ def _check_cost(
     if S is not None:
         curvature += 2.0 * form(S, dx[:-1], du)
     zero = np.zeros(1)
-    errors["cost gradient"] = _error(slope(zero), _differences(value, zero)[:, 0])
-    errors["cost hessian"] = _error(np.array([curvature]), _differences(slope, zero)[:, 0])
-
-
-def _differences(f: object, y: Floats) -> Floats:
-    """Return the central differences df_i/dy_j of a function of one vector."""
-    assert callable(f)
-    columns = []
-    for j in range(y.size):
-        h = 6e-6 * max(1.0, abs(float(y[j])))
-        up, down = y.copy(), y.copy()
-        up[j] += h
-        down[j] -= h
-        columns.append((f(up) - f(down)) / (up[j] - down[j]))
-    return np.stack(columns, axis=1)
-
-
-def _error(got: Floats, expected: Floats) -> float:
-    if got.shape != expected.shape:
-        raise ArgumentError(f"a derivative has shape {got.shape}, expected {expected.shape}.")
-    error = float(np.abs(got - expected).max(initial=0.0)) / (
-        1.0 + float(np.abs(expected).max(initial=0.0))
+    errors["cost gradient"] = relative_error(slope(zero), central_differences(value, zero)[:, 0])
+    errors["cost hessian"] = relative_error(
+        np.array([curvature]), central_differences(slope, zero)[:, 0]
     )
-    return error if np.isfinite(error) else np.inf

@@ -22,8 +22,6 @@ iterations and three times the roll-outs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from leastaction.optimal._arrays import Floats
@@ -35,47 +33,7 @@ from leastaction.optimal.linear_quadratic import (
 )
 from leastaction.optimal.protocol import Linearization
 
-__all__ = ["Direction", "minimise_model"]
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A descent direction, and the projection along which it is followed.
-
-    With the gains of the direction's own linear-quadratic problem as the projection's gains,
-    ``ubar - K (x - xbar)`` of ``(xbar, ubar) = xi + s dxi`` is ``u - s C - K (x - x_now)``: the
-    direction dxi itself is never needed, only its feedforward C. With other gains it is, and `dx`,
-    `du` are given.
-
-    Attributes
-    ----------
-    method : str
-        Which model.
-    gain : ndarray (N, nu, nx)
-        Gains of the projection.
-    slope : float
-        ``Dg . dxi``, negative.
-    curvature_scale : float
-        The factor s above; 0 for the methods without curvature.
-    C : ndarray (N, nu)
-        Feedforward of the model's solution.
-    dx, du : ndarray or None
-        The direction, if the projection has gains of its own.
-    """
-
-    method: str
-    gain: Floats
-    slope: float
-    curvature_scale: float
-    C: Floats
-    dx: Floats | None = None
-    du: Floats | None = None
-
-    def curve(self, x: Floats, u: Floats, length: float) -> tuple[Floats, Floats]:
-        """Return the curve whose projection is the iterate at this step length."""
-        if self.dx is None or self.du is None:
-            return x, u - length * self.C
-        return x + length * self.dx, u + length * self.du
+__all__ = ["minimise_model"]
 
 
 def minimise_model(

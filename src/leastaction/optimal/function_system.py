@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.optimal._arrays import Floats, as_count, as_floats
+from leastaction.optimal.functions import Curvature, Derivatives, Functions
 from leastaction.optimal.protocol import DiscreteSystem, Linearization
 
 __all__ = ["FunctionSystem", "LinearSystem"]
 
 StepFunction = Callable[[Any, Any, int], Any]
-DerivativeFunction = Callable[[Floats, Floats, int], tuple[Any, Any]]
-CurvatureFunction = Callable[[Floats, Floats, int, Floats], Any]
 
 
 class LinearSystem(DiscreteSystem):
@@ -116,97 +115,25 @@ class FunctionSystem(DiscreteSystem):
         nx: int,
         nu: int,
         N: int,
-        derivatives: DerivativeFunction | Literal["complex-step", "finite-differences"],
-        curvature: CurvatureFunction | Literal["differences"] | None = None,
+        derivatives: Derivatives,
+        curvature: Curvature | None = None,
     ) -> None:
         self.nx = as_count("nx", nx, minimum=1)
         self.nu = as_count("nu", nu, minimum=1)
         self.N = as_count("N", N, minimum=1)
-        self._f = f
         self.has_curvature = curvature is not None
-        if isinstance(derivatives, str) and derivatives not in (
-            "complex-step",
-            "finite-differences",
-        ):
-            raise ArgumentError(
-                f"derivatives: got {derivatives!r}, expected a function, 'complex-step' or "
-                "'finite-differences'."
-            )
-        if isinstance(curvature, str) and curvature != "differences":
-            raise ArgumentError(
-                f"curvature: got {curvature!r}, expected a function or 'differences'."
-            )
-        self._derivatives = derivatives
-        self._curvature = curvature
+        self._functions = Functions(f, self.nx, self.nu, derivatives, curvature)
 
     def f(self, x: Floats, u: Floats, k: int) -> Floats:
         """Return the next state."""
-        return self._sized("f", self._f(x, u, k), (self.nx,))
+        return self._functions.f(x, u, k)
 
     def derivatives(self, x: Floats, u: Floats, k: int) -> tuple[Floats, Floats]:
         """Return A and B of step k."""
-        if callable(self._derivatives):
-            A, B = self._derivatives(x, u, k)
-            nx, nu = self.nx, self.nu
-            return self._sized("A", A, (nx, nx)), self._sized("B", B, (nx, nu))
-        y = np.concatenate([x, u])
-        columns = [
-            self._complex_step(y, k, i)
-            if self._derivatives == "complex-step"
-            else self._central_difference(y, k, i)
-            for i in range(y.size)
-        ]
-        G = np.stack(columns, axis=1)
-        return G[:, : self.nx], G[:, self.nx :]
+        return self._functions.derivatives(x, u, k)
 
     def curvature(self, x: Floats, u: Floats, k: int, z: Floats) -> Floats:
         """Return ``z . D2f`` of step k."""
-        n = self.nx + self.nu
-        if callable(self._curvature):
-            return self._sized("curvature", self._curvature(x, u, k, z), (n, n))
-        if self._curvature is None:
+        if not self.has_curvature:
             return super().curvature(x, u, k, z)
-        y = np.concatenate([x, u])
-        H = np.empty((n, n))
-        for i in range(n):
-            h = 1e-5 * max(1.0, abs(y[i]))
-            ends = []
-            for step in (h, -h):
-                moved = y.copy()
-                moved[i] += step
-                ends.append(z @ np.hstack(self.derivatives(moved[: self.nx], moved[self.nx :], k)))
-            H[i] = (ends[0] - ends[1]) / (2 * h)
-        result: Floats = 0.5 * (H + H.T)
-        return result
-
-    def _complex_step(self, y: Floats, k: int, i: int) -> Floats:
-        h = 1e-30
-        moved = y.astype(complex)
-        moved[i] += 1j * h
-        value = np.asarray(self._f(moved[: self.nx], moved[self.nx :], k))
-        if not np.iscomplexobj(value):
-            raise ArgumentError(
-                "f: got a real result for complex arguments, so the complex step sees no derivative. "
-                "Build the result from the arguments (np.array([...]), np.stack), without float(), "
-                "or give `derivatives`."
-            )
-        return self._sized("f", value.imag / h, (self.nx,))
-
-    def _central_difference(self, y: Floats, k: int, i: int) -> Floats:
-        h = 6e-6 * max(1.0, abs(y[i]))  # cube root of the rounding unit
-        ends = []
-        for step in (h, -h):
-            moved = y.copy()
-            moved[i] += step
-            ends.append(self.f(moved[: self.nx], moved[self.nx :], k))
-        result: Floats = (ends[0] - ends[1]) / (2 * h)
-        return result
-
-    @staticmethod
-    def _sized(name: str, value: Any, shape: tuple[int, ...]) -> Floats:
-        array = np.asarray(value, dtype=np.float64)
-        if array.shape != shape:
-            raise ArgumentError(
-                f"{name}: the function returned shape {array.shape}, expected {shape}."
-            )
-        return array
+        return self._functions.curvature(x, u, k, z)

@@ -1,0 +1,121 @@
+"""Holds continuous systems and costs to their derivatives, before you optimise with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats
+from leastaction.optimal.checks import DerivativeReport
+from leastaction.optimal.continuous.costs import ContinuousCost
+from leastaction.optimal.continuous.protocol import ContinuousSystem
+from leastaction.optimal.continuous.trajectory import DenseTrajectory
+from leastaction.optimal.differences import central_differences, relative_error
+
+_Note = Callable[[str, Floats, Floats], None]
+
+__all__ = ["check_continuous_derivatives"]
+
+
+def check_continuous_derivatives(
+    system: ContinuousSystem,
+    curve: DenseTrajectory,
+    *,
+    cost: ContinuousCost | None = None,
+    tolerance: float = 1e-6,
+    seed: int = 0,
+) -> DerivativeReport:
+    """Compare the derivatives of a system, and of a cost, with central differences.
+
+    Parameters
+    ----------
+    system : ContinuousSystem
+    curve : DenseTrajectory
+        Where to check: at a few of its times. It need not be a trajectory of the system.
+    cost : ContinuousCost, optional
+        Cost to check along the same curve.
+    tolerance : float
+        Relative error that is allowed; central differences are good to about 1e-8.
+    seed : int
+        Of the random weights.
+
+    Returns
+    -------
+    DerivativeReport
+        `ok`, and by name the errors; print it.
+
+    Raises
+    ------
+    ArgumentError
+        A curve that does not fit the system, or derivatives of wrong shapes.
+    """
+    nx, nu = system.nx, system.nu
+    if (curve.nx, curve.nu) != (nx, nu):
+        raise ArgumentError(
+            f"curve: got {curve.nx} states and {curve.nu} inputs, expected {nx} and {nu}."
+        )
+    if cost is not None:
+        cost.check(curve.t0, curve.tf, nx, nu)
+    rng = np.random.default_rng(seed)
+    times = curve.t0 + (curve.tf - curve.t0) * np.array([0.013, 0.321, 0.777])
+    x, u = curve.sample(times)
+    z = rng.standard_normal((len(times), nx))
+    errors: dict[str, float] = {}
+
+    def note(name: str, got: Floats, expected: Floats) -> None:
+        errors[name] = max(errors.get(name, 0.0), relative_error(got, expected))
+
+    for i, t in enumerate(times.tolist()):
+        at = np.concatenate([x[i], u[i]])
+        A, B = system.derivatives(x[i], u[i], t)
+        J = central_differences(lambda y, t=t: system.f(y[:nx], y[nx:], t), at)
+        note("A", A, J[:, :nx])
+        note("B", B, J[:, nx:])
+        if system.has_curvature:
+            H = system.curvature(x[i], u[i], t, z[i])
+            differences = central_differences(
+                lambda y, i=i, t=t: z[i] @ np.hstack(system.derivatives(y[:nx], y[nx:], t)), at
+            )
+            note("curvature", H, differences)
+            note("curvature symmetry", H, H.T)
+        if cost is not None:
+            _check_rate(cost, at, nx, t, note)
+    A_all, B_all = system.linearize(x, u, times)
+    singles = [system.derivatives(*at) for at in zip(x, u, times.tolist(), strict=True)]
+    note("linearize", A_all, np.stack([A for A, _ in singles]))
+    note("linearize", B_all, np.stack([B for _, B in singles]))
+    if system.has_curvature:
+        H_all = system.curvatures(x, u, times, z)
+        at_once = zip(x, u, times.tolist(), z, strict=True)
+        note("curvatures", H_all, np.stack([system.curvature(*one) for one in at_once]))
+    if cost is not None:
+        _check_final(cost, x[-1], curve.tf, note)
+    return DerivativeReport(errors, tolerance)
+
+
+def _check_rate(cost: ContinuousCost, at: Floats, nx: int, t: float, note: _Note) -> None:
+    time = np.array([t])
+
+    def gradient(y: Floats) -> Floats:
+        q, r = cost.gradient(y[None, :nx], y[None, nx:], time)
+        return np.concatenate([q[0], r[0]])
+
+    value = central_differences(lambda y: np.array([cost.rate(y[:nx], y[nx:], t)]), at)
+    note("cost gradient", gradient(at), value[0])
+    Q, R, S = cost.hessian(at[None, :nx], at[None, nx:], time)
+    cross = np.zeros((nx, at.size - nx)) if S is None else S[0]
+    note(
+        "cost hessian",
+        np.block([[Q[0], cross], [cross.T, R[0]]]),
+        central_differences(gradient, at),
+    )
+
+
+def _check_final(cost: ContinuousCost, x: Floats, t: float, note: _Note) -> None:
+    gradient = cost.final_gradient(x, t)
+    value = central_differences(lambda y: np.array([cost.final_value(y, t)]), x)
+    note("final gradient", gradient, value[0])
+    hessian = central_differences(lambda y: cost.final_gradient(y, t), x)
+    note("final hessian", cost.final_hessian(x, t), hessian)

@@ -1,0 +1,236 @@
+"""Costs in continuous time: ``h(x, u) = int l(x, u, t) dt + m(x(tf), tf)``."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.optimal.continuous.signals import Signal, SignalLike
+
+__all__ = ["ContinuousCost", "ContinuousQuadraticCost", "RateGradient", "RateHessian"]
+
+
+class RateGradient(NamedTuple):
+    """First derivatives of a cost's rate at n samples.
+
+    Attributes
+    ----------
+    q, r : ndarray (n, nx), (n, nu)
+        ``dl/dx`` and ``dl/du``.
+    """
+
+    q: Floats
+    r: Floats
+
+
+class RateHessian(NamedTuple):
+    """Second derivatives of a cost's rate at n samples.
+
+    Attributes
+    ----------
+    Q, R : ndarray (n, nx, nx), (n, nu, nu)
+        ``d2l/dx2`` and ``d2l/du2``.
+    S : ndarray (n, nx, nu) or None
+        ``d2l/dxdu``; None is zero.
+    """
+
+    Q: Floats
+    R: Floats
+    S: Floats | None
+
+
+class ContinuousCost(ABC):
+    """A cost that is an integral over time and a final term."""
+
+    nonnegative: bool = False
+    """Whether the rate is never below zero: a trial can then be given up as soon as its cost so far is
+    past what it may cost in all."""
+
+    jumps: Sequence[float] = ()
+    """Times (s) where the rate or its slope jumps with time, if it does."""
+
+    @abstractmethod
+    def rate(self, x: Floats, u: Floats, t: float) -> float:
+        """Return ``l(x, u, t)``."""
+
+    @abstractmethod
+    def gradient(self, x: Floats, u: Floats, t: Floats) -> RateGradient:
+        """Return the first derivatives of the rate at ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
+
+    @abstractmethod
+    def hessian(self, x: Floats, u: Floats, t: Floats) -> RateHessian:
+        """Return the second derivatives of the rate at ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
+
+    def final_value(self, x: Floats, t: float) -> float:  # noqa: ARG002
+        """Return ``m(x, tf)`` for the last state (nx,); zero unless overridden."""
+        return 0.0
+
+    def final_gradient(self, x: Floats, t: float) -> Floats:  # noqa: ARG002
+        """Return ``dm/dx`` (nx,)."""
+        return np.zeros_like(x)
+
+    def final_hessian(self, x: Floats, t: float) -> Floats:  # noqa: ARG002
+        """Return ``d2m/dx2`` (nx, nx)."""
+        return np.zeros((x.size, x.size))
+
+    def check(self, t0: float, tf: float, nx: int, nu: int) -> None:  # noqa: B027
+        """Complain if the cost is not for nx states and nu inputs over ``[t0, tf]``; optional."""
+
+
+class ContinuousQuadraticCost(ContinuousCost):
+    """Half the weighted square of the distance from a wanted motion.
+
+    ``1/2 int (x - x_wanted)'Q(x - x_wanted) + (u - u_wanted)'R(u - u_wanted) dt
+    + 1/2 (x(tf) - x_final)' Q_final (x(tf) - x_final)``
+
+    Parameters
+    ----------
+    x_wanted, u_wanted : array_like (nx,) and (nu,), or PiecewisePolynomial, or callable
+        Wanted motion: a constant, a `PiecewisePolynomial` (such as one ``through`` samples), or a
+        function of one time.
+    Q, R : the same, of shape (n,) or (n, n)
+        Weights, a diagonal or a matrix. Q must be positive semidefinite, R positive definite.
+    Q_final : array_like (nx,) or (nx, nx), optional
+        Weight of the last state; none if left out.
+    x_final : array_like (nx,), optional
+        Wanted last state; x_wanted at the end if left out.
+    jumps : sequence of float, optional
+        Times (s) where a function that was given jumps, or its slope. Those of a `PiecewisePolynomial`
+        are known.
+
+    Raises
+    ------
+    ArgumentError
+        Weights that are not symmetric or not definite, values that are not finite. What is given as
+        a function is looked at when the optimisation begins.
+    """
+
+    nonnegative = True
+
+    def __init__(
+        self,
+        x_wanted: SignalLike,
+        u_wanted: SignalLike,
+        *,
+        Q: SignalLike,
+        R: SignalLike,
+        Q_final: ArrayLike | None = None,
+        x_final: ArrayLike | None = None,
+        jumps: Sequence[float] = (),
+    ) -> None:
+        self.x_wanted, self.u_wanted = Signal("x_wanted", x_wanted), Signal("u_wanted", u_wanted)
+        self.Q, self.R = Signal("Q", Q), Signal("R", R)
+        self.Q_final = None if Q_final is None else as_floats("Q_final", Q_final)
+        self.x_final = None if x_final is None else as_floats("x_final", x_final)
+        for weight, definite in ((self.Q, False), (self.R, True)):
+            if weight.is_constant:
+                _check_weight(weight.name, weight.at(0.0), definite=definite)
+        if self.Q_final is not None:
+            _check_weight("Q_final", self.Q_final, definite=False)
+        signals = (self.x_wanted, self.u_wanted, self.Q, self.R)
+        given = as_floats("jumps", list(jumps)).ravel().tolist()
+        self.jumps = tuple(sorted({*given, *(t for s in signals for t in s.jumps)}))
+
+    def check(self, t0: float, tf: float, nx: int, nu: int) -> None:
+        """Complain if the wanted motion and the weights are not for nx states and nu inputs."""
+        self.x_wanted.check(t0, tf, (nx,), what="(nx,)")
+        self.u_wanted.check(t0, tf, (nu,), what="(nu,)")
+        for weight, n, what, definite in (
+            (self.Q, nx, "(nx,) or (nx, nx)", False),
+            (self.R, nu, "(nu,) or (nu, nu)", True),
+        ):
+            for value in weight.check(t0, tf, (n,), (n, n), what=what):
+                _check_weight(weight.name, value, definite=definite)
+        if self.Q_final is not None:
+            as_floats("Q_final", self.Q_final, (nx,), (nx, nx), what="(nx,) or (nx, nx)")
+        if self.x_final is not None:
+            as_floats("x_final", self.x_final, (nx,), what="(nx,)")
+
+    def rate(self, x: Floats, u: Floats, t: float) -> float:
+        """Return the rate of the cost."""
+        dx, du = x - self.x_wanted.at(t), u - self.u_wanted.at(t)
+        Q, R = self.Q.at(t), self.R.at(t)
+        weighed = dx @ (Q * dx if Q.ndim == 1 else Q @ dx) + du @ (
+            R * du if R.ndim == 1 else R @ du
+        )
+        return 0.5 * float(weighed)
+
+    def gradient(self, x: Floats, u: Floats, t: Floats) -> RateGradient:
+        """Return the first derivatives of the rate."""
+        return RateGradient(
+            _times(self.Q.samples(t), x - self.x_wanted.samples(t)),
+            _times(self.R.samples(t), u - self.u_wanted.samples(t)),
+        )
+
+    def hessian(self, x: Floats, u: Floats, t: Floats) -> RateHessian:  # noqa: ARG002
+        """Return the weights."""
+        return RateHessian(_matrices(self.Q.samples(t)), _matrices(self.R.samples(t)), None)
+
+    def final_value(self, x: Floats, t: float) -> float:
+        """Return the cost of the last state."""
+        return 0.5 * float((x - self._wanted_last(t)) @ self.final_gradient(x, t))
+
+    def final_gradient(self, x: Floats, t: float) -> Floats:
+        """Return the derivative of the final term."""
+        result: Floats = self.final_hessian(x, t) @ (x - self._wanted_last(t))
+        return result
+
+    def final_hessian(self, x: Floats, t: float) -> Floats:  # noqa: ARG002
+        """Return the final weight."""
+        if self.Q_final is None:
+            return np.zeros((x.size, x.size))
+        return np.diag(self.Q_final) if self.Q_final.ndim == 1 else self.Q_final
+
+    def _wanted_last(self, t: float) -> Floats:
+        if self.x_final is not None:
+            return self.x_final
+        # The wanted motion may jump at the end: what holds until then counts.
+        return self.x_wanted.at(float(np.nextafter(t, -np.inf)))
+
+
+def _times(weight: Floats, d: Floats) -> Floats:
+    """Return weight (n, size) or (n, size, size) times d (n, size)."""
+    if weight.ndim == 2:
+        return weight * d
+    result: Floats = np.einsum("nij,nj->ni", weight, d)
+    return result
+
+
+def _matrices(weight: Floats) -> Floats:
+    """Return weights (n, size) or (n, size, size) as matrices."""
+    return weight if weight.ndim == 3 else weight[..., None] * np.eye(weight.shape[1])
+
+
+def _check_weight(name: str, weight: Floats, *, definite: bool) -> None:
+    if weight.ndim == 2 and weight.shape[0] == weight.shape[1]:
+        skew = float(np.abs(weight - weight.T).max(initial=0.0))
+        if skew > 1e-12 * float(np.abs(weight).max(initial=0.0)):
+            raise ArgumentError(
+                f"{name}: got a matrix that differs from its transpose by {skew:.3g}, expected a "
+                "symmetric one. Use (W + W.T) / 2."
+            )
+        spectrum = np.linalg.eigvalsh(weight)
+    elif weight.ndim == 1:
+        spectrum = weight
+    else:
+        raise ArgumentError(f"{name}: got shape {weight.shape}, expected (n,) or (n, n).")
+    smallest, largest = (
+        float(spectrum.min(initial=np.inf)),
+        float(np.abs(spectrum).max(initial=0.0)),
+    )
+    if smallest < -1e-12 * largest or (definite and smallest <= 0.0):
+        raise ArgumentError(
+            f"{name}: got a smallest eigenvalue of {smallest:.3g}, expected a positive "
+            f"{'definite' if definite else 'semidefinite'} weight. "
+            + (
+                "Give every input a weight above zero."
+                if definite
+                else "Weights cannot be negative."
+            )
+        )

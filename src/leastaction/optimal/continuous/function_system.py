@@ -1,0 +1,111 @@
+"""Continuous systems from matrices or from plain functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats, as_count, as_floats
+from leastaction.optimal.continuous.protocol import ContinuousSystem
+from leastaction.optimal.functions import Curvature, Derivatives, Functions
+
+__all__ = ["FunctionContinuousSystem", "LinearContinuousSystem"]
+
+
+class LinearContinuousSystem(ContinuousSystem):
+    """The linear system ``x' = A x + B u + c``.
+
+    Parameters
+    ----------
+    A : array_like (nx, nx)
+    B : array_like (nx, nu)
+    c : array_like (nx,), optional
+        Drift; zero if left out.
+
+    Raises
+    ------
+    ArgumentError
+        Shapes that do not fit together, or values that are not finite.
+    """
+
+    def __init__(self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None) -> None:
+        self.A, self.B = as_floats("A", A), as_floats("B", B)
+        if self.A.ndim != 2 or self.A.shape[0] != self.A.shape[1] or self.A.size == 0:
+            raise ArgumentError(f"A: got shape {self.A.shape}, expected (nx, nx).")
+        self.nx = self.A.shape[0]
+        if self.B.ndim != 2 or self.B.shape[0] != self.nx or self.B.size == 0:
+            raise ArgumentError(f"B: got shape {self.B.shape}, expected ({self.nx}, nu).")
+        self.nu = self.B.shape[1]
+        self.c = np.zeros(self.nx) if c is None else as_floats("c", c, (self.nx,))
+
+    def f(self, x: Floats, u: Floats, t: float) -> Floats:  # noqa: ARG002
+        """Return ``A x + B u + c``."""
+        result: Floats = self.A @ x + self.B @ u + self.c
+        return result
+
+    def derivatives(self, x: Floats, u: Floats, t: float) -> tuple[Floats, Floats]:  # noqa: ARG002
+        """Return A and B."""
+        return self.A, self.B
+
+    def curvature(self, x: Floats, u: Floats, t: float, z: Floats) -> Floats:  # noqa: ARG002
+        """Return zero."""
+        return np.zeros((self.nx + self.nu, self.nx + self.nu))
+
+
+class FunctionContinuousSystem(ContinuousSystem):
+    """A system given by functions of one time.
+
+    Parameters
+    ----------
+    f : callable
+        ``f(x, u, t) -> x'``.
+    nx, nu : int
+        Numbers of states and inputs.
+    derivatives : callable or "complex-step" or "finite-differences"
+        ``derivatives(x, u, t) -> (A, B)``, or how to obtain them from `f`, as in
+        `leastaction.optimal.FunctionSystem`.
+    curvature : callable or "differences", optional
+        ``curvature(x, u, t, z) -> (nx+nu, nx+nu)``, or "differences": central differences of
+        ``z'[A B]``. Left out: Newton's method is not available.
+    jumps : sequence of float, optional
+        Times (s) where f jumps.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong sizes, or functions that return wrong shapes (found at the first call).
+    """
+
+    def __init__(
+        self,
+        f: Callable[[Any, Any, float], Any],
+        *,
+        nx: int,
+        nu: int,
+        derivatives: Derivatives,
+        curvature: Curvature | None = None,
+        jumps: Sequence[float] = (),
+    ) -> None:
+        self.nx = as_count("nx", nx, minimum=1)
+        self.nu = as_count("nu", nu, minimum=1)
+        self.jumps = tuple(as_floats("jumps", list(jumps)).ravel().tolist())
+        self.has_curvature = curvature is not None
+        self._functions = Functions(f, self.nx, self.nu, derivatives, curvature)
+
+    def f(self, x: Floats, u: Floats, t: float) -> Floats:
+        """Return the rate of the state."""
+        return self._functions.f(x, u, t)
+
+    def derivatives(self, x: Floats, u: Floats, t: float) -> tuple[Floats, Floats]:
+        """Return A and B."""
+        return self._functions.derivatives(x, u, t)
+
+    def curvature(self, x: Floats, u: Floats, t: float, z: Floats) -> Floats:
+        """Return ``z . D2f``."""
+        if not self.has_curvature:
+            return super().curvature(x, u, t, z)
+        return self._functions.curvature(x, u, t, z)

@@ -1,0 +1,237 @@
+"""Linear-quadratic problems in continuous time: the affine LQ problem, the LQR, the adjoint.
+
+The problem::
+
+    minimise   int  1/2 dx'Q dx + dx'S du + 1/2 du'R du + q'dx + r'du  dt
+               + 1/2 dx(tf)' Q_final dx(tf) + q_final' dx(tf)
+    subject to dx' = A dx + B du + c
+
+The optimal input is ``du = -K dx - C`` and the optimal cost to go ``1/2 dx'P dx + b'dx + constant``, with
+(dissertation B.1.2 and B.1.3; the cost carries the 1/2)::
+
+    K = R^-1 (S' + B'P)      -P' = Q + A'P + PA - K'RK                P(tf) = Q_final
+    C = R^-1 (r + B'b)       -b' = q + A'b + Pc - K'(r + B'b)         b(tf) = q_final
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.optimal.continuous.integrate import Accuracy
+from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
+from leastaction.optimal.continuous.riccati import (
+    ContinuousLinearQuadraticSolution,
+    Samples,
+    solve_samples,
+)
+from leastaction.optimal.continuous.signals import Signal, SignalLike, as_horizon, first_mesh
+
+__all__ = [
+    "regulate_continuous",
+    "solve_continuous_linear_quadratic",
+    "steady_state_regulator",
+]
+
+# Pieces that a horizon is divided into before anything is known of the functions sampled on it.
+_FIRST_PIECES = 12
+
+
+def solve_continuous_linear_quadratic(
+    A: SignalLike,
+    B: SignalLike,
+    *,
+    horizon: tuple[float, float],
+    Q: SignalLike | None = None,
+    R: SignalLike,
+    S: SignalLike | None = None,
+    q: SignalLike | None = None,
+    r: SignalLike | None = None,
+    c: SignalLike | None = None,
+    Q_final: ArrayLike | None = None,
+    q_final: ArrayLike | None = None,
+    jumps: Sequence[float] = (),
+    accuracy: Accuracy | None = None,
+) -> ContinuousLinearQuadraticSolution:
+    """Solve the affine linear-quadratic problem stated at the top of this module.
+
+    Parameters
+    ----------
+    A, B : of shape (nx, nx), (nx, nu)
+        Dynamics. Like everything but the final terms: a constant array, a `PiecewisePolynomial`, or a
+        function of one time.
+    horizon : (t0, tf)
+        Times (s), ``t0 < tf``.
+    Q, R : of shape (n,) or (n, n)
+        Symmetric weights of state and input, a diagonal or a matrix. Q is zero if left out.
+    S : of shape (nx, nu), optional
+        Cross weight.
+    q, r, c : of shape (nx,), (nu,), (nx,), optional
+        Gradients of the cost and drift of the dynamics.
+    Q_final, q_final : array_like (nx,) or (nx, nx), and (nx,), optional
+        Final weight and gradient.
+    jumps : sequence of float, optional
+        Times (s) where a function that was given jumps, or its slope. Those of a `PiecewisePolynomial`
+        are known.
+    accuracy : Accuracy, optional
+        Of the integration. Its `atol` is not used: absolute tolerances are a hundredth of the relative
+        one times the size of the weights.
+
+    Returns
+    -------
+    ContinuousLinearQuadraticSolution
+        Check `definite` before using it.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, or a value that is not finite.
+    """
+    accuracy = accuracy or Accuracy()
+    t0, tf = as_horizon(horizon)
+    signals = {"A": Signal("A", A), "B": Signal("B", B)}
+    nx = _size(signals["A"], t0)
+    signals["A"].check(t0, tf, (nx, nx), what="(nx, nx)")
+    nu = _size(signals["B"], t0)
+    signals["B"].check(t0, tf, (nx, nu), what="(nx, nu), to go with A")
+    optional = {"Q": Q, "R": R, "S": S, "q": q, "r": r, "c": c}
+    shapes = {"Q": (nx, nx), "R": (nu, nu), "S": (nx, nu), "q": (nx,), "r": (nu,), "c": (nx,)}
+    for name, value in optional.items():
+        shape = shapes[name]
+        signal = signals[name] = Signal(name, np.zeros(shape) if value is None else value)
+        allowed = (shape, shape[:1]) if name in ("Q", "R") else (shape,)
+        signal.check(t0, tf, *allowed, what=" or ".join(map(str, allowed)))
+    final = (
+        np.zeros((nx, nx)) if Q_final is None else as_floats("Q_final", Q_final, (nx,), (nx, nx))
+    )
+    final = np.diag(final) if final.ndim == 1 else final
+    gradient = np.zeros(nx) if q_final is None else as_floats("q_final", q_final, (nx,))
+    every = sorted({*jumps, *(t for signal in signals.values() for t in signal.jumps)})
+
+    def sample(t: Floats) -> Floats:
+        parts = []
+        for name in Samples._fields:
+            value = signals[name].samples(t)
+            if name in ("Q", "R") and value.ndim == 2:
+                value = value[..., None] * np.eye(value.shape[1])
+            parts.append(value.reshape(len(t), -1))
+        return np.hstack(parts)
+
+    varying = not all(signal.is_constant for signal in signals.values())
+    mesh = first_mesh(t0, tf, every, _FIRST_PIECES if varying else 1)
+    mesh, packed = approximate(sample, mesh, accuracy.sampling)
+    if not np.isfinite(packed).all():
+        time = float(mesh.t[~np.isfinite(packed).all(axis=1)][0])
+        raise ArgumentError(
+            f"A, B, Q, R, S, q, r, c: got a value that is not finite at t = {time:.6g} s, expected "
+            "finite numbers. Look at the functions that were given."
+        )
+    return solve_samples(
+        mesh, Samples.unpack(packed, nx, nu), final, gradient, accuracy=accuracy, jumps=every
+    )
+
+
+def regulate_continuous(
+    A: SignalLike,
+    B: SignalLike,
+    *,
+    horizon: tuple[float, float],
+    Q: SignalLike | None = None,
+    R: SignalLike | None = None,
+    Q_final: ArrayLike | None = None,
+    jumps: Sequence[float] = (),
+    accuracy: Accuracy | None = None,
+) -> PiecewisePolynomial:
+    """Return the gains K(t) (nu, nx) of the time-varying LQR, ``u = ubar - K (x - xbar)``.
+
+    Parameters
+    ----------
+    A, B, horizon, jumps, accuracy
+        As in `solve_continuous_linear_quadratic`.
+    Q, R, Q_final : optional
+        Weights; identities if left out.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, values that are not finite, or weights for which there is no regulator.
+    """
+    t0 = as_horizon(horizon)[0]
+    nx, nu = _size(Signal("A", A), t0), _size(Signal("B", B), t0)
+    solution = solve_continuous_linear_quadratic(
+        A,
+        B,
+        horizon=horizon,
+        Q=np.ones(nx) if Q is None else Q,
+        R=np.ones(nu) if R is None else R,
+        Q_final=np.ones(nx) if Q_final is None else Q_final,
+        jumps=jumps,
+        accuracy=accuracy,
+    )
+    if not solution.definite:
+        raise ArgumentError(
+            f"Q, R: there is no regulator: {solution.message} Give a positive definite R and a "
+            "positive semidefinite Q."
+        )
+    return solution.K
+
+
+def steady_state_regulator(
+    A: ArrayLike,
+    B: ArrayLike,
+    *,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    S: ArrayLike | None = None,
+) -> tuple[Floats, Floats]:
+    """Return the gains K (nu, nx) and the cost P (nx, nx) of the LQR over an endless horizon.
+
+    Parameters
+    ----------
+    A, B : array_like (nx, nx), (nx, nu)
+        Dynamics that do not change.
+    Q, R : array_like (n,) or (n, n), optional
+        Weights; identities if left out.
+    S : array_like (nx, nu), optional
+        Cross weight.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, values that are not finite, or a system that cannot be stabilised, or whose
+        instability the weights do not see.
+    """
+    A = as_floats("A", A)
+    if A.ndim != 2 or A.shape[0] != A.shape[1]:
+        raise ArgumentError(f"A: got shape {A.shape}, expected (nx, nx).")
+    nx = A.shape[0]
+    B = as_floats("B", B)
+    if B.ndim != 2 or B.shape[0] != nx:
+        raise ArgumentError(f"B: got shape {B.shape}, expected ({nx}, nu).")
+    nu = B.shape[1]
+    Q = np.ones(nx) if Q is None else as_floats("Q", Q, (nx,), (nx, nx))
+    R = np.ones(nu) if R is None else as_floats("R", R, (nu,), (nu, nu))
+    Q, R = (np.diag(W) if W.ndim == 1 else W for W in (Q, R))
+    S = np.zeros((nx, nu)) if S is None else as_floats("S", S, (nx, nu))
+    from scipy.linalg import solve_continuous_are
+
+    try:
+        P = solve_continuous_are(A, B, Q, R, s=S)
+        K = np.linalg.solve(R, S.T + B.T @ P)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise ArgumentError(
+            f"A, B, Q, R: there is no steady-state regulator ({error}). Every unstable mode must be "
+            "within reach of the input and seen by Q, and R positive definite."
+        ) from error
+    return K, 0.5 * (P + P.T)
+
+
+def _size(signal: Signal, t0: float) -> int:
+    value = signal.at(t0)
+    if value.ndim != 2 or 0 in value.shape:
+        raise ArgumentError(f"{signal.name}: got shape {value.shape}, expected a matrix.")
+    return int(value.shape[1])

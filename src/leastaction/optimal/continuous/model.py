@@ -1,0 +1,138 @@
+"""The linear-quadratic problem along a trajectory: linearisation and cost, sampled finely enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.optimal._arrays import Floats, require_finite
+from leastaction.optimal.continuous.costs import ContinuousCost
+from leastaction.optimal.continuous.integrate import Accuracy
+from leastaction.optimal.continuous.piecewise import Mesh, approximate
+from leastaction.optimal.continuous.protocol import ContinuousSystem
+from leastaction.optimal.continuous.riccati import Samples
+from leastaction.optimal.continuous.trajectory import DenseTrajectory
+
+__all__ = ["SampledSystem", "TangentModel", "sample_model", "with_identities"]
+
+
+@dataclass(frozen=True)
+class TangentModel:
+    """A linear-quadratic problem at the points of a mesh.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    samples : Samples
+    Q_final, q_final : ndarray (nx, nx), (nx,)
+        Final weight and gradient.
+    """
+
+    mesh: Mesh
+    samples: Samples
+    Q_final: Floats
+    q_final: Floats
+
+
+def sample_model(
+    system: ContinuousSystem,
+    cost: ContinuousCost,
+    curve: DenseTrajectory,
+    jumps: Sequence[float],
+    accuracy: Accuracy,
+) -> TangentModel:
+    """Return linearisation and derivatives of the cost along a curve.
+
+    Parameters
+    ----------
+    system, cost
+        What is differentiated.
+    curve : DenseTrajectory
+        Where.
+    jumps : sequence of float
+        Times (s) at which pieces of the mesh have to end.
+    accuracy : Accuracy
+
+    Raises
+    ------
+    ArgumentError
+        Derivatives that are not finite.
+    """
+    nx, nu = system.nx, system.nu
+
+    # The Hessian of the cost varies no faster than its gradient, which is a tenth of the size.
+    def sample(t: Floats) -> Floats:
+        x, u = curve.sample(t)
+        parts = (*system.linearize(x, u, t), *cost.gradient(x, u, t))
+        return np.hstack([part.reshape(len(t), -1) for part in parts])
+
+    mesh, packed = approximate(sample, Mesh(_united(curve.t, jumps)), accuracy.sampling)
+    require_finite("derivatives of the system and the cost", packed)
+    n = len(mesh.t)
+    A, B, q, r = np.split(packed, np.cumsum([nx * nx, nx * nu, nx]), axis=1)
+    Q, R, S = cost.hessian(*curve.sample(mesh.t), mesh.t)
+    samples = Samples(
+        A=A.reshape(n, nx, nx),
+        B=B.reshape(n, nx, nu),
+        Q=Q,
+        R=R,
+        S=np.zeros((n, nx, nu)) if S is None else S,
+        q=q,
+        r=r,
+        c=np.zeros((n, nx)),
+    )
+    x_final = curve.xu.flat(curve.tf)[:nx]
+    return TangentModel(
+        mesh,
+        samples,
+        cost.final_hessian(x_final, curve.tf),
+        cost.final_gradient(x_final, curve.tf),
+    )
+
+
+class SampledSystem(ContinuousSystem):
+    """The linear system ``dx' = A dx + B du`` of samples along a trajectory.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    samples : Samples
+    """
+
+    def __init__(self, mesh: Mesh, samples: Samples) -> None:
+        n, self.nx, self.nu = samples.B.shape
+        packed = np.concatenate([samples.A.reshape(n, -1), samples.B.reshape(n, -1)], axis=1)
+        self._AB = mesh.fit(packed, packed.shape[1:]).flat
+
+    def f(self, x: Floats, u: Floats, t: float) -> Floats:
+        """Return the rate of the deviation."""
+        A, B = self.derivatives(x, u, t)
+        return np.asarray(A @ x + B @ u)
+
+    def derivatives(self, x: Floats, u: Floats, t: float) -> tuple[Floats, Floats]:  # noqa: ARG002
+        """Return A and B."""
+        nx, nu = self.nx, self.nu
+        AB = self._AB(t)
+        return AB[: nx * nx].reshape(nx, nx), AB[nx * nx :].reshape(nx, nu)
+
+
+def with_identities(samples: Samples) -> Samples:
+    """Return the problem with identities for weights."""
+    n, nx, nu = samples.B.shape
+    return samples._replace(
+        Q=np.broadcast_to(np.eye(nx), (n, nx, nx)),
+        R=np.broadcast_to(np.eye(nu), (n, nu, nu)),
+        S=np.zeros((n, nx, nu)),
+    )
+
+
+def _united(breaks: Floats, jumps: ArrayLike) -> Floats:
+    """Return the ends of pieces with the jumps among them."""
+    times = np.asarray(jumps, dtype=np.float64)
+    span = breaks[-1] - breaks[0]
+    inside = times[(times > breaks[0]) & (times < breaks[-1])]
+    near = np.abs(inside[:, None] - breaks).min(axis=1, initial=np.inf) < 1e-12 * span
+    return np.unique(np.concatenate([breaks, inside[~near]]))

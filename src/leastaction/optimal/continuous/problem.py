@@ -1,0 +1,403 @@
+"""A continuous system and its cost, as the optimiser's loop sees them (dissertation 6.4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.optimal._arrays import Floats, as_floats, require_finite
+from leastaction.optimal.continuous.adjoint import continuous_adjoint
+from leastaction.optimal.continuous.costs import ContinuousCost
+from leastaction.optimal.continuous.integrate import Accuracy
+from leastaction.optimal.continuous.model import (
+    SampledSystem,
+    TangentModel,
+    sample_model,
+    with_identities,
+)
+from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial, approximate
+from leastaction.optimal.continuous.projection import Follower, roll_out
+from leastaction.optimal.continuous.protocol import ContinuousSystem
+from leastaction.optimal.continuous.result import ContinuousOptimizationResult
+from leastaction.optimal.continuous.riccati import (
+    ContinuousLinearQuadraticSolution,
+    solve_samples,
+)
+from leastaction.optimal.continuous.signals import SignalLike, as_horizon
+from leastaction.optimal.continuous.trajectory import DenseTrajectory
+from leastaction.optimal.line_search import Trial, rounding_of
+from leastaction.optimal.loop import Direction, Problem
+from leastaction.optimal.result import Settings
+
+__all__ = ["ContinuousDirection", "ContinuousProblem"]
+
+# What a cost is off, in units of the relative error allowed in one step of the integration. Measured on
+# swing-ups of a cart-pendulum of 4 and 10 s, tolerances from 1e-6 to 1e-12: 0.004 to 0.6, of which a
+# hundredth to a half changes from one trial to the next.
+_ERROR_OF_COST = 1.0
+
+# A Newton model with a P so much more negative than the weights is as good as one without a minimum: its
+# direction leads far out of where it holds. Waiting for P to grow on costs as much as the rest.
+_ESCAPE = 1e4
+
+
+@dataclass(frozen=True)
+class ContinuousDirection(Direction):
+    """A descent direction, as the feedback along which it is followed.
+
+    At the step length s the input is ``u_now - s C - K (x - x_now)``.
+
+    Attributes
+    ----------
+    feedback : PiecewisePolynomial
+        ``[K (row by row); C]`` in one vector.
+    """
+
+    feedback: PiecewisePolynomial
+
+
+class ContinuousProblem(
+    Problem[ContinuousLinearQuadraticSolution, ContinuousDirection, DenseTrajectory]
+):
+    """The current trajectory of a continuous system, and what was computed along it.
+
+    Parameters
+    ----------
+    system : ContinuousSystem
+    cost : ContinuousCost
+    settings : Settings
+    accuracy : Accuracy
+    """
+
+    # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.
+    patience = 2
+
+    def __init__(
+        self,
+        system: ContinuousSystem,
+        cost: ContinuousCost,
+        settings: Settings,
+        accuracy: Accuracy,
+    ) -> None:
+        super().__init__()
+        self.system = system
+        self.cost = cost
+        self.accuracy = accuracy
+        self.has_curvature = system.has_curvature
+        self.own_regulator = settings.regulator == "lqr"
+        self.jumps = tuple(sorted({*system.jumps, *cost.jumps}))
+
+        # The current iterate, and the gains of the projection that led to it.
+        self.trajectory: DenseTrajectory
+        self.gain: PiecewisePolynomial
+        # What was computed along it; None: not yet.
+        self.model: TangentModel | None = None
+        self.curvature: Floats | None = None
+        self.quasi_newton: ContinuousLinearQuadraticSolution | None = None
+        self.feedback: PiecewisePolynomial | None = None
+
+    @property
+    def noise(self) -> float:
+        """What the cost may be off by the error of the integration."""
+        return _ERROR_OF_COST * self.accuracy.rtol * abs(self.value) + rounding_of(self.value)
+
+    # ---- Where to start -------------------------------------------------------------------------
+
+    def start(
+        self,
+        initial: DenseTrajectory | tuple[SignalLike, SignalLike],
+        horizon: tuple[float, float] | None,
+    ) -> None:
+        """Begin with a curve to be projected, or an initial state and inputs."""
+        nx, nu = self.system.nx, self.system.nu
+        if isinstance(initial, DenseTrajectory):
+            if horizon is not None and as_horizon(horizon) != (initial.t0, initial.tf):
+                raise ArgumentError(
+                    f"horizon: got {horizon}, expected that of the initial trajectory, "
+                    f"({initial.t0:g}, {initial.tf:g}), or None."
+                )
+            if (initial.nx, initial.nu) != (nx, nu):
+                raise ArgumentError(
+                    f"initial: got a trajectory of {initial.nx} states and {initial.nu} inputs, "
+                    f"expected {nx} and {nu}."
+                )
+            curve, is_curve = initial, True
+        else:
+            if horizon is None:
+                raise ArgumentError("horizon: got None, expected (t0, tf) in seconds.")
+            x, u = initial
+            is_curve = isinstance(x, PiecewisePolynomial) or callable(x)
+            if not is_curve:
+                x = as_floats("initial x", np.asarray(x), (nx,), what="an initial state (nx,)")
+            times = as_horizon(horizon)
+            curve = DenseTrajectory.from_functions(x, u, horizon=times, nx=nx, nu=nu)
+        self.cost.check(curve.t0, curve.tf, nx, nu)
+        self.jumps = tuple(sorted({*self.jumps, *curve.xu.jumps()}))
+        if not is_curve:
+            # An initial state: the inputs alone make the first trajectory, if they can.
+            none = PiecewisePolynomial.constant(np.zeros(nu * nx + nu), curve.t0, curve.tf)
+            self._project(curve, none)
+            self.gain = self._regulate()
+            return
+        self.trajectory = curve
+        self.gain = self._regulate()
+        self._project(curve, self.gain)
+
+    def resume(self, result: ContinuousOptimizationResult) -> None:
+        """Begin where an earlier run ended."""
+        trajectory, nx, nu = result.trajectory, self.system.nx, self.system.nu
+        if (trajectory.nx, trajectory.nu) != (nx, nu):
+            raise ArgumentError(
+                f"resume: got a result of {trajectory.nx} states and {trajectory.nu} inputs, "
+                f"expected {nx} and {nu}."
+            )
+        self.cost.check(trajectory.t0, trajectory.tf, nx, nu)
+        self.trajectory, self.gain = trajectory, result.projection
+        self.jumps = tuple(sorted({*self.jumps, *result.jumps}))
+        # Another cost may be asked for now, so the old one's value is taken only if it is this one's.
+        mesh = Mesh(trajectory.t)
+        x, u = trajectory.sample(mesh.t)
+        rates = [self.cost.rate(*at) for at in zip(x, u, mesh.t.tolist(), strict=True)]
+        x_final = trajectory.xu.flat(trajectory.tf)[:nx]
+        self.value = float(mesh.weights @ rates) + self.cost.final_value(x_final, trajectory.tf)
+        if abs(self.value - result.cost) <= 1e-5 * abs(result.cost):
+            self.value = result.cost
+
+    def _project(self, curve: DenseTrajectory, feedback: PiecewisePolynomial) -> None:
+        scale = 0.0
+        with self.clock("rollout"):
+            for _ in range(2):
+                rollout = roll_out(
+                    self.system,
+                    Follower(curve, feedback, 0.0),
+                    accuracy=self.accuracy,
+                    jumps=self.jumps,
+                    cost=self.cost,
+                    cost_scale=scale,
+                )
+                scale = abs(rollout.cost)
+                # A small cost is lost in its absolute tolerance, until its size is known.
+                if not 0.0 < self.accuracy.rtol * scale < self.accuracy.atol:
+                    break
+        self.rollouts += 1
+        if rollout.trajectory is None:
+            raise ArgumentError(
+                f"initial: the integration failed at {rollout.failure}. Give a trajectory of the "
+                "system (such as one it simulated), or a curve that stays closer to one."
+            )
+        if not np.isfinite(rollout.cost):
+            raise ArgumentError(
+                f"initial: the cost of the initial trajectory is {rollout.cost}, expected a finite "
+                "number. Look at the cost's weights and wanted motion."
+            )
+        self.trajectory, self.value = rollout.trajectory, rollout.cost
+        self.forget()
+
+    def _regulate(self) -> PiecewisePolynomial:
+        """Return gains about the current curve: of the cost's own regulator, if it has one."""
+        solution = self._solve("quasi-newton", 0.0)
+        if not solution.definite:
+            solution = self._solve_regulator()
+        else:
+            self.quasi_newton = solution
+        return solution.feedback
+
+    # ---- Directions -----------------------------------------------------------------------------
+
+    def minimise_model(self, method: str, scale: float) -> ContinuousLinearQuadraticSolution:
+        """Return the solution of a method's model."""
+        if self.own_regulator and self.feedback is None:
+            self.gain = self.feedback = self._solve_regulator().feedback
+        if method != "quasi-newton":
+            return self._solve(method, scale)
+        if self.quasi_newton is None:
+            self.quasi_newton = self._solve(method, scale)
+        return self.quasi_newton
+
+    def direction(
+        self, method: str, model: ContinuousLinearQuadraticSolution, scale: float
+    ) -> ContinuousDirection:
+        """Return the direction of a model that has a minimum."""
+        feedback = model.feedback
+        if self.own_regulator:
+            feedback = self._with_own_gain(model)
+        else:
+            self.feedback = feedback
+        # With dx(t0) = 0 the model's minimum is half of its linear part.
+        return ContinuousDirection(method, 2.0 * model.constant, scale, feedback)
+
+    def _with_own_gain(self, model: ContinuousLinearQuadraticSolution) -> PiecewisePolynomial:
+        """Return the projection's own gains, with the feedforward that follows the direction.
+
+        ``ubar - K (x - xbar)`` of ``(xbar, ubar) = xi + s dxi`` is ``u - s (Kd dx + C - K dx) - K (x - x_now)``,
+        where ``du = -Kd dx - C`` is the direction's own law.
+        """
+        assert self.feedback is not None
+        own = self.feedback
+        nx, nu = self.system.nx, self.system.nu
+        along = self._model()
+        linear = SampledSystem(along.mesh, along.samples)
+        t0, tf = self.trajectory.t0, self.trajectory.tf
+        size = np.abs(self.trajectory.xu(along.mesh.t)).max(axis=0)
+        zero = DenseTrajectory(PiecewisePolynomial.constant(np.zeros(nx + nu), t0, tf), nx)
+        with self.clock("lq"):
+            swept = roll_out(
+                linear,
+                Follower(zero, model.feedback, 1.0),
+                accuracy=self.accuracy,
+                jumps=self.jumps,
+                least=size,
+            )
+        if swept.trajectory is None:
+            raise ArgumentError(f"direction: the linearised system failed at {swept.failure}.")
+        tangent = swept.trajectory
+
+        def law(t: Floats) -> Floats:
+            K, dxdu = own(t)[:, : nu * nx], tangent.xu(t)
+            fed_back = np.einsum("nij,nj->ni", K.reshape(-1, nu, nx), dxdu[:, :nx])
+            return np.hstack([K, -dxdu[:, nx:] - fed_back])
+
+        least = np.zeros(nu * (nx + 1))
+        least[nu * nx :] = size[nx:]
+        mesh, values = approximate(law, Mesh(own.breaks), self.accuracy.sampling, least)
+        return mesh.fit(values, (values.shape[1],))
+
+    def _solve(self, method: str, scale: float) -> ContinuousLinearQuadraticSolution:
+        model = self._model()
+        samples, Q_final = model.samples, model.Q_final
+        nx = samples.B.shape[1]
+        if method == "steepest":
+            samples = with_identities(samples)
+            Q_final = np.eye(nx)
+        elif method == "newton":
+            H = scale * self._curvature_along(model)
+            samples = samples._replace(
+                Q=samples.Q + H[:, :nx, :nx],
+                R=samples.R + H[:, nx:, nx:],
+                S=samples.S + H[:, :nx, nx:],
+            )
+        with self.clock("lq"):
+            return solve_samples(
+                model.mesh,
+                samples,
+                Q_final,
+                model.q_final,
+                accuracy=self.accuracy,
+                jumps=self.jumps,
+                escape=_ESCAPE,
+            )
+
+    def _solve_regulator(self) -> ContinuousLinearQuadraticSolution:
+        """Return the LQR with identities as weights about the current curve."""
+        model = self._model()
+        samples = with_identities(model.samples)
+        samples = samples._replace(q=np.zeros_like(samples.q), r=np.zeros_like(samples.r))
+        nx = self.system.nx
+        with self.clock("lq"):
+            return solve_samples(
+                model.mesh,
+                samples,
+                np.eye(nx),
+                np.zeros(nx),
+                accuracy=self.accuracy,
+                jumps=self.jumps,
+            )
+
+    def _model(self) -> TangentModel:
+        """Return linearisation and cost along the current curve."""
+        if self.model is None:
+            with self.clock("linearize"):
+                self.model = sample_model(
+                    self.system, self.cost, self.trajectory, self.jumps, self.accuracy
+                )
+        return self.model
+
+    def _curvature_along(self, model: TangentModel) -> Floats:
+        if self.curvature is None:
+            nx, nu = self.system.nx, self.system.nu
+            t = model.mesh.t
+            with self.clock("lq"):
+                z = continuous_adjoint(
+                    model.mesh,
+                    model.samples,
+                    self.gain(t)[:, : nu * nx].reshape(-1, nu, nx),
+                    model.q_final,
+                    accuracy=self.accuracy,
+                    jumps=self.jumps,
+                )
+            with self.clock("curvature"):
+                self.curvature = self.system.curvatures(*self.trajectory.sample(t), t, z(t))
+            require_finite("curvature of the system", self.curvature)
+        return self.curvature
+
+    def forget(self) -> None:
+        """Drop all that was computed along the current iterate."""
+        self.model = self.curvature = self.quasi_newton = self.feedback = None
+
+    # ---- Steps ----------------------------------------------------------------------------------
+
+    def simulate(
+        self, direction: ContinuousDirection, length: float, bound: float
+    ) -> Trial[DenseTrajectory] | str:
+        """Return the projection of a step along the direction, or why it is refused."""
+        rollout = roll_out(
+            self.system,
+            Follower(self.trajectory, direction.feedback, length),
+            accuracy=self.accuracy,
+            jumps=self.jumps,
+            cost=self.cost,
+            cost_scale=abs(self.value),
+            bound=bound,
+        )
+        if rollout.trajectory is None:
+            return f"the roll-out ended at {rollout.failure}"
+        # Not "cost > bound": a NaN is refused.
+        if not rollout.cost <= bound:
+            return f"a cost of {rollout.cost:.10g}, where at most {bound:.10g} was wanted"
+        return Trial(rollout.trajectory, rollout.cost)
+
+    def accept(self, direction: ContinuousDirection, trial: Trial[DenseTrajectory]) -> None:
+        """Make a trial the current iterate."""
+        self.trajectory, self.value = trial.iterate, trial.cost
+        self.gain = direction.feedback
+        self.forget()
+
+    # ---- What is told ---------------------------------------------------------------------------
+
+    def arrays(self) -> tuple[Floats, Floats]:
+        """Return states and inputs at the ends of the trajectory's pieces."""
+        return self.trajectory.sample(self.trajectory.t)
+
+    def result(self, summary: dict[str, Any]) -> ContinuousOptimizationResult:
+        """Return the result at the current iterate."""
+        nx, nu = self.system.nx, self.system.nu
+        feedback = self.feedback if self.feedback is not None else self._final_feedback()
+        gain = feedback.part(np.arange(nu * nx), (nu, nx))
+        t = self.trajectory.t
+        x, u = self.arrays()
+        return ContinuousOptimizationResult(
+            x=x,
+            u=u,
+            K=gain(t),
+            projection_gain=self.gain(t)[:, : nu * nx].reshape(-1, nu, nx),
+            t=t,
+            trajectory=self.trajectory,
+            feedback=gain,
+            projection=self.gain,
+            accuracy=self.accuracy,
+            jumps=self.jumps,
+            **summary,
+        )
+
+    def _final_feedback(self) -> PiecewisePolynomial:
+        """Return gains about the last iterate, for a run that ended before it had any."""
+        try:
+            solution = self._solve("quasi-newton", 0.0)
+            if not solution.definite:
+                solution = self._solve_regulator()
+        except LeastActionError:
+            return self.gain
+        return solution.feedback if solution.definite else self.gain

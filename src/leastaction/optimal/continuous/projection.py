@@ -1,0 +1,259 @@
+"""The projection operator in continuous time (dissertation 6.2.1).
+
+``(x, u) = P(xbar, ubar)`` with ``x(t0) = xbar(t0)``, ``x' = f(x, u, t)``, ``u = ubar - K (x - xbar)``.
+The cost is one more state of the same integration, so that it is as accurate as the trajectory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats
+from leastaction.optimal.continuous.costs import ContinuousCost
+from leastaction.optimal.continuous.integrate import Accuracy, integrate
+from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
+from leastaction.optimal.continuous.protocol import ContinuousSystem
+from leastaction.optimal.continuous.trajectory import DenseTrajectory
+
+__all__ = ["ContinuousProjection", "ContinuousRollout", "Follower", "roll_out"]
+
+
+@dataclass(frozen=True)
+class ContinuousRollout:
+    """A trajectory and its cost, or why there is none.
+
+    Attributes
+    ----------
+    trajectory : DenseTrajectory or None
+        None if the integration failed.
+    cost : float
+        Its cost; 0 if no cost was given, NaN if the integration failed.
+    steps : int
+        Steps of the integrator.
+    failure : str or None
+        Why the integration ended early, with its time.
+    t : float
+        Last time reached (s).
+    x : ndarray (nx,)
+        State there.
+    """
+
+    trajectory: DenseTrajectory | None
+    cost: float
+    steps: int
+    failure: str | None
+    t: float
+    x: Floats
+
+
+@dataclass(frozen=True)
+class Follower:
+    """The feedback ``u = u_ref - length C - K (x - x_ref)``.
+
+    Attributes
+    ----------
+    reference : DenseTrajectory
+        ``(x_ref, u_ref)``.
+    feedback : PiecewisePolynomial
+        ``[K (row by row); C]`` in one vector.
+    length : float
+        Factor of C.
+    """
+
+    reference: DenseTrajectory
+    feedback: PiecewisePolynomial
+    length: float
+
+    def input(self, x: Floats, t: float) -> Floats:
+        """Return the input at a state and a time."""
+        nx, nu = self.reference.nx, self.reference.nu
+        ref, law = self.reference.xu.flat(t), self.feedback.flat(t)
+        u: Floats = ref[nx:] - law[: nu * nx].reshape(nu, nx) @ (x - ref[:nx])
+        u -= self.length * law[nu * nx :]
+        return u
+
+    def inputs(self, x: Floats, t: Floats) -> Floats:
+        """Return the inputs (n, nu) at states (n, nx) and times (n,)."""
+        nx, nu = self.reference.nx, self.reference.nu
+        ref, law = self.reference.xu(t), self.feedback(t)
+        K = law[:, : nu * nx].reshape(-1, nu, nx)
+        u: Floats = ref[:, nx:] - np.einsum("nij,nj->ni", K, x - ref[:, :nx])
+        u -= self.length * law[:, nu * nx :]
+        return u
+
+
+def roll_out(
+    system: ContinuousSystem,
+    follower: Follower,
+    *,
+    accuracy: Accuracy,
+    jumps: Sequence[float] = (),
+    cost: ContinuousCost | None = None,
+    cost_scale: float = 0.0,
+    bound: float = np.inf,
+    x0: Floats | None = None,
+    least: Floats | None = None,
+) -> ContinuousRollout:
+    """Integrate a system under a feedback, and its cost with it.
+
+    Parameters
+    ----------
+    system : ContinuousSystem
+    follower : Follower
+        The feedback; its reference sets the horizon.
+    accuracy : Accuracy
+        Of one step. The cost's own absolute tolerance is no larger than `rtol` times `cost_scale`.
+    jumps : sequence of float
+        Times where dynamics, cost or feedback jump.
+    cost : ContinuousCost, optional
+    cost_scale : float
+        A cost of about the size to be expected, if known.
+    bound : float
+        The integration is given up when a cost that only grows is past this.
+    x0 : ndarray (nx,), optional
+        Initial state; that of the reference if left out.
+    least : ndarray (nx + nu,), optional
+        Sizes of states and inputs below which relative accuracy is not worth having.
+    """
+    reference = follower.reference
+    nx, t0, tf = reference.nx, reference.t0, reference.tf
+    begin = reference.xu.flat(t0)[:nx] if x0 is None else x0
+    # The cost so far is looked at after every step, and not trusted beyond its own error.
+    limit = bound if cost is not None and cost.nonnegative else np.inf
+
+    def fun(t: float, y: Floats) -> Floats:
+        x = y[:nx]
+        u = follower.input(x, t)
+        rate = np.empty(y.size)
+        rate[:nx] = system.f(x, u, t)
+        if cost is not None:
+            rate[nx] = cost.rate(x, u, t)
+        return rate
+
+    def check(t: float, y: Floats) -> str | None:  # noqa: ARG001
+        return "the cost was past its bound" if y[-1] > limit else None
+
+    atol = np.full(nx + (cost is not None), accuracy.atol)
+    if cost is not None and cost_scale > 0.0:
+        atol[-1] = min(accuracy.atol, accuracy.rtol * cost_scale)
+    done = integrate(
+        fun,
+        t0,
+        tf,
+        begin if cost is None else np.append(begin, 0.0),
+        accuracy=accuracy,
+        atol=atol,
+        jumps=jumps,
+        check=check if np.isfinite(limit) else None,
+    )
+    x_end = done.y[:nx]
+    if done.failure is not None:
+        return ContinuousRollout(None, np.nan, done.steps, done.failure, done.t, x_end)
+    total = 0.0
+    if cost is not None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float(done.y[nx]) + cost.final_value(x_end, tf)
+    states = PiecewisePolynomial(done.breaks, done.mesh.coefficients(done.values[:, :nx]), (nx,))
+
+    def both(t: Floats) -> Floats:
+        x = states(t)
+        return np.hstack([x, follower.inputs(x, t)])
+
+    mesh, values = approximate(both, done.mesh, accuracy.sampling, least)
+    trajectory = DenseTrajectory(mesh.fit(values, (values.shape[1],)), nx)
+    return ContinuousRollout(trajectory, total, done.steps, None, tf, x_end)
+
+
+class ContinuousProjection:
+    """The projection operator of a system with given gains.
+
+    Parameters
+    ----------
+    system : ContinuousSystem
+    K : PiecewisePolynomial
+        Gains (nu, nx), such as those of `regulate_continuous`.
+    accuracy : Accuracy, optional
+    jumps : sequence of float, optional
+        Times (s) where the curves to be projected jump.
+
+    Raises
+    ------
+    ArgumentError
+        Gains of a wrong shape.
+    """
+
+    def __init__(
+        self,
+        system: ContinuousSystem,
+        K: PiecewisePolynomial,
+        *,
+        accuracy: Accuracy | None = None,
+        jumps: Sequence[float] = (),
+    ) -> None:
+        if K.shape != (system.nu, system.nx):
+            raise ArgumentError(
+                f"K: got gains of shape {K.shape}, expected {(system.nu, system.nx)}, that is (nu, nx)."
+            )
+        self.system = system
+        self.K = K
+        self.accuracy = accuracy or Accuracy()
+        self.jumps = tuple(sorted({*jumps, *system.jumps}))
+        feedforward = np.zeros((*K.coefficients.shape[:2], system.nu))
+        self._feedback = PiecewisePolynomial(
+            K.breaks,
+            np.concatenate([K.coefficients, feedforward], axis=2),
+            (system.nu * (system.nx + 1),),
+        )
+
+    def __call__(
+        self,
+        curve: DenseTrajectory,
+        cost: ContinuousCost | None = None,
+        *,
+        x0: Floats | None = None,
+    ) -> ContinuousRollout:
+        """Return the trajectory (from x0, if given), with its cost if there is one."""
+        return roll_out(
+            self.system,
+            Follower(curve, self._feedback, 0.0),
+            accuracy=self.accuracy,
+            jumps=self.jumps if cost is None else tuple(sorted({*self.jumps, *cost.jumps})),
+            cost=cost,
+            x0=x0,
+        )
+
+    def derivative(
+        self, trajectory: DenseTrajectory, direction: DenseTrajectory
+    ) -> DenseTrajectory:
+        """Return ``DP . direction`` at a trajectory (6.7)."""
+        tangent = _Tangent(self.system, trajectory)
+        rollout = roll_out(
+            tangent,
+            Follower(direction, self._feedback, 0.0),
+            accuracy=self.accuracy,
+            jumps=self.jumps,
+        )
+        if rollout.trajectory is None:
+            raise ArgumentError(f"trajectory: the linearised system failed, {rollout.failure}.")
+        return rollout.trajectory
+
+
+class _Tangent(ContinuousSystem):
+    """The linearisation of a system along a trajectory, as a system of its own."""
+
+    def __init__(self, system: ContinuousSystem, trajectory: DenseTrajectory) -> None:
+        self.nx, self.nu = system.nx, system.nu
+        self.jumps = system.jumps
+        self._system, self._trajectory = system, trajectory
+
+    def f(self, x: Floats, u: Floats, t: float) -> Floats:
+        A, B = self.derivatives(x, u, t)
+        return np.asarray(A @ x + B @ u)
+
+    def derivatives(self, x: Floats, u: Floats, t: float) -> tuple[Floats, Floats]:  # noqa: ARG002
+        along = self._trajectory.xu.flat(t)
+        return self._system.derivatives(along[: self.nx], along[self.nx :], t)

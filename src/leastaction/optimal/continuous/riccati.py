@@ -1,0 +1,297 @@
+"""The Riccati equation of a linear-quadratic problem that is given by its samples.
+
+Elimination of the input leaves, with ``Ab = A - B R^-1 S'``, ``Qb = Q - S R^-1 S'``, ``W = B R^-1 B'``,
+``qb = q - S R^-1 r`` and ``cb = c - B R^-1 r``::
+
+    -P' = Qb + X + X',  X = P (Ab - W P / 2)          -b' = qb + Ab'b + P (cb - W b)
+
+which is integrated backwards, P by its upper triangle alone. If the problem has no minimum, P leaves all
+bounds at some time before tf, the finite escape time (the conjugate point of the calculus of variations).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from leastaction.optimal._arrays import Floats
+from leastaction.optimal.continuous.integrate import Accuracy, integrate
+from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial, approximate
+
+__all__ = ["ContinuousLinearQuadraticSolution", "Samples", "largest", "solve_samples"]
+
+
+class Samples(NamedTuple):
+    """A linear-quadratic problem sampled at the points of a mesh; n is their number.
+
+    Attributes
+    ----------
+    A, B : ndarray (n, nx, nx), (n, nx, nu)
+        Dynamics.
+    Q, R, S : ndarray (n, nx, nx), (n, nu, nu), (n, nx, nu)
+        Weights.
+    q, r, c : ndarray (n, nx), (n, nu), (n, nx)
+        Gradients of the cost, and drift.
+    """
+
+    A: Floats
+    B: Floats
+    Q: Floats
+    R: Floats
+    S: Floats
+    q: Floats
+    r: Floats
+    c: Floats
+
+    @classmethod
+    def unpack(cls, packed: Floats, nx: int, nu: int) -> Samples:
+        """Return the samples from rows of A, B, Q, R, S, q, r, c, in this order."""
+        shapes = [(nx, nx), (nx, nu), (nx, nx), (nu, nu), (nx, nu), (nx,), (nu,), (nx,)]
+        parts, begin = [], 0
+        for shape in shapes:
+            end = begin + int(np.prod(shape))
+            parts.append(packed[:, begin:end].reshape(len(packed), *shape))
+            begin = end
+        return cls(*parts)
+
+
+@dataclass(frozen=True)
+class ContinuousLinearQuadraticSolution:
+    """Solution of a linear-quadratic problem, or the time at which there is none.
+
+    Attributes
+    ----------
+    feedback : PiecewisePolynomial
+        Gains and feedforward in one vector, ``[K (row by row); C]``. Constant NaN without a minimum.
+    value : PiecewisePolynomial
+        Upper triangle of P (row by row) and b in one vector.
+    nx, nu : int
+        Numbers of states and inputs.
+    constant : float
+        Optimal cost for ``dx(t0) = 0``. For ``c = 0`` twice this is the derivative of the cost along the
+        solution.
+    definite : bool
+        Whether the problem has a unique minimum. If not, do not use the rest.
+    escape_time : float or None
+        The time (s) at which P escapes, or R is not positive definite; None if there is a minimum.
+    steps : int
+        Steps of the integrator.
+    message : str
+        All this in one sentence.
+    """
+
+    feedback: PiecewisePolynomial
+    value: PiecewisePolynomial
+    nx: int
+    nu: int
+    constant: float
+    definite: bool
+    escape_time: float | None
+    steps: int
+    message: str
+
+    @cached_property
+    def K(self) -> PiecewisePolynomial:
+        """Gains (nu, nx) as a function of time."""
+        return self.feedback.part(np.arange(self.nu * self.nx), (self.nu, self.nx))
+
+    @cached_property
+    def C(self) -> PiecewisePolynomial:
+        """Feedforward (nu,) as a function of time, ``du = -K dx - C``."""
+        return self.feedback.part(self.nu * self.nx + np.arange(self.nu), (self.nu,))
+
+    @cached_property
+    def P(self) -> PiecewisePolynomial:
+        """Quadratic term (nx, nx) of the optimal cost to go, symmetric to the last bit."""
+        return self.value.part(_full(self.nx), (self.nx, self.nx))
+
+    @cached_property
+    def b(self) -> PiecewisePolynomial:
+        """Linear term (nx,) of the optimal cost to go; for ``c = 0`` the adjoint of the closed loop."""
+        triangle = self.nx * (self.nx + 1) // 2
+        return self.value.part(triangle + np.arange(self.nx), (self.nx,))
+
+
+def solve_samples(
+    mesh: Mesh,
+    samples: Samples,
+    Q_final: Floats,
+    q_final: Floats,
+    *,
+    accuracy: Accuracy,
+    jumps: Sequence[float],
+    escape: float = 1e8,
+) -> ContinuousLinearQuadraticSolution:
+    """Solve a linear-quadratic problem that is given by its samples on a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Fine enough for the samples.
+    samples : Samples
+    Q_final, q_final : ndarray (nx, nx), (nx,)
+        Final weight and gradient.
+    accuracy : Accuracy
+    jumps : sequence of float
+        Times where the samples jump; ends of pieces.
+    escape : float
+        P is taken to escape when an entry of its diagonal is below minus this times the size of the
+        weights.
+    """
+    A, B, Q, R, S, q, r, c = samples
+    nx, nu = B.shape[1:]
+    t0, tf = float(mesh.breaks[0]), float(mesh.breaks[-1])
+    smallest = np.linalg.eigvalsh(R)[:, 0]
+    if not smallest.min() > 0.0:
+        # The last time at which it fails: the recursion runs backwards.
+        i = int(np.flatnonzero(~(smallest > 0.0))[-1])
+        return _without_minimum(
+            nx,
+            nu,
+            mesh,
+            float(mesh.t[i]),
+            0,
+            f"R is not positive definite at t = {mesh.t[i]:.6g} s (smallest eigenvalue "
+            f"{smallest[i]:.3g}), so the problem has no minimum.",
+        )
+    BT, ST = np.swapaxes(B, 1, 2), np.swapaxes(S, 1, 2)
+    solved = np.linalg.solve(R, np.concatenate([BT, ST, r[..., None]], axis=2))
+    G, E, g = solved[..., :nx], solved[..., nx : 2 * nx], solved[..., -1]
+    reduced = np.concatenate(
+        [
+            (A - B @ E).reshape(len(A), -1),
+            (0.5 * (Q - S @ E)).reshape(len(A), -1),
+            (0.5 * (B @ G)).reshape(len(A), -1),
+            q - np.einsum("nij,nj->ni", S, g),
+            c - np.einsum("nij,nj->ni", B, g),
+        ],
+        axis=1,
+    )
+    data = mesh.fit(reduced, (reduced.shape[1],))
+    span = tf - t0
+    size_P = max(largest(Q_final), largest(Q) * min(span, 1.0)) or 1.0
+    size_b = max(largest(q_final), largest(q) * min(span, 1.0)) or 1.0
+    triangle = nx * (nx + 1) // 2
+    upper = np.flatnonzero(np.triu(np.ones((nx, nx))).ravel())
+    atol = np.full(triangle + nx, 0.01 * accuracy.rtol * size_P)
+    atol[triangle:] = 0.01 * accuracy.rtol * size_b
+    diagonal = np.flatnonzero(upper % (nx + 1) == 0)
+    lowest = -escape * size_P
+
+    def check(t: float, y: Floats) -> str | None:  # noqa: ARG001
+        return "P escapes" if y[diagonal].min() < lowest else None
+
+    done = integrate(
+        _Riccati(data, nx),
+        tf,
+        t0,
+        np.concatenate([Q_final.ravel()[upper], q_final]),
+        accuracy=accuracy,
+        atol=atol,
+        jumps=jumps,
+        check=check,
+    )
+    if done.failure is not None:
+        return _without_minimum(
+            nx,
+            nu,
+            mesh,
+            done.t,
+            done.steps,
+            f"the Riccati equation has no solution before t = {done.t:.6g} s ({done.failure}), so the "
+            "problem has no minimum.",
+        )
+    value = done.curve((triangle + nx,))
+    parts = [E.reshape(len(A), -1), G.reshape(len(A), -1), g, R.reshape(len(A), -1), c]
+    law = mesh.fit(np.concatenate(parts, axis=1), (sum(p.shape[1] for p in parts),))
+    full = _full(nx)
+
+    def feedback(t: Floats) -> Floats:
+        V, L = value(t), law(t)
+        P, b = V[:, full].reshape(-1, nx, nx), V[:, triangle:]
+        E, G = L[:, : nu * nx], L[:, nu * nx : 2 * nu * nx].reshape(-1, nu, nx)
+        K = E + (G @ P).reshape(len(t), -1)
+        C = L[:, 2 * nu * nx : 2 * nu * nx + nu] + np.einsum("nij,nj->ni", G, b)
+        return np.hstack([K, C])
+
+    # C is a difference of larger terms near an optimum: its last digits are not worth resolving.
+    least = np.zeros(nu * nx + nu)
+    least[nu * nx :] = np.abs(g).max(axis=0)
+    fine, gains = approximate(feedback, done.mesh, accuracy.sampling, least)
+    tail = law(fine.t)[:, 2 * nu * nx + nu :]
+    weights, drift = tail[:, : nu * nu].reshape(-1, nu, nu), tail[:, nu * nu :]
+    C = gains[:, nu * nx :]
+    rate = -0.5 * np.einsum("ni,nij,nj->n", C, weights, C)
+    rate += np.einsum("ni,ni->n", value(fine.t)[:, triangle:], drift)
+    return ContinuousLinearQuadraticSolution(
+        feedback=fine.fit(gains, (gains.shape[1],)),
+        value=value,
+        nx=nx,
+        nu=nu,
+        constant=float(fine.weights @ rate),
+        definite=True,
+        escape_time=None,
+        steps=done.steps,
+        message="The problem has a unique minimum.",
+    )
+
+
+class _Riccati:
+    """The right-hand side of the Riccati equation for P (its upper triangle) and b."""
+
+    def __init__(self, data: PiecewisePolynomial, nx: int) -> None:
+        self._data = data.flat
+        self._nx = nx
+        self._triangle = nx * (nx + 1) // 2
+        self._upper = np.flatnonzero(np.triu(np.ones((nx, nx))).ravel())
+        self._full = _full(nx)
+
+    def __call__(self, t: float, y: Floats) -> Floats:
+        nx, triangle, square = self._nx, self._triangle, self._nx * self._nx
+        d = self._data(t)
+        A, half_Q = d[:square].reshape(nx, nx), d[square : 2 * square].reshape(nx, nx)
+        half_W = d[2 * square : 3 * square].reshape(nx, nx)
+        q, c = d[3 * square : 3 * square + nx], d[3 * square + nx :]
+        P, b = y.take(self._full).reshape(nx, nx), y[triangle:]
+        X = P @ (A - half_W @ P)
+        X += half_Q
+        rate = np.empty_like(y)
+        rate[:triangle] = (X + X.T).take(self._upper)
+        rate[triangle:] = q + b @ A + P @ (c - 2.0 * (half_W @ b))
+        return np.negative(rate, out=rate)
+
+
+def largest(array: Floats) -> float:
+    """Return the largest magnitude."""
+    return float(np.abs(array).max(initial=0.0))
+
+
+def _full(nx: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return where each entry of a symmetric matrix stands in its upper triangle."""
+    rows, columns = np.triu_indices(nx)
+    where = np.empty((nx, nx), dtype=np.intp)
+    where[rows, columns] = where[columns, rows] = np.arange(rows.size)
+    return where.ravel()
+
+
+def _without_minimum(
+    nx: int, nu: int, mesh: Mesh, time: float, steps: int, message: str
+) -> ContinuousLinearQuadraticSolution:
+    t0, tf = float(mesh.breaks[0]), float(mesh.breaks[-1])
+    nothing = np.full(nu * nx + nu, np.nan)
+    value = np.full(nx * (nx + 1) // 2 + nx, np.nan)
+    return ContinuousLinearQuadraticSolution(
+        feedback=PiecewisePolynomial.constant(nothing, t0, tf),
+        value=PiecewisePolynomial.constant(value, t0, tf),
+        nx=nx,
+        nu=nu,
+        constant=np.nan,
+        definite=False,
+        escape_time=time,
+        steps=steps,
+        message=message,
+    )

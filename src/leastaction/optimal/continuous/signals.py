@@ -1,0 +1,112 @@
+"""Arguments that may be constant or change with time: weights, matrices, wanted motions."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.optimal.continuous.integrate import segments
+from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
+
+__all__ = ["Signal", "SignalLike", "as_horizon", "first_mesh"]
+
+SignalLike = ArrayLike | PiecewisePolynomial | Callable[[float], ArrayLike]
+"""A constant array, a `PiecewisePolynomial`, or a function of one time (s)."""
+
+
+class Signal:
+    """An array that may change with time.
+
+    Parameters
+    ----------
+    name : str
+        The argument's name, for messages.
+    value : SignalLike
+        What was given.
+
+    Raises
+    ------
+    ArgumentError
+        A constant that is not an array of finite numbers.
+    """
+
+    def __init__(self, name: str, value: SignalLike) -> None:
+        self.name = name
+        self.jumps: tuple[float, ...] = ()
+        self._constant: Floats | None = None
+        self._curve: PiecewisePolynomial | None = None
+        self._function: Callable[[float], ArrayLike] | None = None
+        if isinstance(value, PiecewisePolynomial):
+            self._curve = value
+            self.jumps = value.jumps()
+        elif callable(value):
+            self._function = value
+        else:
+            self._constant = as_floats(name, value)
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it never changes."""
+        return self._constant is not None
+
+    def at(self, t: float) -> Floats:
+        """Return the value at a time."""
+        if self._constant is not None:
+            return self._constant
+        if self._curve is not None:
+            return self._curve.flat(t).reshape(self._curve.shape)
+        assert self._function is not None
+        return np.asarray(self._function(t), dtype=np.float64)
+
+    def samples(self, t: Floats) -> Floats:
+        """Return the values at times (n,): (n, ...)."""
+        if self._constant is not None:
+            return np.broadcast_to(self._constant, (len(t), *self._constant.shape))
+        if self._curve is not None:
+            return self._curve(t)
+        return np.stack([self.at(float(time)) for time in t])
+
+    def check(self, t0: float, tf: float, *shapes: tuple[int, ...], what: str) -> Floats:
+        """Complain unless the values over [t0, tf] have one of the shapes and are finite.
+
+        Returns
+        -------
+        ndarray (n, ...)
+            A few values over the interval; one if it is constant.
+        """
+        if self._constant is not None:
+            return as_floats(self.name, self._constant, *shapes, what=what)[None]
+        values = []
+        for t in np.linspace(t0, tf, 7):
+            try:
+                value = self.at(float(t))
+            except (TypeError, ValueError) as error:
+                raise ArgumentError(
+                    f"{self.name}: at t = {t:g} s it is not an array of numbers ({error}); expected "
+                    f"one of shape {what}."
+                ) from error
+            values.append(as_floats(f"{self.name} at t = {t:g} s", value, *shapes, what=what))
+        return np.stack(values)
+
+
+def as_horizon(horizon: tuple[float, float]) -> tuple[float, float]:
+    """Return the horizon (t0, tf) as floats, or complain."""
+    times = as_floats("horizon", horizon, (2,), what="(t0, tf)")
+    if not times[0] < times[1]:
+        raise ArgumentError(f"horizon: got {tuple(times.tolist())}, expected t0 < tf.")
+    return float(times[0]), float(times[1])
+
+
+def first_mesh(t0: float, tf: float, jumps: Sequence[float], pieces: int) -> Mesh:
+    """Return a mesh of about equal pieces that has the jumps among its ends."""
+    stops = segments(t0, tf, jumps)
+    breaks = [stops[0]]
+    for begin, end in itertools.pairwise(stops):
+        count = max(1, round(pieces * (end - begin) / (tf - t0)))
+        breaks.extend(np.linspace(begin, end, count + 1)[1:].tolist())
+    return Mesh(np.array(breaks))

@@ -1,0 +1,157 @@
+"""Trajectories and curves in continuous time as objects."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
+from leastaction.optimal.continuous.signals import Signal, SignalLike, first_mesh
+
+__all__ = ["DenseTrajectory"]
+
+_FIRST_PIECES = 16
+
+
+class DenseTrajectory:
+    """States and inputs as functions of time; a curve, if they do not obey the dynamics.
+
+    Parameters
+    ----------
+    xu : PiecewisePolynomial
+        States and inputs in one vector (nx + nu,).
+    nx : int
+        Number of states.
+    """
+
+    def __init__(self, xu: PiecewisePolynomial, nx: int) -> None:
+        self.xu = xu
+        self.nx = nx
+        self.nu = xu.shape[0] - nx
+
+    @classmethod
+    def from_samples(
+        cls,
+        t: ArrayLike,
+        x: ArrayLike,
+        u: ArrayLike,
+        *,
+        kind: Literal["linear", "hold", "cubic"] = "cubic",
+    ) -> DenseTrajectory:
+        """Return the curve through samples.
+
+        Parameters
+        ----------
+        t : array_like (n+1,)
+            Times (s), increasing.
+        x : array_like (n+1, nx)
+            States; a cubic spline goes through them.
+        u : array_like (n+1, nu), or (n, nu) for "hold"
+            Inputs.
+        kind : {"linear", "hold", "cubic"}
+            How the inputs go from one sample to the next.
+
+        Raises
+        ------
+        ArgumentError
+            Wrong shapes or values that are not finite.
+        """
+        states = PiecewisePolynomial.through(t, x)
+        inputs = PiecewisePolynomial.through(t, u, kind=kind)
+        if len(states.shape) != 1 or len(inputs.shape) != 1:
+            raise ArgumentError(
+                f"x, u: got samples of shapes {states.shape} and {inputs.shape}, expected (nx,) and "
+                "(nu,)."
+            )
+        mesh = first_mesh(states.t0, states.tf, states.breaks[1:-1].tolist(), 1)
+        values = np.hstack([states(mesh.t), inputs(mesh.t)])
+        return cls(mesh.fit(values, (values.shape[1],)), states.shape[0])
+
+    @classmethod
+    def from_functions(
+        cls,
+        x: SignalLike,
+        u: SignalLike,
+        *,
+        horizon: tuple[float, float],
+        nx: int,
+        nu: int,
+        tolerance: float = 1e-9,
+    ) -> DenseTrajectory:
+        """Return the curve of two functions of time, or constants.
+
+        Parameters
+        ----------
+        x, u : of shape (nx,), (nu,)
+            Constants, `PiecewisePolynomial` or functions of one time.
+        horizon : (t0, tf)
+            Times (s).
+        nx, nu : int
+            Numbers of states and inputs.
+        tolerance : float
+            Of the approximation, relative.
+
+        Raises
+        ------
+        ArgumentError
+            Wrong shapes or values that are not finite.
+        """
+        t0, tf = horizon
+        states, inputs = Signal("x", x), Signal("u", u)
+        states.check(t0, tf, (nx,), what="(nx,)")
+        inputs.check(t0, tf, (nu,), what="(nu,)")
+        jumps = sorted({*states.jumps, *inputs.jumps})
+        mesh, values = approximate(
+            lambda t: np.hstack([states.samples(t), inputs.samples(t)]),
+            first_mesh(t0, tf, jumps, _FIRST_PIECES),
+            tolerance,
+        )
+        return cls(mesh.fit(as_floats("x, u", values), (nx + nu,)), nx)
+
+    @cached_property
+    def x(self) -> PiecewisePolynomial:
+        """States (nx,) as a function of time."""
+        return self.xu.part(np.arange(self.nx), (self.nx,))
+
+    @cached_property
+    def u(self) -> PiecewisePolynomial:
+        """Inputs (nu,) as a function of time."""
+        return self.xu.part(self.nx + np.arange(self.nu), (self.nu,))
+
+    @property
+    def t(self) -> Floats:
+        """Ends of the pieces (s), about where the integrator stepped."""
+        return self.xu.breaks
+
+    @property
+    def t0(self) -> float:
+        """First time (s)."""
+        return self.xu.t0
+
+    @property
+    def tf(self) -> float:
+        """Last time (s)."""
+        return self.xu.tf
+
+    def sample(self, t: ArrayLike) -> tuple[Floats, Floats]:
+        """Return states (n, nx) and inputs (n, nu) at times (n,).
+
+        Raises
+        ------
+        ArgumentError
+            Times outside of the horizon.
+        """
+        times = as_floats("t", t)
+        slack = 1e-9 * (self.tf - self.t0)
+        if times.size and not (self.t0 - slack <= times.min() and times.max() <= self.tf + slack):
+            raise ArgumentError(
+                f"t: got times from {times.min():g} to {times.max():g} s, expected times in "
+                f"[{self.t0:g}, {self.tf:g}]."
+            )
+        values = self.xu(times)
+        return values[..., : self.nx], values[..., self.nx :]

@@ -1,0 +1,34 @@
+"""Central differences, by which derivatives are checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal._arrays import Floats
+
+__all__ = ["central_differences", "relative_error"]
+
+
+def central_differences(f: Callable[..., Floats], y: Floats) -> Floats:
+    """Return the central differences df_i/dy_j of a function of one vector."""
+    columns = []
+    for j in range(y.size):
+        h = 6e-6 * max(1.0, abs(float(y[j])))
+        up, down = y.copy(), y.copy()
+        up[j] += h
+        down[j] -= h
+        columns.append((f(up) - f(down)) / (up[j] - down[j]))
+    return np.stack(columns, axis=1)
+
+
+def relative_error(got: Floats, expected: Floats) -> float:
+    """Return the largest difference, relative to one plus the largest value expected."""
+    if got.shape != expected.shape:
+        raise ArgumentError(f"a derivative has shape {got.shape}, expected {expected.shape}.")
+    error = float(np.abs(got - expected).max(initial=0.0)) / (
+        1.0 + float(np.abs(expected).max(initial=0.0))
+    )
+    return error if np.isfinite(error) else np.inf

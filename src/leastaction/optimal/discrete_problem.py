@@ -1,0 +1,275 @@
+"""A discrete system and its cost, as the optimiser's loop sees them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.optimal.costs import Cost, CostGradient
+from leastaction.optimal.descent import minimise_model
+from leastaction.optimal.line_search import Trial
+from leastaction.optimal.linear_quadratic import (
+    LinearQuadraticSolution,
+    Workspace,
+    adjoint,
+    regulate,
+    sweep_forward,
+)
+from leastaction.optimal.loop import Direction, Problem
+from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
+from leastaction.optimal.result import OptimizationResult, Settings
+
+__all__ = ["DiscreteDirection", "DiscreteProblem"]
+
+
+class _Iterate(NamedTuple):
+    x: Floats
+    u: Floats
+
+
+@dataclass(frozen=True)
+class DiscreteDirection(Direction):
+    """A descent direction, and the projection along which it is followed.
+
+    With the gains of the direction's own linear-quadratic problem as the projection's gains,
+    ``ubar - K (x - xbar)`` of ``(xbar, ubar) = xi + s dxi`` is ``u - s C - K (x - x_now)``: the
+    direction dxi itself is never needed, only its feedforward C. With other gains it is, and `dx`,
+    `du` are given.
+
+    Attributes
+    ----------
+    gain : ndarray (N, nu, nx)
+        Gains of the projection.
+    C : ndarray (N, nu)
+        Feedforward of the model's solution.
+    dx, du : ndarray or None
+        The direction, if the projection has gains of its own.
+    """
+
+    gain: Floats
+    C: Floats
+    dx: Floats | None = None
+    du: Floats | None = None
+
+    def curve(self, x: Floats, u: Floats, length: float) -> tuple[Floats, Floats]:
+        """Return the curve whose projection is the iterate at this step length."""
+        if self.dx is None or self.du is None:
+            return x, u - length * self.C
+        return x + length * self.dx, u + length * self.du
+
+
+class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Iterate]):
+    """The current trajectory of a discrete system, and what was computed along it.
+
+    Parameters
+    ----------
+    system : DiscreteSystem
+    cost : Cost
+    settings : Settings
+    """
+
+    def __init__(self, system: DiscreteSystem, cost: Cost, settings: Settings) -> None:
+        super().__init__()
+        self.system = system
+        self.cost = cost
+        self.has_curvature = system.has_curvature
+        self.chunk = settings.chunk
+
+        # The current iterate, and the gains of the projection that led to it.
+        self.x: Floats
+        self.u: Floats
+        self.gain: Floats
+        # What was computed along it; None: not yet.
+        self.linearization: Linearization | None = None
+        self.curvature: Floats | None = None
+        self.quasi_newton: LinearQuadraticSolution | None = None
+        self.feedback: Floats | None = None
+
+        # Memory that is used again. The gains of the last projection (in `held`) outlive the next
+        # linear-quadratic problem (solved in `free`), because the adjoint needs them.
+        sizes = (system.N, system.nx, system.nu)
+        self.free, self.held = Workspace(*sizes), Workspace(*sizes)
+        self.lqr = Workspace(*sizes) if settings.regulator == "lqr" else None
+        self.old_linearization: Linearization | None = None
+        self.old_curvature: Floats | None = None
+
+    # ---- Where to start -------------------------------------------------------------------------
+
+    def start(self, x: ArrayLike, u: ArrayLike) -> None:
+        """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
+        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        u = as_floats("initial u", u, (N, nu), what="(N, nu)")
+        x = as_floats(
+            "initial x", x, (N + 1, nx), (nx,), what="(N+1, nx) or an initial state (nx,)"
+        )
+        if x.ndim == 1:
+            x = self._project(np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx))).x
+        self.x, self.u = x, u
+        self.quasi_newton = self._solve("quasi-newton", self.held)
+        self.gain = self.quasi_newton.K
+        if not self.quasi_newton.definite:
+            self.gain = regulate(*self._linearize())
+        projected = self._project(x, u, self.gain)
+        # A trajectory is its own projection; then what was computed along it stays valid.
+        if float(np.abs(projected.x - x).max()) > 1e-8 * (1.0 + float(np.abs(x).max())):
+            self.x, self.u = projected.x, projected.u
+            self.forget()
+        self.value = self.cost.value(self.x, self.u)
+        if not np.isfinite(self.value):
+            raise ArgumentError(
+                f"initial: the cost of the initial trajectory is {self.value}, expected a finite "
+                "number. Look at the cost's weights and wanted motion."
+            )
+
+    def resume(self, result: OptimizationResult) -> None:
+        """Begin where an earlier run ended."""
+        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        self.x = as_floats("resume.x", result.x, (N + 1, nx), what="(N+1, nx)")
+        self.u = as_floats("resume.u", result.u, (N, nu), what="(N, nu)")
+        self.gain = as_floats(
+            "resume.projection_gain", result.projection_gain, (N, nu, nx), what="(N, nu, nx)"
+        )
+        self.value = self.cost.value(self.x, self.u)
+
+    def _project(self, xbar: Floats, ubar: Floats, gain: Floats) -> Rollout:
+        with self.clock("rollout"):
+            rollout = self.system.rollout(xbar[0], xbar, ubar, gain, 0, self.system.N)
+        self.rollouts += 1
+        if not rollout.complete:
+            raise ArgumentError(
+                f"initial: the roll-out failed after {rollout.steps_done} of {self.system.N} steps: "
+                f"{rollout.failure}. Give a trajectory of the system (such as one it simulated), or "
+                "a curve that stays closer to one."
+            )
+        return rollout
+
+    # ---- Directions -----------------------------------------------------------------------------
+
+    def minimise_model(self, method: str, scale: float) -> LinearQuadraticSolution:
+        """Return the solution of a method's model."""
+        self._own_gain()
+        if method == "quasi-newton" and self.quasi_newton is not None:
+            return self.quasi_newton
+        return self._solve(method, self.free, scale)
+
+    def direction(
+        self, method: str, model: LinearQuadraticSolution, scale: float
+    ) -> DiscreteDirection:
+        """Return the direction of a model that has a minimum."""
+        own_gain = self._own_gain()
+        dx = du = None
+        if own_gain is not None:
+            dx, du = sweep_forward(*self._linearize(), model)
+        self.feedback = model.K if own_gain is None else own_gain
+        # With dx_0 = 0 the model's minimum is half of its linear part.
+        slope = 2.0 * model.constant
+        return DiscreteDirection(method, slope, scale, self.feedback, model.C, dx, du)
+
+    def _solve(
+        self, method: str, workspace: Workspace, scale: float = 0.0
+    ) -> LinearQuadraticSolution:
+        gradient = self.cost.gradient(self.x, self.u)
+        hessian = self.cost.hessian(self.x, self.u)
+        linearization = self._linearize()
+        curvature = self._curvature_along(gradient) if method == "newton" else None
+        with self.clock("lq"):
+            return minimise_model(
+                method, linearization, gradient, hessian, curvature, workspace, scale
+            )
+
+    def _linearize(self) -> Linearization:
+        if self.linearization is None:
+            with self.clock("linearize"):
+                self.linearization = self.system.linearize(self.x, self.u, self.old_linearization)
+            self.old_linearization = self.linearization
+        return self.linearization
+
+    def _curvature_along(self, gradient: CostGradient) -> Floats:
+        if self.curvature is None:
+            with self.clock("lq"):
+                z = adjoint(*self._linearize(), self.gain, *gradient)
+            with self.clock("curvature"):
+                self.curvature = self.system.curvatures(self.x, self.u, z, self.old_curvature)
+            self.old_curvature = self.curvature
+        return self.curvature
+
+    def _own_gain(self) -> Floats | None:
+        """Return the projection's own gains about the current iterate, if it has any."""
+        if self.lqr is None:
+            return None
+        if self.feedback is None:
+            with self.clock("lq"):
+                self.gain = self.feedback = regulate(*self._linearize(), workspace=self.lqr)
+        return self.gain
+
+    def forget(self) -> None:
+        """Drop all that was computed along the current iterate."""
+        self.linearization = self.curvature = self.quasi_newton = self.feedback = None
+
+    # ---- Steps ----------------------------------------------------------------------------------
+
+    def simulate(
+        self, direction: DiscreteDirection, length: float, bound: float
+    ) -> Trial[_Iterate] | str:
+        """Return the projection of a step along the direction, or why it is refused."""
+        system, cost = self.system, self.cost
+        xbar, ubar = direction.curve(self.x, self.u, length)
+        x, u = np.empty_like(xbar), np.empty_like(ubar)
+        x[0] = xbar[0]
+        stage_values = np.empty(system.N)
+        for start in range(0, system.N, self.chunk):
+            stop = min(start + self.chunk, system.N)
+            part = system.rollout(x[start], xbar, ubar, direction.gain, start, stop)
+            if not part.complete:
+                return f"the roll-out failed: {part.failure}"
+            x[start + 1 : stop + 1] = part.x[1:]
+            u[start:stop] = part.u
+            with np.errstate(over="ignore", invalid="ignore"):
+                stage_values[start:stop] = cost.stage_values(x[start:stop], u[start:stop], start)
+                spent = float(np.sum(stage_values[:stop]))
+            if not np.isfinite(spent):
+                return f"the cost is not finite by step {stop}"
+            if cost.nonnegative and spent > bound:
+                return f"the cost was past its bound by step {stop}"
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float(np.sum(stage_values)) + cost.final_value(x[-1])
+        # Not "total > bound": a NaN is refused.
+        if not total <= bound:
+            return f"a cost of {total:.10g}, where at most {bound:.10g} was wanted"
+        return Trial(_Iterate(x, u), total)
+
+    def accept(self, direction: DiscreteDirection, trial: Trial[_Iterate]) -> None:
+        """Make a trial the current iterate."""
+        self.x, self.u = trial.iterate
+        self.value, self.gain = trial.cost, direction.gain
+        if direction.gain is self.free.K:
+            self.free, self.held = self.held, self.free
+        self.forget()
+
+    # ---- What is told ---------------------------------------------------------------------------
+
+    def arrays(self) -> tuple[Floats, Floats]:
+        """Return states and inputs of the current iterate."""
+        return self.x, self.u
+
+    def result(self, summary: dict[str, Any]) -> OptimizationResult:
+        """Return the result at the current iterate."""
+        feedback = self.feedback
+        if feedback is None:
+            feedback = self._final_feedback()
+        return OptimizationResult(
+            x=self.x, u=self.u, K=feedback, projection_gain=self.gain, **summary
+        )
+
+    def _final_feedback(self) -> Floats:
+        """Return gains about the last iterate, for a run that ended before it had any."""
+        try:
+            solution = self._solve("quasi-newton", self.free)
+            return solution.K if solution.definite else regulate(*self._linearize())
+        except LeastActionError:
+            return self.gain

@@ -1,0 +1,263 @@
+"""The bridge in continuous time: a mechanism is a system like any other to the optimiser."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from leastaction import (
+    Damping,
+    Distance,
+    Gravity,
+    JointForce,
+    Mechanism,
+    MidpointSystem,
+    MidpointVI,
+    QuadraticCost,
+    optimize,
+    project_configuration,
+    rx,
+    rz,
+    tx,
+    tz,
+)
+from leastaction.errors import ArgumentError, DynamicsError
+from leastaction.mechanics import ContinuousDynamics, PythonConstraint, PythonFunction
+from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.optimal import Status
+from leastaction.optimal.continuous import (
+    Accuracy,
+    ContinuousQuadraticCost,
+    DenseTrajectory,
+    check_continuous_derivatives,
+    optimize_continuous,
+)
+from leastaction.systems import MechanismSystem
+
+
+def crane() -> tuple[Mechanism, np.ndarray]:
+    """Return a cart with a double pendulum whose tip hangs on a string that is reeled, and a start."""
+    mechanism = Mechanism(
+        [
+            tx("cart", mass=2.0), [rx("a"), [tz(-1.0, mass=1.0, inertia=(0.1, 0.2, 0.3)), [
+                rz("twist"), [rx("b"), [tz(-0.7, name="tip", mass=0.5, inertia=(0.1, 0.1, 0.05))]],
+            ]]],
+            tz(1.0), [tx("winch", name="winch", kinematic=True)],
+        ],
+        [
+            Gravity(),
+            Damping(0.1),
+            JointForce("cart", "push"),
+            Distance("tip", "winch", "length", name="string"),
+        ],
+    )  # fmt: skip
+    q = project_configuration(
+        mechanism, mechanism.configuration({"a": 0.3, "b": -0.4, "twist": 0.2, "length": 2.4})
+    ).q
+    return mechanism, np.concatenate([q, np.zeros(mechanism.nq)])
+
+
+@pytest.mark.parametrize("stabilised", [False, True])
+def test_derivatives_of_the_system(stabilised: bool) -> None:
+    mechanism, x0 = crane()
+    more = {"constraint_damping": 4.0, "constraint_stiffness": 9.0} if stabilised else {}
+    system = MechanismSystem(ContinuousDynamics(mechanism, **more))
+    assert (system.nx, system.nu) == (2 * mechanism.nq, mechanism.nu + mechanism.nrho)
+    rng = np.random.default_rng(0)
+    speeds, inputs = rng.standard_normal(mechanism.nq), rng.standard_normal(system.nu)
+    curve = DenseTrajectory.from_functions(
+        lambda t: x0 + 0.1 * np.sin(t + np.r_[speeds, 3 * speeds]),
+        lambda t: inputs * np.cos(t),
+        horizon=(0.0, 1.0),
+        nx=system.nx,
+        nu=system.nu,
+    )
+    report = check_continuous_derivatives(system, curve, tolerance=1e-6)
+    assert report.ok, report
+    assert "curvatures" in report.errors
+
+
+def test_the_state_and_the_input_are_in_the_order_of_the_mechanism() -> None:
+    mechanism, x0 = crane()
+    system = MechanismSystem(mechanism)
+    x0[mechanism.nq :] = np.arange(mechanism.nq) * 0.1
+    u = np.array([3.0, 0.4, -0.7])
+    rate = system.f(x0, u, 0.0)
+    nq, nd = mechanism.nq, mechanism.nd
+    np.testing.assert_array_equal(rate[:nq], x0[nq:])
+    np.testing.assert_array_equal(rate[nq + nd :], u[mechanism.nu :])
+    a = ContinuousDynamics(mechanism).accelerations(x0[:nq], x0[nq:], u[:1], u[1:]).a
+    np.testing.assert_array_equal(rate[nq : nq + nd], a)
+
+
+def test_newton_tail_on_a_constrained_mechanism() -> None:
+    mechanism, x0 = crane()
+    system = MechanismSystem(mechanism)
+    nq = mechanism.nq
+    start = x0.copy()
+
+    def wanted(t: float) -> np.ndarray:
+        x = start.copy()
+        x[0] += 0.4 * np.sin(4 * t)
+        return x
+
+    cost = ContinuousQuadraticCost(
+        wanted,
+        np.zeros(system.nu),
+        Q=np.r_[np.full(nq, 10.0), np.full(nq, 0.1)],
+        R=np.full(system.nu, 0.01),
+    )
+    result = optimize_continuous(
+        system,
+        cost,
+        initial=(x0, np.zeros(system.nu)),
+        horizon=(0.0, 1.0),
+        method="newton",
+        tolerance=1e-15,
+        accuracy=Accuracy(rtol=1e-10, atol=1e-12),
+    )
+    assert result.success
+    assert result.history.method[-2:] == ("newton", "newton")
+    gap = np.append(result.history.expected_decrease, result.expected_decrease) / result.cost
+    for before, after in itertools.pairwise(gap[gap < 1e-2]):
+        assert after < max(100 * before**2, 1e-15)
+    # The string stays as long as it is: the integration alone holds it.
+    q = result.trajectory.x(np.linspace(0, 1, 21))[:, :nq]
+    residual = [np.abs(mechanism.core.constraints(row)).max() for row in q]
+    assert max(residual) < 1e-7
+
+
+def test_the_variational_integrator_finds_the_same() -> None:
+    """The optimum of small steps is off by O(dt^2); the cost sees no velocities, which differ."""
+    mechanism = cart_pendulum()
+    final = 1.5
+
+    def angle(t: np.ndarray | float) -> np.ndarray | float:
+        return 0.8 * np.sin(np.pi * t)
+
+    weights = np.array([1.0, 10.0, 0.0, 0.0])
+    cost = ContinuousQuadraticCost(
+        lambda t: np.array([0.0, angle(t), 0.0, 0.0]), [0.0], Q=weights, R=[0.01]
+    )
+    exact = optimize_continuous(
+        MechanismSystem(mechanism),
+        cost,
+        initial=(np.zeros(4), [0.0]),
+        horizon=(0.0, final),
+        tolerance=1e-13,
+        accuracy=Accuracy(rtol=1e-11, atol=1e-13),
+    )
+    assert exact.status is Status.CONVERGED
+    errors = []
+    for count in (150, 300):
+        dt = final / count
+        t = dt * np.arange(count + 1)
+        x_wanted = np.zeros((count + 1, 4))
+        x_wanted[:, 1] = angle(t)
+        Q = np.tile(dt * weights, (count, 1))[:, :, None]
+        Q[0] *= 0.5
+        discrete = QuadraticCost(
+            x_wanted, np.zeros((count, 1)), Q=Q, R=[0.01 * dt], Q_final=0.5 * dt * weights
+        )
+        result = optimize(
+            MidpointSystem(MidpointVI(mechanism), t),
+            discrete,
+            initial=(np.zeros(4), np.zeros((count, 1))),
+            tolerance=1e-13,
+        )
+        assert result.success
+        u = exact.trajectory.u(t[:-1] + dt / 2)
+        errors.append(
+            [
+                np.abs(result.x[:, :2] - exact.trajectory.x(t)[:, :2]).max(),
+                np.abs(result.u - u).max(),
+                abs(result.cost - exact.cost),
+            ]
+        )
+    ratio = np.divide(*errors)
+    np.testing.assert_array_less(3.2, ratio)
+    np.testing.assert_array_less(ratio, 4.8)
+    assert errors[1][0] < 2e-3
+
+
+def test_where_there_are_no_accelerations() -> None:
+    mechanism, x0 = crane()
+    system = MechanismSystem(mechanism)
+    x0[1] = np.nan
+    with pytest.raises(DynamicsError, match=r"t = 0.25 s"):
+        system.f(x0, np.zeros(system.nu), 0.25)
+
+
+def test_without_second_derivatives_there_is_no_newton() -> None:
+    class Square(PythonFunction):
+        """``(x^2 - 1) / 2`` of one variable."""
+
+        def value(self, z):
+            return 0.5 * (z[0] * z[0] - 1.0)
+
+        def gradient(self, z):
+            return np.array([z[0]])
+
+        def hessian(self, z):
+            return np.array([[1.0 + 0.0 * z[0]]])
+
+    mechanism = Mechanism(
+        [tx("x", mass=1.0), tz("z", mass=1.0)],
+        [JointForce("z", "lift"), PythonConstraint(Square(), variables=["x"])],
+    )
+    system = MechanismSystem(mechanism)
+    assert not system.has_curvature
+    assert MechanismSystem(crane()[0]).has_curvature
+    cost = ContinuousQuadraticCost([1.0, 1.0, 0.0, 0.0], [0.0], Q=np.ones(4), R=[1.0])
+    how = {"initial": ([1.0, 0.0, 0.0, 0.0], [0.0]), "horizon": (0.0, 1.0)}
+    result = optimize_continuous(system, cost, **how)
+    assert result.success
+    assert set(result.history.method) == {"quasi-newton"}
+    with pytest.raises(ArgumentError, match="MechanismSystem has no second derivative"):
+        optimize_continuous(system, cost, **how, method="newton")
+
+
+def test_the_swing_up_of_the_dissertation() -> None:
+    """Dynamic embedding (6.6.1, 6.7.1): a torque at the pivot whose price rises, then none.
+
+    The weights' ratio is 1e4, where the dissertation's continuous optimisation had to stay below 100; the
+    discrete optimisation of the same motion comes to the same cost.
+    """
+    final = 10.0
+
+    def wanted(t: float) -> np.ndarray:
+        share = min(max((t / final - 0.3) / 0.4, 0.0), 1.0)
+        return np.array([0.0, 0.5 * np.pi * (1.0 - np.cos(2.0 * np.pi * share)), 0.0, 0.0])
+
+    dt = 0.01
+    t = np.linspace(0.0, final, round(final / dt) + 1)
+    x_wanted = np.stack([wanted(s) for s in t])
+    # Rates and momenta are not the same, so neither is weighed.
+    Q = np.array([0.01, 100.0, 0.0, 0.0])
+    initial = DenseTrajectory.from_samples([0.0, final], np.zeros((2, 4)), np.zeros((2, 2)))
+    start = np.zeros((len(t), 4)), np.zeros((len(t) - 1, 2))
+    for torque in (0.01, 10.0, 1000.0, None):
+        R = np.array([0.01] if torque is None else [0.01, torque])
+        mechanism = cart_pendulum(pivot_torque=torque is not None)
+        if torque is None:
+            initial = DenseTrajectory(initial.xu.part(np.arange(5), (5,)), 4)
+            start = start[0], start[1][:, :1].copy()
+        result = optimize_continuous(
+            MechanismSystem(mechanism),
+            ContinuousQuadraticCost(wanted, np.zeros(R.size), Q=Q, R=R, jumps=[3.0, 7.0]),
+            initial=initial,
+        )
+        discrete = optimize(
+            MidpointSystem(MidpointVI(mechanism), t),
+            QuadraticCost(x_wanted, np.zeros((len(t) - 1, R.size)), Q=Q, R=R),
+            initial=start,
+        )
+        assert result.success
+        assert discrete.success
+        assert result.iterations <= 10
+        assert result.cost == pytest.approx(dt * discrete.cost, rel=2e-3)
+        np.testing.assert_allclose(result.trajectory.x(t)[:, 1], discrete.x[:, 1], atol=0.02)
+        initial, start = result.trajectory, (discrete.x, discrete.u)
+    assert result.trajectory.x(t)[:, 1].max() > 2.9

@@ -1,0 +1,31 @@
+"""The code in the pages of docs/ runs, and what the pages point to exists."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+DOCS = sorted((Path(__file__).parents[2] / "docs").glob("*.md"))
+CODE = [
+    pytest.param(page, block, id=f"{page.stem}-{number}")
+    for page in DOCS
+    for number, block in enumerate(
+        re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+    )
+]
+
+
+@pytest.mark.parametrize(("page", "block"), CODE)
+def test_the_code_runs(page: Path, block: str) -> None:
+    if "sympy" in block:
+        pytest.importorskip("sympy")
+    exec(compile(block, page.name, "exec"), {})
+
+
+@pytest.mark.parametrize("page", DOCS, ids=lambda page: page.stem)
+def test_what_it_points_to_exists(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text("utf-8")):
+        if "://" not in target:
+            assert (page.parent / target).is_file(), target
