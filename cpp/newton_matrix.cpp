@@ -1,5 +1,6 @@
 #include "newton_matrix.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace leastaction {
@@ -31,6 +32,7 @@ NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
       C2_(nc_, n_),
       schur_(nc_, nc_padded_ + lanes),
       pivots_(nc_),
+      padded_(n_ + lanes),
       column_(nc_) {}
 
 void NewtonMatrix::clear() {
@@ -162,7 +164,10 @@ void NewtonMatrix::solve_M(double* b) const {
 }
 
 void NewtonMatrix::solve(double* f, double* g) {
-    solve_M(f);
+    // Whole lanes run past the end of a column: never in the caller's memory.
+    std::copy(f, f + n_, padded_.begin());
+    solve_M(padded_.data());
+    std::copy(padded_.begin(), padded_.begin() + n_, f);
     if (nc_ == 0) return;
     Eigen::Map<Eigen::VectorXd> y(f, n_), l(g, nc_);
     l.noalias() -= C2_ * y;

@@ -65,6 +65,7 @@ private:
     Matrix unfactored_;
     std::vector<int> pivots_;
     Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> orthogonal_, orthogonal_C1t_;
+    std::vector<double> padded_;  // a right-hand side, with room for the last lanes
     Eigen::VectorXd column_;
     bool rank_deficient_ = false;
 };
