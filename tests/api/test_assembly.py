@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+import sympy
 from scipy.optimize import minimize
 
 from leastaction.errors import (
@@ -15,8 +16,10 @@ from leastaction.errors import (
 )
 from leastaction.mechanics import (
     Distance,
+    ExpressionConstraint,
     Mechanism,
     MidpointVI,
+    PathLength,
     PointToPoint,
     check_consistent,
     find_contradiction,
@@ -29,6 +32,7 @@ from leastaction.mechanics import (
     tz,
     world,
 )
+from leastaction.mechanics.expressions import variable
 from leastaction.models.bricard import bricard
 from leastaction.models.four_bars import at_angle, four_bars
 from leastaction.models.marionette import marionette, rest_pose
@@ -294,6 +298,26 @@ def test_sizes_of_all_orders():
 def test_a_start_at_the_edge_of_the_numbers_is_an_inconsistent_start():
     with np.errstate(all="ignore"), pytest.raises(InconsistentStartError, match="'rod'"):
         project_configuration(point(rod()), (1e300, 1e300))
+
+
+def test_rods_at_the_edge_of_the_numbers_that_contradict_are_an_inconsistent_start():
+    mechanism = point(rod(1e150), rod(1e155, "other"))
+    with pytest.raises(InconsistentStartError, match=r"'rod'|'other'"):
+        project_configuration(mechanism, (1e80, 1e80))
+
+
+def test_what_is_not_a_number_is_not_on_the_constraints():
+    """A string through a point that it meets has no gradient, and a function may have no value."""
+    log = ExpressionConstraint(sympy.log(variable("a")), name="log")
+    with pytest.raises(InconsistentStartError, match="'log'"):
+        check_consistent(point(log), (-1.0, 0.0))
+    with pytest.raises(InconsistentStartError, match="'log'"):
+        MidpointVI(point(log)).start((-1.0, 0.0))
+    met = point(PathLength(["world", "p"], 1.0, name="string"))
+    with pytest.raises(ArgumentError, match="gradient of 'string' is not finite"):
+        met.redundancy((0.0, 0.0))
+    with pytest.raises(InconsistentStartError, match="'string'"):
+        project_velocity(met, (0.0, 0.0), (1.0, 0.0))
 
 
 def test_a_rod_out_of_reach_is_named():

@@ -71,6 +71,15 @@ FRAMES = {
     "mass is text": (lambda: tx("x", name="cart", mass="10"), "'cart'.*number.*'10'"),
     "mass is a truth value": (lambda: tx("x", name="cart", mass=True), "'cart'.*number.*True"),
     "huge whole number": (lambda: tx(10**400), "tx.*finite"),
+    "bodies that are a number": (lambda: tx("x", name="cart", bodies=3), "'cart'.*list of Body.*3"),
+    "nonphysical in part": (
+        lambda: Body(1.0, allow_nonphysical=np.array([True, False])),
+        "allow_nonphysical.*True or False",
+    ),
+    "rotation whose squares overflow": (
+        lambda: pose(rotation=1e300 * np.eye(3)),
+        "rotation is not orthonormal",
+    ),
     "amount is NaN": (lambda: rz(NAN), "rz.*nan"),
     "amount is nothing": (lambda: rz(None), "rz.*None"),
     "amount is a list": (lambda: rz([1.0]), r"rz.*\[1.0\]"),
@@ -209,6 +218,8 @@ ELEMENTS = {
         lambda: [Distance("rz(theta)", "bob", 1.0, name="rope")],
         "'rope'.*no dynamic variable",
     ),
+    "elements that are no list": (lambda: None, "elements.*list.*None"),
+    "elements by name": (lambda: {"g": Gravity()}, "elements.*list.*'g'"),
     "distance that is prescribed": (
         lambda: [Distance("world", "trolley", "l", name="rope")],
         "'rope'.*no dynamic variable",
@@ -224,6 +235,7 @@ ORDERS = {
     "kinematic unknown": ({"kinematic": ["rail", "rope"]}, "kinematic.*'rope'.*'rail'"),
     "kinematic missing": ({"kinematic": []}, "kinematic.*lacks 'rail'"),
     "input unknown": ({"inputs": ["u"]}, "inputs.*'u'.*no inputs"),
+    "a number": ({"inputs": 3}, "inputs.*list of names.*3"),
 }
 
 

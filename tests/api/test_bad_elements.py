@@ -77,6 +77,7 @@ FIELDS = {
         "length": (lambda: la.ElasticString(["a", "b"], 1, 0), "length.*0.*positive"),
         "stiffness": (lambda: la.ElasticString(["a", "b"], NAN, 1), "stiffness.*nan"),
         "smoothing": (lambda: la.ElasticString(["a", "b"], 1, 1, smoothing=0), "smoothing.*tension_only"),
+        "ways": (lambda: la.ElasticString(["a", "b"], 1, 1, tension_only="no"), "tension_only.*True or.*'no'"),
     },
     "PathLength": {
         "length": (lambda: la.PathLength(["a", "b"], -1.0), "length.*-1.*positive"),
@@ -96,6 +97,7 @@ FIELDS = {
     "HingeLoop": {
         "axis": (lambda: la.HingeLoop("bob", "post", axis="xy"), "axis.*'xy'"),
         "itself": (lambda: la.HingeLoop("bob", "bob"), "both ends"),
+        "planar": (lambda: la.HingeLoop("bob", "post", planar=np.ones(2)), "planar.*True or False"),
     },
     "FixedOrientation": {
         "shape": (lambda: la.FixedOrientation("bob", "post", rotation=[1, 2]), r"rotation.*\(3, 3\)"),
@@ -118,6 +120,7 @@ FIELDS = {
         "none": (lambda: la.NonlinearDamping("x", ()), "one to eight"),
         "last": (lambda: la.NonlinearDamping("x", (1, -1)), "c3.*-1.*positive.*fast motion"),
         "text": (lambda: la.NonlinearDamping("x", ("1", 2)), "c1.*number.*'1'"),
+        "bytes": (lambda: la.NonlinearDamping("x", b"x"), "list.*b'x'"),
     },
     "LinearDamper": {
         "negative": (lambda: la.LinearDamper("bob", "post", -1), "coefficient.*-1.*positive"),
@@ -132,6 +135,8 @@ FIELDS = {
         "two": (lambda: la.BodyWrench("bob", force=(0, 1)), r"force.*three.*\(0, 1\)"),
         "text": (lambda: la.BodyWrench("bob", torque="abc"), "torque.*three.*'abc'"),
         "nan": (lambda: la.BodyWrench("bob", force=(0, NAN, 1), name="w"), "'w': force: y.*nan"),
+        "bytes": (lambda: la.BodyWrench("bob", force=b"abc"), "force.*three.*b'abc'"),
+        "array of no axis": (lambda: la.BodyWrench("bob", force=np.array(1.0)), "force.*three.*array"),
         "empty input": (lambda: la.BodyWrench("bob", force=("", 0, 0)), "force: x.*not empty"),
     },
     "HybridWrench": {"a number": (lambda: la.HybridWrench("bob", force=3.0), "force.*three.*3.0")},
@@ -151,7 +156,10 @@ FIELDS = {
         "wind": (lambda: la.Drag("bob", 1.0, wind=(1, 2)), r"wind.*\(3\)"),
         "smoothing": (lambda: la.Drag("bob", 1.0, smoothing=-1), "smoothing.*-1"),
     },
-    "Damping": {"negative": (lambda: la.Damping({"x": -1}, name="oil"), "'oil'.*x.*-1.*zero or more")},
+    "Damping": {
+        "negative": (lambda: la.Damping({"x": -1}, name="oil"), "'oil'.*x.*-1.*zero or more"),
+        "default": (lambda: la.Damping(1.0, default=NAN), "default.*nan.*mapping"),
+    },
 }  # fmt: skip
 
 MISFITS = {

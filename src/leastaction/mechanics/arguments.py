@@ -126,6 +126,23 @@ def as_number(value: object, what: str, *, error: type[LeastActionError] = Argum
     return number
 
 
+def as_flag(value: object, what: str, *, error: type[LeastActionError] = ArgumentError) -> bool:
+    """Return True or False, or raise an error: anything else is more likely a slip than meant.
+
+    Parameters
+    ----------
+    value : object
+        What the user gave.
+    what : str
+        What it is, for the message.
+    error : type, optional
+        The error to raise.
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise error(f"{what}: expected True or False, got {_brief(value)}")
+    return bool(value)
+
+
 def _brief(value: object) -> str:
     text = repr(value)
     return f"{text if len(text) <= 60 else text[:57] + '...'} ({type(value).__name__})"

@@ -90,9 +90,9 @@ def check_consistent(mechanism: Mechanism, q: npt.ArrayLike, *, tolerance: float
         as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
     )
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q))
-    if np.any(np.abs(values) > limits):
+    if not np.all(np.abs(values) <= limits):
         residuals = dict(zip(mechanism.constraints, values, strict=True))
-        contradiction = find_contradiction(mechanism, q)
+        contradiction = find_contradiction(mechanism, q) if np.isfinite(values).all() else None
         if contradiction is not None:
             raise contradictory("the configuration cannot satisfy the constraints", contradiction)
         raise InconsistentStartError(
@@ -217,16 +217,20 @@ def project_velocity(
     free = free_variables(mechanism, hold, move_kinematic)
     root = np.sqrt(_weights(mechanism, weights)[free])
     result = wanted.copy()
-    if mechanism.nc and len(free):
+    # A gradient that is not finite leaves a rate that is not, which is refused below.
+    if mechanism.nc and len(free) and np.isfinite(jacobian).all():
         # Twice: the second pass removes the rounding that the first leaves.
         for _ in range(2):
             rate = jacobian @ result
+            if not np.isfinite(rate).all():
+                break
             change = np.linalg.lstsq(jacobian[:, free] / root, -rate, rcond=RANK_TOLERANCE)[0]
             result[free] += change / root
-    rate = jacobian @ result
-    limits = tolerance * row_scales(jacobian) * max(1.0, float(np.linalg.norm(result)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        rate = jacobian @ result
+        limits = tolerance * row_scales(jacobian) * max(1.0, float(np.linalg.norm(result)))
     residuals = dict(zip(mechanism.constraints, (float(r) for r in rate), strict=True))
-    if np.any(np.abs(rate) > limits):
+    if not np.all(np.abs(rate) <= limits):
         raise InconsistentStartError(
             f"no velocity of the free variables keeps the constraints: {_worst(residuals, limits)}. "
             "Hold fewer variables, or change the velocities of the held ones",

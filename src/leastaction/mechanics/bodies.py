@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
+from leastaction.mechanics.arguments import Array, as_array, as_flag, as_number, shape_of
 
 # Relative slack of the inequalities that the inertia of a real body obeys.
 INERTIA_TOLERANCE = 1e-9
@@ -59,7 +59,8 @@ class Body:
             raise DescriptionError(f"mass: got {number} kg; a mass is zero or positive")
         centre = as_array((0.0,) * 3 if com is None else com, "com", (3,), error=DescriptionError)
         matrix = _inertia_matrix((0.0,) * 3 if inertia is None else inertia)
-        _check_inertia(matrix, triangle=not allow_nonphysical)
+        allowed = as_flag(allow_nonphysical, "allow_nonphysical", error=DescriptionError)
+        _check_inertia(matrix, triangle=not allowed)
         centre, matrix = centre.copy(), matrix.copy()
         for array in (centre, matrix):
             array.setflags(write=False)
@@ -67,7 +68,7 @@ class Body:
             ("mass", number),
             ("com", centre),
             ("inertia", matrix),
-            ("allow_nonphysical", bool(allow_nonphysical)),
+            ("allow_nonphysical", allowed),
         ):
             object.__setattr__(self, field, value)
 

@@ -10,11 +10,7 @@ import numpy as np
 from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.elements import Builder, Context, Element
 from leastaction.mechanics.masses import check_structure
-from leastaction.mechanics.parameters import parameter_places
 from leastaction.mechanics.tree import Tree
-
-# How the names of the parameters of frames and bodies end.
-_FRAME_NUMBERS = {"mass", "value", *"xyz", "xx", "yy", "zz", "xy", "xz", "yz"}
 
 
 @dataclass(frozen=True)
@@ -180,39 +176,21 @@ def plan(
     context = result.context()
     for element in elements:
         element.check(context)
+    _check_body_names(tree)
     check_structure(tree)
     return result
 
 
-def check_parameter_names(tree: Tree, owners: Mapping[str, tuple[str, str]]) -> None:
-    """Raise a `DescriptionError` if a name would stand for two parameters of a mechanism.
-
-    Frames, bodies and elements may share a name, as long as no number of the one is called like one of the
-    other: a `Damping` called "bob" on a variable "mass", say, and a body on the frame "bob".
-
-    Parameters
-    ----------
-    tree : Tree
-    owners : mapping of str to (str, str)
-        The parameters of elements, with the element that each belongs to.
-    """
+def _check_body_names(tree: Tree) -> None:
+    """Refuse a frame that is called like the second body of another one: their parameters would be the same."""
     heavy = {frame.name for frame in tree.frames if frame.spec is not None and frame.spec.bodies}
     for frame in tree.frames:
-        for number in range(2, len(frame.spec.bodies) + 1 if frame.spec is not None else 0):
+        for number in range(2, 1 + (0 if frame.spec is None else len(frame.spec.bodies))):
             if f"{frame.name}.body{number}" in heavy:
                 raise DescriptionError(
                     f"the frame '{frame.name}.body{number}' is called like body {number} of the frame "
                     f"{frame.name!r}, so their parameters have the same names; give it another name="
                 )
-    if not any(name.rpartition(".")[2] in _FRAME_NUMBERS for name in owners):
-        return
-    places = parameter_places(tree, {})
-    for name, (element, _) in owners.items():
-        if name in places:
-            raise DescriptionError(
-                f"the parameter {name!r} is one of the element {element!r} and one of a frame; give one of "
-                "them another name="
-            )
 
 
 def _named(elements: Sequence[Element]) -> dict[str, Element]:
@@ -251,7 +229,8 @@ def _ordered(
     names = tuple(found)
     if given is None:
         return names
-    listed = isinstance(given, Iterable) and not isinstance(given, str)
+    names_given: object = given
+    listed = isinstance(names_given, Iterable) and not isinstance(names_given, str)
     order = tuple(given) if listed else ()
     if not listed or not all(isinstance(name, str) for name in order):
         raise DescriptionError(f"{argument}: expected a list of names, got {given!r}")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from leastaction.errors import ArgumentError
 from leastaction.mechanics.arguments import Array
 from leastaction.mechanics.compiled import Compiled
 
@@ -64,8 +65,25 @@ class ConstraintQueries(Compiled):
             equations listed before it in `constraints`, and which these are; none for a gradient of zero.
             Empty where all equations are independent. At a singular configuration, as a four-bar linkage
             in one line, equations are dependent that are independent elsewhere.
+
+        Raises
+        ------
+        ArgumentError
+            If a gradient is not finite there, as that of a path two points of which meet.
         """
         jacobian = self.constraint_jacobian(q)[:, : self.nd]
+        if not np.isfinite(jacobian).all():
+            bad = [
+                name
+                for name, row in zip(self.constraints, jacobian, strict=True)
+                if not np.isfinite(row).all()
+            ]
+            raise ArgumentError(
+                f"the gradient of {', '.join(map(repr, bad[:6]))} is not finite at this configuration, so the "
+                "rank of the constraints is not determined; ask at another one"
+            )
+        # Rows of ordinary size, so that no square overflows.
+        jacobian = jacobian / max(1.0, float(np.abs(jacobian).max(initial=0.0)))
         scales = np.linalg.norm(jacobian, axis=1)
         # A row without a gradient is one of rounding, compared with the whole.
         floor = RANK_TOLERANCE * max(1.0, float(scales.max(initial=0.0)))

@@ -99,7 +99,7 @@ def find_contradiction(
     values = mechanism.constraint_values(point)
     return Contradiction(
         constraints=names,
-        held=tuple(mechanism.variables[i] for i in held if slope[i] > _PART * largest**2),
+        held=tuple(mechanism.variables[i] for i in held if slope[i] > _PART * largest * largest),
         residuals=worst_first(dict(zip(mechanism.constraints, values, strict=True))),
         q=point,
     )

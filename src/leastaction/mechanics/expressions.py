@@ -91,13 +91,16 @@ def unit_vector(frame: str, vector: str | npt.ArrayLike) -> tuple[float, ...]:
             )
         return UNITS[vector]
     given = as_array(vector, f"direction of {frame!r}", (3,), error=DescriptionError)
-    length = float(np.linalg.norm(given))
-    if length == 0.0:
+    largest = float(np.abs(given).max())
+    if largest == 0.0:
         raise DescriptionError(
             f"direction of {frame!r}: got zero, which points nowhere; give a vector with a length"
         )
+    # Of ordinary size first, so that no square overflows or vanishes; a unit vector stays as it is.
+    length = float(np.linalg.norm(given / largest)) * largest
+    unit = given if length == 1.0 else given / largest / np.linalg.norm(given / largest)
     # Adding zero turns -0.0 into 0.0, so that equal directions are equal symbols.
-    return tuple((given / length + 0.0).tolist())
+    return tuple((unit + 0.0).tolist())
 
 
 def distance(frame1: str, frame2: str) -> sympy.Expr:

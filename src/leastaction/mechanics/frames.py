@@ -22,7 +22,7 @@ Both describe the same mechanism.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypedDict, Unpack
 
@@ -135,14 +135,17 @@ def bodies_of(
 ) -> tuple[Body, ...]:
     """Return the bodies that the options of a frame describe; `label` is the frame in messages."""
     if mass is None and (com is not None or inertia is not None):
-        given = "com" if com is not None else "inertia"
-        raise DescriptionError(f"frame {label}: {given} is given without a mass; give mass= too")
-    if isinstance(bodies, Body) or not all(isinstance(body, Body) for body in bodies):
+        which = "com" if com is not None else "inertia"
+        raise DescriptionError(f"frame {label}: {which} is given without a mass; give mass= too")
+    given: object = bodies
+    listed = tuple(given) if isinstance(given, Iterable) else ()
+    more = tuple(body for body in listed if isinstance(body, Body))
+    if not isinstance(given, Iterable) or len(more) < len(listed):
         raise DescriptionError(f"frame {label}: bodies must be a list of Body, got {bodies!r}")
     if mass is None:
-        return tuple(bodies)
+        return more
     try:
-        return (Body(mass, com=com, inertia=inertia), *bodies)
+        return (Body(mass, com=com, inertia=inertia), *more)
     except DescriptionError as error:
         raise DescriptionError(f"frame {label}: {error}") from None
 

@@ -47,6 +47,8 @@ _FORGETFUL, _PERIOD = 40, 50
 # Steps along the search direction that are shorter are left for plain restoration.
 _SHORTEST = 1e-5
 _LEFT = 0.1  # of |h| at most may be left for a later step
+# Of numbers near the largest double squares overflow; a point where they do is no better than the last.
+_QUIET = np.errstate(over="ignore", invalid="ignore")
 
 
 def row_scales(jacobian: Array) -> Array:
@@ -55,8 +57,10 @@ def row_scales(jacobian: Array) -> Array:
     ``max(1, |Dh_i|, |Dh_i|^2 / 4)``: the second makes it a distance in units of q, the third is the square
     of a `Distance`'s length, whose rounding the residual cannot fall below.
     """
-    norms = np.linalg.norm(jacobian, axis=1)
-    scales: Array = np.maximum(np.maximum(1.0, norms), norms**2 / 4.0)
+    # Of numbers near the largest double the scale is infinite.
+    with np.errstate(over="ignore"):
+        norms = np.linalg.norm(jacobian, axis=1)
+        scales: Array = np.maximum(np.maximum(1.0, norms), norms**2 / 4.0)
     return scales
 
 
@@ -128,6 +132,7 @@ class LeastChange:
         self.free = free
         self.root = root
 
+    @_QUIET
     def solve(self, tolerance: float, max_iterations: int, attempts: int = 1) -> tuple[Array, int]:
         """Return the point that was reached and the number of steps; the caller checks h there.
 
@@ -300,6 +305,7 @@ class LeastChange:
             s, h = trial, h_trial
         return s
 
+    @_QUIET
     def least_residual(self, q: Array, max_iterations: int = 200) -> tuple[Array, Array]:
         """Return the point near q where the constraints are violated least, and which of them block there.
 
@@ -337,7 +343,10 @@ class LeastChange:
                 break
             # Where the residual is large, its own curvature, left out of `normal`, is of its size.
             size = max(float(np.trace(normal)), float(np.linalg.norm(h)))
-            trial = s - np.linalg.solve(normal + damping * size * eye, slope)
+            try:
+                trial = s - np.linalg.solve(normal + damping * size * eye, slope)
+            except np.linalg.LinAlgError:
+                break  # numbers so small that their squares vanish, or so large that they overflow
             h_trial, jacobian_trial = scaled(trial)
             if np.linalg.norm(h_trial) < np.linalg.norm(h):
                 s, h, jacobian, damping = trial, h_trial, jacobian_trial, 0.2 * damping
@@ -348,5 +357,5 @@ class LeastChange:
         residual = float(np.linalg.norm(h))
         # h is in the left null space of the Jacobian: to first order no motion of size one lessens it.
         slope = jacobian.T @ h
-        blocked = _finite(h, jacobian) and np.linalg.norm(slope) <= _BLOCKED * residual**2
+        blocked = _finite(h, jacobian) and np.linalg.norm(slope) <= _BLOCKED * residual * residual
         return self._configuration(s), h if blocked else np.zeros(len(h))

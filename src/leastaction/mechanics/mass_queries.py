@@ -91,6 +91,7 @@ class MassQueries(Compiled):
         result: Array = moment / total
         return result[0] if single else result
 
+    @np.errstate(over="ignore", invalid="ignore")
     def total_momentum(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
         """Return the linear and angular momentum of all bodies.
 

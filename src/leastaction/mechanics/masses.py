@@ -23,12 +23,13 @@ DEPENDENT = 1e-9
 
 def check_structure(tree: Tree) -> None:
     """Raise a `DescriptionError` if a dynamic variable, or a combination of them, moves nothing with mass."""
+    # Whether there is any, not how much: sums of what is there could overflow.
     matter = np.zeros((len(tree.joints), 2))
     for joint, body, _ in tree.bodies():
         if joint != WORLD:
-            matter[joint] += body.mass, np.trace(body.inertia)
+            matter[joint] += body.mass > 0.0, body.inertia.any()
     massive = [
-        bool(mass > 0.0 or (inertia > 0.0 and joint.twist[3:].any()))
+        bool(mass or (inertia and joint.twist[3:].any()))
         for joint, (mass, inertia) in zip(tree.joints, tree.subtree_sums(matter), strict=True)
     ]
     moved = {
@@ -111,6 +112,26 @@ def check_inertia(tree: Tree, variables: Sequence[str], core: _core.Mechanism) -
                 name,
                 "whose point masses all lie on its axis, or whose motions cancel each other",
             )
+
+
+def recheck_inertia(
+    tree: Tree, variables: Sequence[str], core: _core.Mechanism, before: _core.Mechanism
+) -> None:
+    """Do as `check_inertia` after numbers have changed: in full only if an inertia has changed beyond its size.
+
+    Parameters
+    ----------
+    tree, variables, core
+        As of `check_inertia`.
+    before : _core.Mechanism
+        The mechanism with the numbers before, which was checked.
+    """
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, len(variables))
+    was, now = (
+        np.diag(m.hessian(q, np.zeros(len(q)))[2])[: len(tree.dynamic)] for m in (before, core)
+    )
+    if not np.all((now > 1e-6 * was) & (now < 1e6 * was)):
+        check_inertia(tree, variables, core)
 
 
 def _rounding(tree: Tree, poses: Array) -> Array:

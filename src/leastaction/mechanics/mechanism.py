@@ -8,7 +8,7 @@ from typing import Any
 
 from leastaction import _core
 from leastaction.mechanics.branch import Branch
-from leastaction.mechanics.compilation import Plan, check_parameter_names, plan
+from leastaction.mechanics.compilation import Plan, plan
 from leastaction.mechanics.constraint_queries import ConstraintQueries
 from leastaction.mechanics.elements import Element
 from leastaction.mechanics.flattening import flatten
@@ -96,8 +96,6 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         nd, nrho, nu = len(settled.dynamic), len(settled.kinematic), len(settled.inputs)
         builder = _core.MechanismBuilder(nd, nrho, nu)
         context = settled.emit(builder)
-        if like is None:
-            check_parameter_names(settled.tree, context.owners)
         fields: dict[str, Any] = {
             "_plan": settled,
             "_frame_index": {f.name: i for i, f in enumerate(settled.tree.frames)},
@@ -116,8 +114,6 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         if like is None:
             check_names(self.tree, context.parameters)
             check_inertia(self.tree, self.variables, self.core)
-        else:
-            recheck_inertia(self.tree, self.variables, self.core, like)
 
     def with_elements(self, elements: Sequence[Element]) -> Mechanism:
         """Return the same mechanism with more elements; names and orders stay, new inputs come last.
@@ -195,7 +191,7 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         result = Mechanism.__new__(Mechanism)
         result._compile(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
         if tree is not self.tree:
-            check_inertia(tree, result.variables, result.core)
+            recheck_inertia(tree, result.variables, result.core, self.core)
         return result
 
     def with_free_lengths(self, lengths: Mapping[str, Length]) -> Mechanism:

@@ -141,7 +141,8 @@ class MidpointVI(ParameterDifferentiation):
             return State(as_number(t, "t"), q0.copy(), momentum.copy(), np.zeros(m.nrho))
         v0 = np.zeros(m.nq) if v is None else as_array(v, "v", (m.nq,), names=m.variables)
         self._check_velocity(q0, v0)
-        return State(as_number(t, "t"), q0.copy(), m.momentum(q0, v0)[: m.nd], v0[m.nd :].copy())
+        momentum = as_array(m.momentum(q0, v0)[: m.nd], "momentum", (m.nd,), names=m.dynamic)
+        return State(as_number(t, "t"), q0.copy(), momentum, v0[m.nd :].copy())
 
     def start_from_configurations(
         self,
@@ -402,7 +403,7 @@ class MidpointVI(ParameterDifferentiation):
         jacobian = m.constraint_jacobian(q)
         rate = jacobian @ v
         size = np.abs(jacobian) @ np.abs(v)
-        if np.any(np.abs(rate) > _VELOCITY_TOLERANCE * np.maximum(1.0, size)):
+        if not np.all(np.abs(rate) <= _VELOCITY_TOLERANCE * np.maximum(1.0, size)):
             residuals = worst_first(dict(zip(m.constraints, rate, strict=True)))
             name, value = next(iter(residuals.items()))
             raise InconsistentStartError(

@@ -77,8 +77,10 @@ def pose(
 
 
 def _nearest_rotation(rotation: Array, what: str) -> Array:
-    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if error > ROTATION_TOLERANCE:
+    # Numbers whose squares overflow are as far from a rotation as any.
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if not error <= ROTATION_TOLERANCE:
         raise DescriptionError(
             f"{what}: the rotation is not orthonormal: R^T R differs from the identity by "
             f"{error:.2g}, more than {ROTATION_TOLERANCE:g}. Give more digits, or build it from rx, ry, rz"

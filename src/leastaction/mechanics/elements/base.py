@@ -56,6 +56,8 @@ class Context:
         Index of every frame in ``tree.frames``.
     parameters : dict of str to int
         Slots of the numbers that were added, by names such as ``"spring.stiffness"``.
+    owners : dict of str to (str, str)
+        Unique name of the element that each of them belongs to, and its name there.
     element : str or None
         Unique name of the element that is being added.
     """
@@ -66,6 +68,7 @@ class Context:
     inputs: tuple[str, ...]
     frames: Mapping[str, int]
     parameters: dict[str, int] = field(default_factory=dict)
+    owners: dict[str, tuple[str, str]] = field(default_factory=dict)
     element: str | None = None
     _points: dict[str, int] = field(default_factory=dict)
     _directions: dict[tuple[int, bytes], int] = field(default_factory=dict)
@@ -117,7 +120,15 @@ class Context:
 
     def record(self, element: Element, field: str, slot: int) -> int:
         """Record a slot that the builder gave to a number of an element; return it."""
-        self.parameters[f"{self.element or element.name or element.default_name}.{field}"] = slot
+        owner = self.element or element.name or element.default_name
+        name = f"{owner}.{field}"
+        if name in self.parameters:
+            other, _ = self.owners[name]
+            raise DescriptionError(
+                f"{element.label}: its parameter {name!r} is also one of the element {other!r}; give one of "
+                "them another name="
+            )
+        self.parameters[name], self.owners[name] = slot, (owner, field)
         return slot
 
     def constant(self, builder: Builder, value: float) -> int:

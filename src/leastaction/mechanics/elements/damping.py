@@ -49,6 +49,11 @@ class Damping(Force):
             object.__setattr__(self, "default", self._coefficient(self.default, "the others"))
         else:
             value = self._coefficient(self.coefficients, "every variable")
+            if self.default != 0.0:
+                raise DescriptionError(
+                    f"{self.title}: default: got {self.default!r} together with one coefficient for every "
+                    "variable; give a mapping of names to coefficients, or leave it out"
+                )
             object.__setattr__(self, "coefficients", Factors({}))
             object.__setattr__(self, "default", value)
 
@@ -150,7 +155,8 @@ class NonlinearDamping(OnVariable):
         super().__post_init__()
         what = f"{self.title}: coefficients"
         given: object = self.coefficients
-        if isinstance(given, str) or not isinstance(given, Sequence) or not 1 <= len(given) <= 8:
+        text = isinstance(given, (str, bytes))
+        if text or not isinstance(given, Sequence) or not 1 <= len(given) <= 8:
             raise DescriptionError(
                 f"{what}: expected a list of one to eight numbers c1, c3, c5, ..., got {given!r}"
             )

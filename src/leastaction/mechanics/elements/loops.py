@@ -10,7 +10,7 @@ import numpy.typing as npt
 from leastaction.mechanics.elements.along import FramePair
 from leastaction.mechanics.elements.base import Builder, Context
 from leastaction.mechanics.elements.constraints import Constraint
-from leastaction.mechanics.elements.reading import Direction, direction, rotation, show, triad
+from leastaction.mechanics.elements.reading import Direction, direction, flag, rotation, show, triad
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class HingeLoop(FramePair, Constraint):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "axis", direction(self.axis, f"{self.title}: axis"))
-        object.__setattr__(self, "planar", bool(self.planar))
+        object.__setattr__(self, "planar", flag(self.planar, f"{self.title}: planar"))
 
     @property
     def equations(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from leastaction.mechanics.curve import Curve
 from leastaction.mechanics.elements.along import Along, Path, Sum, with_factor
 from leastaction.mechanics.elements.base import Builder, Context, Element
 from leastaction.mechanics.elements.potentials import Potential
-from leastaction.mechanics.elements.reading import PULLS_BACK, positive, read_curve
+from leastaction.mechanics.elements.reading import PULLS_BACK, flag, positive, read_curve
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,8 @@ class ElasticString(Along, Potential):
         ):
             value = positive(getattr(self, field), f"{title}: {field}", why)
             object.__setattr__(self, field, value)
-        object.__setattr__(self, "tension_only", bool(self.tension_only))
+        ways = flag(self.tension_only, f"{title}: tension_only")
+        object.__setattr__(self, "tension_only", ways)
 
     @property
     def scalar(self) -> Path:

@@ -7,7 +7,7 @@ times faster. Hold a new class to its own definition with `check_derivatives`.
 from __future__ import annotations
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -272,9 +272,10 @@ def _settle(element: _AnyPython) -> None:
             f"PythonFunction, but {element.function!r} {lacks}"
         )
     for what in ("points", "directions", "variables"):
-        if isinstance(getattr(element, what), str):
+        given: object = getattr(element, what)
+        if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
             raise DescriptionError(
-                f"{element.title}: {what}: expected a list, got {getattr(element, what)!r} alone; write [...]"
+                f"{element.title}: {what}: expected a list, got {given!r} alone; write [...]"
             )
     names = {
         what: tuple(check_name(name, f"{element.title}: {what}") for name in getattr(element, what))

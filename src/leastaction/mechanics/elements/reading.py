@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.arguments import Array, as_array, as_number
+from leastaction.mechanics.arguments import Array, as_array, as_flag, as_number
 from leastaction.mechanics.curve import Curve
 from leastaction.mechanics.names import check_name
 from leastaction.mechanics.poses import pose
@@ -42,6 +42,11 @@ def positive(value: object, what: str, why: str, *, zero: bool = False) -> float
             f"{what}: got {given:g}, expected {'zero or more' if zero else 'a positive number'}, {why}"
         )
     return given
+
+
+def flag(value: object, what: str) -> bool:
+    """Return True or False, or raise a `DescriptionError`."""
+    return as_flag(value, what, error=DescriptionError)
 
 
 def length_or_variable(value: object, what: str) -> float | str:

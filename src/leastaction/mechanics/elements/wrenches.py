@@ -116,8 +116,9 @@ class Wrench(Force):
     def _three(self, field: str) -> tuple[float | str, ...]:
         given, what = getattr(self, field), f"{self.title}: {field}"
         if (
-            isinstance(given, str)
+            isinstance(given, (str, bytes))
             or not isinstance(given, (Sequence, np.ndarray))
+            or getattr(given, "ndim", 1) == 0
             or len(given) != 3
         ):
             raise DescriptionError(
