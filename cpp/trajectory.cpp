@@ -226,8 +226,8 @@ int linearize(const std::shared_ptr<const Mechanism>& mechanism, const MidpointS
                 const double* row = &step.Y[(at.nd + c) * ld];
                 m = std::copy(row, row + at.theta, m);
             }
-            for (int i = 0; i < at.nd + at.nc; ++i) m = std::copy_n(&step.Y[i * ld + at.theta], at.nc, m);
-            for (int i = 0; i < at.nd; ++i) m = std::copy_n(&step.P2[i * ld + at.theta], at.nc, m);
+            for (int i = 0; i < at.nd + at.nc; ++i) m = std::copy_n(step.Y.data() + i * ld + at.theta, at.nc, m);
+            for (int i = 0; i < at.nd; ++i) m = std::copy_n(step.P2.data() + i * ld + at.theta, at.nc, m);
         }
     });
     return first_failure.load();
@@ -295,8 +295,8 @@ void curvatures(const std::shared_ptr<const Mechanism>& mechanism, const Midpoin
             };
             take(at.nc, step.lam.data());
             for (int c = 0; c < at.nc; ++c) take(at.theta, &step.Y[(at.nd + c) * ld]);
-            for (int i = 0; i < at.nd + at.nc; ++i) take(at.nc, &step.Y[i * ld + at.theta]);
-            for (int i = 0; i < at.nd; ++i) take(at.nc, &step.P2[i * ld + at.theta]);
+            for (int i = 0; i < at.nd + at.nc; ++i) take(at.nc, step.Y.data() + i * ld + at.theta);
+            for (int i = 0; i < at.nd; ++i) take(at.nc, step.P2.data() + i * ld + at.theta);
             const double* W_k = W + static_cast<std::size_t>(k) * at.ny;
             for (int i = 0; i < at.nd; ++i) {
                 w_q[i] = W_k[at.m.external[i]];

@@ -23,6 +23,10 @@ from leastaction.errors import LeastActionError
 # Numbers so large or small that results overflow, and functions of the user's own that have no value: what is
 # asked of such a mechanism may be infinite or NaN. What it has moved through is finite all the same.
 EXTREME = {"huge", "tiny", "not finite"}
+DAMAGES = [
+    "wrong type", "wrong shape", "not finite", "huge", "tiny", "zero", "negative", "empty", "unknown name",
+    "duplicate", "misfit", "massless", "cyclic", "contradiction",
+]  # fmt: skip
 
 
 @dataclass
@@ -133,10 +137,10 @@ def test_ten_thousand_descriptions():
     assert tally.share("accepted") >= 0.3
     assert tally.share("refused") >= 0.3
     assert tally.share("completed") >= 0.3
-    assert tally.outcomes["step failed"] >= 20
+    assert tally.outcomes["step failed"] >= 10
     assert all(tally.accepted[kind] >= 20 for kind in ELEMENTS), tally.accepted
     assert all(tally.refused[kind] >= 20 for kind in ELEMENTS), tally.refused
-    assert min(tally.damages.values()) >= 20, tally.damages
+    assert all(tally.damages[kind] >= 20 for kind in DAMAGES), tally.damages
 
 
 def test_warnings_are_errors_here():
