@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from functools import partial
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
+
+pytest.importorskip("jax")
+
+import jax
+import jax.numpy as jnp
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import (
