@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "mechanism.hpp"
+#include "mechanism/mechanism.hpp"
 
 namespace leastaction {
 

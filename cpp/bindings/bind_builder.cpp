@@ -5,9 +5,9 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
-#include "arrays.hpp"
-#include "mechanism.hpp"
-#include "python_function.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/python_function.hpp"
+#include "mechanism/mechanism.hpp"
 
 using namespace nanobind::literals;
 

@@ -7,9 +7,9 @@
 #include <memory>
 #include <mutex>
 
-#include "arrays.hpp"
-#include "continuous.hpp"
-#include "parallel.hpp"
+#include "bindings/arrays.hpp"
+#include "continuous/dynamics.hpp"
+#include "numerics/parallel.hpp"
 
 using namespace nanobind::literals;
 

@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "linear_quadratic.hpp"
+#include "optimal/linear_quadratic.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;

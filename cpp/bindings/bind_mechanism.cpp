@@ -6,8 +6,8 @@
 
 #include <numeric>
 
-#include "arrays.hpp"
-#include "lagrangian.hpp"
+#include "bindings/arrays.hpp"
+#include "dynamics/lagrangian.hpp"
 
 using namespace nanobind::literals;
 

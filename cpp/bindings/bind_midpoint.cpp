@@ -10,8 +10,8 @@
 #include <array>
 #include <optional>
 
-#include "arrays.hpp"
-#include "trajectory.hpp"
+#include "bindings/arrays.hpp"
+#include "discrete/trajectory.hpp"
 
 using namespace nanobind::literals;
 

@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "arrays.hpp"
-#include "tape.hpp"
+#include "bindings/arrays.hpp"
+#include "expressions/tape.hpp"
 
 using namespace nanobind::literals;
 

@@ -6,8 +6,8 @@
 
 #include <complex>
 
-#include "arrays.hpp"
-#include "coordinates.hpp"
+#include "bindings/arrays.hpp"
+#include "elements/coordinates.hpp"
 
 namespace leastaction {
 

@@ -1,0 +1,320 @@
+#include "discrete/midpoint.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace leastaction {
+
+namespace {
+
+constexpr double slow_contraction = 0.05;  // an iteration that gains less asks for a fresh Newton matrix
+constexpr double no_contraction = 0.5;     // and so does one that gains less with the matrix of an earlier step
+constexpr double rounding_floor = 1e-9;    // where the residual stops falling below this, rounding is reached
+constexpr int max_halvings = 8;
+constexpr double fresh_price = 0.5;   // of a new Newton matrix, in iterations
+constexpr double same_point = 1e-14;  // relative moves below this leave the Newton matrix exact
+
+}  // namespace
+
+MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings)
+    : mechanism_(std::move(mechanism)),
+      settings_(settings),
+      nd_(mechanism_->n_dynamic),
+      nq_(mechanism_->n_variables()),
+      nu_(mechanism_->n_inputs),
+      nk_(mechanism_->n_kinematic),
+      nc_(mechanism_->n_constraints()),
+      n_theta_(nq_ + nd_ + nu_ + nk_),
+      ld_((n_theta_ + nc_ + 7) / 8 * 8),
+      lagrangian_(*mechanism_),
+      dual_(*mechanism_),
+      newton_(*mechanism_),
+      at1_(*mechanism_),
+      at2_(*mechanism_),
+      dual_at1_(*mechanism_) {
+    const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
+    const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
+    for (auto* a : {&q1, &q2, &q_mid_, &v_, &mu_force_}) sized(*a, nq);
+    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
+    sized(u, nu_);
+    for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
+    for (auto* a : {&residual, &residual_scale, &first_scale_, &correction_, &mu_}) sized(*a, ny);
+    for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
+    for (auto* a : {&dual_q_, &dual_v_, &dual_q1_}) a->resize(nq);
+
+    for (auto* a : {&q_along_v_, &q_along_mu_}) a->resize(nq);
+    if (!mechanism_->forces.empty()) {
+        along_v_ = std::make_unique<Placement<Dual<double>>>(*mechanism_);
+        along_mu_ = std::make_unique<Placement<Dual<double>>>(*mechanism_);
+    }
+    const bool fits = mechanism_->plain && mechanism_->only_tree_couples;
+    if (fits && (settings.solver == Solver::tree ||
+                 (settings.solver == Solver::automatic && TreeNewton::is_faster(*mechanism_))))
+        tree_ = std::make_unique<TreeNewton>(*mechanism_);
+}
+
+void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
+    std::fill(C, C + nc_ * nq_, 0.0);
+    for (int c = 0; c < nc_; ++c) {
+        const auto& constraint = *mechanism_->constraints[c];
+        constraint.evaluate(at, q, Order::gradient, local_);
+        h_[c] = local_.value;
+        h_scale_[c] = local_.scale;
+        for (std::size_t i = 0; i < constraint.support().size(); ++i)
+            C[c * nq_ + constraint.support()[i]] += local_.gradient[i];
+    }
+}
+
+void MidpointStep::place_start() {
+    place(mechanism_->constraint_joints, q1.data(), at1_);
+    constraint_gradients(at1_, q1.data(), C1_.data());
+    have_factors_ = false;
+}
+
+void MidpointStep::momenta(double dt, std::vector<double>& start) {
+    std::fill(p1.begin(), p1.end(), 0.0);
+    std::fill(lam.begin(), lam.end(), 0.0);
+    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    evaluate(dt);
+    for (int i = 0; i < nd_; ++i) start[i] = -residual[i];
+}
+
+void MidpointStep::advance() {
+    q1.swap(q2);
+    p1.swap(p2);
+    std::swap(at1_, at2_);
+    C1_.swap(C2_);
+}
+
+void MidpointStep::evaluate(double dt) {
+    for (int i = 0; i < nq_; ++i) {
+        q_mid_[i] = 0.5 * (q1[i] + q2[i]);
+        v_[i] = (q2[i] - q1[i]) / dt;
+    }
+    lagrangian_.gradient(q_mid_.data(), v_.data());
+    add_elements();
+    place(mechanism_->free_constraint_joints, q2.data(), at2_);
+    constraint_gradients(at2_, q2.data(), C2_.data());
+
+    const double km = kappa_minus(dt), kp = kappa_plus(dt);
+    double size = 0.5 * dt * potential_size_;
+    for (int i = 0; i < nd_; ++i) {
+        const double half_slope = 0.5 * dt * lagrangian_.L_q[i], momentum = lagrangian_.L_v[i];
+        residual[i] = p1[i] + half_slope - momentum + km * f_[i];
+        p2[i] = half_slope + momentum + kp * f_[i];
+        size = std::max({size, std::abs(p1[i]), std::abs(half_slope), std::abs(momentum), std::abs(km * f_[i])});
+    }
+    for (int c = 0; c < nc_; ++c) {
+        const double* row = &C1_[c * nq_];
+        for (int i = 0; i < nd_; ++i) {
+            const double term = row[i] * lam[c];
+            residual[i] -= term;
+            size = std::max(size, std::abs(term));
+        }
+        residual[nd_ + c] = h_[c];
+        residual_scale[nd_ + c] = h_scale_[c];
+    }
+    // Nor can a momentum be met better than the rounding of q2 allows, which near rest is more than the tolerance: an
+    // error e in q2_j is one of L_vv[i, j] e / dt, and L_vv[i, j]^2 <= L_vv[i, i] L_vv[j, j].
+    double rounding = 0;
+    for (int i = 0; i < nd_; ++i) rounding = std::max(rounding, root_inertia_[i] * std::abs(q2[i]));
+    rounding *= std::numeric_limits<double>::epsilon() / (settings_.tolerance * dt);
+    for (int i = 0; i < nd_; ++i) residual_scale[i] = size + root_inertia_[i] * rounding;
+}
+
+double MidpointStep::largest_residual(const std::vector<double>& scale) const {
+    double out = 0;
+    for (std::size_t i = 0; i < residual.size(); ++i) {
+        const double r = std::abs(residual[i]);
+        if (!std::isfinite(r)) return std::numeric_limits<double>::infinity();
+        if (r > 0) out = std::max(out, r / scale[i]);
+        if (!(scale[i] >= 0)) return std::numeric_limits<double>::infinity();
+    }
+    return out;
+}
+
+void MidpointStep::add_elements() {
+    const Mechanism& m = *mechanism_;
+    std::fill(f_.begin(), f_.end(), 0.0);
+    for (const auto& [i, slot] : m.damping) f_[i] -= m.numbers[slot] * v_[i];
+    for (const auto& [i, input] : m.joint_forces) f_[i] += u[input];
+    potential_size_ = 0;
+    if (m.potentials.empty() && m.forces.empty()) return;
+    place(m.massless_joints_seen, q_mid_.data(), lagrangian_.at);
+    for (const auto& potential : m.potentials) {
+        potential->evaluate(lagrangian_.at, q_mid_.data(), Order::gradient, local_);
+        for (std::size_t i = 0; i < potential->support().size(); ++i) {
+            lagrangian_.L_q[potential->support()[i]] -= local_.gradient[i];
+            potential_size_ = std::max(potential_size_, std::abs(local_.gradient[i]));
+        }
+    }
+    for (const auto& force : m.forces) {
+        force->evaluate(force_point(), Order::value, force_);
+        for (std::size_t i = 0; i < force->support().size(); ++i)
+            if (force->support()[i] < nd_) f_[force->support()[i]] += force_.f[i];
+    }
+}
+
+template <class Add>
+void MidpointStep::element_matrix(double dt, const Add& add) {
+    const Mechanism& m = *mechanism_;
+    const double km = kappa_minus(dt);
+    for (const auto& [i, slot] : m.damping) add(i, i, -km / dt * m.numbers[slot]);
+    for (const auto& potential : m.potentials) {
+        const auto& support = potential->support();
+        potential->evaluate(lagrangian_.at, q_mid_.data(), Order::hessian, local_);
+        for (std::size_t i = 0; i < support.size(); ++i)
+            for (std::size_t j = 0; j < support.size(); ++j)
+                if (support[i] < nd_ && support[j] < nd_)
+                    add(support[i], support[j], -0.25 * dt * local_.hessian[i * support.size() + j]);
+    }
+    for (const auto& force : m.forces) {
+        const auto& support = force->support();
+        force->evaluate(force_point(), Order::gradient, force_);
+        for (std::size_t i = 0; i < support.size(); ++i)
+            for (std::size_t j = 0; j < support.size(); ++j) {
+                const std::size_t at = i * support.size() + j;
+                if (support[i] < nd_ && support[j] < nd_)
+                    add(support[i], support[j], km * (0.5 * force_.f_q[at] + force_.f_v[at] / dt));
+            }
+    }
+}
+
+bool MidpointStep::refresh(double dt, bool in_tree) {
+    in_tree_ = in_tree && tree_;
+    have_factors_ = in_tree_ && factor_tree(dt);
+    if (!have_factors_) {
+        in_tree_ = false;
+        have_factors_ = factor_dense(dt);
+    }
+    factored_dt_ = dt;
+    return have_factors_;
+}
+
+bool MidpointStep::factor_tree(double dt) {
+    lagrangian_.composites();
+    for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
+        const int i = mechanism_->joints[joint].variable;
+        if (i >= nd_) continue;
+        const JointVectors at = lagrangian_.vectors(joint);
+        note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, 0.0));
+    }
+    std::fill(diagonal_.begin(), diagonal_.end(), 0.0);
+    element_matrix(dt, [&](int i, int, double value) { diagonal_[i] += value; });
+    return tree_->factor(lagrangian_, dt, diagonal_.data()) && newton_.factor(*tree_, C1_.data(), C2_.data(), nq_);
+}
+
+void MidpointStep::list_entries() {
+    each_pair(*mechanism_, lagrangian_.pairs_stride(), [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        if (i >= nd_ || j >= nd_) return;
+        const int ij = i * newton_.stride + j, ji = j * newton_.stride + i;
+        (mirrored ? mirrored_entries_ : own_entries_).push_back({at, ij, ji, weight * 1.0});
+    });
+}
+
+bool MidpointStep::factor_dense(double dt) {
+    if (own_entries_.empty()) list_entries();
+    lagrangian_.hessian();
+    newton_.clear();
+    double* M = newton_.M.data();
+    const PairDerivatives& d = lagrangian_.pairs;
+    const double dt_4 = 0.25 * dt, per_dt = 1.0 / dt;
+    std::fill(diagonal_.begin(), diagonal_.end(), 0.0);  // of the inertia, here
+    for (const Entry& e : own_entries_) {
+        M[e.ij] += e.weight * (dt_4 * d.qq[e.at] - per_dt * d.vv[e.at]);
+        if (e.ij == e.ji) diagonal_[e.ij / newton_.stride] += e.weight * d.vv[e.at];
+    }
+    for (const Entry& e : mirrored_entries_) {
+        const double even = e.weight * (dt_4 * d.qq[e.at] - per_dt * d.vv[e.at]);
+        const double odd = 0.5 * e.weight * (d.q_v[e.at] - d.v_q[e.at]);
+        M[e.ij] += even + odd;
+        M[e.ji] += even - odd;
+    }
+    for (int i = 0; i < nd_; ++i) note_inertia(i, diagonal_[i]);
+    element_matrix(dt, [&](int i, int j, double value) { M[i * newton_.stride + j] += value; });
+    return newton_.factor(C1_.data(), C2_.data(), nq_);
+}
+
+// Whether a new Newton matrix is cheaper than going on with the old one. Within a step the contraction decides. At its
+// start: an old matrix gains a factor `old_rate_` an iteration, a new one is done in two, at the price of `fresh_price`
+// iterations. Each refresh makes the estimate a little more hopeful, so that the old matrix is tried again.
+bool MidpointStep::wants_refresh(const StepReport& report, double merit, double previous) {
+    if (report.iterations == 1 && report.factorizations == 0) old_rate_ = std::min(merit / previous, 0.5);
+    if (report.factorizations > 0) return merit > slow_contraction * previous;
+    if (merit > no_contraction * previous) return true;  // however near the tolerance it is
+    const double iterations = std::log(report.residual / settings_.tolerance) / -std::log(old_rate_);
+    const bool refresh = iterations > 2.0 + fresh_price;
+    if (refresh) old_rate_ *= 0.9;
+    return refresh;
+}
+
+StepReport MidpointStep::solve(double dt, bool known) {
+    StepReport report;
+    const double none = std::numeric_limits<double>::infinity();
+    double previous = none;  // residual, in units of the first point's terms, where the last correction was made
+    bool fresh = false;      // the last correction was made with the Newton matrix of its own point
+    int halvings = 0;
+    if (factored_dt_ != dt) have_factors_ = false;
+    factored_at_solution_ = false;
+    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    for (;; ++report.iterations) {
+        evaluate(dt);
+        report.residual = largest_residual(residual_scale);
+        if (report.residual <= settings_.tolerance) break;
+        if (report.iterations == 0) first_scale_ = residual_scale;
+        for (std::size_t i = 0; i < first_scale_.size(); ++i)  // what was nothing at all at first has a size now
+            if (!(first_scale_[i] > 0)) first_scale_[i] = residual_scale[i];
+        const double merit = largest_residual(first_scale_);
+        if (fresh && merit > 0.25 * previous && std::min(report.residual, last_residual_) < rounding_floor) break;
+        last_residual_ = report.residual;
+        const bool finite = std::isfinite(merit);
+        if (report.iterations >= settings_.max_iterations || (!finite && previous == none)) {
+            report.status = finite ? StepStatus::no_convergence : StepStatus::not_finite;
+            return report;
+        }
+        if (fresh && !(merit < previous) && halvings < max_halvings) {
+            // A Newton step that makes things worse was too long: halve it.
+            ++halvings;
+            for (int i = 0; i < nd_; ++i) q2[i] = 0.5 * (q2[i] + q2_kept_[i]);
+            for (int c = 0; c < nc_; ++c) lam[c] = 0.5 * (lam[c] + lam_kept_[c]);
+            continue;
+        }
+        if (!fresh && !(merit < 2.0 * previous)) {
+            // Led astray by an old Newton matrix: back, and on with a new one.
+            std::copy(q2_kept_.begin(), q2_kept_.end(), q2.begin());
+            lam = lam_kept_;
+            previous = none;
+            have_factors_ = false;
+            continue;
+        }
+        fresh = !have_factors_ || wants_refresh(report, merit, previous);
+        if (fresh) {
+            ++report.factorizations;
+            if (!refresh(dt, !known)) {
+                report.status = StepStatus::singular;
+                return report;
+            }
+        }
+        halvings = 0;
+        previous = merit;
+        std::copy(q2.begin(), q2.begin() + nd_, q2_kept_.begin());
+        lam_kept_ = lam;
+        for (int i = 0; i < nd_ + nc_; ++i) correction_[i] = -residual[i];
+        newton_.solve(correction_.data(), correction_.data() + nd_);
+        double moved = 0;
+        for (int i = 0; i < nd_; ++i) {
+            q2[i] += correction_[i];
+            moved = std::max(moved, std::abs(correction_[i]) / (1.0 + std::abs(q2[i])));
+        }
+        factored_at_solution_ = fresh && !in_tree_ && moved < same_point;
+        for (int c = 0; c < nc_; ++c) lam[c] += correction_[nd_ + c];
+        if (known && factored_at_solution_) break;
+    }
+    report.rank_deficient = newton_.rank_deficient();
+    if (report.rank_deficient) newton_.take_least_norm(C1_.data(), nq_, lam.data());
+    return report;
+}
+
+}  // namespace leastaction

@@ -1,0 +1,220 @@
+#include "dynamics/lagrangian.hpp"
+
+#include <Eigen/Core>
+#include <algorithm>
+
+#include "dynamics/world_inertia.hpp"
+
+namespace leastaction {
+
+namespace {
+
+constexpr int lanes = 8;
+using Wide = Eigen::Array<double, lanes, 1>;
+
+// The doubles of a scalar: its value, and for a dual its derivative.
+inline double part_of(double x, int) { return x; }
+inline double part_of(const Dual<double>& x, int part) { return part == 0 ? x.v : x.d; }
+
+// From a frame with the given pose to the world: with b = R h, the rotational part is
+// R I R' + 2 (p.b) E - p b' - b p' + m (p.p E - p p').
+Inertia<double> moved(const Inertia<double>& a, const Pose<double>& pose) {
+    const Vec3<double>& p = pose.p;
+    const Vec3<double> b = pose.R * a.h;
+    const Mat3<double> turned{pose.R * (a.I * transposed_times(pose.R, Vec3<double>{1, 0, 0})),
+                              pose.R * (a.I * transposed_times(pose.R, Vec3<double>{0, 1, 0})),
+                              pose.R * (a.I * transposed_times(pose.R, Vec3<double>{0, 0, 1}))};
+    const double diagonal = 2.0 * dot(p, b) + a.m * dot(p, p);
+    Inertia<double> out{a.m, b + a.m * p, {}};
+    out.I.xx = turned.c0.x + diagonal - 2.0 * p.x * b.x - a.m * p.x * p.x;
+    out.I.yy = turned.c1.y + diagonal - 2.0 * p.y * b.y - a.m * p.y * p.y;
+    out.I.zz = turned.c2.z + diagonal - 2.0 * p.z * b.z - a.m * p.z * p.z;
+    out.I.xy = turned.c1.x - p.x * b.y - p.y * b.x - a.m * p.x * p.y;
+    out.I.xz = turned.c2.x - p.x * b.z - p.z * b.x - a.m * p.x * p.z;
+    out.I.yz = turned.c2.y - p.y * b.z - p.z * b.y - a.m * p.y * p.z;
+    return out;
+}
+
+}  // namespace
+
+void PairDerivatives::resize(std::size_t n) {
+    stride = (n + lanes - 1) / lanes * lanes + lanes;
+    for (auto* plane : {&vv, &v_q, &q_v, &qq}) plane->assign(n * stride, 0.0);
+}
+
+template <class T>
+Lagrangian<T>::Lagrangian(const Mechanism& mechanism) : at(mechanism), mechanism_(mechanism) {
+    const std::size_t n = mechanism.n_massive;
+    L_q.assign(mechanism.n_variables(), T{});
+    L_v.assign(mechanism.n_variables(), T{});
+    V_.resize(n);
+    W_.resize(n);
+    h_own_.resize(n);
+    h_.resize(n);
+    m_.resize(n);
+    H_own_.resize(n);
+    H_.resize(n);
+    IC_.resize(n);
+    stride_ = (n + lanes - 1) / lanes * lanes + lanes;
+    for (int part = 0; part < parts; ++part) {
+        S_wide_[part].assign(6 * stride_, 0.0);
+        W_wide_[part].assign(6 * stride_, 0.0);
+        G_wide_[part].assign(3 * stride_, 0.0);
+        AB_[part].assign(12 * n, 0.0);
+    }
+}
+
+template <class T>
+void Lagrangian<T>::gradient(const T* q, const T* v) {
+    const Mechanism& m = mechanism_;
+    const int n = m.n_massive;
+    place(m.massive_joints, q, at);
+    for (int i = 0; i < n; ++i) {
+        const Joint& joint = m.joints[i];
+        const Motion<T>& S = at.twist[i];
+        const T rate = joint.rate(v);
+        V_[i] = joint.parent < 0 ? rate * S : V_[joint.parent] + rate * S;
+        W_[i] = cross(S, V_[i]);
+
+        const Body& body = m.bodies[i];
+        m_[i] = T(body.mass);
+        if (body.is_empty()) {  // one of several joints in a row: no body of its own
+            h_[i] = h_own_[i] = Vec3<T>{};
+            H_[i] = H_own_[i] = Force<T>{};
+            continue;
+        }
+        const Pose<T>& pose = at.pose[i];
+        const Vec3<T> c = pose.R * body.com + pose.p;
+        const Vec3<T> momentum = body.mass * (V_[i].v + cross(V_[i].w, c));
+        h_[i] = h_own_[i] = body.mass * c;
+        const Vec3<T> spin = pose.R * (body.inertia * transposed_times(pose.R, V_[i].w));
+        H_[i] = H_own_[i] = {momentum, spin + cross(c, momentum)};
+    }
+    const Vec3<double>& g = m.gravity;
+    std::fill(L_q.begin(), L_q.end(), T{});
+    std::fill(L_v.begin(), L_v.end(), T{});
+    for (int i = n - 1; i >= 0; --i) {
+        const Joint& joint = m.joints[i];
+        const Motion<T>& S = at.twist[i];
+        const T momentum = dot(H_[i], S);
+        const T weight = m_[i] * dot(g, S.v) + dot(cross(h_[i], g), S.w), slope = weight - dot(H_[i], W_[i]);
+        if (m.plain)
+            L_v[joint.variable] = momentum, L_q[joint.variable] = slope;
+        else
+            joint.each_term([&](int variable, double factor) {
+                L_v[variable] += factor * momentum;
+                L_q[variable] += factor * slope;
+            });
+        if (joint.parent >= 0) {
+            H_[joint.parent] += H_[i];
+            h_[joint.parent] += h_[i];
+            m_[joint.parent] += m_[i];
+        }
+    }
+}
+
+template <class T>
+void Lagrangian<T>::composites() {
+    const Mechanism& m = mechanism_;
+    const int n = m.n_massive;
+    for (int i = 0; i < n; ++i)
+        IC_[i] = m.bodies[i].is_empty() ? Inertia<T>{} : world_inertia(m.bodies[i], at.pose[i], h_own_[i]);
+    for (int i = n - 1; i >= 0; --i) {
+        const Joint& joint = m.joints[i];
+        if (joint.parent >= 0) IC_[joint.parent] += IC_[i];
+        const Motion<T>& S = at.twist[i];
+        const Force<T> A = IC_[i] * S;
+        const Force<T> B = cross_dual(S, H_[i]) - IC_[i] * W_[i];
+        const T ab[12] = {A.f.x, A.f.y, A.f.z, A.n.x, A.n.y, A.n.z, B.f.x, B.f.y, B.f.z, B.n.x, B.n.y, B.n.z};
+        for (int part = 0; part < parts; ++part)
+            for (int c = 0; c < 12; ++c) AB_[part][i * 12 + c] = part_of(ab[c], part);
+    }
+}
+
+template <class T>
+void Lagrangian<T>::hessian() {
+    const int n = mechanism_.n_massive;
+    if (pairs.stride == 0) pairs.resize(n);
+    composites();
+    for (int i = 0; i < n; ++i) {
+        const Motion<T>& S = at.twist[i];
+        const Vec3<T> G = cross(S.w, mechanism_.gravity);
+        const T s[6] = {S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z};
+        const T w[6] = {W_[i].v.x, W_[i].v.y, W_[i].v.z, W_[i].w.x, W_[i].w.y, W_[i].w.z};
+        const T gv[3] = {G.x, G.y, G.z};
+        for (int part = 0; part < parts; ++part) {
+            for (int c = 0; c < 6; ++c) {
+                S_wide_[part][c * stride_ + i] = part_of(s[c], part);
+                W_wide_[part][c * stride_ + i] = part_of(w[c], part);
+            }
+            for (int c = 0; c < 3; ++c) G_wide_[part][c * stride_ + i] = part_of(gv[c], part);
+        }
+    }
+    for (int i = 0; i < n; ++i) pair_products(i);
+}
+
+// The products of row i with all joints of its runs, `lanes` joints at a time. For a dual scalar the derivative of each
+// product: by the product rule the sum of two products of plain numbers.
+template <class T>
+void Lagrangian<T>::pair_products(int i) {
+    const std::size_t row = i * pairs.stride;
+    for (const auto& [first, last] : mechanism_.runs[i]) {
+        for (int j = first; j < last; j += lanes) {
+            Wide vv = Wide::Zero(), v_q = Wide::Zero(), q_v = Wide::Zero(), qq = Wide::Zero();
+            for (int product = 0; product < parts; ++product) {
+                const double* A = &AB_[parts - 1 - product][i * 12];
+                const double* B = A + 6;
+                const double* S = &S_wide_[product][j];
+                const double* W = &W_wide_[product][j];
+                const double* G = &G_wide_[product][j];
+                for (int c = 0; c < 6; ++c) {
+                    const Wide s = Eigen::Map<const Wide>(S + c * stride_), w = Eigen::Map<const Wide>(W + c * stride_);
+                    vv += A[c] * s;
+                    v_q -= A[c] * w;
+                    q_v += B[c] * s;
+                    qq -= B[c] * w;
+                }
+                for (int c = 0; c < 3; ++c) qq -= A[c] * Eigen::Map<const Wide>(G + c * stride_);
+            }
+            Eigen::Map<Wide>(&pairs.vv[row + j]) = vv;
+            Eigen::Map<Wide>(&pairs.v_q[row + j]) = v_q;
+            Eigen::Map<Wide>(&pairs.q_v[row + j]) = q_v;
+            Eigen::Map<Wide>(&pairs.qq[row + j]) = qq;
+        }
+    }
+}
+
+template <class T>
+void Lagrangian<T>::add_inertia_slope(int joint, const Inertia<double>& inertia, std::vector<double>& L_q,
+                                      std::vector<double>& L_v) const
+    requires std::is_same_v<T, double>
+{
+    const Inertia<double> I = moved(inertia, at.pose[joint]);
+    const Force<double> H = I * V_[joint], weight = I * Motion<double>{mechanism_.gravity, {}};
+    for (int i = joint; i >= 0; i = mechanism_.joints[i].parent) {
+        const double momentum = dot(H, at.twist[i]), slope = dot(weight, at.twist[i]) - dot(H, W_[i]);
+        mechanism_.joints[i].each_term([&](int variable, double factor) {
+            L_v[variable] += factor * momentum;
+            L_q[variable] += factor * slope;
+        });
+    }
+}
+
+template <class T>
+T Lagrangian<T>::kinetic_energy() const {
+    T twice{};
+    for (int i = 0; i < mechanism_.n_massive; ++i) twice += dot(H_own_[i], V_[i]);
+    return 0.5 * twice;
+}
+
+template <class T>
+T Lagrangian<T>::potential_energy() const {
+    T energy(mechanism_.fixed_potential);
+    for (int i = 0; i < mechanism_.n_massive; ++i) energy += T(-1.0) * dot(mechanism_.gravity, h_own_[i]);
+    return energy;
+}
+
+template class Lagrangian<double>;
+template class Lagrangian<Dual<double>>;
+
+}  // namespace leastaction

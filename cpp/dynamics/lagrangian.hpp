@@ -1,0 +1,96 @@
+// The one kernel for the Lagrangian L = T - V of the bodies under uniform gravity, its gradient and its Hessian.
+//
+// World coordinates, spatial vectors at the world origin. With joint twists S_i, V_i = V_parent + S_i v_i, and, summed
+// over all that is behind joint i, the inertia IC_i = sum I_k and the momentum H_i = sum I_k V_k; gravity g as the motion
+// a_g = [g; 0]; W_i = S_i x V_i and G_i = S_i x a_g:
+//
+//   L_v[i] = S_i.H_i                      L_q[i] = S_i.(IC_i a_g) - H_i.W_i
+//
+// and for every j that is i or an ancestor of i, with A_i = IC_i S_i and B_i = S_i x* H_i - IC_i W_i:
+//
+//   L_vv[i,j]       =  A_i.S_j            d(L_v[i])/dq_j = -A_i.W_j
+//   d(L_v[j])/dq_i  =  B_i.S_j            L_qq[i,j]      = -B_i.W_j - A_i.G_j
+//
+// Pairs in different branches are zero. The gradient and the vectors A and B are O(n), the Hessian O(n depth). On
+// Dual<double> the same sweep gives the third order along one direction.
+#pragma once
+
+#include <type_traits>
+#include <vector>
+
+#include "mechanism/mechanism.hpp"
+
+namespace leastaction {
+
+// Second derivatives by pair of massive joints (i, j), j in the path of i, in rows of `stride`.
+// Only entries on paths are meaningful; others hold whatever the wide loops left there.
+struct PairDerivatives {
+    std::size_t stride = 0;
+    std::vector<double> vv, v_q, q_v, qq;  // L_vv, d(L_v[i])/dq_j, d(L_v[j])/dq_i, L_qq
+
+    void resize(std::size_t n);
+};
+
+// The vectors above of one joint, component by component; G as [w x g; 0].
+struct JointVectors {
+    double S[6], W[6], G[6];
+    const double* AB;  // [A; B]
+};
+
+template <class T>
+class Lagrangian {
+public:
+    explicit Lagrangian(const Mechanism& mechanism);
+
+    // Gradient at (q, v), both in internal order; fills L_q and L_v (internal order) and leaves `at` placed.
+    void gradient(const T* q, const T* v);
+    // Composite inertias, A and B at the point of the last gradient: all that the second derivatives are products of.
+    void composites();
+    JointVectors vectors(int joint) const
+        requires std::is_same_v<T, double>
+    {
+        const Motion<T>&S = at.twist[joint], &W = W_[joint];
+        const Vec3<T> G = cross(S.w, mechanism_.gravity);
+        return {{S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z},
+                {W.v.x, W.v.y, W.v.z, W.w.x, W.w.y, W.w.z},
+                {G.x, G.y, G.z, 0, 0, 0},
+                &AB_[0][joint * 12]};
+    }
+    // Second derivatives at the point of the last gradient, in `pairs`; for a dual scalar, their derivatives along the
+    // direction.
+    void hessian();
+    std::size_t pairs_stride() const { return stride_; }  // of the planes in `pairs`, before they are made too
+
+    // Adds what the gradient changes by where a joint's own body gets more inertia (in the frame of the joint, about its
+    // origin): L is linear in it.
+    void add_inertia_slope(int joint, const Inertia<double>& inertia, std::vector<double>& L_q,
+                           std::vector<double>& L_v) const
+        requires std::is_same_v<T, double>;
+
+    T kinetic_energy() const;    // at the point of the last gradient
+    T potential_energy() const;  // of uniform gravity
+
+    Placement<T> at;
+    std::vector<T> L_q, L_v;
+    PairDerivatives pairs;
+
+private:
+    const Mechanism& mechanism_;
+    std::vector<Motion<T>> V_, W_;
+    std::vector<Vec3<T>> h_own_, h_;  // first moments: of the own body, of all behind the joint
+    std::vector<T> m_;                // mass behind the joint
+    std::vector<Force<T>> H_own_, H_;
+    std::vector<Inertia<T>> IC_;
+    // Component-major copies for the wide pair products: parts 0 the value, 1 the derivative (duals only).
+    static constexpr int parts = sizeof(T) / sizeof(double);
+    std::vector<double> S_wide_[parts], W_wide_[parts], G_wide_[parts];
+    std::vector<double> AB_[parts];  // [A; B] by joint
+    std::size_t stride_;
+
+    void pair_products(int i);
+};
+
+extern template class Lagrangian<double>;
+extern template class Lagrangian<Dual<double>>;
+
+}  // namespace leastaction

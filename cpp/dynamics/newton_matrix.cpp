@@ -1,0 +1,234 @@
+#include "dynamics/newton_matrix.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace leastaction {
+
+namespace {
+
+// Pivots of the Schur complement below this part of the largest one mean redundant constraints.
+constexpr double rank_tolerance = 1e-11;
+
+using Wide = Eigen::Array<double, NewtonMatrix::lanes, 1>;
+
+// a -= factor b over whole lanes: n is rounded up to a multiple of eight, rows are padded for it.
+inline void subtract_multiple(double* a, double factor, const double* b, int n) {
+    for (int i = 0; i < n; i += NewtonMatrix::lanes) Eigen::Map<Wide>(a + i) -= factor * Eigen::Map<const Wide>(b + i);
+}
+
+int padded(int n) { return (n + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes; }
+
+}  // namespace
+
+NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
+    : stride(padded(mechanism.n_dynamic) + lanes),
+      coupled_(mechanism.coupled),
+      n_(mechanism.n_dynamic),
+      nc_(mechanism.n_constraints()),
+      nc_padded_(padded(nc_)),
+      reciprocal_(n_),
+      M_inv_C1t_(Matrix::Zero(n_, nc_padded_)),
+      C2_(nc_, n_),
+      schur_(nc_, nc_padded_ + lanes),
+      pivots_(nc_),
+      padded_(n_ + lanes),
+      column_(nc_) {}
+
+void NewtonMatrix::clear() {
+    L_t_.resize(static_cast<std::size_t>(n_) * stride);
+    M.assign(L_t_.size(), 0.0);
+}
+
+bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
+    tree_ = nullptr;
+    return eliminate() && factor_schur(C1, C2, ld);
+}
+
+bool NewtonMatrix::factor(TreeNewton& tree, const double* C1, const double* C2, int ld) {
+    tree_ = &tree;
+    return factor_schur(C1, C2, ld);
+}
+
+bool NewtonMatrix::eliminate() {
+    for (int k = n_ - 1; k >= 0; --k) {
+        double* row = &M[static_cast<std::size_t>(k) * stride];
+        const double pivot = row[k];
+        if (!(std::abs(pivot) > 0.0) || !std::isfinite(pivot)) return false;
+        reciprocal_[k] = 1.0 / pivot;
+        const auto& coupled = coupled_[k];
+        if (coupled.empty()) continue;
+        // Zero entries between the coupled ones cost less than jumping over them.
+        const int first = coupled.front(), width = coupled.back() + 1 - first;
+        for (const int i : coupled) {
+            double* target = &M[static_cast<std::size_t>(i) * stride];
+            const double l = target[k] * reciprocal_[k];
+            L_t_[static_cast<std::size_t>(k) * stride + i] = l;
+            subtract_multiple(target + first, l, row + first, width);
+        }
+    }
+    return true;
+}
+
+bool NewtonMatrix::factor_schur(const double* C1, const double* C2, int ld) {
+    rank_deficient_ = false;
+    if (nc_ == 0) return true;
+
+    for (int c = 0; c < nc_; ++c)
+        for (int i = 0; i < n_; ++i) {
+            M_inv_C1t_(i, c) = C1[c * ld + i];
+            C2_(c, i) = C2[c * ld + i];
+        }
+    solve_M(M_inv_C1t_.data(), nc_, nc_padded_);
+    schur_.leftCols(nc_).noalias() = C2_.lazyProduct(M_inv_C1t_.leftCols(nc_));
+    unfactored_ = schur_.leftCols(nc_);
+    double largest = 0, smallest = INFINITY;
+    for (int k = 0; k < nc_; ++k) {
+        int best = k;
+        for (int i = k + 1; i < nc_; ++i)
+            if (std::abs(schur_(i, k)) > std::abs(schur_(best, k))) best = i;
+        pivots_[k] = best;
+        if (best != k) schur_.row(k).swap(schur_.row(best));
+        const double pivot = std::abs(schur_(k, k));
+        if (!std::isfinite(pivot)) return false;
+        largest = std::max(largest, pivot);
+        smallest = std::min(smallest, pivot);
+        if (pivot == 0) break;
+        for (int i = k + 1; i < nc_; ++i) {
+            schur_(i, k) /= schur_(k, k);
+            subtract_multiple(&schur_(i, k) + 1, schur_(i, k), &schur_(k, k) + 1, nc_ - k - 1);
+        }
+    }
+    if (smallest <= rank_tolerance * largest) {
+        rank_deficient_ = true;
+        orthogonal_.setThreshold(rank_tolerance);
+        orthogonal_.compute(unfactored_);
+    }
+    return true;
+}
+
+void NewtonMatrix::take_least_norm(const double* C1, int ld, double* lam) {
+    Eigen::Map<const Matrix, 0, Eigen::OuterStride<>> rows(C1, nc_, n_, Eigen::OuterStride<>(ld));
+    Eigen::Map<Eigen::VectorXd> multipliers(lam, nc_);
+    // The Schur complement is quadratic in the constraints, so its threshold is too.
+    orthogonal_C1t_.setThreshold(std::sqrt(rank_tolerance));
+    orthogonal_C1t_.compute(rows.transpose());
+    multipliers = orthogonal_C1t_.solve(rows.transpose() * Eigen::VectorXd(multipliers));
+}
+
+// A panel of columns, `wides` vectors across: enough independent chains to hide the latency of each.
+template <int wides>
+void NewtonMatrix::solve_panel(double* b, int ld) const {
+    const auto part = [&](int row, int w) { return Eigen::Map<Wide>(b + row * ld + w * lanes); };
+    for (int k = n_ - 1; k >= 0; --k) {
+        Wide row[wides];
+        for (int w = 0; w < wides; ++w) row[w] = part(k, w);
+        const double* l = &L_t_[static_cast<std::size_t>(k) * stride];
+        for (const int i : coupled_[k])
+            for (int w = 0; w < wides; ++w) part(i, w) -= l[i] * row[w];
+    }
+    for (int k = 0; k < n_; ++k) {
+        Wide row[wides];
+        for (int w = 0; w < wides; ++w) row[w] = part(k, w);
+        const double* u = &M[static_cast<std::size_t>(k) * stride];
+        for (const int j : coupled_[k])
+            for (int w = 0; w < wides; ++w) row[w] -= u[j] * part(j, w);
+        for (int w = 0; w < wides; ++w) part(k, w) = row[w] * reciprocal_[k];
+    }
+}
+
+void NewtonMatrix::solve_M(double* b, int cols, int ld) const {
+    if (tree_) return tree_->solve(b, cols, ld);
+    constexpr int broad = 3;
+    int first = 0;
+    for (; first + (broad - 1) * lanes < cols && first + broad * lanes <= ld; first += broad * lanes)
+        solve_panel<broad>(b + first, ld);
+    for (; first < cols; first += lanes) solve_panel<1>(b + first, ld);
+}
+
+void NewtonMatrix::solve_M(double* b) const {
+    if (tree_) return tree_->solve(b);
+    for (int k = n_ - 1; k >= 0; --k) {
+        if (coupled_[k].empty()) continue;
+        const int first = coupled_[k].front(), width = coupled_[k].back() + 1 - first;
+        subtract_multiple(b + first, b[k], &L_t_[static_cast<std::size_t>(k) * stride + first], width);
+    }
+    for (int k = 0; k < n_; ++k) {
+        if (!coupled_[k].empty()) {
+            const int first = coupled_[k].front(), width = coupled_[k].back() + 1 - first;
+            b[k] -= Eigen::Map<const Eigen::VectorXd>(&M[static_cast<std::size_t>(k) * stride + first], width)
+                        .dot(Eigen::Map<const Eigen::VectorXd>(b + first, width));
+        }
+        b[k] *= reciprocal_[k];
+    }
+}
+
+void NewtonMatrix::solve(double* f, double* g) {
+    // Whole lanes run past the end of a column: never in the caller's memory.
+    std::copy(f, f + n_, padded_.begin());
+    solve_M(padded_.data());
+    std::copy(padded_.begin(), padded_.begin() + n_, f);
+    if (nc_ == 0) return;
+    Eigen::Map<Eigen::VectorXd> y(f, n_), l(g, nc_);
+    l.noalias() -= C2_ * y;
+    solve_schur(g);
+    y.noalias() += M_inv_C1t_.leftCols(nc_) * l;
+}
+
+void NewtonMatrix::solve(double* f, double* g, int cols, int ld) {
+    solve_M(f, cols, ld);
+    if (nc_ == 0) return;
+    // l = S^-1 (g - C2 M^-1 f),  y = M^-1 f + (M^-1 C1') l
+    for (int first = 0; first < cols; first += lanes)
+        for (int c = 0; c < nc_; ++c) {
+            Wide row = Eigen::Map<Wide>(g + c * ld + first);
+            for (int i = 0; i < n_; ++i)
+                if (C2_(c, i) != 0.0) row -= C2_(c, i) * Eigen::Map<Wide>(f + i * ld + first);
+            Eigen::Map<Wide>(g + c * ld + first) = row;
+        }
+    solve_schur(g, cols, ld);
+    for (int first = 0; first < cols; first += lanes)
+        for (int i = 0; i < n_; ++i) {
+            Wide row = Eigen::Map<Wide>(f + i * ld + first);
+            for (int c = 0; c < nc_; ++c) row += M_inv_C1t_(i, c) * Eigen::Map<Wide>(g + c * ld + first);
+            Eigen::Map<Wide>(f + i * ld + first) = row;
+        }
+}
+
+void NewtonMatrix::solve_schur(double* g) const {
+    if (rank_deficient_) {
+        Eigen::Map<Eigen::VectorXd> l(g, nc_);
+        l = orthogonal_.solve(Eigen::VectorXd(l));
+        return;
+    }
+    for (int k = 0; k < nc_; ++k) std::swap(g[k], g[pivots_[k]]);
+    for (int k = 0; k < nc_; ++k)
+        for (int i = k + 1; i < nc_; ++i) g[i] -= schur_(i, k) * g[k];
+    for (int k = nc_ - 1; k >= 0; --k) {
+        for (int i = k + 1; i < nc_; ++i) g[k] -= schur_(k, i) * g[i];
+        g[k] /= schur_(k, k);
+    }
+}
+
+void NewtonMatrix::solve_schur(double* g, int cols, int ld) {
+    if (rank_deficient_) {
+        for (int col = 0; col < cols; ++col) {
+            for (int c = 0; c < nc_; ++c) column_(c) = g[c * ld + col];
+            column_ = orthogonal_.solve(column_);
+            for (int c = 0; c < nc_; ++c) g[c * ld + col] = column_(c);
+        }
+    } else {
+        for (int k = 0; k < nc_; ++k)
+            if (pivots_[k] != k)
+                for (int col = 0; col < cols; ++col) std::swap(g[k * ld + col], g[pivots_[k] * ld + col]);
+        for (int k = 0; k < nc_; ++k)
+            for (int i = k + 1; i < nc_; ++i) subtract_multiple(g + i * ld, schur_(i, k), g + k * ld, cols);
+        for (int k = nc_ - 1; k >= 0; --k) {
+            for (int i = k + 1; i < nc_; ++i) subtract_multiple(g + k * ld, schur_(k, i), g + i * ld, cols);
+            const double r = 1.0 / schur_(k, k);
+            for (int col = 0; col < cols; ++col) g[k * ld + col] *= r;
+        }
+    }
+}
+
+}  // namespace leastaction

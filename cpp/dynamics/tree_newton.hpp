@@ -1,0 +1,80 @@
+// The Newton matrix M = D2D1Ld + D2fd- of a large tree, eliminated in O(n) without ever being formed.
+//
+// With the vectors of lagrangian.hpp the entries of M by an ancestor (or self) j of joint i are products of 12-vectors,
+//
+//   M_ij = a_i.b_j      a_i = [A_i; B_i]     b_j = [-S_j/dt + W_j/2 - dt/4 G_j;  S_j/2 - dt/4 W_j]
+//   M_ji = a_i.c_j      (j above i)          c_j = [-S_j/dt - W_j/2 - dt/4 G_j; -S_j/2 - dt/4 W_j]
+//
+// and what forces add to the diagonal. Row i of M d = r therefore sees the other unknowns only through the sum over its
+// path, x_i = x_parent + b_i d_i, and the sums over its subtrees, F_i = sum of the children's F + a_i d_i:
+//
+//   a_i.x_i + c_i.(sum of the children's F) + diagonal_i d_i = r_i.
+//
+// Eliminated from the leaves, each child leaves F = P x_parent + f; with P and f now summed over the children of i,
+//
+//   u = a_i + P'c_i,   w = a_i + P b_i,   pivot = u.b_i + diagonal_i,
+//   d_i = (r_i - c_i.f - u.x_parent) / pivot,    P_i = P - w u'/pivot,    f_i = f + w (r_i - c_i.f)/pivot,
+//
+// and a sweep from the root gives x and d. Joints whose variable is kinematic have d = 0 and drop out.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "dynamics/lagrangian.hpp"
+#include "dynamics/newton_euler.hpp"
+
+namespace leastaction {
+
+class TreeNewton {
+public:
+    static constexpr int lanes = 8;
+
+    // Whether it beats the elimination of the matrix itself.
+    static bool is_faster(const Mechanism& mechanism);
+
+    explicit TreeNewton(const Mechanism& mechanism);
+
+    // Factors at the point of the last composites(); `diagonal` (n_dynamic) is what forces add. False where a pivot is
+    // lost to rounding.
+    bool factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal);
+    // The mass matrix at the point of the last composites(): a = [Y; 0], b = c = [S; 0].
+    bool factor(const NewtonEuler& bodies);
+    // Overwrites b (n_dynamic) by the solution.
+    void solve(double* b);
+    // The same for many right-hand sides, row-major with leading dimension ld, a multiple of `lanes`.
+    void solve(double* b, int cols, int ld);
+
+private:
+    static constexpr int rank = 12;
+    using Vector = Eigen::Array<double, rank, 1>;
+    using Wide = Eigen::Array<double, lanes, 1>;
+
+    // One dynamic variable. Sums live in slots: a node that is an only child works on in its parent's slot, so along a
+    // chain nothing is copied; children of a fork have a slot of their own. Slot 0 is the world.
+    struct Node {
+        int joint, slot = 0, parent_slot = 0;
+        bool is_leaf = false, has_only_child = false, is_last_child = false;
+        bool joins_sum() const { return slot != parent_slot && parent_slot > 0; }  // over the children of a fork
+    };
+    struct Factors {
+        Vector b, c, u, w;  // u is divided by the pivot
+        double reciprocal;
+    };
+    // P of a slot by its columns, and once more by its rows: products from both sides are sums of whole vectors.
+    struct Projection {
+        Vector columns[rank], rows[rank];
+    };
+
+    // `load(i, joint, a, factors)` fills a, b and c, and returns the diagonal.
+    template <class Load>
+    bool eliminate(const Load& load);
+
+    std::vector<Node> nodes_;  // by dynamic variable: parents first, subtrees in one piece
+    std::vector<Factors> factors_;
+    std::vector<Projection> P_;    // by slot
+    std::vector<Vector> sums_;     // by slot
+    std::vector<Wide> wide_sums_;  // rank by slot
+};
+
+}  // namespace leastaction

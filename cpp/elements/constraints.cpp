@@ -1,0 +1,167 @@
+#include "elements/constraints.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace leastaction {
+
+namespace {
+
+template <class T>
+double size_of(const Vec3<T>& a) {
+    return std::abs(value_of(a.x)) + std::abs(value_of(a.y)) + std::abs(value_of(a.z));
+}
+
+std::vector<int> above_point(const Constants& constants, int point) {
+    return joints_above(constants.joints, constants.points[point].joint);
+}
+
+std::vector<int> if_any(int variable) { return variable < 0 ? std::vector<int>{} : std::vector<int>{variable}; }
+
+}  // namespace
+
+PointPair::PointPair(const std::vector<Joint>& joints, int joint1, int joint2, int point1, int point2,
+                     const Movers& movers)
+    : point1_(point1), point2_(point2) {
+    for (const int joint : movers.joints())
+        movers_.push_back({joint, is_above(joints, joint, joint1), is_above(joints, joint, joint2)});
+}
+
+template <class T>
+void PointPair::difference(const Placement<T>& at, Order order, Difference<T>& out) const {
+    const std::size_t n = movers_.size();
+    const Vec3<T> p1 = at.position(point1_), p2 = at.position(point2_);
+    out.d = p1 - p2;
+    out.size = size_of(p1) + size_of(p2);
+    if (order == Order::value) return;
+    Vec3<T>* D = out.on_stack;
+    if (n > max_stack) {
+        out.on_heap.resize(n);
+        D = out.on_heap.data();
+    }
+    out.D = D;
+    for (std::size_t i = 0; i < n; ++i) {
+        const Motion<T>& s = at.twist[movers_[i].joint];
+        if (movers_[i].moves1 && movers_[i].moves2)
+            D[i] = cross(s.w, out.d);
+        else if (movers_[i].moves1)
+            D[i] = s.v + cross(s.w, p1);
+        else
+            D[i] = -(s.v + cross(s.w, p2));
+        out.size = std::max(out.size, size_of(D[i]));
+    }
+}
+
+Distance::Distance(const Constants& constants, int point1, int point2, int length_slot, int length_variable)
+    : movers_(constants.joints, only_one(above_point(constants, point1), above_point(constants, point2)),
+              if_any(length_variable)),
+      pair_(constants.joints, constants.points[point1].joint, constants.points[point2].joint, point1, point2, movers_),
+      length_slot_(length_slot),
+      length_variable_(length_variable) {
+    support_ = movers_.support();
+    // Joints above both ends must be placed too, although nothing depends on them.
+    joints_ = either(above_point(constants, point1), above_point(constants, point2));
+}
+
+template <class T>
+void Distance::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
+    const std::size_t n = movers_.count(), m = movers_.size();
+    PointPair::Difference<T> change;
+    pair_.difference(at, order, change);
+    const Vec3<T>& d = change.d;
+    const T length = length_variable_ >= 0 ? q[length_variable_] : at.number(length_slot_);
+    const T d2 = dot(d, d), l2 = length * length;
+    out.value = d2 - l2;
+    if constexpr (std::is_same_v<T, double>) out.scale = d2 + l2;
+    if (order == Order::value) return;
+
+    out.gradient.resize(m);
+    for (std::size_t i = 0; i < n; ++i) out.gradient[i] = 2.0 * dot(d, change.D[i]);
+    if (length_variable_ >= 0) out.gradient[n] = -2.0 * length;
+    if (order == Order::hessian) {
+        out.hessian.assign(m * m, T{});
+        for (std::size_t j = 0; j < n; ++j) {
+            const Vec3<T> carried = change.D[j] + cross(d, at.twist[movers_.joint(j)].w);
+            for (std::size_t i = j; i < n; ++i) {
+                const T value = 2.0 * dot(change.D[i], movers_.above(j, i) ? carried : change.D[j]);
+                out.hessian[i * m + j] = value;
+                out.hessian[j * m + i] = value;
+            }
+        }
+        if (length_variable_ >= 0) out.hessian[n * m + n] = T(-2.0);
+    }
+    movers_.fold(order, out);
+}
+
+Coincidence::Coincidence(const Constants& constants, int point1, int point2, const Vec3<double>& direction)
+    : movers_(constants.joints, either(above_point(constants, point1), above_point(constants, point2))),
+      pair_(constants.joints, constants.points[point1].joint, constants.points[point2].joint, point1, point2, movers_),
+      direction_(direction) {
+    support_ = movers_.support();
+    joints_ = movers_.joints();
+}
+
+template <class T>
+void Coincidence::evaluate_on(const Placement<T>& at, const T*, Order order, LocalTaylor<T>& out) const {
+    const std::size_t m = movers_.size();
+    PointPair::Difference<T> change;
+    pair_.difference(at, order, change);
+    out.value = dot(direction_, change.d);
+    if constexpr (std::is_same_v<T, double>) out.scale = change.size;
+    if (order == Order::value) return;
+
+    out.gradient.resize(m);
+    for (std::size_t i = 0; i < m; ++i) out.gradient[i] = dot(direction_, change.D[i]);
+    if (order == Order::hessian) {
+        out.hessian.assign(m * m, T{});
+        for (std::size_t j = 0; j < m; ++j) {
+            const Vec3<T> carried = cross(direction_, at.twist[movers_.joint(j)].w);
+            for (std::size_t i = j; i < m; ++i) {
+                const T value = movers_.above(j, i) ? dot(change.D[i], carried) : T{};
+                out.hessian[i * m + j] = value;
+                out.hessian[j * m + i] = value;
+            }
+        }
+    }
+    movers_.fold(order, out);
+}
+
+Held::Held(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, int variable)
+    : coordinate_(std::move(coordinate)), slot_(slot), variable_(variable), index_(-1) {
+    support_ = coordinate_->support();
+    joints_ = coordinate_->joints();
+    if (variable < 0) return;
+    const auto found = std::find(support_.begin(), support_.end(), variable);
+    index_ = static_cast<int>(found - support_.begin());
+    if (found == support_.end()) support_.push_back(variable);
+}
+
+template <class T>
+void Held::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
+    coordinate_->evaluate(at, q, order, out);
+    T held{};
+    if (slot_ >= 0) held += at.number(slot_);
+    if (variable_ >= 0) held += q[variable_];
+    out.value -= held;
+    if constexpr (std::is_same_v<T, double>) out.scale = std::max(out.scale, std::abs(held));
+    if (order == Order::value || variable_ < 0) return;
+    const std::size_t inner = coordinate_->support().size(), m = support_.size();
+    if (m > inner) {
+        out.gradient.push_back(T{});
+        if (order == Order::hessian) {
+            out.hessian.resize(m * m);
+            for (std::size_t i = inner; i-- > 0;) {  // widen the rows, from the last
+                for (std::size_t j = inner; j-- > 0;) out.hessian[i * m + j] = out.hessian[i * inner + j];
+                out.hessian[i * m + inner] = T{};
+            }
+            std::fill_n(&out.hessian[inner * m], m, T{});
+        }
+    }
+    out.gradient[index_] -= T(1.0);
+}
+
+LEASTACTION_ON_ANY_SCALAR(Distance);
+LEASTACTION_ON_ANY_SCALAR(Coincidence);
+LEASTACTION_ON_ANY_SCALAR(Held);
+
+}  // namespace leastaction

@@ -1,0 +1,89 @@
+// Holonomic constraints h(q) = 0.
+#pragma once
+
+#include <memory>
+
+#include "elements/elements.hpp"
+#include "kinematics/movers.hpp"
+
+namespace leastaction {
+
+// Two points and the joints that move them: the difference d = p1 - p2, its change D_i = dd/dq_i by each such joint, and
+// d2d/dq_i dq_j = w_j x D_i where j is an ancestor of i or i itself, zero where they are on different branches.
+class PointPair {
+public:
+    // `movers`: of the two points, or a part of them.
+    PointPair(const std::vector<Joint>& joints, int joint1, int joint2, int point1, int point2, const Movers& movers);
+
+    // D for all movers; the buffer is used unless there are too many of them.
+    static constexpr int max_stack = 64;
+    template <class T>
+    struct Difference {
+        Vec3<T> d;
+        const Vec3<T>* D;
+        double size;  // of the places and of their changes: what rounding goes with
+        Vec3<T> on_stack[max_stack];
+        std::vector<Vec3<T>> on_heap;
+    };
+    template <class T>
+    void difference(const Placement<T>& at, Order order, Difference<T>& out) const;
+
+private:
+    struct Mover {
+        int joint;
+        bool moves1, moves2;
+    };
+    std::vector<Mover> movers_;
+    int point1_, point2_;
+};
+
+// Two points at a distance: h = |p1 - p2|^2 - L^2, where L is a number or a configuration variable (a string that is
+// reeled). Joints that move both points alike change nothing and are left out.
+//   dh/dq_i = 2 d.D_i,   d2h/dq_i dq_j = 2 D_i.(D_j + d x w_j)  where j is an ancestor of i or i itself,
+//                        d2h/dq_i dq_j = 2 D_i.D_j              where i and j are on different branches.
+// With the multiplier lam (an impulse per length^2) the tension of the string is 2 L lam / dt.
+class Distance final : public OnAnyScalar<Distance> {
+public:
+    Distance(const Constants& constants, int point1, int point2, int length_slot, int length_variable);
+
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+
+private:
+    Movers movers_;
+    PointPair pair_;
+    int length_slot_;
+    int length_variable_;  // -1: the number; else the last before folding
+};
+
+// Two points that coincide along a direction e of the world: h = e.(p1 - p2).
+//   dh/dq_i = e.D_i,   d2h/dq_i dq_j = e.(w_j x D_i)  where j is an ancestor of i or i itself, else zero.
+// The multiplier is the impulse along e.
+class Coincidence final : public OnAnyScalar<Coincidence> {
+public:
+    Coincidence(const Constants& constants, int point1, int point2, const Vec3<double>& direction);
+
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+
+private:
+    Movers movers_;
+    PointPair pair_;
+    Vec3<double> direction_;
+};
+
+// A coordinate held at a number, or at the value of a variable: h = s(q) - number - q[variable]; either may be missing (-1).
+class Held final : public OnAnyScalar<Held> {
+public:
+    Held(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, int variable);
+
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+
+private:
+    std::shared_ptr<const ConfigurationFunction> coordinate_;
+    int slot_, variable_;
+    int index_;  // of the variable in the support
+};
+
+}  // namespace leastaction

@@ -1,0 +1,287 @@
+#include "elements/coordinates.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "elements/tape_call.hpp"
+#include "numerics/dual_functions.hpp"
+
+namespace leastaction {
+
+namespace {
+
+std::vector<int> above_points(const Constants& constants, const std::vector<int>& points,
+                              const std::vector<int>& directions = {}) {
+    std::vector<int> out;
+    for (const int p : points) out = either(out, joints_above(constants.joints, constants.points[p].joint));
+    for (const int d : directions) out = either(out, joints_above(constants.joints, constants.directions[d].joint));
+    return out;
+}
+
+// The joints that move one point relative to the next.
+std::vector<int> that_stretch(const Constants& constants, const std::vector<int>& points) {
+    std::vector<int> out;
+    for (std::size_t k = 0; k + 1 < points.size(); ++k)
+        out = either(out, only_one(joints_above(constants.joints, constants.points[points[k]].joint),
+                                   joints_above(constants.joints, constants.points[points[k + 1]].joint)));
+    return out;
+}
+
+template <class T>
+T length_of(const Vec3<T>& d) {
+    using std::sqrt;
+    return sqrt(dot(d, d));
+}
+double reciprocal(double x) { return 1.0 / x; }
+template <class T>
+Dual<T> reciprocal(const Dual<T>& x) {
+    const T r = reciprocal(x.v);
+    return {r, -(r * r * x.d)};
+}
+
+template <class T>
+T sum_of(const T* a, const T* b, int n) {
+    T out{};
+    for (int i = 0; i < n; ++i) out += a[i] * b[i];
+    return out;
+}
+
+// f = sum over c of sign * a[c] b[c], whose Hessian is constant: the two bilinear functions below.
+template <class T>
+void add_product(const T* z, int n, int a, int b, double sign, Order order, T& value, T* gradient, T* hessian) {
+    for (int c = 0; c < 3; ++c) {
+        value += sign * (z[a + c] * z[b + c]);
+        if (order == Order::value) continue;
+        gradient[a + c] += sign * z[b + c];
+        gradient[b + c] += sign * z[a + c];
+        if (order == Order::gradient) continue;
+        hessian[(a + c) * n + b + c] += T(sign);
+        hessian[(b + c) * n + a + c] += T(sign);
+    }
+}
+template <class T>
+void clear(int n, Order order, T& value, T* gradient, T* hessian) {
+    value = T{};
+    if (order != Order::value) std::fill_n(gradient, n, T{});
+    if (order == Order::hessian) std::fill_n(hessian, n * n, T{});
+}
+template <class T>
+void component(const T* z, int n, Order order, T& value, T* gradient, T* hessian) {
+    clear(n, order, value, gradient, hessian);
+    add_product(z, n, 6, 0, 1.0, order, value, gradient, hessian);
+    add_product(z, n, 6, 3, -1.0, order, value, gradient, hessian);
+}
+template <class T>
+void product(const T* z, int n, Order order, T& value, T* gradient, T* hessian) {
+    clear(n, order, value, gradient, hessian);
+    add_product(z, n, 0, 3, 1.0, order, value, gradient, hessian);
+}
+
+}  // namespace
+
+Combination::Combination(std::vector<int> variables, std::vector<int> factor_slots) : slots_(std::move(factor_slots)) {
+    support_ = std::move(variables);
+}
+
+template <class T>
+void Combination::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
+    const std::size_t m = support_.size();
+    out.value = T{};
+    out.scale = 0;
+    for (std::size_t i = 0; i < m; ++i) {
+        const T term = at.number(slots_[i]) * q[support_[i]];
+        out.value += term;
+        out.scale = std::max(out.scale, std::abs(value_of(term)));
+    }
+    if (order == Order::value) return;
+    out.gradient.resize(m);
+    for (std::size_t i = 0; i < m; ++i) out.gradient[i] = at.number(slots_[i]);
+    if (order == Order::hessian) out.hessian.assign(m * m, T{});
+}
+
+PathLength::PathLength(const Constants& constants, std::vector<int> points)
+    : points_(std::move(points)), movers_(constants.joints, that_stretch(constants, points_)) {
+    support_ = movers_.support();
+    joints_ = above_points(constants, points_);
+    for (std::size_t k = 0; k + 1 < points_.size(); ++k) {
+        pieces_.emplace_back();
+        for (int i = 0; i < movers_.count(); ++i) {
+            const bool first = is_above(constants.joints, movers_.joint(i), constants.points[points_[k]].joint);
+            const bool second = is_above(constants.joints, movers_.joint(i), constants.points[points_[k + 1]].joint);
+            if (first != second) pieces_.back().push_back({i, movers_.joint(i), first});
+        }
+    }
+}
+
+template <class T>
+void PathLength::evaluate_on(const Placement<T>& at, const T*, Order order, LocalTaylor<T>& out) const {
+    const std::size_t m = movers_.size();
+    out.value = T{};
+    out.scale = 0;
+    if (order != Order::value) out.gradient.assign(m, T{});
+    if (order == Order::hessian) out.hessian.assign(m * m, T{});
+    out.work.resize(4 * m);
+    Vec3<T>* D = reinterpret_cast<Vec3<T>*>(out.work.data());
+    T* along = out.work.data() + 3 * m;  // n.D_i
+    Vec3<T> p1 = at.position(points_[0]);
+    for (std::size_t k = 0; k < pieces_.size(); ++k) {
+        const Vec3<T> p2 = at.position(points_[k + 1]), d = p1 - p2;
+        const std::vector<End>& ends = pieces_[k];
+        const T length = length_of(d);
+        out.value += length;
+        out.scale = std::max({out.scale, value_of(length), std::abs(value_of(p1.x)), std::abs(value_of(p1.y)),
+                              std::abs(value_of(p1.z))});
+        if (order != Order::value && !ends.empty()) {
+            const T r = reciprocal(length);
+            const Vec3<T> n = r * d;
+            for (std::size_t i = 0; i < ends.size(); ++i) {
+                const Motion<T>& s = at.twist[ends[i].joint];
+                D[i] = ends[i].first ? s.v + cross(s.w, p1) : -(s.v + cross(s.w, p2));
+                along[i] = dot(n, D[i]);
+                out.gradient[ends[i].mover] += along[i];
+            }
+            if (order == Order::hessian)
+                for (std::size_t j = 0; j < ends.size(); ++j) {
+                    const Vec3<T> across = r * (D[j] - along[j] * n);
+                    const Vec3<T> carried = across + cross(n, at.twist[ends[j].joint].w);
+                    for (std::size_t i = j; i < ends.size(); ++i) {
+                        const int a = ends[i].mover, b = ends[j].mover;
+                        const T value = dot(D[i], movers_.above(b, a) ? carried : across);
+                        out.hessian[a * m + b] += value;
+                        if (a != b) out.hessian[b * m + a] += value;
+                    }
+                }
+        }
+        p1 = p2;
+    }
+    movers_.fold(order, out);
+}
+
+LocalCoordinate::LocalCoordinate(const Constants& constants, std::vector<int> points, std::vector<int> directions,
+                                 std::vector<int> variables, std::shared_ptr<const LocalFunction> function)
+    : points_(std::move(points)),
+      directions_(std::move(directions)),
+      variables_(std::move(variables)),
+      function_(std::move(function)),
+      movers_(constants.joints, above_points(constants, points_, directions_), variables_) {
+    support_ = movers_.support();
+    joints_ = movers_.joints();
+    for (const int joint : joints_) {
+        for (const int p : points_) moves_.push_back(is_above(constants.joints, joint, constants.points[p].joint));
+        for (const int d : directions_)
+            moves_.push_back(is_above(constants.joints, joint, constants.directions[d].joint));
+    }
+}
+
+template <class T>
+void LocalCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
+    const int np = static_cast<int>(points_.size()), vectors = np + static_cast<int>(directions_.size());
+    const int nv = static_cast<int>(variables_.size()), n = 3 * vectors + nv;
+    const int movers = movers_.count(), m = movers_.size();
+    // z | gradient by z | Hessian by z | dz by each mover, vectors only | Hessian times that
+    out.work.resize(static_cast<std::size_t>(2 * n + n * n + movers * (3 * vectors + n)));
+    T* z = out.work.data();
+    T *g = z + n, *H = g + n, *dz = H + n * n, *Hdz = dz + movers * 3 * vectors;
+    Vec3<T>* at_z = reinterpret_cast<Vec3<T>*>(z);
+    out.scale = 0;
+    for (int k = 0; k < vectors; ++k) {
+        at_z[k] = k < np ? at.position(points_[k]) : at.direction(directions_[k - np]);
+        for (const T& x : {at_z[k].x, at_z[k].y, at_z[k].z}) out.scale = std::max(out.scale, std::abs(value_of(x)));
+    }
+    for (int k = 0; k < nv; ++k) z[3 * vectors + k] = q[variables_[k]];
+    function_->evaluate(at, z, n, order, out.value, g, H, out.scale);
+    out.scale = std::max(out.scale, std::abs(value_of(out.value)));
+    if (order == Order::value) return;
+    for (int k = 0; k < n; ++k) out.scale = std::max(out.scale, std::abs(value_of(g[k]) * value_of(z[k])));
+
+    out.gradient.resize(m);
+    for (int i = 0; i < movers; ++i) {
+        const Motion<T>& s = at.twist[movers_.joint(i)];
+        Vec3<T>* change = reinterpret_cast<Vec3<T>*>(dz + i * 3 * vectors);
+        for (int k = 0; k < vectors; ++k) {
+            change[k] = Vec3<T>{};
+            if (!moves_[i * vectors + k]) continue;
+            change[k] = cross(s.w, at_z[k]);
+            if (k < np) change[k] += s.v;
+        }
+        out.gradient[i] = sum_of(g, dz + i * 3 * vectors, 3 * vectors);
+    }
+    for (int k = 0; k < nv; ++k) out.gradient[movers + k] = g[3 * vectors + k];
+    if (order == Order::hessian) {
+        out.hessian.assign(m * m, T{});
+        for (int i = 0; i < movers; ++i)
+            for (int r = 0; r < n; ++r) Hdz[i * n + r] = sum_of(H + r * n, dz + i * 3 * vectors, 3 * vectors);
+        const auto put = [&](int i, int j, const T& value) {
+            out.hessian[i * m + j] = value;
+            out.hessian[j * m + i] = value;
+        };
+        for (int i = 0; i < movers; ++i) {
+            const Vec3<T>* change = reinterpret_cast<const Vec3<T>*>(dz + i * 3 * vectors);
+            for (int j = 0; j <= i; ++j) {
+                T value = sum_of(dz + i * 3 * vectors, Hdz + j * n, 3 * vectors);
+                if (movers_.above(j, i))
+                    for (int k = 0; k < vectors; ++k)
+                        value += dot(Vec3<T>{g[3 * k], g[3 * k + 1], g[3 * k + 2]},
+                                     cross(at.twist[movers_.joint(j)].w, change[k]));
+                put(i, j, value);
+            }
+            for (int k = 0; k < nv; ++k) put(movers + k, i, Hdz[i * n + 3 * vectors + k]);
+        }
+        for (int k = 0; k < nv; ++k)
+            for (int l = 0; l < nv; ++l)
+                out.hessian[(movers + k) * m + movers + l] = H[(3 * vectors + k) * n + 3 * vectors + l];
+    }
+    movers_.fold(order, out);
+}
+
+void ComponentFunction::evaluate(const Placement<double>&, const double* z, int n, Order order, double& value,
+                                 double* gradient, double* hessian, double&) const {
+    component(z, n, order, value, gradient, hessian);
+}
+void ComponentFunction::evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order,
+                                 Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double&) const {
+    component(z, n, order, value, gradient, hessian);
+}
+void ComponentFunction::evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                                 HyperDual* gradient, HyperDual* hessian, double&) const {
+    component(z, n, order, value, gradient, hessian);
+}
+void ProductFunction::evaluate(const Placement<double>&, const double* z, int n, Order order, double& value,
+                               double* gradient, double* hessian, double&) const {
+    product(z, n, order, value, gradient, hessian);
+}
+void ProductFunction::evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order,
+                               Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double&) const {
+    product(z, n, order, value, gradient, hessian);
+}
+void ProductFunction::evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                               HyperDual* gradient, HyperDual* hessian, double&) const {
+    product(z, n, order, value, gradient, hessian);
+}
+
+TapeFunction::TapeFunction(std::shared_ptr<const Tape> tape, std::vector<int> slots)
+    : tape_(std::move(tape)), slots_(std::move(slots)) {}
+
+template <class T>
+void TapeFunction::evaluate_on(const Placement<T>& at, const T* z, int n, Order order, T& value, T* gradient,
+                               T* hessian, double& scale) const {
+    evaluate_tape(*tape_, slots_, at, z, n, order, value, gradient, hessian, &scale);
+}
+void TapeFunction::evaluate(const Placement<double>& at, const double* z, int n, Order order, double& value,
+                            double* gradient, double* hessian, double& scale) const {
+    evaluate_on(at, z, n, order, value, gradient, hessian, scale);
+}
+void TapeFunction::evaluate(const Placement<Dual<double>>& at, const Dual<double>* z, int n, Order order,
+                            Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double& scale) const {
+    evaluate_on(at, z, n, order, value, gradient, hessian, scale);
+}
+void TapeFunction::evaluate(const Placement<HyperDual>& at, const HyperDual* z, int n, Order order, HyperDual& value,
+                            HyperDual* gradient, HyperDual* hessian, double& scale) const {
+    evaluate_on(at, z, n, order, value, gradient, hessian, scale);
+}
+
+LEASTACTION_ON_ANY_SCALAR(Combination);
+LEASTACTION_ON_ANY_SCALAR(PathLength);
+LEASTACTION_ON_ANY_SCALAR(LocalCoordinate);
+
+}  // namespace leastaction

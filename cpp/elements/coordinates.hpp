@@ -1,0 +1,116 @@
+// Scalar coordinates s(q) that potentials, constraints and forces are made of.
+#pragma once
+
+#include <memory>
+
+#include "elements/elements.hpp"
+#include "expressions/tape.hpp"
+#include "kinematics/movers.hpp"
+
+namespace leastaction {
+
+// A linear function of configuration variables: s = sum factor_k q[variable_k], the factors in the mechanism's numbers.
+class Combination final : public OnAnyScalar<Combination> {
+public:
+    Combination(std::vector<int> variables, std::vector<int> factor_slots);
+
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+
+private:
+    std::vector<int> slots_;
+};
+
+// The length of a string over points. With d = p_k - p_k+1, l = |d|, n = d/l of each piece, D_i = dd/dq_i by the joints that
+// move one of its ends, and j above i or i itself (else without its last term):
+//   dl/dq_i = n.D_i,   d2l/dq_i dq_j = (D_i.D_j - (n.D_i)(n.D_j))/l + n.(w_j x D_i).
+class PathLength final : public OnAnyScalar<PathLength> {
+public:
+    PathLength(const Constants& constants, std::vector<int> points);
+
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+
+private:
+    struct End {  // a joint that moves one end of a piece
+        int mover, joint;
+        bool first;
+    };
+    std::vector<int> points_;
+    Movers movers_;
+    std::vector<std::vector<End>> pieces_;
+};
+
+// A function of places and directions in the world and of configuration variables, z = [points | directions | variables]. It
+// states its value, gradient and Hessian by z; the chain rule is done here.
+class LocalFunction {
+public:
+    virtual ~LocalFunction() = default;
+    // n values in z; gradient (n) and Hessian (n x n, row-major) have room. `scale` is raised to the size of the terms that
+    // cancel in the value, as far as the function knows of any but z itself.
+    virtual void evaluate(const Placement<double>& at, const double* z, int n, Order order, double& value,
+                          double* gradient, double* hessian, double& scale) const = 0;
+    virtual void evaluate(const Placement<Dual<double>>& at, const Dual<double>* z, int n, Order order,
+                          Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double& scale) const = 0;
+    virtual void evaluate(const Placement<HyperDual>& at, const HyperDual* z, int n, Order order, HyperDual& value,
+                          HyperDual* gradient, HyperDual* hessian, double& scale) const = 0;
+};
+
+class LocalCoordinate final : public OnAnyScalar<LocalCoordinate> {
+public:
+    LocalCoordinate(const Constants& constants, std::vector<int> points, std::vector<int> directions,
+                    std::vector<int> variables, std::shared_ptr<const LocalFunction> function);
+
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+
+private:
+    std::vector<int> points_, directions_, variables_;
+    std::shared_ptr<const LocalFunction> function_;
+    Movers movers_;
+    std::vector<char> moves_;  // by mover and by point, then direction
+};
+
+// z = [p1 | p2 | e]: e.(p1 - p2).
+class ComponentFunction final : public LocalFunction {
+public:
+    void evaluate(const Placement<double>&, const double* z, int n, Order order, double& value, double* gradient,
+                  double* hessian, double& scale) const override;
+    void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
+                  Dual<double>* gradient, Dual<double>* hessian, double& scale) const override;
+    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                  HyperDual* gradient, HyperDual* hessian, double& scale) const override;
+};
+
+// z = [d | e]: d.e.
+class ProductFunction final : public LocalFunction {
+public:
+    void evaluate(const Placement<double>&, const double* z, int n, Order order, double& value, double* gradient,
+                  double* hessian, double& scale) const override;
+    void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
+                  Dual<double>* gradient, Dual<double>* hessian, double& scale) const override;
+    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                  HyperDual* gradient, HyperDual* hessian, double& scale) const override;
+};
+
+// A recorded expression; its last inputs are numbers of the mechanism.
+class TapeFunction final : public LocalFunction {
+public:
+    TapeFunction(std::shared_ptr<const Tape> tape, std::vector<int> slots);
+    void evaluate(const Placement<double>&, const double* z, int n, Order order, double& value, double* gradient,
+                  double* hessian, double& scale) const override;
+    void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
+                  Dual<double>* gradient, Dual<double>* hessian, double& scale) const override;
+    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
+                  HyperDual* gradient, HyperDual* hessian, double& scale) const override;
+
+private:
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* z, int n, Order order, T& value, T* gradient, T* hessian,
+                     double& scale) const;
+
+    std::shared_ptr<const Tape> tape_;
+    std::vector<int> slots_;
+};
+
+}  // namespace leastaction

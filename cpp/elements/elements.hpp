@@ -1,0 +1,103 @@
+// The interfaces that every element of a mechanism fills.
+//
+// A potential V(q), a holonomic constraint h(q) = 0 and a coordinate s(q) that a force acts along are the same thing to the
+// core: a scalar function of a few configuration variables (its support). It states its value, gradient and Hessian once,
+// on the generic scalar; the third order along a direction comes from the dual scalar, the fourth along two from the
+// hyper-dual one, and derivatives by its numbers in the same way, so a type with a missing order cannot exist.
+#pragma once
+
+#include <vector>
+
+#include "kinematics/points.hpp"
+#include "numerics/taylor.hpp"
+
+namespace leastaction {
+
+class ConfigurationFunction {
+public:
+    virtual ~ConfigurationFunction() = default;
+
+    // The configuration variables it depends on (internal order), and the joints that must be placed to evaluate it.
+    const std::vector<int>& support() const { return support_; }
+    const std::vector<int>& joints() const { return joints_; }
+
+    virtual void evaluate(const Placement<double>& at, const double* q, Order order,
+                          LocalTaylor<double>& out) const = 0;
+    virtual void evaluate(const Placement<Dual<double>>& at, const Dual<double>* q, Order order,
+                          LocalTaylor<Dual<double>>& out) const = 0;
+    virtual void evaluate(const Placement<HyperDual>& at, const HyperDual* q, Order order,
+                          LocalTaylor<HyperDual>& out) const = 0;
+
+protected:
+    std::vector<int> support_, joints_;
+};
+
+// Lets a type state itself once, as a template evaluate_on().
+template <class Type>
+class OnAnyScalar : public ConfigurationFunction {
+public:
+    void evaluate(const Placement<double>& at, const double* q, Order order, LocalTaylor<double>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(at, q, order, out);
+    }
+    void evaluate(const Placement<Dual<double>>& at, const Dual<double>* q, Order order,
+                  LocalTaylor<Dual<double>>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(at, q, order, out);
+    }
+    void evaluate(const Placement<HyperDual>& at, const HyperDual* q, Order order,
+                  LocalTaylor<HyperDual>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(at, q, order, out);
+    }
+};
+
+// Put at the end of the file that defines evaluate_on().
+#define LEASTACTION_ON_ANY_SCALAR(Type)                                                                          \
+    template void Type::evaluate_on(const Placement<double>&, const double*, Order, LocalTaylor<double>&) const; \
+    template void Type::evaluate_on(const Placement<Dual<double>>&, const Dual<double>*, Order,                  \
+                                    LocalTaylor<Dual<double>>&) const;                                           \
+    template void Type::evaluate_on(const Placement<HyperDual>&, const HyperDual*, Order, LocalTaylor<HyperDual>&) const
+
+// Where forces are evaluated. For their second derivatives, contracted with mu, the same configuration twice more on
+// duals: along the velocity, and along mu.
+template <class T>
+struct ForcePoint {
+    const Placement<T>& at;
+    const T *q, *v, *u;
+};
+struct ForceDirections {
+    const Placement<Dual<double>>&along_v, &along_mu;
+    const Dual<double>*q_along_v, *q_along_mu;
+    const double* mu;  // by variable; zero for kinematic ones
+};
+
+// A force over its support (m variables) and its inputs (r): f (m), f_q and f_v (m x m), f_u (m x r), row-major.
+template <class T>
+struct LocalForce {
+    std::vector<T> f, f_q, f_v, f_u;
+    std::vector<double> second;  // Hessian of mu.f by [q; v; u], (2m + r) squared
+    std::vector<LocalTaylor<T>> coordinates;
+    std::vector<LocalTaylor<Dual<double>>> along_v, along_mu;
+    LocalTaylor<T> law;
+    std::vector<T> work;
+};
+
+// Generalized force f_i(q, v, u) on configuration variables. Orders: value f, gradient its Jacobians too. On duals only
+// values are asked for: derivatives by the numbers of the element.
+class GeneralizedForce {
+public:
+    virtual ~GeneralizedForce() = default;
+
+    const std::vector<int>& support() const { return support_; }
+    const std::vector<int>& joints() const { return joints_; }
+    const std::vector<int>& inputs() const { return inputs_; }
+
+    virtual void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const = 0;
+    virtual void evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const = 0;
+    // `second` of mu.f.
+    virtual void curvature(const ForcePoint<double>& point, const ForceDirections& directions,
+                           LocalForce<double>& out) const = 0;
+
+protected:
+    std::vector<int> support_, joints_, inputs_;
+};
+
+}  // namespace leastaction

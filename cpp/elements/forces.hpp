@@ -1,0 +1,79 @@
+// Generalized forces f(q, v, u).
+//
+// All but wrenches act along a scalar coordinate s: f_i = F ds/dq_i, where the magnitude F depends on a few coordinates c_k
+// (the first of which is s), on their rates and on inputs. Joint damping and joint forces are so common that the mechanism
+// keeps them as plain lists.
+#pragma once
+
+#include <memory>
+
+#include "elements/elements.hpp"
+#include "elements/laws.hpp"
+
+namespace leastaction {
+
+// F(y) with y = [c (n) | their rates (n) | inputs (r)], its gradient, and its Hessian.
+class Magnitude {
+public:
+    virtual ~Magnitude() = default;
+    virtual void evaluate(const Placement<double>& at, const double* y, int size, Order order, double& value,
+                          double* gradient, double* hessian) const = 0;
+    virtual void evaluate(const Placement<Dual<double>>& at, const Dual<double>* y, int size, Order order,
+                          Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian) const = 0;
+};
+
+// F = gain * u * by_place(c) * by_rate(rate of c) of one coordinate; without an input, or a law, its factor is 1.
+class ProductMagnitude final : public Magnitude {
+public:
+    ProductMagnitude(int gain_slot, bool has_input, std::shared_ptr<const Law> by_place,
+                     std::shared_ptr<const Law> by_rate);
+    void evaluate(const Placement<double>& at, const double* y, int size, Order order, double& value, double* gradient,
+                  double* hessian) const override;
+    void evaluate(const Placement<Dual<double>>& at, const Dual<double>* y, int size, Order order, Dual<double>& value,
+                  Dual<double>* gradient, Dual<double>* hessian) const override;
+
+private:
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* y, Order order, T& value, T* gradient, T* hessian) const;
+
+    int gain_slot_;
+    bool has_input_;
+    std::shared_ptr<const Law> by_place_, by_rate_;
+};
+
+// F from a recorded expression.
+class TapeMagnitude final : public Magnitude {
+public:
+    TapeMagnitude(std::shared_ptr<const Tape> tape, std::vector<int> slots);
+    void evaluate(const Placement<double>& at, const double* y, int size, Order order, double& value, double* gradient,
+                  double* hessian) const override;
+    void evaluate(const Placement<Dual<double>>& at, const Dual<double>* y, int size, Order order, Dual<double>& value,
+                  Dual<double>* gradient, Dual<double>* hessian) const override;
+
+private:
+    std::shared_ptr<const Tape> tape_;
+    std::vector<int> slots_;
+};
+
+class CoordinateForce final : public GeneralizedForce {
+public:
+    CoordinateForce(std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates, std::vector<int> inputs,
+                    std::shared_ptr<const Magnitude> magnitude);
+    void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const override;
+    void evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const override;
+    void curvature(const ForcePoint<double>& point, const ForceDirections& directions,
+                   LocalForce<double>& out) const override;
+
+private:
+    // Coordinates and their rates at the point, into out.coordinates and the y of the magnitude.
+    template <class T>
+    void measure(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const;
+    template <class T>
+    struct Room;  // how the work space is divided
+
+    std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates_;
+    std::vector<std::vector<int>> index_;  // by coordinate: its support in that of the force
+    std::shared_ptr<const Magnitude> magnitude_;
+};
+
+}  // namespace leastaction

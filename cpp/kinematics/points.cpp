@@ -1,0 +1,133 @@
+#include "kinematics/points.hpp"
+
+#include <cmath>
+
+#include "numerics/sincos.hpp"
+
+namespace leastaction {
+
+namespace {
+
+// Turns the columns a, b of a rotation by an angle about the third one.
+template <class T>
+void turn(Vec3<T>& a, Vec3<T>& b, const T& s, const T& c) {
+    const Vec3<T> a0 = a;
+    a = c * a0 + s * b;
+    b = c * b - s * a0;
+}
+
+// exp(twist * q) for any constant twist: Rodrigues' formula; a turn by |w| q about w and a slide along it.
+template <class T>
+void move_along_screw(const Motion<double>& twist, const T& q, Pose<T>& pose) {
+    const double rate = std::sqrt(dot(twist.w, twist.w));
+    if (rate == 0.0) {
+        pose.p += pose.R * (q * twist.v);
+        return;
+    }
+    const Vec3<double> axis = (1.0 / rate) * twist.w;
+    const Vec3<double> v = (1.0 / rate) * twist.v;
+    const T angle = rate * q;
+    T s, c;
+    sincos_of(angle, s, c);
+    const auto rotated = [&](const Vec3<double>& e) {
+        return T(1.0) * e + s * cross(axis, e) + (1.0 - c) * cross(axis, cross(axis, e));
+    };
+    const Vec3<T> slide = angle * v + (1.0 - c) * cross(axis, v) + (angle - s) * cross(axis, cross(axis, v));
+    const Mat3<T> turned{rotated({1, 0, 0}), rotated({0, 1, 0}), rotated({0, 0, 1})};
+    pose.p += pose.R * slide;
+    pose.R = pose.R * turned;
+}
+
+}  // namespace
+
+Axis axis_of(const Motion<double>& t) {
+    const auto is = [](const Vec3<double>& a, double x, double y, double z) {
+        return a.x == x && a.y == y && a.z == z;
+    };
+    if (is(t.v, 0, 0, 0)) {
+        if (is(t.w, 1, 0, 0)) return Axis::rx;
+        if (is(t.w, 0, 1, 0)) return Axis::ry;
+        if (is(t.w, 0, 0, 1)) return Axis::rz;
+    }
+    if (is(t.w, 0, 0, 0)) {
+        if (is(t.v, 1, 0, 0)) return Axis::tx;
+        if (is(t.v, 0, 1, 0)) return Axis::ty;
+        if (is(t.v, 0, 0, 1)) return Axis::tz;
+    }
+    return Axis::screw;
+}
+
+namespace {
+
+// One joint, given that its parent is placed; s and c are the sine and cosine of q.
+template <class T>
+inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, int index, Placement<T>& out) {
+    Pose<T>& pose = out.pose[index];
+    if (joint.parent < 0) {
+        const Mat3<double>& R = joint.base.R;
+        const auto lift = [](const Vec3<double>& a) { return Vec3<T>{T(a.x), T(a.y), T(a.z)}; };
+        pose = {{lift(R.c0), lift(R.c1), lift(R.c2)}, lift(joint.base.p)};
+    } else {
+        const Pose<T>& parent = out.pose[joint.parent];
+        pose.R = joint.base_rotates ? parent.R * joint.base.R : parent.R;
+        pose.p = parent.R * joint.base.p + parent.p;
+    }
+    Motion<T>& twist = out.twist[index];
+    const auto about = [&](const Vec3<T>& w) { twist = {cross(pose.p, w), w}; };
+    const auto along = [&](const Vec3<T>& v) {
+        twist = {v, Vec3<T>{}};
+        pose.p += q * v;
+    };
+    switch (joint.axis) {
+        case Axis::rx:
+            about(pose.R.c0);
+            turn(pose.R.c1, pose.R.c2, s, c);
+            break;
+        case Axis::ry:
+            about(pose.R.c1);
+            turn(pose.R.c2, pose.R.c0, s, c);
+            break;
+        case Axis::rz:
+            about(pose.R.c2);
+            turn(pose.R.c0, pose.R.c1, s, c);
+            break;
+        case Axis::tx:
+            along(pose.R.c0);
+            break;
+        case Axis::ty:
+            along(pose.R.c1);
+            break;
+        case Axis::tz:
+            along(pose.R.c2);
+            break;
+        case Axis::screw: {
+            const Vec3<T> w = pose.R * joint.twist.w;
+            twist = {pose.R * joint.twist.v + cross(pose.p, w), w};
+            move_along_screw(joint.twist, q, pose);
+            break;
+        }
+    }
+}
+
+}  // namespace
+
+template <class T>
+void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
+    const std::vector<Joint>& joints = out.joints();
+    const int n = static_cast<int>(list.size());
+    for (int i = 0; i < n; ++i) out.angle[i] = value_of(joints[list[i]].coordinate(q));
+    sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
+    for (int i = 0; i < n; ++i) {
+        const Joint& joint = joints[list[i]];
+        const T x = joint.coordinate(q);
+        T s, c;
+        sincos_from(x, out.sine[i], out.cosine[i], s, c);
+        place_one(joint, x, s, c, list[i], out);
+    }
+}
+
+template void place(const std::vector<int>&, const double*, Placement<double>&);
+template void place(const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
+template void place(const std::vector<int>&, const HyperDual*, Placement<HyperDual>&);
+
+}  // namespace leastaction

@@ -1,0 +1,413 @@
+#include "mechanism/mechanism.hpp"
+
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+#include <string>
+
+#include "elements/constraints.hpp"
+#include "elements/potentials.hpp"
+
+namespace leastaction {
+
+namespace {
+
+// Two bodies fixed to each other are one body: moments add about the common centre of mass.
+Body merged(const Body& a, const Body& b) {
+    Body out;
+    out.mass = a.mass + b.mass;
+    if (out.mass == 0) {
+        out = a;
+    } else {
+        out.com = (1.0 / out.mass) * (a.mass * a.com + b.mass * b.com);
+    }
+    out.inertia = Sym3<double>{};
+    for (const Body* body : {&a, &b}) {
+        const Vec3<double> r = body->com - out.com;
+        const double m = body->mass;
+        out.inertia.xx += body->inertia.xx + m * (r.y * r.y + r.z * r.z);
+        out.inertia.yy += body->inertia.yy + m * (r.x * r.x + r.z * r.z);
+        out.inertia.zz += body->inertia.zz + m * (r.x * r.x + r.y * r.y);
+        out.inertia.xy += body->inertia.xy - m * r.x * r.y;
+        out.inertia.xz += body->inertia.xz - m * r.x * r.z;
+        out.inertia.yz += body->inertia.yz - m * r.y * r.z;
+    }
+    return out;
+}
+
+bool is_identity(const Mat3<double>& R) {
+    return R.c0.x == 1 && R.c0.y == 0 && R.c0.z == 0 && R.c1.x == 0 && R.c1.y == 1 && R.c1.z == 0 && R.c2.x == 0 &&
+           R.c2.y == 0 && R.c2.z == 1;
+}
+
+// Runs of a path; small gaps are bridged, because the pair products are done several lanes at a time anyway.
+std::vector<std::pair<int, int>> runs_of(const std::vector<int>& path) {
+    constexpr int bridged_gap = 8;
+    std::vector<std::pair<int, int>> runs;
+    for (const int joint : path) {
+        if (!runs.empty() && joint - runs.back().second <= bridged_gap)
+            runs.back().second = joint + 1;
+        else
+            runs.emplace_back(joint, joint + 1);
+    }
+    return runs;
+}
+
+// Which entries are non-zero when the variables are eliminated from last to first.
+std::vector<std::vector<int>> eliminate(int n, const std::set<std::pair<int, int>>& pairs) {
+    std::vector<std::set<int>> earlier(n);
+    for (const auto& [a, b] : pairs)
+        if (a != b) earlier[std::max(a, b)].insert(std::min(a, b));
+    std::vector<std::vector<int>> out(n);
+    for (int k = n - 1; k >= 0; --k) {
+        out[k].assign(earlier[k].begin(), earlier[k].end());
+        // The last of them meets the others when k is gone; through it the fill travels down.
+        if (!out[k].empty()) earlier[out[k].back()].insert(out[k].begin(), out[k].end() - 1);
+    }
+    return out;
+}
+
+}  // namespace
+
+MechanismBuilder::MechanismBuilder(int n_dynamic, int n_kinematic, int n_inputs)
+    : n_dynamic_(n_dynamic), n_kinematic_(n_kinematic), n_inputs_(n_inputs) {
+    if (n_dynamic < 0 || n_kinematic < 0 || n_inputs < 0)
+        throw std::invalid_argument("numbers of variables and inputs must not be negative");
+}
+
+int MechanismBuilder::check_joint(int joint) const {
+    if (joint < -1 || joint >= static_cast<int>(joints_.size()))
+        throw std::invalid_argument("no joint " + std::to_string(joint));
+    return joint;
+}
+int MechanismBuilder::check_variable(int variable) const {
+    if (variable < 0 || variable >= n_dynamic_ + n_kinematic_)
+        throw std::invalid_argument("no configuration variable " + std::to_string(variable));
+    return variable;
+}
+int MechanismBuilder::check_point(int point) const {
+    if (point < 0 || point >= static_cast<int>(points_.size()))
+        throw std::invalid_argument("no point " + std::to_string(point));
+    return point;
+}
+int MechanismBuilder::check_input(int input) const {
+    if (input < 0 || input >= n_inputs_) throw std::invalid_argument("no input " + std::to_string(input));
+    return input;
+}
+int MechanismBuilder::check_slot(int slot) const {
+    if (slot < 0 || slot >= static_cast<int>(numbers_.size()))
+        throw std::invalid_argument("no number " + std::to_string(slot));
+    return slot;
+}
+int MechanismBuilder::check_coordinate(int coordinate) const {
+    if (coordinate < 0 || coordinate >= static_cast<int>(coordinates_.size()))
+        throw std::invalid_argument("no coordinate " + std::to_string(coordinate));
+    return coordinate;
+}
+std::shared_ptr<const Law> MechanismBuilder::law(int index) const {
+    if (index < 0) return nullptr;
+    if (index >= static_cast<int>(laws_.size())) throw std::invalid_argument("no law " + std::to_string(index));
+    return laws_[index];
+}
+
+int MechanismBuilder::add_joint(int parent, const Pose<double>& base, const Motion<double>& twist, int variable,
+                                double factor, double offset) {
+    Joint joint;
+    joint.parent = check_joint(parent);
+    joint.variable = check_variable(variable);
+    joint.factor = factor;
+    joint.offset = offset;
+    joint.simple = factor == 1.0 && offset == 0.0;
+    joint.base = base;
+    joint.twist = twist;
+    joint.axis = axis_of(twist);
+    joint.base_rotates = !is_identity(base.R);
+    joints_.push_back(joint);
+    return static_cast<int>(joints_.size()) - 1;
+}
+void MechanismBuilder::couple_joint(int joint, int variable, double factor) {
+    if (joint < 0) throw std::invalid_argument("the world has no coordinate to couple");
+    Joint& coupled = joints_[check_joint(joint)];
+    coupled.more.push_back({check_variable(variable), factor});
+    coupled.simple = false;
+}
+void MechanismBuilder::add_body(int joint, const Body& body) { bodies_.emplace_back(check_joint(joint), body); }
+int MechanismBuilder::add_point(int joint, const Vec3<double>& offset) {
+    points_.push_back({check_joint(joint), offset});
+    return static_cast<int>(points_.size()) - 1;
+}
+int MechanismBuilder::add_direction(int joint, const Vec3<double>& direction) {
+    directions_.push_back({check_joint(joint), direction});
+    return static_cast<int>(directions_.size()) - 1;
+}
+int MechanismBuilder::add_number(double value) {
+    numbers_.push_back(value);
+    return static_cast<int>(numbers_.size()) - 1;
+}
+void MechanismBuilder::set_number(int slot, double value) { numbers_[check_slot(slot)] = value; }
+void MechanismBuilder::set_gravity(const Vec3<double>& g) { gravity_ = g; }
+
+int MechanismBuilder::add_coordinate(Maker<ConfigurationFunction> maker) {
+    coordinates_.push_back(std::move(maker));
+    return static_cast<int>(coordinates_.size()) - 1;
+}
+int MechanismBuilder::combination(std::vector<int> variables, std::vector<int> factor_slots) {
+    if (variables.empty() || variables.size() != factor_slots.size())
+        throw std::invalid_argument("one factor for each of at least one variable is needed");
+    for (const int variable : variables) check_variable(variable);
+    for (const int slot : factor_slots) check_slot(slot);
+    return add_coordinate([variables, factor_slots](const Mechanism& m) {
+        std::vector<int> internal;
+        for (const int variable : variables) internal.push_back(m.internal[variable]);
+        return std::make_shared<Combination>(internal, factor_slots);
+    });
+}
+int MechanismBuilder::path(std::vector<int> points) {
+    if (points.size() < 2) throw std::invalid_argument("a path needs two points at least");
+    for (const int point : points) check_point(point);
+    return add_coordinate([points](const Mechanism& m) { return std::make_shared<PathLength>(m, points); });
+}
+int MechanismBuilder::local(std::vector<int> points, std::vector<int> directions, std::vector<int> variables,
+                            std::shared_ptr<const LocalFunction> function) {
+    for (const int point : points) check_point(point);
+    for (const int variable : variables) check_variable(variable);
+    for (const int direction : directions)
+        if (direction < 0 || direction >= static_cast<int>(directions_.size()))
+            throw std::invalid_argument("no direction " + std::to_string(direction));
+    return add_coordinate([=](const Mechanism& m) {
+        std::vector<int> internal;
+        for (const int variable : variables) internal.push_back(m.internal[variable]);
+        return std::make_shared<LocalCoordinate>(m, points, directions, internal, function);
+    });
+}
+int MechanismBuilder::add_law(std::shared_ptr<const Law> law) {
+    laws_.push_back(std::move(law));
+    return static_cast<int>(laws_.size()) - 1;
+}
+
+int MechanismBuilder::add_distance(int point1, int point2, double length, int variable) {
+    check_point(point1);
+    check_point(point2);
+    const int slot = variable < 0 ? add_number(length) : -1;
+    if (variable >= 0) check_variable(variable);
+    constraints_.push_back([=](const Mechanism& m, const Coordinates&) {
+        return std::make_shared<Distance>(m, point1, point2, slot, variable < 0 ? -1 : m.internal[variable]);
+    });
+    return slot;
+}
+void MechanismBuilder::add_coincidence(int point1, int point2, const Vec3<double>& direction) {
+    check_point(point1);
+    check_point(point2);
+    constraints_.push_back([=](const Mechanism& m, const Coordinates&) {
+        return std::make_shared<Coincidence>(m, point1, point2, direction);
+    });
+}
+void MechanismBuilder::add_constraint(int coordinate, int slot, int variable) {
+    check_coordinate(coordinate);
+    if (slot >= 0) check_slot(slot);
+    if (variable >= 0) check_variable(variable);
+    constraints_.push_back([=](const Mechanism& m, const Coordinates& coordinates) {
+        return std::make_shared<Held>(coordinates[coordinate], slot, variable < 0 ? -1 : m.internal[variable]);
+    });
+}
+void MechanismBuilder::add_potential(int coordinate, int law) {
+    check_coordinate(coordinate);
+    potentials_.push_back([coordinate, energy = this->law(law)](const Mechanism&, const Coordinates& coordinates) {
+        return std::make_shared<Potential>(coordinates[coordinate], energy);
+    });
+}
+int MechanismBuilder::add_damping(int variable, double coefficient) {
+    if (check_variable(variable) >= n_dynamic_) throw std::invalid_argument("damping acts on dynamic variables only");
+    damping_.emplace_back(variable, add_number(coefficient));
+    return damping_.back().second;
+}
+void MechanismBuilder::add_joint_force(int variable, int input) {
+    if (check_variable(variable) >= n_dynamic_) throw std::invalid_argument("forces act on dynamic variables only");
+    joint_forces_.emplace_back(variable, check_input(input));
+}
+void MechanismBuilder::add_force(std::vector<int> coordinates, std::vector<int> inputs,
+                                 std::shared_ptr<const Magnitude> magnitude) {
+    if (coordinates.empty()) throw std::invalid_argument("a force acts along one coordinate at least");
+    for (const int coordinate : coordinates) check_coordinate(coordinate);
+    for (const int input : inputs) check_input(input);
+    forces_.push_back([=](const Mechanism&, const Coordinates& all) {
+        Coordinates own;
+        for (const int coordinate : coordinates) own.push_back(all[coordinate]);
+        return std::make_shared<CoordinateForce>(own, inputs, magnitude);
+    });
+}
+void MechanismBuilder::add_wrench(Wrench::Kind kind, int joint, const Pose<double>& frame,
+                                  const std::array<int, 6>& slots, const std::array<int, 6>& inputs) {
+    for (int c = 0; c < 6; ++c) {
+        if (slots[c] >= 0) check_slot(slots[c]);
+        if (inputs[c] >= 0) check_input(inputs[c]);
+    }
+    const int point = add_point(joint, frame.p);
+    const std::array<int, 3> axes{add_direction(joint, frame.R.c0), add_direction(joint, frame.R.c1),
+                                  add_direction(joint, frame.R.c2)};
+    forces_.push_back([=](const Mechanism& m, const Coordinates&) {
+        return std::make_shared<Wrench>(m, kind, m.points[point].joint, point, axes, slots, inputs);
+    });
+}
+
+// Massive joints first, in depth-first preorder; then the others, parents before children as they came.
+std::vector<int> MechanismBuilder::joint_order(Mechanism& m) const {
+    const int nj = static_cast<int>(joints_.size());
+    std::vector<char> massive(nj, 0);
+    for (const auto& [joint, body] : bodies_)
+        if (joint >= 0 && !body.is_empty()) massive[joint] = 1;
+    for (int j = nj - 1; j >= 0; --j)
+        if (massive[j] && joints_[j].parent >= 0) massive[joints_[j].parent] = 1;
+    std::vector<std::vector<int>> children(nj + 1);
+    for (int j = nj - 1; j >= 0; --j)
+        if (massive[j]) children[joints_[j].parent + 1].push_back(j);
+    std::vector<int> order, stack = children[0];
+    while (!stack.empty()) {
+        const int j = stack.back();
+        stack.pop_back();
+        order.push_back(j);
+        for (const int child : children[j + 1]) stack.push_back(child);
+    }
+    m.n_massive = static_cast<int>(order.size());
+    for (int j = 0; j < nj; ++j)
+        if (!massive[j]) order.push_back(j);
+    m.joint_of_builder.resize(nj);
+    for (int i = 0; i < nj; ++i) m.joint_of_builder[order[i]] = i;
+    return order;
+}
+
+// Dynamic variables in the order of their joints, kinematic ones as the user has them.
+void MechanismBuilder::order_variables(Mechanism& m, const std::vector<int>& order) const {
+    const int nq = n_dynamic_ + n_kinematic_;
+    std::vector<char> has_joint(nq, 0);
+    for (int i = 0; i < m.n_massive; ++i)
+        joints_[order[i]].each_term([&](int variable, double factor) {
+            m.plain = m.plain && !has_joint[variable] && factor == 1.0;
+            if (variable < n_dynamic_ && !has_joint[variable]) m.external.push_back(variable);
+            has_joint[variable] = 1;
+        });
+    for (int i = 0; i < m.n_massive; ++i) m.plain = m.plain && joints_[order[i]].more.empty();
+    for (int variable = 0; variable < n_dynamic_; ++variable)
+        if (!has_joint[variable])
+            throw std::invalid_argument("dynamic variable " + std::to_string(variable) + " moves no mass");
+    for (int variable = n_dynamic_; variable < nq; ++variable) m.external.push_back(variable);
+    m.internal.resize(nq);
+    for (int i = 0; i < nq; ++i) {
+        m.internal[m.external[i]] = i;
+        m.same_order = m.same_order && m.external[i] == i;
+    }
+}
+
+// Everything that may change while the structure stays.
+void MechanismBuilder::set_numbers(Mechanism& m) const {
+    m.gravity = gravity_;
+    m.numbers = numbers_;
+    const auto moved = [&](const std::vector<Point>& from, std::vector<Point>& to) {
+        to.clear();
+        for (const Point& point : from)
+            to.push_back({point.joint < 0 ? -1 : m.joint_of_builder[point.joint], point.offset});
+    };
+    moved(points_, m.points);
+    moved(directions_, m.directions);
+    m.joints.resize(joints_.size());
+    for (std::size_t j = 0; j < joints_.size(); ++j) {
+        Joint& joint = m.joints[m.joint_of_builder[j]] = joints_[j];
+        joint.parent = joint.parent < 0 ? -1 : m.joint_of_builder[joint.parent];
+        joint.variable = m.internal[joint.variable];
+        for (Term& term : joint.more) term.variable = m.internal[term.variable];
+    }
+    m.bodies.assign(m.n_massive, Body{});
+    m.fixed_potential = 0;
+    for (const auto& [joint, body] : bodies_) {
+        if (joint < 0) {
+            m.fixed_potential -= body.mass * dot(gravity_, body.com);
+        } else if (!body.is_empty()) {
+            Body& sum = m.bodies[m.joint_of_builder[joint]];
+            sum = sum.is_empty() ? body : merged(sum, body);
+        }
+    }
+}
+
+void MechanismBuilder::note_what_elements_see(Mechanism& m) const {
+    std::set<int> by_constraints, by_forces, by_both;
+    for (const auto& constraint : m.constraints)
+        by_constraints.insert(constraint->joints().begin(), constraint->joints().end());
+    for (const auto& force : m.forces) by_forces.insert(force->joints().begin(), force->joints().end());
+    by_both = by_forces;
+    for (const auto& potential : m.potentials) by_both.insert(potential->joints().begin(), potential->joints().end());
+    m.constraint_joints.assign(by_constraints.begin(), by_constraints.end());
+    m.force_joints.assign(by_forces.begin(), by_forces.end());
+    m.element_joints.assign(by_both.begin(), by_both.end());
+    for (const int joint : by_both)
+        if (joint >= m.n_massive) m.massless_joints_seen.push_back(joint);
+    for (const int joint : m.constraint_joints) {
+        bool free = false;
+        for (int j = joint; j >= 0; j = m.joints[j].parent)
+            m.joints[j].each_term([&](int variable, double) { free = free || variable < n_dynamic_; });
+        (free ? m.free_constraint_joints : m.prescribed_constraint_joints).push_back(joint);
+    }
+}
+
+std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
+    auto m = std::make_shared<Mechanism>();
+    m->n_dynamic = n_dynamic_;
+    m->n_kinematic = n_kinematic_;
+    m->n_inputs = n_inputs_;
+    order_variables(*m, joint_order(*m));
+    set_numbers(*m);
+
+    std::set<std::pair<int, int>> pairs;
+    for (int i = 0; i < m->n_massive; ++i) {
+        m->massive_joints.push_back(i);
+        const int parent = m->joints[i].parent;
+        m->path.push_back(parent < 0 ? std::vector<int>{} : m->path[parent]);
+        m->path.back().push_back(i);
+        m->runs.push_back(runs_of(m->path.back()));
+        for (const int j : m->path.back())
+            m->joints[i].each_term([&](int a, double) {
+                if (a >= n_dynamic_) return;
+                m->joints[j].each_term([&](int b, double) {
+                    if (b < n_dynamic_) pairs.emplace(a, b);
+                });
+            });
+    }
+
+    Coordinates coordinates;
+    for (const auto& make : coordinates_) coordinates.push_back(make(*m));
+    for (const auto& make : constraints_) m->constraints.push_back(make(*m, coordinates));
+    for (const auto& make : potentials_) m->potentials.push_back(make(*m, coordinates));
+    for (const auto& make : forces_) m->forces.push_back(make(*m, coordinates));
+    for (const auto& [variable, slot] : damping_) m->damping.emplace_back(m->internal[variable], slot);
+    for (const auto& [variable, input] : joint_forces_) m->joint_forces.emplace_back(m->internal[variable], input);
+
+    const auto couple = [&](const std::vector<int>& support) {
+        for (const int a : support)
+            for (const int b : support) {
+                if (a >= n_dynamic_ || b >= n_dynamic_) continue;
+                pairs.emplace(a, b);
+                m->only_tree_couples = m->only_tree_couples && a == b;
+            }
+    };
+    for (const auto& potential : m->potentials) couple(potential->support());
+    for (const auto& force : m->forces) couple(force->support());
+    m->coupled = eliminate(n_dynamic_, pairs);
+    note_what_elements_see(*m);
+    return m;
+}
+
+std::shared_ptr<const Mechanism> MechanismBuilder::build_like(const Mechanism& other) const {
+    const bool alike = other.n_dynamic == n_dynamic_ && other.n_kinematic == n_kinematic_ &&
+                       other.n_inputs == n_inputs_ && other.joints.size() == joints_.size() &&
+                       other.points.size() == points_.size() && other.directions.size() == directions_.size() &&
+                       other.numbers.size() == numbers_.size() && other.constraints.size() == constraints_.size() &&
+                       other.potentials.size() == potentials_.size() && other.forces.size() == forces_.size();
+    if (!alike) throw std::invalid_argument("the other mechanism is of another structure");
+    auto m = std::make_shared<Mechanism>(other);
+    for (const auto& [joint, body] : bodies_)
+        if (joint >= 0 && !body.is_empty() && m->joint_of_builder[joint] >= m->n_massive)
+            throw std::invalid_argument("a joint that carried no mass has one now: that is another structure");
+    set_numbers(*m);
+    return m;
+}
+
+}  // namespace leastaction

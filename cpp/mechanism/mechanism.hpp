@@ -1,0 +1,168 @@
+// The compiled, immutable mechanism: joints, bodies and elements in the order that the sweeps want.
+//
+// Joints: first those that carry mass somewhere behind them ("massive"), in depth-first preorder, so that a parent
+// stands before its children and a loop over joints is a sweep over the tree; then the massless ones (the upper end of a
+// string, say), which only move points.
+// Variables: internally the dynamic ones in the order of their joints, then the kinematic ones. This is the elimination
+// order of the Newton matrix: eliminating from last to first fills nothing in where a tree is all that couples them.
+// `external` maps back to the user's order.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "elements/coordinates.hpp"
+#include "elements/forces.hpp"
+#include "elements/laws.hpp"
+#include "elements/wrench.hpp"
+
+namespace leastaction {
+
+// Mass, first moment and rotational inertia (about the centre of mass) of all that is fixed behind a joint.
+struct Body {
+    double mass = 0;
+    Vec3<double> com;
+    Sym3<double> inertia;
+
+    bool is_empty() const { return mass == 0 && inertia.xx == 0 && inertia.yy == 0 && inertia.zz == 0; }
+};
+
+class Mechanism : public Constants {
+public:
+    int n_dynamic = 0, n_kinematic = 0, n_inputs = 0;
+    int n_variables() const { return n_dynamic + n_kinematic; }
+    int n_constraints() const { return static_cast<int>(constraints.size()); }
+    int n_states() const { return 2 * n_variables(); }
+    int n_controls() const { return n_inputs + n_kinematic; }
+
+    Vec3<double> gravity;
+    int n_massive = 0;
+    std::vector<Body> bodies;           // by massive joint
+    std::vector<int> joint_of_builder;  // builder's joint number -> joint
+    std::vector<int> external;          // internal variable -> user's
+    std::vector<int> internal;          // user's variable -> internal
+    bool same_order = true;             // internal and user's order agree
+    bool plain = true;                  // the coordinate of every massive joint is a variable of its own
+    double fixed_potential = 0;         // of masses fixed in the world
+
+    // By massive joint: its path from the root, itself last; and that path as few runs [first, last) of joints.
+    std::vector<std::vector<int>> path;
+    std::vector<std::vector<std::pair<int, int>>> runs;
+    // By dynamic variable k: the earlier variables that its column couples to (with fill-in).
+    std::vector<std::vector<int>> coupled;
+    bool only_tree_couples = true;  // no potential or force couples two dynamic variables
+
+    // Shared by all mechanisms of the same structure: their numbers are in Constants.
+    std::vector<std::shared_ptr<const ConfigurationFunction>> constraints, potentials;
+    std::vector<std::shared_ptr<const GeneralizedForce>> forces;
+    std::vector<std::pair<int, int>> damping;       // f_i = -c v_i: variable, slot of c
+    std::vector<std::pair<int, int>> joint_forces;  // f_i = u_a: variable, input
+
+    std::vector<int> massive_joints;  // 0 .. n_massive - 1
+    // All joints that constraints look at, ascending; those that a dynamic variable moves, and those that none does.
+    std::vector<int> constraint_joints, free_constraint_joints, prescribed_constraint_joints;
+    // Massless joints that potentials and forces look at (the others are placed anyway); all that forces look at.
+    std::vector<int> massless_joints_seen, force_joints;
+    std::vector<int> element_joints;  // all that potentials and forces look at
+};
+
+// The number one, which multiplies at no cost.
+struct One {};
+inline double operator*(One, double x) { return x; }
+
+// Calls f(i, j, at, weight, mirrored) for every pair of variables that a pair of massive joints couples: their second
+// derivatives are `weight` times those at index `at` of the pair planes; mirrored, once more for (j, i), where the two mixed
+// planes change places.
+template <class F>
+void each_pair(const Mechanism& m, std::size_t stride, const F& f) {
+    for (int joint = 0; joint < m.n_massive; ++joint) {
+        const Joint& a = m.joints[joint];
+        if (m.plain)
+            for (const int ancestor : m.path[joint])
+                f(a.variable, m.joints[ancestor].variable, joint * stride + ancestor, One{}, joint != ancestor);
+        else
+            for (const int ancestor : m.path[joint])
+                a.each_term([&](int i, double factor_i) {
+                    m.joints[ancestor].each_term([&](int j, double factor_j) {
+                        f(i, j, joint * stride + ancestor, factor_i * factor_j, joint != ancestor);
+                    });
+                });
+    }
+}
+
+class MechanismBuilder {
+public:
+    MechanismBuilder(int n_dynamic, int n_kinematic, int n_inputs);
+
+    // All methods that return a number return an index to name the thing by.
+    int add_joint(int parent, const Pose<double>& base, const Motion<double>& twist, int variable, double factor,
+                  double offset);
+    void couple_joint(int joint, int variable, double factor);  // one more term of its coordinate
+    void add_body(int joint, const Body& body);
+    int add_point(int joint, const Vec3<double>& offset);
+    void set_gravity(const Vec3<double>& g);
+    int add_direction(int joint, const Vec3<double>& direction);
+    int add_number(double value);
+    void set_number(int slot, double value);
+
+    int combination(std::vector<int> variables, std::vector<int> factor_slots);
+    int path(std::vector<int> points);
+    int local(std::vector<int> points, std::vector<int> directions, std::vector<int> variables,
+              std::shared_ptr<const LocalFunction> function);
+    int add_law(std::shared_ptr<const Law> law);
+
+    int add_distance(int point1, int point2, double length, int variable);  // slot of the length, or -1
+    void add_coincidence(int point1, int point2, const Vec3<double>& direction);
+    void add_constraint(int coordinate, int slot, int variable);
+    void add_potential(int coordinate, int law);
+    int add_damping(int variable, double coefficient);
+    void add_joint_force(int variable, int input);
+    void add_force(std::vector<int> coordinates, std::vector<int> inputs, std::shared_ptr<const Magnitude> magnitude);
+    void add_wrench(Wrench::Kind kind, int joint, const Pose<double>& frame, const std::array<int, 6>& slots,
+                    const std::array<int, 6>& inputs);
+
+    // Throws std::invalid_argument where the description is not a mechanism.
+    std::shared_ptr<const Mechanism> build() const;
+    // A mechanism of the structure of another, which the same calls built, with the numbers of this builder.
+    std::shared_ptr<const Mechanism> build_like(const Mechanism& other) const;
+
+    // Checks that return what they are given.
+    int check_input(int input) const;
+    int check_slot(int slot) const;
+    std::shared_ptr<const Law> law(int index) const;
+
+private:
+    // Elements are made when the order of joints and variables is settled.
+    template <class Element>
+    using Maker = std::function<std::shared_ptr<const Element>(const Mechanism&)>;
+    using Coordinates = std::vector<std::shared_ptr<const ConfigurationFunction>>;
+
+    int check_joint(int joint) const;
+    int check_variable(int variable) const;
+    int check_point(int point) const;
+    int check_coordinate(int coordinate) const;
+    int add_coordinate(Maker<ConfigurationFunction> maker);
+
+    void set_numbers(Mechanism& m) const;
+    std::vector<int> joint_order(Mechanism& m) const;
+    void order_variables(Mechanism& m, const std::vector<int>& order) const;
+    void note_what_elements_see(Mechanism& m) const;
+
+    int n_dynamic_, n_kinematic_, n_inputs_;
+    Vec3<double> gravity_;
+    std::vector<Joint> joints_;
+    std::vector<std::pair<int, Body>> bodies_;
+    std::vector<Point> points_, directions_;
+    std::vector<double> numbers_;
+    std::vector<std::shared_ptr<const Law>> laws_;
+    std::vector<Maker<ConfigurationFunction>> coordinates_;
+    std::vector<std::function<std::shared_ptr<const ConfigurationFunction>(const Mechanism&, const Coordinates&)>>
+        constraints_, potentials_;
+    std::vector<std::function<std::shared_ptr<const GeneralizedForce>(const Mechanism&, const Coordinates&)>> forces_;
+    std::vector<std::pair<int, int>> damping_, joint_forces_;
+};
+
+}  // namespace leastaction

@@ -1,0 +1,20 @@
+// A scalar function of a few variables and its derivatives there, as elements and tapes state them.
+#pragma once
+
+#include <vector>
+
+namespace leastaction {
+
+enum class Order { value, gradient, hessian };
+
+// Value, gradient and Hessian of a scalar function over its support (m variables); Hessian row-major m x m.
+template <class T>
+struct LocalTaylor {
+    T value{};
+    double scale = 0;  // size of the terms that cancel in the value, for relative tolerances
+    std::vector<T> gradient;
+    std::vector<T> hessian;
+    std::vector<T> work, by_joint;  // room that evaluations need
+};
+
+}  // namespace leastaction

@@ -1,0 +1,525 @@
+#include "optimal/linear_quadratic.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace leastaction {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using ConstVector = Eigen::Map<const VectorXd>;
+using ConstRows = Eigen::Map<const RowMajor>;
+
+constexpr Index panel = 32;                // width of the column panels of a triangle
+constexpr double pivot_tolerance = 1e-14;  // relative to the largest pivot of H_uu
+
+// Regularisation: below this fraction of R an input's curvature counts as none, and after this many stages
+// all earlier ones go without H (each costs an eigenvalue problem).
+constexpr double curvature_floor = 1e-3;
+constexpr Index max_regularized_stages = 16;
+
+// M(upper) += scale * X Y for products that are symmetric; X (m, d), Y (d, m).
+template <class Left, class Right>
+void add_upper_product(Eigen::Ref<MatrixXd> M, const Left& X, const Right& Y, double scale) {
+    const Index m = M.rows();
+    for (Index j = 0; j < m; j += panel) {
+        const Index width = std::min(panel, m - j);
+        M.block(0, j, j + width, width).noalias() += scale * X.topRows(j + width) * Y.middleCols(j, width);
+    }
+}
+
+void mirror_upper(MatrixXd& M) {
+    constexpr Index tile = 8;
+    const Index n = M.rows();
+    for (Index j0 = 0; j0 < n; j0 += tile) {
+        for (Index i0 = 0; i0 <= j0; i0 += tile) {
+            for (Index i = i0; i < std::min(i0 + tile, n); ++i) {
+                for (Index j = std::max(j0, i + 1); j < std::min(j0 + tile, n); ++j) M(j, i) = M(i, j);
+            }
+        }
+    }
+}
+
+// Which rows of G = [A B] are dense, which have at most two entries, and which columns are used.
+class StageStructure {
+public:
+    struct SparseRow {
+        Index row;
+        Index count;
+        Index column[2];  // position among the used columns
+        double value[2];
+    };
+    // Neighbours: indices first, first + 1, ... stand at positions offset, offset + 1, ...
+    struct Run {
+        Index first;
+        Index length;
+        Index offset;
+    };
+
+    StageStructure(Index nx, Index nu) : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(2 * nx) {
+        for (Index i = 0; i < nx; ++i) last_columns_[2 * i + 1] = 1;
+        dense_.reserve(nx);
+        sparse_.reserve(nx);
+        dense_runs_.reserve(nx);
+        runs_.reserve(nx + nu);
+    }
+
+    const std::vector<Index>& dense() const { return dense_; }
+    const std::vector<Run>& dense_runs() const { return dense_runs_; }
+    const std::vector<SparseRow>& sparse() const { return sparse_; }
+    const std::vector<Run>& runs() const { return runs_; }
+    Index columns() const { return columns_; }
+    bool trivial() const { return sparse_.empty() && columns_ == nx_ + nu_; }
+
+    void everything() {
+        dense_.clear();
+        dense_runs_.clear();
+        for (Index i = 0; i < nx_; ++i) add_dense_row(i);
+        sparse_.clear();
+        used_.setOnes();
+        number_columns();
+    }
+
+    void scan(const double* A, const double* B) {
+        dense_.clear();
+        dense_runs_.clear();
+        sparse_.clear();
+        used_.setZero();
+        used_.tail(nu_).setOnes();
+        for (Index i = 0; i < nx_; ++i) scan_row(i, A + i * nx_, B + i * nu_);
+        number_columns();
+        for (SparseRow& row : sparse_) {
+            for (Index e = 0; e < row.count; ++e) row.column[e] = position_[row.column[e]];
+        }
+    }
+
+    // Copies the used columns of row i of [A B].
+    void gather_row(Index i, const double* A, const double* B, double* out) const {
+        for (const Run& run : runs_) {
+            const Index in_A = std::clamp(nx_ - run.first, Index{0}, run.length);
+            std::copy_n(A + i * nx_ + run.first, in_A, out + run.offset);
+            if (in_A == run.length) continue;
+            const Index first_in_B = run.first + in_A - nx_;
+            std::copy_n(B + i * nu_ + first_in_B, run.length - in_A, out + run.offset + in_A);
+        }
+    }
+
+private:
+    void scan_row(Index i, const double* a, const double* b) {
+        const Index count = count_entries(a, nx_) + count_entries(b, nu_);
+        if (count > 2) {
+            add_dense_row(i);
+            used_.head(nx_) += ConstVector(a, nx_).cwiseAbs();
+            return;
+        }
+        // The pattern rarely changes from stage to stage: look first where the entries were last time.
+        SparseRow row{i, count, {last_columns_[2 * i], last_columns_[2 * i + 1]}, {0.0, 0.0}};
+        const auto entry = [this, a, b](Index j) { return j < nx_ ? a[j] : b[j - nx_]; };
+        bool found = row.column[0] < row.column[1];
+        for (Index e = 0; e < count; ++e) found = found && entry(row.column[e]) != 0.0;
+        for (Index j = 0, e = 0; !found && e < count; ++j) {
+            if (entry(j) != 0.0) row.column[e++] = j;
+        }
+        for (Index e = 0; e < count; ++e) {
+            row.value[e] = entry(row.column[e]);
+            used_[row.column[e]] = 1.0;
+            last_columns_[2 * i + e] = row.column[e];
+        }
+        sparse_.push_back(row);
+    }
+
+    static Index count_entries(const double* row, Index size) {
+        Index count = 0;
+        for (Index j = 0; j < size; ++j) count += row[j] != 0.0 ? 1 : 0;
+        return count;
+    }
+
+    void add_dense_row(Index i) {
+        if (dense_.empty() || dense_.back() + 1 != i) {
+            dense_runs_.push_back({i, 0, static_cast<Index>(dense_.size())});
+        }
+        ++dense_runs_.back().length;
+        dense_.push_back(i);
+    }
+
+    void number_columns() {
+        runs_.clear();
+        columns_ = 0;
+        for (Index j = 0; j < nx_ + nu_; ++j) {
+            if (used_[j] == 0.0) continue;
+            if (runs_.empty() || runs_.back().first + runs_.back().length != j) {
+                runs_.push_back({j, 0, columns_});
+            }
+            ++runs_.back().length;
+            position_[j] = columns_++;
+        }
+    }
+
+    Index nx_, nu_;
+    Index columns_ = 0;
+    VectorXd used_;
+    std::vector<Index> position_;
+    std::vector<Index> last_columns_;  // of the at most two entries of each row
+    std::vector<Index> dense_;
+    std::vector<SparseRow> sparse_;
+    std::vector<Run> dense_runs_;
+    std::vector<Run> runs_;
+};
+
+// The recursion and its work space; nothing is allocated inside the loop over the stages.
+class Recursion {
+public:
+    Recursion(const LinearQuadraticProblem& problem, const LinearQuadraticOptions& options,
+              const LinearQuadraticOutput& output)
+        : problem_(problem),
+          options_(options),
+          output_(output),
+          nx_(problem.nx),
+          nu_(problem.nu),
+          structure_(nx_, nu_),
+          G_(nx_ * (nx_ + nu_)),
+          P_columns_(nx_ * nx_),
+          PG_(nx_ * (nx_ + nu_)),
+          PG_dense_(nx_ * (nx_ + nu_)),
+          GPG_((nx_ + nu_) * (nx_ + nu_)),
+          P_(nx_, nx_),
+          H_(MatrixXd::Zero(nx_ + nu_, nx_ + nu_)),
+          H_uu_(nu_, nu_),
+          V_(nx_, nu_),
+          gains_(nx_, nu_),
+          factor_(nu_),
+          eigenvalues_(nu_),
+          spectrum_(nx_),
+          b_(nx_),
+          b_shifted_(nx_),
+          h_(nx_ + nu_),
+          h_used_(nx_ + nu_),
+          w_(nu_) {}
+
+    LinearQuadraticReport run() {
+        start();
+        for (Index k = problem_.horizon - 1; k >= 0; --k) {
+            const double constant = constant_;
+            propagate(k);
+            if (!factorize(k)) {
+                if (!note_indefinite(k)) return report_;
+                convexify();
+                constant_ = constant;
+                propagate(k);
+                if (!factorize(k)) return ended(LinearQuadraticReport::Status::indefinite, k);
+                use_H_ = report_.regularized_stages < max_regularized_stages;
+            }
+            eliminate_input();
+            if (!std::isfinite(P_.sum() + gains_.sum() + w_.sum() + b_.sum())) {
+                return ended(LinearQuadraticReport::Status::not_finite, k);
+            }
+            if (!structure_.trivial()) ++report_.structured_stages;
+            store(k);
+        }
+        Eigen::Map<RowMajor>(output_.P0, nx_, nx_) = P_;
+        report_.constant = constant_;
+        return report_;
+    }
+
+private:
+    void start() {
+        P_.setZero();
+        if (problem_.Q_final.data != nullptr) {
+            if (problem_.Q_final.diagonal) {
+                P_.diagonal() = ConstVector(problem_.Q_final.data, nx_);
+            } else {
+                P_ = ConstRows(problem_.Q_final.data, nx_, nx_);
+                mirror_upper(P_);
+            }
+        }
+        b_.setZero();
+        if (problem_.q_final != nullptr) b_ = ConstVector(problem_.q_final, nx_);
+        store_value(problem_.horizon);
+        if (!options_.use_structure) structure_.everything();
+    }
+
+    // H (upper triangle) and h of stage k from P, b of stage k + 1.
+    void propagate(Index k) {
+        const double* A = problem_.A + k * nx_ * nx_;
+        const double* B = problem_.B + k * nx_ * nu_;
+        if (options_.use_structure) structure_.scan(A, B);
+        const auto& dense = structure_.dense();
+        const auto& sparse = structure_.sparse();
+        const Index m = structure_.columns();
+        const Index d = static_cast<Index>(dense.size());
+
+        Eigen::Map<RowMajor> G(G_.data(), d, m);
+        for (Index i = 0; i < d; ++i) structure_.gather_row(dense[i], A, B, G.row(i).data());
+
+        // Rows of P beyond `coupled` hold nothing but their own block, and no dense row lies there.
+        const Index coupled = coupled_rows();
+        Eigen::Map<MatrixXd> P_columns(P_columns_.data(), coupled, d);
+        for (const auto& run : structure_.dense_runs()) {
+            P_columns.middleCols(run.offset, run.length) = P_.block(0, run.first, coupled, run.length);
+        }
+        Eigen::Map<MatrixXd> PG(PG_.data(), nx_, m);
+        PG.topRows(coupled).noalias() = P_columns * G;
+        PG.bottomRows(nx_ - coupled).setZero();
+        for (const auto& row : sparse) {
+            for (Index e = 0; e < row.count; ++e) {
+                PG.col(row.column[e]) += row.value[e] * P_.col(row.row);
+            }
+        }
+
+        Eigen::Map<MatrixXd> GPG(GPG_.data(), m, m);
+        Eigen::Map<MatrixXd> PG_dense(PG_dense_.data(), d, m);
+        for (const auto& run : structure_.dense_runs()) {
+            PG_dense.middleRows(run.offset, run.length) = PG.middleRows(run.first, run.length);
+        }
+        // The upper triangle is taken from the transposed products: the two parts alone are not symmetric.
+        GPG.setZero();
+        for (const auto& row : sparse) {
+            for (Index e = 0; e < row.count; ++e) {
+                const Index j = row.column[e];
+                GPG.col(j).head(j + 1) += row.value[e] * PG.row(row.row).head(j + 1).transpose();
+            }
+        }
+        add_upper_product(GPG, PG_dense.transpose(), G, 1.0);
+
+        load_cost(k);
+        for (const auto& from : structure_.runs()) {
+            for (Index j = 0; j < from.length; ++j) {
+                for (const auto& to : structure_.runs()) {
+                    if (to.first > from.first) break;
+                    const Index length = to.first == from.first ? j + 1 : to.length;
+                    H_.col(from.first + j).segment(to.first, length) +=
+                        GPG.col(from.offset + j).segment(to.offset, length);
+                }
+            }
+        }
+
+        b_shifted_ = b_;
+        if (problem_.c != nullptr) {
+            const ConstVector c(problem_.c + k * nx_, nx_);
+            b_shifted_.noalias() += P_ * c;
+            constant_ += 0.5 * c.dot(b_ + b_shifted_);
+        }
+        h_used_.head(m).setZero();
+        for (Index i = 0; i < d; ++i) h_used_.head(m) += b_shifted_[dense[i]] * G.row(i).transpose();
+        for (const auto& row : sparse) {
+            for (Index e = 0; e < row.count; ++e) {
+                h_used_[row.column[e]] += row.value[e] * b_shifted_[row.row];
+            }
+        }
+        for (const auto& run : structure_.runs()) {
+            h_.segment(run.first, run.length) += h_used_.segment(run.offset, run.length);
+        }
+    }
+
+    Index coupled_rows() const {
+        Index coupled = nx_;
+        if (structure_.dense().empty()) return 0;
+        const Index last_dense = structure_.dense().back();
+        while (coupled - 1 > last_dense && (P_.col(coupled - 1).head(last_dense + 1).array() == 0.0).all()) {
+            --coupled;
+        }
+        return coupled;
+    }
+
+    // The stage's own cost: upper triangle of H_ and h_.
+    void load_cost(Index k) {
+        const Index n = nx_ + nu_;
+        if (problem_.H != nullptr && use_H_) {
+            const double* H = problem_.H + k * n * n;
+            for (Index j = 0; j < n; ++j) {
+                H_.col(j).head(j + 1) = problem_.H_scale * ConstVector(H + j * n, j + 1);
+            }
+        } else {
+            H_.setZero();
+        }
+        add_block(problem_.Q, k, 0, nx_);
+        add_block(problem_.R, k, nx_, nu_);
+        if (const double* S = problem_.S.at(k)) {
+            H_.topRightCorner(nx_, nu_) += ConstRows(S, nx_, nu_);
+        }
+        h_.setZero();
+        if (problem_.q != nullptr) h_.head(nx_) = ConstVector(problem_.q + k * nx_, nx_);
+        if (problem_.r != nullptr) h_.tail(nu_) = ConstVector(problem_.r + k * nu_, nu_);
+    }
+
+    void add_block(const HessianBlock& block, Index k, Index first, Index size) {
+        const double* data = block.at(k);
+        if (data == nullptr) return;
+        if (block.diagonal) {
+            H_.diagonal().segment(first, size) += ConstVector(data, size);
+        } else {
+            H_.block(first, first, size, size).triangularView<Eigen::Upper>() += ConstRows(data, size, size);
+        }
+    }
+
+    // The Cholesky factor of H_uu; false if it is not positive definite, or not by much.
+    bool factorize(Index k) {
+        H_uu_ = H_.bottomRightCorner(nu_, nu_).transpose();  // lower triangle
+        factor_.compute(H_uu_);
+        if (factor_.info() != Eigen::Success) return false;
+        const auto pivots = factor_.matrixLLT().diagonal().array();
+        const double smallest = pivots.minCoeff();
+        const double largest = pivots.maxCoeff();
+        // Written so that a NaN fails too.
+        if (!(smallest * smallest > pivot_tolerance * largest * largest)) return false;
+        const double* R = problem_.R.at(k);
+        if (!options_.regularize || R == nullptr) return true;
+        const Index next = problem_.R.diagonal ? 1 : nu_ + 1;
+        for (Index i = 0; i < nu_; ++i) {
+            if (pivots[i] * pivots[i] < curvature_floor * R[i * next]) return false;
+        }
+        return true;
+    }
+
+    // Reports the stage; false if the recursion must end there.
+    bool note_indefinite(Index k) {
+        if (!H_uu_.allFinite()) {
+            ended(LinearQuadraticReport::Status::not_finite, k);
+            return false;
+        }
+        if (report_.stage < 0) {
+            eigenvalues_.compute(H_uu_, Eigen::EigenvaluesOnly);
+            report_.smallest_eigenvalue = eigenvalues_.eigenvalues()[0];
+            report_.stage = k;
+        }
+        if (!options_.regularize) {
+            ended(LinearQuadraticReport::Status::indefinite, k);
+            return false;
+        }
+        ++report_.regularized_stages;
+        return true;
+    }
+
+    // P becomes its positive semidefinite part, and the stage's H is left out.
+    void convexify() {
+        use_H_ = false;
+        spectrum_.compute(P_);
+        const VectorXd& values = spectrum_.eigenvalues();
+        if (values[0] >= 0.0) return;
+        report_.largest_change = std::max(report_.largest_change, -values[0]);
+        const MatrixXd& vectors = spectrum_.eigenvectors();
+        P_.noalias() = vectors * values.cwiseMax(0.0).asDiagonal() * vectors.transpose();
+        mirror_upper(P_);
+    }
+
+    // K, C, P, b of the stage.
+    void eliminate_input() {
+        // Trailing states with a zero row in H_xu (no influence on anything) are left out.
+        Index active = nx_;
+        while (active > 0 && (H_.row(active - 1).tail(nu_).array() == 0.0).all()) --active;
+
+        // V' = H_xu L^-T and K' = V' L^-1, column by column: the columns are long, L is small.
+        const MatrixXd& L = factor_.matrixLLT();
+        auto V = V_.topRows(active);
+        for (Index j = 0; j < nu_; ++j) {
+            V.col(j) = H_.col(nx_ + j).head(active);
+            V.col(j).noalias() -= V.leftCols(j) * L.row(j).head(j).transpose();
+            V.col(j) /= L(j, j);
+        }
+        auto gains = gains_.topRows(active);
+        for (Index j = nu_ - 1; j >= 0; --j) {
+            const Index later = nu_ - 1 - j;
+            gains.col(j) = V.col(j);
+            gains.col(j).noalias() -= gains.rightCols(later) * L.col(j).tail(later);
+            gains.col(j) /= L(j, j);
+        }
+        gains_.bottomRows(nx_ - active).setZero();
+        w_ = h_.tail(nu_);
+        factor_.matrixL().solveInPlace(w_);
+
+        P_ = H_.topLeftCorner(nx_, nx_);
+        add_upper_product(P_.topLeftCorner(active, active), V, V.transpose(), -1.0);
+        mirror_upper(P_);
+        b_ = h_.head(nx_);
+        b_.head(active).noalias() -= V * w_;
+        constant_ -= 0.5 * w_.squaredNorm();
+        factor_.matrixU().solveInPlace(w_);
+    }
+
+    LinearQuadraticReport ended(LinearQuadraticReport::Status status, Index k) {
+        report_.status = status;
+        report_.stage = k;
+        return report_;
+    }
+
+    void store(Index k) {
+        // gains_ holds K' by columns, which is K by rows.
+        std::copy_n(gains_.data(), nu_ * nx_, output_.K + k * nu_ * nx_);
+        Eigen::Map<VectorXd>(output_.C + k * nu_, nu_) = w_;
+        store_value(k);
+    }
+
+    void store_value(Index k) {
+        Eigen::Map<VectorXd>(output_.b + k * nx_, nx_) = b_;
+        if (output_.P_all != nullptr) {
+            Eigen::Map<RowMajor>(output_.P_all + k * nx_ * nx_, nx_, nx_) = P_;
+        }
+    }
+
+    const LinearQuadraticProblem& problem_;
+    const LinearQuadraticOptions& options_;
+    const LinearQuadraticOutput& output_;
+    LinearQuadraticReport report_;
+    Index nx_, nu_;
+    double constant_ = 0.0;
+    bool use_H_ = true;
+    StageStructure structure_;
+    VectorXd G_, P_columns_, PG_, PG_dense_, GPG_;  // storage, mapped to the size of the stage
+    MatrixXd P_, H_, H_uu_, V_, gains_;
+    Eigen::LLT<MatrixXd> factor_;
+    Eigen::SelfAdjointEigenSolver<MatrixXd> eigenvalues_, spectrum_;
+    VectorXd b_, b_shifted_, h_, h_used_, w_;
+};
+
+}  // namespace
+
+LinearQuadraticReport solve_linear_quadratic(const LinearQuadraticProblem& problem,
+                                             const LinearQuadraticOptions& options,
+                                             const LinearQuadraticOutput& output) {
+    return Recursion(problem, options, output).run();
+}
+
+void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const double* C, double* dx, double* du) {
+    const Index nx = problem.nx;
+    const Index nu = problem.nu;
+    for (Index k = 0; k < problem.horizon; ++k) {
+        const ConstVector x(dx + k * nx, nx);
+        Eigen::Map<VectorXd> u(du + k * nu, nu);
+        Eigen::Map<VectorXd> next(dx + (k + 1) * nx, nx);
+        u = -ConstVector(C + k * nu, nu);
+        u.noalias() -= ConstRows(K + k * nu * nx, nu, nx) * x;
+        next.setZero();
+        if (problem.c != nullptr) next = ConstVector(problem.c + k * nx, nx);
+        next.noalias() += ConstRows(problem.A + k * nx * nx, nx, nx) * x;
+        next.noalias() += ConstRows(problem.B + k * nx * nu, nx, nu) * u;
+    }
+}
+
+void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z) {
+    const Index nx = problem.nx;
+    const Index nu = problem.nu;
+    VectorXd input(nu);
+    Eigen::Map<VectorXd> last(z + problem.horizon * nx, nx);
+    last.setZero();
+    if (problem.q_final != nullptr) last = ConstVector(problem.q_final, nx);
+    for (Index k = problem.horizon - 1; k >= 0; --k) {
+        const ConstVector next(z + (k + 1) * nx, nx);
+        Eigen::Map<VectorXd> now(z + k * nx, nx);
+        now.setZero();
+        if (problem.q != nullptr) now = ConstVector(problem.q + k * nx, nx);
+        input.setZero();
+        if (problem.r != nullptr) input = ConstVector(problem.r + k * nu, nu);
+        input.noalias() += ConstRows(problem.B + k * nx * nu, nx, nu).transpose() * next;
+        now.noalias() += ConstRows(problem.A + k * nx * nx, nx, nx).transpose() * next;
+        now.noalias() -= ConstRows(K + k * nu * nx, nu, nx).transpose() * input;
+    }
+}
+
+}  // namespace leastaction
