@@ -24,9 +24,9 @@ import numpy as np  # noqa: E402
 from benchmarks.cases import Array  # noqa: E402
 from benchmarks.comparison_problems import PROBLEMS, Problem  # noqa: E402
 from leastaction.mechanics import Distance, MidpointVI  # noqa: E402
-from leastaction.mechanics.continuous import ContinuousDynamics  # noqa: E402
-from leastaction.mechanics.continuous_legendre import to_momentum  # noqa: E402
-from leastaction.mechanics.simulation import simulate  # noqa: E402
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics  # noqa: E402
+from leastaction.mechanics.continuous.legendre import to_momentum  # noqa: E402
+from leastaction.mechanics.continuous.simulation import simulate  # noqa: E402
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 REPEATS = 3

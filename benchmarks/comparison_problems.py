@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from benchmarks.cases import Array
 from benchmarks.mujoco_puppet import mjcf
 from leastaction.mechanics import Body, Gravity, Mechanism, PointToPoint, world
-from leastaction.mechanics.simulation import simulate
+from leastaction.mechanics.continuous.simulation import simulate
 from leastaction.models import chain, marionette
 
 G = 9.81

@@ -10,7 +10,7 @@ from benchmarks.cases import Array, Case
 from benchmarks.marionette import problem
 from benchmarks.settings import Settings
 from benchmarks.timing import Absent, Row, Timing, best_of, timed
-from leastaction.optimal.linear_quadratic import Workspace, solve_linear_quadratic
+from leastaction.optimal.discrete.linear_quadratic import Workspace, solve_linear_quadratic
 
 GROUP = "lq"
 TARGET = 80e-3

@@ -16,7 +16,7 @@ from benchmarks.cases import Array, Case
 from benchmarks.settings import MICRO, Settings
 from benchmarks.timing import Absent, Row, Timing, best_of, timed
 from leastaction.mechanics import Damping, Distance, Gravity, Mechanism
-from leastaction.mechanics.tree import WORLD
+from leastaction.mechanics.description.tree import WORLD
 
 GROUP = "mujoco"
 

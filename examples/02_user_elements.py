@@ -28,7 +28,7 @@ from leastaction import (
     tz,
 )
 from leastaction.mechanics import ExpressionConstraint, ExpressionForce
-from leastaction.mechanics.expressions import input_, parameter, point, variable
+from leastaction.mechanics.expressions.terms import input_, parameter, point, variable
 
 GRAVITY = 9.81
 

@@ -32,7 +32,7 @@ from leastaction.mechanics import (
     tz,
     world,
 )
-from leastaction.mechanics.expressions import variable
+from leastaction.mechanics.expressions.terms import variable
 from leastaction.models.bricard import bricard
 from leastaction.models.four_bars import at_angle, four_bars
 from leastaction.models.marionette import marionette, rest_pose

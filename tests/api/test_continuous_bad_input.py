@@ -8,11 +8,11 @@ from scipy.interpolate import CubicSpline
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import JointForce, Mechanism, MidpointVI, tx, ty
-from leastaction.mechanics.continuous_constraints import Baumgarte, Projection
-from leastaction.mechanics.continuous_events import Event
-from leastaction.mechanics.continuous_legendre import to_momentum, to_velocity
-from leastaction.mechanics.continuous_signals import PrescribedMotion
-from leastaction.mechanics.simulation import simulate
+from leastaction.mechanics.continuous.events import Event
+from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
+from leastaction.mechanics.continuous.signals import PrescribedMotion
+from leastaction.mechanics.continuous.simulation import simulate
+from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection
 
 T = [0.0, 0.5, 1.0]
 

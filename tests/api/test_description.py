@@ -28,8 +28,8 @@ from leastaction.mechanics import (
     tz,
     world,
 )
-from leastaction.mechanics.compilation import plan
-from leastaction.mechanics.flattening import flatten
+from leastaction.mechanics.description.flattening import flatten
+from leastaction.mechanics.mechanism.compilation import plan
 
 
 def cart():

@@ -12,8 +12,8 @@ from api.test_bad_elements import tree
 from leastaction import mechanics as la
 from leastaction.errors import DescriptionError
 from leastaction.mechanics import Curve, Mechanism, pose, rz, tx
-from leastaction.mechanics.compilation import plan
-from leastaction.mechanics.flattening import flatten
+from leastaction.mechanics.description.flattening import flatten
+from leastaction.mechanics.mechanism.compilation import plan
 
 CURVE = Curve(np.linspace(0.0, 3.0, 9), np.linspace(0.0, 3.0, 9) ** 2)
 ROTATION = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

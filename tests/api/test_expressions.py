@@ -14,7 +14,7 @@ import pytest
 import sympy
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.expressions import (
+from leastaction.mechanics.expressions.terms import (
     compile_expression,
     compile_force,
     coordinate,
@@ -254,9 +254,9 @@ def test_broken_forces_are_named(force: Any, along: Any, message: str) -> None:
 def test_without_sympy_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sympy", None)
     for name in list(sys.modules):
-        if name == "leastaction.mechanics.symbols":
+        if name == "leastaction.mechanics.expressions.symbols":
             monkeypatch.delitem(sys.modules, name)
-    package = importlib.import_module("leastaction.mechanics")
+    package = importlib.import_module("leastaction.mechanics.expressions")
     if hasattr(package, "symbols"):
         monkeypatch.delattr(package, "symbols")
     with pytest.raises(DescriptionError, match=r"pip install 'leastaction\[expressions\]'"):
@@ -265,7 +265,7 @@ def test_without_sympy_the_error_says_what_to_install(monkeypatch: pytest.Monkey
 
 def test_sympy_is_imported_by_the_first_expression_only() -> None:
     code = (
-        "import sys, leastaction, leastaction.mechanics, leastaction.mechanics.expressions as e\n"
+        "import sys, leastaction, leastaction.mechanics, leastaction.mechanics.expressions.terms as e\n"
         "assert 'sympy' not in sys.modules\n"
         "e.variable('x')\n"
         "assert 'sympy' in sys.modules\n"

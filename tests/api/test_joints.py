@@ -36,10 +36,10 @@ from leastaction.mechanics import (
     var,
     world,
 )
-from leastaction.mechanics.compilation import plan
-from leastaction.mechanics.flattening import flatten
-from leastaction.mechanics.view import tree_view
-from leastaction.mechanics.view_html import html_view
+from leastaction.mechanics.description.flattening import flatten
+from leastaction.mechanics.mechanism.compilation import plan
+from leastaction.mechanics.mechanism.view import tree_view
+from leastaction.mechanics.mechanism.view_html import html_view
 
 NAN = float("nan")
 AXIS, POINT = np.array([0.3, -1.2, 0.7]), np.array([0.2, 0.5, -0.4])

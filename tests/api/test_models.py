@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from leastaction.apps.marionette.puppet import VARIABLES, Proportions
 from leastaction.errors import ArgumentError
-from leastaction.io.puppet import VARIABLES, Proportions
 from leastaction.mechanics import check_consistent
 from leastaction.models import MODELS, build
 from leastaction.models.cart_pendulum import cart_pendulum

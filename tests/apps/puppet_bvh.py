@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from leastaction.io import VARIABLES, Proportions
+from leastaction.apps.marionette import VARIABLES, Proportions
 
 FloatArray = NDArray[np.float64]
 

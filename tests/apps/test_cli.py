@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from leastaction import __version__, models
-from leastaction.cli import main
-from leastaction.cli.report import TRAJECTORY, write_report
-from leastaction.io.record import RunRecord
-from leastaction.io.results import save_record
-from leastaction.io.walk import walk_in_place
+from leastaction.apps.cli import main
+from leastaction.apps.cli.report import TRAJECTORY, write_report
+from leastaction.apps.marionette.walk import walk_in_place
+from leastaction.io.results.files import save_record
+from leastaction.io.results.record import RunRecord
 from leastaction.models.marionette import hang_strings
 
 Output = tuple[int, str, str]
@@ -99,7 +99,7 @@ def test_version(leastaction) -> None:
 def test_help_is_quick() -> None:
     # The commands import what they need when they run, so that help does not wait for all of it.
     code = (
-        "import sys, leastaction.cli; "
+        "import sys, leastaction.apps.cli; "
         "sys.exit(any(name in sys.modules for name in ('scipy', 'matplotlib')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
@@ -153,7 +153,7 @@ def test_the_folder_is_checked_before_the_run(
     def must_not_run(*arguments: object) -> None:
         raise AssertionError("the run started")
 
-    monkeypatch.setattr("leastaction.cli.job.run", must_not_run)
+    monkeypatch.setattr("leastaction.apps.cli.job.run", must_not_run)
     file = tmp_path / "file"
     file.write_text("", encoding="utf-8")
     code, _, err = leastaction("demo", "--out", file / "below")
@@ -177,7 +177,7 @@ def test_ctrl_c_before_there_is_a_result(
     def interrupt(*arguments: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("leastaction.cli.job.run", interrupt)
+    monkeypatch.setattr("leastaction.apps.cli.job.run", interrupt)
     code, _, err = leastaction("demo", "--out", tmp_path / "out")
     assert code == 130
     assert "interrupted" in err

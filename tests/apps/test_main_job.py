@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from api.puppet_bvh import write_puppet
-from leastaction.cli import main
-from leastaction.io.results import load_record
-from leastaction.io.walk import walk_in_place
+from apps.puppet_bvh import write_puppet
+from leastaction.apps.cli import main
+from leastaction.apps.marionette.walk import walk_in_place
+from leastaction.io.results.files import load_record
 from leastaction.mechanics import MidpointVI
 from leastaction.models.marionette import marionette
 from leastaction.optimal import IterationRecord, IterationTable

@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 
 from leastaction import Mechanism, MidpointVI, QuadraticCost, tx
+from leastaction.apps.marionette import problem, walk_in_place
+from leastaction.apps.marionette.tracking import (
+    GENTLE,
+    TrackingCost,
+    TrackingRun,
+    TrackingWeights,
+    track,
+)
 from leastaction.errors import ArgumentError
-from leastaction.io import Motion, walk_in_place
+from leastaction.io import Motion
 from leastaction.models.marionette import REST, UNHELD, marionette
 from leastaction.optimal import Status
-from leastaction.tracking import GENTLE, TrackingCost, TrackingRun, TrackingWeights, problem, track
 
 PUPPET = marionette()
 

@@ -16,10 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 import sympy
 
-from derivatives.mechanism_oracle import Oracle
 from leastaction import mechanics as la
 from leastaction.mechanics import Body, Branch, Element, Mechanism, PythonFunction, world
 from leastaction.mechanics import expressions as ex
+from oracles.mechanism_oracle import Oracle
 
 DYNAMIC, KINEMATIC = ("a", "b", "c", "d", "e", "f"), ("r", "s")
 ARM = 4  # links of each arm

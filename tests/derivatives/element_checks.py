@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from derivatives.element_cases import CASES, Case, problem
-from derivatives.mechanism_oracle import Oracle
+from oracles.mechanism_oracle import Oracle
 
 SEEDS = (0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6)))
 

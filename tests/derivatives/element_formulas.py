@@ -19,7 +19,7 @@ import numpy as np
 from leastaction.mechanics.elements import reading
 
 if TYPE_CHECKING:
-    from derivatives.mechanism_oracle import Place
+    from oracles.mechanism_oracle import Place
 
 Array = jnp.ndarray
 

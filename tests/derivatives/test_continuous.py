@@ -12,7 +12,6 @@ pytest.importorskip("jax")
 import jax
 import jax.numpy as jnp
 
-from derivatives import oracle
 from derivatives.random_tree import Tree, random_tree
 from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics import (
@@ -33,6 +32,7 @@ from leastaction.mechanics import (
     tz,
     world,
 )
+from oracles import lagrangian as oracle
 
 SEEDS = range(10)
 VALUES, FIRST, SECOND = 1e-11, 1e-10, 1e-8

@@ -13,17 +13,17 @@ pytest.importorskip("jax")
 import jax
 import jax.numpy as jnp
 
-from derivatives.continuous_oracle import (
+from derivatives.element_cases import CASES, Case, problem
+from derivatives.element_checks import every, oracle_of
+from leastaction.errors import ArgumentError
+from leastaction.mechanics import ContinuousDynamics, PythonConstraint
+from oracles.continuous_oracle import (
     At,
     Orders,
     differentiate_implicitly,
     equation_orders,
     equations,
 )
-from derivatives.element_cases import CASES, Case, problem
-from derivatives.element_checks import every, oracle_of
-from leastaction.errors import ArgumentError
-from leastaction.mechanics import ContinuousDynamics, PythonConstraint
 
 VALUES, FIRST, SECOND = 1e-11, 1e-10, 1e-8
 

@@ -18,7 +18,7 @@ import example_robot_data as robots
 import pinocchio as pin
 
 from leastaction.mechanics import ContinuousDynamics
-from reference.pinocchio_models import Coordinates, mechanism_of
+from oracles.pinocchio_models import Coordinates, mechanism_of
 
 FIXED = ("double_pendulum", "finger_edu", "ur5", "panda", "kinova", "baxter", "talos_arm", "z1")
 FLOATING = ("hector", "bolt", "solo12", "anymal", "hyq", "a1", "simple_humanoid", "talos")

@@ -25,7 +25,7 @@ from leastaction.mechanics import (
     PythonPotential,
     State,
 )
-from leastaction.mechanics.expressions import distance, parameter
+from leastaction.mechanics.expressions.terms import distance, parameter
 
 SEEDS = (0, 1, 2)
 STIFFNESS, LENGTH, DT = 12.0, 0.4, 0.01

@@ -16,11 +16,11 @@ pytest.importorskip("jax")
 import jax
 import jax.numpy as jnp
 
-from derivatives import oracle as implicit
 from derivatives.element_cases import CASES, Case, problem
 from derivatives.element_checks import every, oracle_of
-from derivatives.step_oracle import Orders, shape_of, step_orders, step_residuals
 from leastaction.mechanics import MidpointVI, State, Trajectory
+from oracles import lagrangian as implicit
+from oracles.step_oracle import Orders, shape_of, step_orders, step_residuals
 
 DT = 0.01
 SPLITS = ("symmetric", "left")

@@ -9,8 +9,8 @@ pytest.importorskip("jax")
 
 from scipy.linalg import expm
 
-from derivatives import oracle
 from derivatives.random_tree import Tree, random_tree
+from oracles import lagrangian as oracle
 
 SEEDS = range(12)
 

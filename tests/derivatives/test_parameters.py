@@ -19,8 +19,8 @@ from derivatives.parameter_cases import forces, loops, springs
 from leastaction import mechanics as la
 from leastaction.errors import ArgumentError, StepError
 from leastaction.mechanics import Mechanism, MidpointVI, State, Trajectory, rx
-from leastaction.mechanics.midpoint import Split
-from leastaction.mechanics.sensitivity import momentum_by
+from leastaction.mechanics.discrete.midpoint import Split
+from leastaction.mechanics.discrete.sensitivity import momentum_by
 
 DT = 0.1
 MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")

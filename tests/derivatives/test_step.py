@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("jax")
 
-from derivatives import oracle
 from derivatives.random_tree import StepProblem, random_tree, step_problem
 from leastaction.mechanics import MidpointVI, State, Trajectory
+from oracles import lagrangian as oracle
 
 # Random starts fling some trees about so fast that no step exists; these seeds have one.
 SEEDS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from leastaction import _core
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.expression_check import FUNCTIONS, RECIPROCALS
-from leastaction.mechanics.tape_compiler import compile_tape
+from leastaction.mechanics.expressions.checks import FUNCTIONS, RECIPROCALS
+from leastaction.mechanics.expressions.tape_compiler import compile_tape
 
 X, Y, Z = sympy.symbols("x y z", real=True)
 CODES = {name: code for code, name in enumerate(_core.Tape.operations)}

@@ -22,9 +22,9 @@ from leastaction.mechanics.elements import (
     PythonConstraint,
     PythonPotential,
 )
-from leastaction.mechanics.elements.function_check import check_derivatives
-from leastaction.mechanics.elements.python_function import PythonForce
-from leastaction.mechanics.expressions import (
+from leastaction.mechanics.elements.custom.function_check import check_derivatives
+from leastaction.mechanics.elements.custom.python_function import PythonForce
+from leastaction.mechanics.expressions.terms import (
     coordinate,
     input_,
     parameter,

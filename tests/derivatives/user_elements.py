@@ -20,8 +20,8 @@ from leastaction.mechanics.elements import (
     PythonFunction,
     PythonPotential,
 )
-from leastaction.mechanics.elements.python_function import PythonForce
-from leastaction.mechanics.expressions import (
+from leastaction.mechanics.elements.custom.python_function import PythonForce
+from leastaction.mechanics.expressions.terms import (
     direction,
     distance,
     input_,

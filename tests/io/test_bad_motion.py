@@ -9,18 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from api.puppet_bvh import CMU_NAMES, Convention, waving, write_puppet
-from leastaction.errors import ArgumentError, LeastActionError, MotionFileError
-from leastaction.io import (
+from apps.puppet_bvh import CMU_NAMES, Convention, waving, write_puppet
+from leastaction.apps.marionette import (
     VARIABLES,
-    Motion,
     load_motion,
     map_joints,
-    read_bvh,
     read_mapping,
     retarget,
     walk_in_place,
 )
+from leastaction.errors import ArgumentError, LeastActionError, MotionFileError
+from leastaction.io import Motion, read_bvh
 
 Change = Callable[[list[str]], list[str]]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from api.puppet_bvh import (
+from apps.puppet_bvh import (
     CMU_NAMES,
     Y_UP,
     Z_UP,
@@ -17,20 +17,18 @@ from api.puppet_bvh import (
     waving,
     write_puppet,
 )
-from leastaction.errors import ArgumentError
-from leastaction.io import (
+from leastaction.apps.marionette import (
     VARIABLES,
-    Motion,
-    forward_kinematics,
     load_motion,
     map_joints,
     puppet_points,
-    read_bvh,
     read_mapping,
     retarget,
     walk_in_place,
 )
-from leastaction.io.geometry import axis_rotation, euler_zyx
+from leastaction.errors import ArgumentError
+from leastaction.io import Motion, forward_kinematics, read_bvh
+from leastaction.io.motion.geometry import axis_rotation, euler_zyx
 from leastaction.models.marionette import REST, marionette
 
 REPOSITORY = Path(__file__).resolve().parents[2]

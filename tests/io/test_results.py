@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from leastaction.atomic import atomic_write, prepare_output_folder, write_text
 from leastaction.errors import ArgumentError, LeastActionError, OutputError, ResultFileError
-from leastaction.io.record import RunRecord
-from leastaction.io.results import FORMAT_VERSION, load_record, save_record
+from leastaction.io.results.files import FORMAT_VERSION, load_record, save_record
+from leastaction.io.results.record import RunRecord
+from leastaction.numerics.files import atomic_write, prepare_output_folder, write_text
 
 N, ND, NRHO, NF, NC = 6, 3, 2, 1, 2
 

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import sympy as sp
 
-from control.systems import _stack
 from leastaction.optimal import Linearization
 from leastaction.optimal.continuous import ContinuousSystem
+from optimal.systems import _stack
 
 
 @cache

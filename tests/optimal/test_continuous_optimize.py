@@ -8,7 +8,6 @@ import itertools
 import numpy as np
 import pytest
 
-from control.continuous_systems import CartPendulum
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
 from leastaction.optimal.continuous import (
@@ -24,6 +23,7 @@ from leastaction.optimal.continuous import (
 )
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.settings import check_settings
+from optimal.continuous_systems import CartPendulum
 
 T = 3.0
 REST = {"initial": (np.zeros(4), [0.0]), "horizon": (0.0, T)}

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from control.continuous_systems import CartPendulum
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal.continuous import (
     Accuracy,
@@ -16,6 +15,7 @@ from leastaction.optimal.continuous import (
     PiecewisePolynomial,
     regulate_continuous,
 )
+from optimal.continuous_systems import CartPendulum
 
 SYSTEM = CartPendulum()
 TIGHT = Accuracy(rtol=1e-11, atol=1e-13)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from control.systems import CartPendulum
 from leastaction.errors import ArgumentError
 from leastaction.optimal import QuadraticCost, check_derivatives
+from optimal.systems import CartPendulum
 
 N, NX, NU = 9, 4, 1
 

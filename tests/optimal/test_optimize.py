@@ -8,7 +8,6 @@ import io
 import numpy as np
 import pytest
 
-from control.systems import CartPendulum, simulate
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import (
     FunctionSystem,
@@ -23,6 +22,7 @@ from leastaction.optimal import (
     regulate,
     solve_linear_quadratic,
 )
+from optimal.systems import CartPendulum, simulate
 
 N, DT = 200, 0.02
 METHODS = ("auto", "newton", "quasi-newton", "steepest")

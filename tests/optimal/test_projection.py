@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from control.systems import CartPendulum, simulate
 from leastaction.errors import ArgumentError
 from leastaction.optimal import Projection, QuadraticCost, adjoint, regulate
+from optimal.systems import CartPendulum, simulate
 
 N = 60
 

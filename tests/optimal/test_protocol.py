@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from control.systems import CartPendulum, simulate
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import (
     DiscreteSystem,
@@ -14,6 +13,7 @@ from leastaction.optimal import (
     QuadraticCost,
     check_derivatives,
 )
+from optimal.systems import CartPendulum, simulate
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from derivatives.mechanism_oracle import Oracle
+from oracles.mechanism_oracle import Oracle
 
 # Central difference of eighth order: at this step its error and that of rounding are both some 1e-12.
 STEP = 0.01

@@ -22,7 +22,7 @@ import numpy as np
 
 from derivatives import element_formulas as formulas
 from leastaction.mechanics import Body, Element, Mechanism
-from leastaction.mechanics.tree import Joint
+from leastaction.mechanics.description.tree import Joint
 
 Data = dict[str, jnp.ndarray]
 Orders = Callable[[np.ndarray], list[np.ndarray]]

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from derivatives.mechanism_oracle import Oracle
+from oracles.mechanism_oracle import Oracle
 
 Orders = tuple[np.ndarray, np.ndarray, np.ndarray]
 

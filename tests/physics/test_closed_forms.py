@@ -19,13 +19,13 @@ from leastaction.mechanics import (
     ty,
     tz,
 )
-from physics.laws import G, mass_on_string, measured_order, pendulum, swing, times
-from reference.closed_forms import (
+from oracles.closed_forms import (
     damped_velocity,
     pendulum_angle,
     pendulum_period,
     steady_precession,
 )
+from physics.laws import G, mass_on_string, measured_order, pendulum, swing, times
 
 IFTOMM_A01_PERIOD = 2.367841947576237  # 4 K(1/sqrt 2) / sqrt(9.81)
 

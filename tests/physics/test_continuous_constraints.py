@@ -8,10 +8,10 @@ from scipy.integrate import solve_ivp
 
 from leastaction.errors import InconsistentStartError
 from leastaction.mechanics import Body, Gravity, Mechanism, PointToPoint, world
-from leastaction.mechanics.continuous import ContinuousDynamics
-from leastaction.mechanics.continuous_constraints import Baumgarte, Projection, project
-from leastaction.mechanics.continuous_trajectory import ContinuousTrajectory, IntegrationStatus
-from leastaction.mechanics.simulation import simulate
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.simulation import simulate
+from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection, project
+from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.models import bricard, four_bars
 from physics.laws import mass_on_string, pendulum, times
 
@@ -195,8 +195,8 @@ def test_implicit_methods_get_the_derivative_of_the_stabilised_equations(method:
 
 
 def test_the_jacobian_is_exact() -> None:
-    from leastaction.mechanics.continuous_equations import Equations
-    from leastaction.mechanics.continuous_signals import Feedback, InputLaw, WholeInput
+    from leastaction.mechanics.continuous.equations import Equations
+    from leastaction.mechanics.continuous.signals import Feedback, InputLaw, WholeInput
 
     m = mass_on_string()
     rng = np.random.default_rng(4)

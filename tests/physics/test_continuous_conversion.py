@@ -8,10 +8,11 @@ from scipy.linalg import solve_continuous_are
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus, rz, tx, ty
-from leastaction.mechanics.continuous import ContinuousDynamics
-from leastaction.mechanics.continuous_legendre import legendre_jacobian, to_momentum, to_velocity
-from leastaction.mechanics.continuous_signals import Feedback, PrescribedMotion
-from leastaction.mechanics.continuous_trajectory import ContinuousTrajectory, IntegrationStatus
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.legendre import legendre_jacobian, to_momentum, to_velocity
+from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
+from leastaction.mechanics.continuous.simulation import simulate
+from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.mechanics.conversion import (
     gain_to_continuous,
     gain_to_discrete,
@@ -19,7 +20,6 @@ from leastaction.mechanics.conversion import (
     to_discrete,
 )
 from leastaction.mechanics.elements import Gravity
-from leastaction.mechanics.simulation import simulate
 from leastaction.models import four_bars
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.systems import MidpointSystem

@@ -7,13 +7,13 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from leastaction.mechanics import Damping, JointForce, Mechanism, rz, tx, ty
-from leastaction.mechanics.continuous_events import Event
-from leastaction.mechanics.continuous_signals import Feedback, PrescribedMotion
-from leastaction.mechanics.continuous_trajectory import ContinuousTrajectory, IntegrationStatus
-from leastaction.mechanics.simulation import simulate
+from leastaction.mechanics.continuous.events import Event
+from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
+from leastaction.mechanics.continuous.simulation import simulate
+from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
+from oracles.closed_forms import damped_velocity, pendulum_period
 from physics.laws import G, mass_on_string, pendulum, times
 from physics.test_order import driven_arm, fine, inputs, reeled, table
-from reference.closed_forms import damped_velocity, pendulum_period
 
 
 def done(run: ContinuousTrajectory) -> ContinuousTrajectory:

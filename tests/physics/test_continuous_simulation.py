@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from leastaction.mechanics import Gravity, InverseSquareGravity, Mechanism, rz, tx, ty
-from leastaction.mechanics.continuous import ContinuousDynamics
-from leastaction.mechanics.continuous_integration import METHODS, Piece, put, solver_type
-from leastaction.mechanics.continuous_trajectory import ContinuousTrajectory, IntegrationStatus
-from leastaction.mechanics.simulation import simulate
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.integration import METHODS, Piece, put, solver_type
+from leastaction.mechanics.continuous.simulation import simulate
+from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.models.chain import pendulum_chain
+from oracles.closed_forms import pendulum_angle
 from physics.laws import mass_on_string, measured_order, pendulum, swing, times
-from reference.closed_forms import pendulum_angle
 
 ACCURACY = {
     "RK23": (1e-6, 1e-3), "RK45": (1e-9, 1e-6), "DOP853": (1e-9, 1e-7),

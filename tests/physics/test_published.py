@@ -16,8 +16,8 @@ from scipy.integrate import solve_ivp
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Distance, Gravity, Mechanism, MidpointVI, Trajectory, tx, ty
 from leastaction.models import andrews, bricard, four_bars
+from oracles.closed_forms import pendulum_angle, pendulum_period
 from physics.laws import G, complete, swing, times
-from reference.closed_forms import pendulum_angle, pendulum_period
 
 
 def velocity(run: Trajectory) -> np.ndarray:

@@ -9,7 +9,7 @@ import pytest
 
 from leastaction.errors import SingularityWarning
 from leastaction.mechanics import Mechanism, MidpointVI, ball, free, rx, ry, rz, tz, var
-from leastaction.mechanics.singularity import NEAR
+from leastaction.mechanics.mechanism.singularity import NEAR
 
 BODY = {"mass": 1.0, "inertia": (0.4, 0.5, 0.6)}
 

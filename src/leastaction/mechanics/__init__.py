@@ -2,44 +2,52 @@
 
 from __future__ import annotations
 
-from leastaction.mechanics.acceleration import (
-    AccelerationDerivatives,
-    Accelerations,
-    AccelerationTensors,
-)
-from leastaction.mechanics.affine import Affine, var
-from leastaction.mechanics.assembly import (
+from leastaction.mechanics.configuration.assembly import (
     ConfigurationProjection,
     VelocityProjection,
     check_consistent,
     project_configuration,
     project_velocity,
 )
-from leastaction.mechanics.bodies import Body
-from leastaction.mechanics.branch import Branch, world
-from leastaction.mechanics.compositions import Composition, ball, free, universal
-from leastaction.mechanics.continuous import ContinuousDynamics
-from leastaction.mechanics.continuous_constraints import Baumgarte, Drift, Projection
-from leastaction.mechanics.continuous_events import Event, EventRecord
-from leastaction.mechanics.continuous_legendre import (
+from leastaction.mechanics.configuration.contradiction import Contradiction, find_contradiction
+from leastaction.mechanics.configuration.equilibrium import Equilibrium, Stability, equilibrium
+from leastaction.mechanics.continuous.acceleration import (
+    AccelerationDerivatives,
+    Accelerations,
+    AccelerationTensors,
+)
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.events import Event, EventRecord
+from leastaction.mechanics.continuous.legendre import (
     legendre_jacobian,
     to_momentum,
     to_velocity,
 )
-from leastaction.mechanics.continuous_signals import Feedback, PrescribedMotion
-from leastaction.mechanics.continuous_trajectory import (
+from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
+from leastaction.mechanics.continuous.simulation import simulate
+from leastaction.mechanics.continuous.stabilisation import Baumgarte, Drift, Projection
+from leastaction.mechanics.continuous.trajectory import (
     ContinuousState,
     ContinuousTrajectory,
     IntegrationStatus,
 )
-from leastaction.mechanics.contradiction import Contradiction, find_contradiction
 from leastaction.mechanics.conversion import (
     gain_to_continuous,
     gain_to_discrete,
     to_continuous,
     to_discrete,
 )
-from leastaction.mechanics.curve import Curve
+from leastaction.mechanics.description.affine import Affine, var
+from leastaction.mechanics.description.bodies import Body
+from leastaction.mechanics.description.branch import Branch, world
+from leastaction.mechanics.description.compositions import Composition, ball, free, universal
+from leastaction.mechanics.description.frames import Frame, rx, ry, rz, tx, ty, tz
+from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
+from leastaction.mechanics.description.poses import pose
+from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.mechanics.discrete.sensitivity import Sensitivity, StepSensitivity, momentum_by
+from leastaction.mechanics.discrete.step import Step, StepDerivatives, StepTensors
+from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory
 from leastaction.mechanics.elements import (
     BodyWrench,
     Constraint,
@@ -82,16 +90,8 @@ from leastaction.mechanics.elements import (
     Wrench,
     check_derivatives,
 )
-from leastaction.mechanics.equilibrium import Equilibrium, Stability, equilibrium
-from leastaction.mechanics.frames import Frame, rx, ry, rz, tx, ty, tz
-from leastaction.mechanics.joints import prismatic, revolute, screw, twist
-from leastaction.mechanics.mechanism import Energy, Mechanism
-from leastaction.mechanics.midpoint import MidpointVI
-from leastaction.mechanics.poses import pose
-from leastaction.mechanics.sensitivity import Sensitivity, StepSensitivity, momentum_by
-from leastaction.mechanics.simulation import simulate
-from leastaction.mechanics.step import Step, StepDerivatives, StepTensors
-from leastaction.mechanics.trajectory import SimulationStatus, State, Trajectory
+from leastaction.mechanics.mechanism.mechanism import Energy, Mechanism
+from leastaction.numerics.curve import Curve
 
 __all__ = [
     "AccelerationDerivatives",

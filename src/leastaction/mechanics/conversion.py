@@ -24,20 +24,20 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.arguments import Array, as_array
-from leastaction.mechanics.continuous import ContinuousDynamics
-from leastaction.mechanics.continuous_constraints import Drift, rates
-from leastaction.mechanics.continuous_legendre import (
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.legendre import (
     legendre_jacobian,
     solve_mass,
     to_momentum,
     to_velocity,
 )
-from leastaction.mechanics.continuous_trajectory import ContinuousTrajectory, IntegrationStatus
-from leastaction.mechanics.mechanism import Mechanism
-from leastaction.mechanics.midpoint import MidpointVI
-from leastaction.mechanics.signals import as_time_step, check_times
-from leastaction.mechanics.trajectory import SimulationStatus, Trajectory
+from leastaction.mechanics.continuous.stabilisation import Drift, rates
+from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
+from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajectory
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.signals import as_time_step, check_times
 
 _STATUS = {
     SimulationStatus.COMPLETED: IntegrationStatus.COMPLETED,

@@ -14,7 +14,7 @@ from leastaction.mechanics import (
     PointToPoint,
     world,
 )
-from leastaction.mechanics.arguments import Array
+from leastaction.numerics.arrays import Array
 
 A, B, C = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
 """The pivots on the ground, and the fixed end of the spring (m)."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.mechanics import Body, Gravity, HingeLoop, Mechanism, world
-from leastaction.mechanics.arguments import as_number
+from leastaction.numerics.arrays import as_number
 
 # Links from joint to joint at zero angles, along edges of a cube, and the axes of the joints before them.
 # Each axis is at right angles to the links on both of its sides.

@@ -6,7 +6,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Body, Gravity, Mechanism, PointToPoint, world
-from leastaction.mechanics.arguments import Array, as_number
+from leastaction.numerics.arrays import Array, as_number
 
 
 def four_bars(

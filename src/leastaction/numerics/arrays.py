@@ -82,6 +82,13 @@ def as_array(
     return array
 
 
+def read_only(array: Array) -> Array:
+    """Return a view that cannot be written to: what is frozen stays as it was computed."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
 def shape_of(value: object) -> tuple[int, ...] | None:
     """Return the shape of an array_like; None for what has none, such as text or a ragged list."""
     if isinstance(value, (str, bytes)):

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from numpy.polynomial import polynomial
 
 from leastaction.errors import ArgumentError, DescriptionError, LeastActionError
-from leastaction.mechanics.arguments import Array, as_array, as_number
+from leastaction.numerics.arrays import Array, as_array, as_number
 
 _DEGREE = 5
 

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
-from leastaction.mechanics.trajectory import State
+from leastaction.numerics.arrays import Array, as_array, as_number, shape_of
 
 Signal = npt.ArrayLike | Callable[[float], npt.ArrayLike] | None
 """A constant, one row a step, a function of time, or nothing."""
@@ -75,14 +74,6 @@ def as_count(value: int, what: str, least: int) -> int:
     if number < least:
         raise ArgumentError(f"{what}: got {value!r}, expected a whole number, at least {least}")
     return number
-
-
-def check_state(state: object) -> None:
-    """Raise unless this is a `State`."""
-    if not isinstance(state, State):
-        raise ArgumentError(
-            f"state: got {type(state).__name__}, expected a State, such as the result of start()"
-        )
 
 
 def as_time_step(dt: float) -> float:

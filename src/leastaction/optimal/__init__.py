@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from leastaction.optimal.checks import DerivativeReport, check_derivatives
 from leastaction.optimal.costs import Cost, CostGradient, CostHessian, QuadraticCost
-from leastaction.optimal.function_system import FunctionSystem, LinearSystem
-from leastaction.optimal.linear_quadratic import (
+from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     adjoint,
     regulate,
     solve_linear_quadratic,
     sweep_forward,
 )
+from leastaction.optimal.discrete.projection import Projection
+from leastaction.optimal.function_system import FunctionSystem, LinearSystem
 from leastaction.optimal.optimize import optimize
-from leastaction.optimal.projection import Projection
 from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
 from leastaction.optimal.result import (
     IterationRecord,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.numerics.floats import Floats, as_floats
 from leastaction.optimal.costs import Cost
 from leastaction.optimal.differences import central_differences, relative_error
 from leastaction.optimal.protocol import DiscreteSystem

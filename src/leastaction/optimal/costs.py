@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats, as_floats
-from leastaction.optimal.linear_quadratic import final_of
+from leastaction.numerics.floats import Floats, as_floats
+from leastaction.optimal.discrete.linear_quadratic import final_of
 
 __all__ = ["Cost", "CostGradient", "CostHessian", "QuadraticCost"]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 
 __all__ = ["central_differences", "relative_error"]
 

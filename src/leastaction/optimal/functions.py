@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 
 __all__ = ["Curvature", "Derivatives", "Functions"]
 

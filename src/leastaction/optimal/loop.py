@@ -17,7 +17,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from leastaction.errors import LeastActionError
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 from leastaction.optimal.line_search import LineSearch, Step, Trial, rounding_of
 from leastaction.optimal.result import (
     HistoryBuilder,

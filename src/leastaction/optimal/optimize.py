@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.optimal.costs import Cost
-from leastaction.optimal.discrete_problem import DiscreteProblem
+from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.loop import Callback, Loop
 from leastaction.optimal.protocol import DiscreteSystem
 from leastaction.optimal.result import OptimizationResult

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from leastaction.errors import StepError
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 
 __all__ = ["DiscreteSystem", "Linearization", "Rollout"]
 

@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 
 __all__ = [
     "HistoryBuilder",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import as_count, as_number
+from leastaction.numerics.floats import as_count, as_number
 from leastaction.optimal.result import Settings
 
 __all__ = ["check_settings"]

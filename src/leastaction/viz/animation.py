@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.atomic import write_text
+from leastaction.numerics.files import write_text
 from leastaction.viz.scene import Scene
 
 # A screen shows 60 pictures a second and the page interpolates, so finer samples would only make it

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, ParamSpec
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.atomic import write_bytes
+from leastaction.numerics.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from leastaction.cli.app import main
+from leastaction.apps.cli.app import main
 
 __all__ = ["main"]

@@ -13,11 +13,11 @@ from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
-from leastaction.cli.options import MOTION, OptimiserOptions, OutputOptions
+from leastaction.apps.cli.options import MOTION, OptimiserOptions, OutputOptions
 from leastaction.errors import ArgumentError, LeastActionError
 
 if TYPE_CHECKING:
-    from leastaction.cli.job import Job
+    from leastaction.apps.cli.job import Job
 
 # What a shell expects of a program ended by Ctrl-C.
 _INTERRUPTED = 130
@@ -63,7 +63,7 @@ def demo(
     dt
         Time step, s.
     """
-    from leastaction.cli.job import Job, walk
+    from leastaction.apps.cli.job import Job, walk
 
     folder = _prepare(output)
     motion = walk(duration=duration, dt=dt)
@@ -112,7 +112,7 @@ def optimize(
     resume
         trajectory.npz of an earlier run: go on from there, with the motion that it followed.
     """
-    from leastaction.cli.job import Job, capture, earlier, walk
+    from leastaction.apps.cli.job import Job, capture, earlier, walk
 
     if resume is not None and (motion is not None or mapping is not None or duration is not None):
         # The motion is in the file; a second one could contradict it.
@@ -150,7 +150,7 @@ def info(file: Path, /) -> int:
     file
         trajectory.npz of an earlier run.
     """
-    from leastaction.cli.report import describe
+    from leastaction.apps.cli.report import describe
 
     Console(highlight=False).print(describe(file))
     return 0
@@ -170,8 +170,8 @@ def draw(
     file
         trajectory.npz of an earlier run.
     """
-    from leastaction.cli.report import write_report
-    from leastaction.io.results import load_record
+    from leastaction.apps.cli.report import write_report
+    from leastaction.io.results.files import load_record
 
     record = load_record(file)
     report = write_report(
@@ -187,8 +187,8 @@ def draw(
 
 def _prepare(output: OutputOptions) -> Path:
     """Check before the run that its results can be drawn and written, and return their folder."""
-    from leastaction.atomic import prepare_output_folder
-    from leastaction.cli.report import check_pictures
+    from leastaction.apps.cli.report import check_pictures
+    from leastaction.numerics.files import prepare_output_folder
 
     if output.plots:
         check_pictures()
@@ -197,8 +197,8 @@ def _prepare(output: OutputOptions) -> Path:
 
 def _run(job: Job, folder: Path, output: OutputOptions) -> int:
     """Run a job and fill the folder."""
-    from leastaction.cli.job import exit_code, run
-    from leastaction.cli.report import TRAJECTORY, write_report
+    from leastaction.apps.cli.job import exit_code, run
+    from leastaction.apps.cli.report import TRAJECTORY, write_report
 
     started = time.perf_counter()
     console = Console(highlight=False)

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from rich.console import Console
 
-from leastaction.cli.options import OptimiserOptions
+from leastaction.apps.cli.options import OptimiserOptions
 from leastaction.errors import ResultFileError
-from leastaction.io.motion import Motion
-from leastaction.io.record import RunRecord
+from leastaction.io.motion.motion import Motion
+from leastaction.io.results.record import RunRecord
 
 if TYPE_CHECKING:
+    from leastaction.apps.marionette.tracking import TrackingRun
     from leastaction.optimal import OptimizationResult
-    from leastaction.tracking import TrackingRun
 
 
 # The optimiser speaks of its arguments, the command line of its options.
@@ -52,7 +52,7 @@ class Job:
 
 def walk(*, duration: float, dt: float) -> Motion:
     """Return the made-up walk."""
-    from leastaction.io.walk import walk_in_place
+    from leastaction.apps.marionette.walk import walk_in_place
 
     return walk_in_place(duration, dt)
 
@@ -74,7 +74,7 @@ def capture(
     MotionFileError
         The file or the mapping cannot be used.
     """
-    from leastaction.io.load import load_motion
+    from leastaction.apps.marionette.load import load_motion
 
     loaded = load_motion(
         path, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place
@@ -92,7 +92,7 @@ def earlier(path: Path, *, mechanism: str, optimiser: OptimiserOptions) -> Job:
     ResultFileError
         The file cannot be used, or is of another mechanism, or lacks what is needed to go on.
     """
-    from leastaction.io.results import load_record
+    from leastaction.io.results.files import load_record
 
     record = load_record(path)
     if record.mechanism != mechanism:
@@ -126,9 +126,9 @@ def run(job: Job, console: Console) -> RunRecord:
         to start from.
     """
     from leastaction import models
-    from leastaction.io.results import current_versions
+    from leastaction.apps.marionette.tracking import track
+    from leastaction.io.results.files import current_versions
     from leastaction.optimal import IterationTable
-    from leastaction.tracking import track
 
     mechanism = models.build(job.mechanism)
     steps = job.motion.t.size - 1

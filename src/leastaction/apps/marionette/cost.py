@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.mechanics.arguments import Array
+from leastaction.numerics.arrays import Array
 from leastaction.optimal import CostGradient, CostHessian, QuadraticCost
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, MotionFileError
-from leastaction.io.capture import Capture
-from leastaction.io.geometry import unit
+from leastaction.io.motion.capture import Capture
+from leastaction.io.motion.geometry import unit
 
 FloatArray = NDArray[np.float64]
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import Literal, get_args
 
+from leastaction.apps.marionette.heading import Axis, Heading
+from leastaction.apps.marionette.mapping import read_mapping
+from leastaction.apps.marionette.puppet import Proportions
+from leastaction.apps.marionette.retarget import Retargeted, retarget
 from leastaction.errors import ArgumentError
-from leastaction.io.bvh import read_bvh
-from leastaction.io.heading import Axis, Heading
-from leastaction.io.mapping import read_mapping
-from leastaction.io.motion import Motion
-from leastaction.io.puppet import Proportions
-from leastaction.io.retarget import Retargeted, retarget
+from leastaction.io.motion.bvh import read_bvh
+from leastaction.io.motion.motion import Motion
 
 Start = Literal["rest", "moving"]
 
@@ -71,7 +71,7 @@ def load_motion(
         Seconds wanted; what is longer than the capture repeats its best cycle. The length of the
         capture (and half of `ease`) if not given.
     mapping : path, optional
-        Mapping file, see `leastaction.io.mapping`.
+        Mapping file, see `leastaction.apps.marionette.mapping`.
     start : {"rest", "moving"}
         ``"rest"``: in the capture's first pose at speed zero, brought to full speed within `ease`
         seconds. ``"moving"``: as captured, with the velocity of the first frame.
@@ -80,7 +80,7 @@ def load_motion(
     cutoff : float, optional
         Low-pass filter in Hz against the noise of the capture; none if None.
     proportions, up, forward, heading, in_place
-        See `leastaction.io.retarget.retarget`.
+        See `leastaction.apps.marionette.retarget.retarget`.
 
     Returns
     -------

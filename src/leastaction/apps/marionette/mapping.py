@@ -21,9 +21,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from leastaction.apps.marionette.puppet import CHAINS, LIMBS
 from leastaction.errors import MotionFileError
-from leastaction.io.capture import Capture
-from leastaction.io.puppet import CHAINS, LIMBS
+from leastaction.io.motion.capture import Capture
 
 #: The joints a capture must have.
 ROLES: tuple[str, ...] = tuple(f"{side}_{joint}" for side, limb in LIMBS for joint in CHAINS[limb])
@@ -195,7 +195,11 @@ def _plain(name: str, prefixes: tuple[str, ...]) -> str:
 
 
 def _default_table() -> dict[str, Any]:
-    text = files("leastaction.io").joinpath("data/joint_names.toml").read_text(encoding="utf-8")
+    text = (
+        files("leastaction.apps.marionette")
+        .joinpath("data/joint_names.toml")
+        .read_text(encoding="utf-8")
+    )
     return tomllib.loads(text)
 
 

@@ -7,14 +7,14 @@ from typing import Protocol
 
 import numpy as np
 
+from leastaction.apps.marionette.cost import TrackingCost
+from leastaction.apps.marionette.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics import JointForce, Mechanism, MidpointVI, SimulationStatus
-from leastaction.mechanics.arguments import Array
 from leastaction.models.marionette import STRINGS, UNHELD, hang_strings
+from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult, Status, optimize
 from leastaction.systems import MidpointSystem
-from leastaction.tracking.cost import TrackingCost
-from leastaction.tracking.weights import TrackingWeights
 
 ROOT = ("torso_tx", "torso_ty", "torso_tz")
 SLANT = 1.0  # m that slanted strings lean ahead

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from leastaction.io.geometry import axis_rotation
+from leastaction.io.motion.geometry import axis_rotation
 
 FloatArray = NDArray[np.float64]
 

@@ -19,17 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from leastaction.errors import MotionFileError
-from leastaction.io.capture import Capture, forward_kinematics
-from leastaction.io.geometry import (
-    angle_between,
-    axis_rotation,
-    euler_zyx,
-    frame,
-    smooth_step,
-    unit,
-)
-from leastaction.io.heading import (
+from leastaction.apps.marionette.heading import (
     Axis,
     Heading,
     forward_axis,
@@ -39,9 +29,8 @@ from leastaction.io.heading import (
     up_axis,
     world_from,
 )
-from leastaction.io.mapping import JointNames, map_joints
-from leastaction.io.motion import Motion
-from leastaction.io.puppet import (
+from leastaction.apps.marionette.mapping import JointNames, map_joints
+from leastaction.apps.marionette.puppet import (
     BEND,
     CHAINS,
     LIMBS,
@@ -51,6 +40,17 @@ from leastaction.io.puppet import (
     limb_variables,
     puppet_points,
 )
+from leastaction.errors import MotionFileError
+from leastaction.io.motion.capture import Capture, forward_kinematics
+from leastaction.io.motion.geometry import (
+    angle_between,
+    axis_rotation,
+    euler_zyx,
+    frame,
+    smooth_step,
+    unit,
+)
+from leastaction.io.motion.motion import Motion
 
 FloatArray = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ def retarget(
     ----------
     capture : Capture
     names : mapping from role to joint names, optional
-        See `leastaction.io.mapping.map_joints`.
+        See `leastaction.apps.marionette.mapping.map_joints`.
     proportions : Proportions, optional
         Lengths of the puppet.
     up, forward : str, optional

@@ -16,13 +16,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from leastaction.apps.marionette.cost import TrackingCost
+from leastaction.apps.marionette.problem import ROOT, SLANT, Problem, WantedMotion
+from leastaction.apps.marionette.weights import FORCED, GENTLE, TrackingWeights
 from leastaction.mechanics import Mechanism
-from leastaction.mechanics.arguments import Array
+from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult, optimize
 from leastaction.optimal.optimize import Callback
-from leastaction.tracking.cost import TrackingCost
-from leastaction.tracking.problem import ROOT, SLANT, Problem, WantedMotion
-from leastaction.tracking.weights import FORCED, GENTLE, TrackingWeights
 
 __all__ = [
     "FORCED",

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from leastaction.apps.marionette.puppet import VARIABLES, Proportions
 from leastaction.errors import ArgumentError
-from leastaction.io.motion import Motion
-from leastaction.io.puppet import VARIABLES, Proportions
+from leastaction.io.motion.motion import Motion
 from leastaction.models.marionette import REST
 
 FloatArray = NDArray[np.float64]
@@ -56,7 +56,7 @@ def walk_in_place(
     Returns
     -------
     Motion
-        The 22 variables of the marionette (`leastaction.io.puppet.VARIABLES`).
+        The 22 variables of the marionette (`leastaction.apps.marionette.puppet.VARIABLES`).
 
     Raises
     ------

@@ -22,7 +22,7 @@ from typing import NoReturn
 import numpy as np
 
 from leastaction.errors import MotionFileError
-from leastaction.io.capture import Capture, FloatArray, Joint
+from leastaction.io.motion.capture import Capture, FloatArray, Joint
 
 CHANNEL_NAMES = (
     "Xposition",

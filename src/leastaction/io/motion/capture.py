@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from leastaction.io.geometry import axis_rotation
+from leastaction.io.motion.geometry import axis_rotation
 
 FloatArray = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction._version import __version__
-from leastaction.atomic import atomic_write
 from leastaction.errors import ArgumentError, ResultFileError
-from leastaction.io.record import RunRecord
+from leastaction.io.results.record import RunRecord
+from leastaction.numerics.files import atomic_write
 
 FORMAT_VERSION: Final = 1
 _HEADER: Final = "leastaction_record"

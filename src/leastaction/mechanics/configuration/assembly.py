@@ -9,16 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, InconsistentStartError
-from leastaction.mechanics.arguments import Array, as_array
-from leastaction.mechanics.contradiction import contradictory, find_contradiction
-from leastaction.mechanics.least_change import (
+from leastaction.mechanics.configuration.constraint_projection import (
     RANK_TOLERANCE,
     Indices,
     LeastChange,
     free_variables,
     row_scales,
 )
-from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array
 
 
 @dataclass(frozen=True)

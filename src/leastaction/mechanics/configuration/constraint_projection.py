@@ -28,10 +28,10 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.arguments import Array
+from leastaction.numerics.arrays import Array
 
 if TYPE_CHECKING:
-    from leastaction.mechanics.mechanism import Mechanism
+    from leastaction.mechanics.mechanism.mechanism import Mechanism
 
 Indices = npt.NDArray[np.intp]
 

@@ -9,9 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ContradictoryConstraintsError, worst_first
-from leastaction.mechanics.arguments import Array, as_array
-from leastaction.mechanics.least_change import LeastChange, free_variables, row_scales
-from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.configuration.constraint_projection import (
+    LeastChange,
+    free_variables,
+    row_scales,
+)
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array
 
 # Part of the largest that counts as a part in a contradiction.
 _PART = 1e-3

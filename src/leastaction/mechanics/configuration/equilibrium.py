@@ -22,16 +22,15 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, EquilibriumError, worst_first
-from leastaction.mechanics.arguments import Array, as_array, as_number
-from leastaction.mechanics.assembly import project_configuration
-from leastaction.mechanics.least_change import (
+from leastaction.mechanics.configuration.assembly import project_configuration
+from leastaction.mechanics.configuration.constraint_projection import (
     RANK_TOLERANCE,
     Indices,
     free_variables,
     row_scales,
 )
-from leastaction.mechanics.mechanism import Mechanism
-from leastaction.mechanics.trajectory import read_only
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array, as_number, read_only
 
 _ON_CONSTRAINTS = 1e-12  # relative residual of the constraints at every iterate
 _FLAT = 1e-9  # eigenvalues below this part of the largest count as zero

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from leastaction.mechanics.arguments import Array
+from leastaction.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -17,15 +17,15 @@ import numpy.typing as npt
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, DynamicsError
-from leastaction.mechanics.acceleration import (
+from leastaction.mechanics.continuous.acceleration import (
     AccelerationDerivatives,
     Accelerations,
     AccelerationTensors,
 )
-from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
 from leastaction.mechanics.elements import PythonConstraint
-from leastaction.mechanics.mechanism import Mechanism
-from leastaction.mechanics.signals import as_count
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array, as_number, shape_of
+from leastaction.numerics.signals import as_count
 
 
 class ContinuousDynamics:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import LeastActionError
-from leastaction.mechanics.arguments import Array, as_array
-from leastaction.mechanics.continuous import ContinuousDynamics
-from leastaction.mechanics.continuous_constraints import ConstraintLost, Projection, project
-from leastaction.mechanics.continuous_signals import PrescribedMotion, WholeInput, motion_at
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.signals import PrescribedMotion, WholeInput, motion_at
+from leastaction.mechanics.continuous.stabilisation import ConstraintLost, Projection, project
+from leastaction.numerics.arrays import Array, as_array
 
 
 class Equations:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.arguments import Array, as_number
-from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_number
 
 _EPS = float(np.finfo(float).eps)
 

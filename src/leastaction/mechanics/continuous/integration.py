@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.continuous_constraints import ConstraintLost, Drift, rates
-from leastaction.mechanics.continuous_equations import Equations
-from leastaction.mechanics.continuous_events import Watched
+from leastaction.mechanics.continuous.equations import Equations
+from leastaction.mechanics.continuous.events import Watched
+from leastaction.mechanics.continuous.stabilisation import ConstraintLost, Drift, rates
+from leastaction.numerics.arrays import Array
 
 METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 """SciPy's solvers by name."""

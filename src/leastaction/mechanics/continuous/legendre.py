@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.arguments import Array, as_array, shape_of
-from leastaction.mechanics.continuous_constraints import ConstraintMetric
-from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.continuous.stabilisation import ConstraintMetric
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array, shape_of
 
 
 def to_momentum(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:

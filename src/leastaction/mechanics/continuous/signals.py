@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.arguments import Array, as_array, shape_of
-from leastaction.mechanics.signals import check_times
+from leastaction.numerics.arrays import Array, as_array, shape_of
+from leastaction.numerics.signals import check_times
 
 Law = Callable[[float, Array], npt.ArrayLike]
 """An input as a function of the time (s) and the state ``x = [q; rho; v; v_rho]``."""

@@ -9,18 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, LeastActionError, closest
-from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
-from leastaction.mechanics.continuous import ContinuousDynamics
-from leastaction.mechanics.continuous_constraints import (
-    Baumgarte,
-    Projection,
-    as_handling,
-    check_start_consistent,
-)
-from leastaction.mechanics.continuous_equations import Equations
-from leastaction.mechanics.continuous_events import Event, EventRecord, watch
-from leastaction.mechanics.continuous_integration import METHODS, Integration, Progress
-from leastaction.mechanics.continuous_signals import (
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.equations import Equations
+from leastaction.mechanics.continuous.events import Event, EventRecord, watch
+from leastaction.mechanics.continuous.integration import METHODS, Integration, Progress
+from leastaction.mechanics.continuous.signals import (
     ContinuousSignal,
     InputLaw,
     Law,
@@ -30,14 +23,21 @@ from leastaction.mechanics.continuous_signals import (
     check_start,
     motion_at,
 )
-from leastaction.mechanics.continuous_trajectory import (
+from leastaction.mechanics.continuous.stabilisation import (
+    Baumgarte,
+    Projection,
+    as_handling,
+    check_start_consistent,
+)
+from leastaction.mechanics.continuous.trajectory import (
     ContinuousTrajectory,
     DenseOutput,
     IntegrationStatus,
 )
-from leastaction.mechanics.mechanism import Mechanism
-from leastaction.mechanics.signals import as_count, check_times
-from leastaction.mechanics.singularity import SingularityWatch
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.singularity import SingularityWatch
+from leastaction.numerics.arrays import Array, as_array, as_number, shape_of
+from leastaction.numerics.signals import as_count, check_times
 
 _SHOWN = 8  # variables of a state that a message lists
 

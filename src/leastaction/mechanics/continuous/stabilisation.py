@@ -18,10 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from leastaction.errors import ArgumentError, InconsistentStartError, LeastActionError, worst_first
-from leastaction.mechanics.arguments import Array, as_number
-from leastaction.mechanics.assembly import check_consistent
-from leastaction.mechanics.least_change import LOOSE_RANK_TOLERANCE, RANK_TOLERANCE, row_scales
-from leastaction.mechanics.mechanism import Mechanism
+from leastaction.mechanics.configuration.assembly import check_consistent
+from leastaction.mechanics.configuration.constraint_projection import (
+    LOOSE_RANK_TOLERANCE,
+    RANK_TOLERANCE,
+    row_scales,
+)
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_number
 
 _ITERATIONS = 20
 _LOOSENING = 10.0  # beside the constraints, singular values below so many times |h| are noise

@@ -11,12 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.arguments import Array, as_array, shape_of
-from leastaction.mechanics.continuous_constraints import Drift
-from leastaction.mechanics.continuous_events import EventRecord
-from leastaction.mechanics.continuous_integration import Effort
-from leastaction.mechanics.mechanism import Mechanism
-from leastaction.mechanics.trajectory import read_only
+from leastaction.mechanics.continuous.events import EventRecord
+from leastaction.mechanics.continuous.integration import Effort
+from leastaction.mechanics.continuous.stabilisation import Drift
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
 
 
 class IntegrationStatus(Enum):

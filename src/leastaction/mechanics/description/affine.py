@@ -17,8 +17,8 @@ from typing import TypeAlias
 import numpy as np
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.arguments import as_number
-from leastaction.mechanics.names import check_name
+from leastaction.numerics.arrays import as_number
+from leastaction.numerics.names import check_name
 
 _NUMBERS = (int, float, np.integer, np.floating)
 

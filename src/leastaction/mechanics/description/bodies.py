@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.arguments import Array, as_array, as_flag, as_number, shape_of
+from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, shape_of
 
 # Relative slack of the inequalities that the inertia of a real body obeys.
 INERTIA_TOLERANCE = 1e-9

@@ -8,9 +8,9 @@ from typing import Any, Unpack
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.affine import Amount
-from leastaction.mechanics.compositions import Composition, ball, free, universal
-from leastaction.mechanics.frames import (
+from leastaction.mechanics.description.affine import Amount
+from leastaction.mechanics.description.compositions import Composition, ball, free, universal
+from leastaction.mechanics.description.frames import (
     Frame,
     FrameOptions,
     JointOptions,
@@ -21,9 +21,9 @@ from leastaction.mechanics.frames import (
     ty,
     tz,
 )
-from leastaction.mechanics.joints import prismatic, revolute, screw, twist
-from leastaction.mechanics.names import check_name
-from leastaction.mechanics.poses import pose
+from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
+from leastaction.mechanics.description.poses import pose
+from leastaction.numerics.names import check_name
 
 
 class Branch:

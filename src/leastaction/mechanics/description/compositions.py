@@ -19,8 +19,8 @@ from operator import eq
 from typing import Unpack
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.affine import Amount, as_affine
-from leastaction.mechanics.frames import (
+from leastaction.mechanics.description.affine import Amount, as_affine
+from leastaction.mechanics.description.frames import (
     TWISTS,
     Frame,
     FrameOptions,
@@ -28,7 +28,7 @@ from leastaction.mechanics.frames import (
     kinematic_names,
     moving,
 )
-from leastaction.mechanics.names import check_name
+from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.branch import Branch, check_once, read_nested
-from leastaction.mechanics.frames import PRIMITIVES, Frame, Group
-from leastaction.mechanics.poses import constant_matrix, exponential
-from leastaction.mechanics.tree import WORLD, Ball, Joint, Tree, TreeFrame
+from leastaction.mechanics.description.branch import Branch, check_once, read_nested
+from leastaction.mechanics.description.frames import PRIMITIVES, Frame, Group
+from leastaction.mechanics.description.poses import constant_matrix, exponential
+from leastaction.mechanics.description.tree import WORLD, Ball, Joint, Tree, TreeFrame
+from leastaction.numerics.arrays import Array
 
 
 def flatten(description: Branch | Sequence[Any]) -> Tree:

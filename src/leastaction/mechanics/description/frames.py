@@ -2,7 +2,7 @@
 
 A mechanism is a tree of coordinate frames. Each frame is placed in its parent by one transformation:
 a translation along or a rotation about an axis of the parent (`tx ty tz rx ry rz`), a constant `pose`,
-or one of the joints of `leastaction.mechanics.joints`. The amount is a number (metres, radians), the
+or one of the joints of `leastaction.mechanics.description.joints`. The amount is a number (metres, radians), the
 name of a configuration variable, or a linear expression of several (`var`). A variable is dynamic
 (found by the equations of motion) or kinematic (prescribed from outside), and may move many frames.
 
@@ -30,10 +30,10 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError, closest
-from leastaction.mechanics.affine import Affine, Amount, as_affine
-from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.bodies import Body
-from leastaction.mechanics.names import check_name
+from leastaction.mechanics.description.affine import Affine, Amount, as_affine
+from leastaction.mechanics.description.bodies import Body
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.names import check_name
 
 PRIMITIVES = ("tx", "ty", "tz", "rx", "ry", "rz")
 

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.affine import Amount
-from leastaction.mechanics.arguments import Array, as_array, as_number
-from leastaction.mechanics.frames import Frame, JointOptions, moving
+from leastaction.mechanics.description.affine import Amount
+from leastaction.mechanics.description.frames import Frame, JointOptions, moving
+from leastaction.numerics.arrays import Array, as_array, as_number
 
 _AXES = {
     sign + letter: tuple(factor * float(i == k) for i in range(3))

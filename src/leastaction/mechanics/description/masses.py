@@ -12,8 +12,8 @@ import numpy as np
 
 from leastaction import _core
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.tree import WORLD, Tree
+from leastaction.mechanics.description.tree import WORLD, Tree
+from leastaction.numerics.arrays import Array
 
 # Bound on the rounding of an inertia, as a multiple of the unit roundoff and of the terms that it sums.
 ROUNDING = 256.0 * float(np.finfo(np.float64).eps)

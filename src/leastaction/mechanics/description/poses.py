@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.arguments import Array, as_array
-from leastaction.mechanics.bodies import Body
-from leastaction.mechanics.frames import Frame, bodies_of
-from leastaction.mechanics.names import check_name
+from leastaction.mechanics.description.bodies import Body
+from leastaction.mechanics.description.frames import Frame, bodies_of
+from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.names import check_name
 
 # A rotation matrix that was typed or stored with fewer digits than this is refused, not guessed at.
 ROTATION_TOLERANCE = 1e-8

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from leastaction.mechanics.affine import Affine
-from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.bodies import Body
-from leastaction.mechanics.frames import Frame, Group
+from leastaction.mechanics.description.affine import Affine
+from leastaction.mechanics.description.bodies import Body
+from leastaction.mechanics.description.frames import Frame, Group
+from leastaction.numerics.arrays import Array
 
 WORLD = -1  # the joint that carries what is fixed in the world
 

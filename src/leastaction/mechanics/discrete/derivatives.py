@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, StepError
-from leastaction.mechanics.arguments import Array, as_array
-from leastaction.mechanics.mechanism import Mechanism
-from leastaction.mechanics.step import StepDerivatives, StepTensors
-from leastaction.mechanics.trajectory import State, Trajectory
+from leastaction.mechanics.discrete.step import StepDerivatives, StepTensors
+from leastaction.mechanics.discrete.trajectory import State, Trajectory
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array
 
 _TRAJECTORY_TOLERANCE = 1e-6  # (m or rad) of a step's end, for what counts as a trajectory
 

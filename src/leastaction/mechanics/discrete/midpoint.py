@@ -17,23 +17,27 @@ import numpy.typing as npt
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, InconsistentStartError, StepError, worst_first
-from leastaction.mechanics.arguments import Array, as_array, as_number
-from leastaction.mechanics.assembly import check_consistent
-from leastaction.mechanics.contradiction import find_contradiction
+from leastaction.mechanics.configuration.assembly import check_consistent
+from leastaction.mechanics.configuration.contradiction import find_contradiction
+from leastaction.mechanics.discrete.sensitivity import ParameterDifferentiation
+from leastaction.mechanics.discrete.step import Step
+from leastaction.mechanics.discrete.trajectory import (
+    SimulationStatus,
+    State,
+    Trajectory,
+    check_state,
+)
 from leastaction.mechanics.elements import Distance, PathLength
-from leastaction.mechanics.mechanism import Mechanism
-from leastaction.mechanics.sensitivity import ParameterDifferentiation
-from leastaction.mechanics.signals import (
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.singularity import SingularityWatch
+from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.numerics.signals import (
     Signal,
     as_count,
     as_time_step,
-    check_state,
     check_times,
     signal_rows,
 )
-from leastaction.mechanics.singularity import SingularityWatch
-from leastaction.mechanics.step import Step
-from leastaction.mechanics.trajectory import SimulationStatus, State, Trajectory
 
 Split = Literal["symmetric", "left"]
 

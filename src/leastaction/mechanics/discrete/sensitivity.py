@@ -10,16 +10,22 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.arguments import Array, as_array
-from leastaction.mechanics.derivatives import StepDifferentiation
+from leastaction.mechanics.description.tree import WORLD
+from leastaction.mechanics.discrete.derivatives import StepDifferentiation
+from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.elements import Gravity
-from leastaction.mechanics.mechanism import Mechanism
-from leastaction.mechanics.parameters import BodyNumber, ElementNumber, Length, Place, inertia_slope
-from leastaction.mechanics.trajectory import Trajectory
-from leastaction.mechanics.tree import WORLD
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.parameters import (
+    BodyNumber,
+    ElementNumber,
+    Length,
+    Place,
+    inertia_slope,
+)
+from leastaction.numerics.arrays import Array, as_array
 
 if TYPE_CHECKING:
-    from leastaction.mechanics.midpoint import MidpointVI
+    from leastaction.mechanics.discrete.midpoint import MidpointVI
 
 _SMALL = 10  # states up to which derivatives are accumulated for all steps at once
 

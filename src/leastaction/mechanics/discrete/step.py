@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.trajectory import State
+from leastaction.mechanics.discrete.trajectory import State
+from leastaction.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

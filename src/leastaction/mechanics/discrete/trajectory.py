@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.arguments import Array
 from leastaction.mechanics.elements import Distance, PathLength
+from leastaction.numerics.arrays import Array, read_only
 
 if TYPE_CHECKING:
-    from leastaction.mechanics.mechanism import Mechanism
+    from leastaction.mechanics.mechanism.mechanism import Mechanism
 
 
 _LOOKS = 7  # instants at which a run is asked for equations that are redundant
@@ -30,13 +30,6 @@ class SimulationStatus(Enum):
     INTERRUPTED = (
         "interrupted: the trajectory ends where it was stopped; simulate on from its last state"
     )
-
-
-def read_only(array: Array) -> Array:
-    """Return a view that cannot be written to: what is frozen stays as it was computed."""
-    view = array.view()
-    view.setflags(write=False)
-    return view
 
 
 @dataclass(frozen=True)
@@ -68,6 +61,14 @@ class State:
     def x(self) -> Array:
         """The state vector ``[q; rho; p; v_rho]``, shape (nx,)."""
         return np.concatenate([self.q, self.p, self.v_rho])
+
+
+def check_state(state: object) -> None:
+    """Raise unless this is a `State`."""
+    if not isinstance(state, State):
+        raise ArgumentError(
+            f"state: got {type(state).__name__}, expected a State, such as the result of start()"
+        )
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from typing import Any
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
 from leastaction.mechanics.elements.reading import Factors, factors, path
-from leastaction.mechanics.names import check_name
+from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)

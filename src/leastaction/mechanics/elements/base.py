@@ -18,11 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError, closest
-from leastaction.mechanics.arguments import Array
+from leastaction.mechanics.description.poses import exponential
+from leastaction.mechanics.description.tree import WORLD, Tree, TreeFrame
 from leastaction.mechanics.elements.builder import Builder as Builder
-from leastaction.mechanics.names import check_name
-from leastaction.mechanics.poses import exponential
-from leastaction.mechanics.tree import WORLD, Tree, TreeFrame
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.names import check_name
 
 # Distance of two points, relative to the lengths that it sums, below which it is rounding.
 ROUNDING = 1e-12

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from leastaction.mechanics.arguments import Array
+from leastaction.numerics.arrays import Array
 
 
 class TreeBuilder(Protocol):

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.arguments import Array, as_array, as_flag, as_number
-from leastaction.mechanics.curve import Curve
-from leastaction.mechanics.names import check_name
-from leastaction.mechanics.poses import pose
+from leastaction.mechanics.description.poses import pose
+from leastaction.numerics.arrays import Array, as_array, as_flag, as_number
+from leastaction.numerics.curve import Curve
+from leastaction.numerics.names import check_name
 
 Direction = str | Sequence[float]
 """An axis ``"x"``, ``"y"`` or ``"z"`` of a frame, or three numbers in its axes."""

@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.symbols import Coordinate, Quantity, Rate
+from leastaction.mechanics.expressions.symbols import Coordinate, Quantity, Rate
 
 # The operation of each function; those in the second table are one over it.
 FUNCTIONS: dict[Any, str] = {

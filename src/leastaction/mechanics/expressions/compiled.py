@@ -9,10 +9,10 @@ from typing import Any
 import sympy
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.expression_check import brief, check_expression
-from leastaction.mechanics.names import check_name
-from leastaction.mechanics.symbols import Coordinate, Quantity, Rate
-from leastaction.mechanics.tape_compiler import TapeCode, compile_tape
+from leastaction.mechanics.expressions.checks import brief, check_expression
+from leastaction.mechanics.expressions.symbols import Coordinate, Quantity, Rate
+from leastaction.mechanics.expressions.tape_compiler import TapeCode, compile_tape
+from leastaction.numerics.names import check_name
 
 PLACES = ("point", "direction")
 

@@ -1,7 +1,7 @@
 """What expressions are made of: SymPy symbols that know what they stand for.
 
 The only module besides the compiler of expressions that needs SymPy; it is imported when the first
-expression is written. Users make symbols with the functions of `leastaction.mechanics.expressions`.
+expression is written. Users make symbols with the functions of `leastaction.mechanics.expressions.terms`.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ import sympy
 
 from leastaction import _core
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.expression_check import (
+from leastaction.mechanics.expressions.checks import (
     FUNCTIONS,
     RECIPROCALS,
     brief,

@@ -23,14 +23,14 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.arguments import as_array, as_number
-from leastaction.mechanics.names import check_name
+from leastaction.numerics.arrays import as_array, as_number
+from leastaction.numerics.names import check_name
 
 if TYPE_CHECKING:
     import sympy
 
-    from leastaction.mechanics.compiled_expression import CompiledExpression, CompiledForce
-    from leastaction.mechanics.symbols import Quantity
+    from leastaction.mechanics.expressions.compiled import CompiledExpression, CompiledForce
+    from leastaction.mechanics.expressions.symbols import Quantity
 
 UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -208,7 +208,7 @@ def compile_expression(expression: Any, *, what: str = "the expression") -> Comp
         symbol, a number that is infinite or not real, or a function that is unknown or not smooth.
     """
     symbols()
-    from leastaction.mechanics import compiled_expression
+    from leastaction.mechanics.expressions import compiled as compiled_expression
 
     return compiled_expression.compile_expression(expression, what=what)
 
@@ -235,15 +235,15 @@ def compile_force(expression: Any, along: Any, *, what: str = "the force") -> Co
         As `compile_expression`.
     """
     symbols()
-    from leastaction.mechanics import compiled_expression
+    from leastaction.mechanics.expressions import compiled as compiled_expression
 
     return compiled_expression.compile_force(expression, along, what=what)
 
 
 def symbols() -> ModuleType:
-    """Return the module `leastaction.mechanics.symbols`, or say that it needs SymPy."""
+    """Return the module `leastaction.mechanics.expressions.symbols`, or say that it needs SymPy."""
     try:
-        from leastaction.mechanics import symbols as module
+        from leastaction.mechanics.expressions import symbols as module
     except ImportError as error:
         if error.name != "sympy":
             raise

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from leastaction.errors import DescriptionError, closest
+from leastaction.mechanics.description.masses import check_structure
+from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Builder, Context, Element
-from leastaction.mechanics.masses import check_structure
-from leastaction.mechanics.tree import Tree
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.arguments import Array, as_array, as_number, shape_of
-from leastaction.mechanics.compilation import Plan
+from leastaction.mechanics.description.tree import Ball, Tree
 from leastaction.mechanics.elements import Element
-from leastaction.mechanics.tree import Ball, Tree
+from leastaction.mechanics.mechanism.compilation import Plan
+from leastaction.numerics.arrays import Array, as_array, as_number, shape_of
 
 
 class Compiled:

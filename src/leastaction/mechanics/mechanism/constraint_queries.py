@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.compiled import Compiled
+from leastaction.mechanics.mechanism.compiled import Compiled
+from leastaction.numerics.arrays import Array
 
 # Length of what is left of a gradient, as a fraction of it, below which an equation counts as dependent.
 RANK_TOLERANCE = 1e-9

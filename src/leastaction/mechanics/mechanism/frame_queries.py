@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.arguments import Array, as_array
-from leastaction.mechanics.compiled import Compiled
-from leastaction.mechanics.tree import WORLD
+from leastaction.mechanics.description.tree import WORLD
+from leastaction.mechanics.mechanism.compiled import Compiled
+from leastaction.numerics.arrays import Array, as_array
 
 Axes = Literal["world", "frame"]
 

@@ -7,16 +7,16 @@ from dataclasses import replace
 from typing import Any
 
 from leastaction import _core
-from leastaction.mechanics.branch import Branch
-from leastaction.mechanics.compilation import Plan, plan
-from leastaction.mechanics.constraint_queries import ConstraintQueries
+from leastaction.mechanics.description.branch import Branch
+from leastaction.mechanics.description.flattening import flatten
+from leastaction.mechanics.description.masses import check_inertia, recheck_inertia
 from leastaction.mechanics.elements import Element
-from leastaction.mechanics.flattening import flatten
-from leastaction.mechanics.frame_queries import FrameQueries
-from leastaction.mechanics.mass_queries import Energy as Energy
-from leastaction.mechanics.mass_queries import MassQueries
-from leastaction.mechanics.masses import check_inertia, recheck_inertia
-from leastaction.mechanics.parameters import (
+from leastaction.mechanics.mechanism.compilation import Plan, plan
+from leastaction.mechanics.mechanism.constraint_queries import ConstraintQueries
+from leastaction.mechanics.mechanism.frame_queries import FrameQueries
+from leastaction.mechanics.mechanism.mass_queries import Energy as Energy
+from leastaction.mechanics.mechanism.mass_queries import MassQueries
+from leastaction.mechanics.mechanism.parameters import (
     Length,
     Place,
     check_names,
@@ -27,8 +27,8 @@ from leastaction.mechanics.parameters import (
     parameter_value,
     with_values,
 )
-from leastaction.mechanics.view import tree_view
-from leastaction.mechanics.view_html import html_view
+from leastaction.mechanics.mechanism.view import tree_view
+from leastaction.mechanics.mechanism.view_html import html_view
 
 
 class Mechanism(FrameQueries, ConstraintQueries, MassQueries):

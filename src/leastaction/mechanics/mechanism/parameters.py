@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from leastaction.errors import ArgumentError, DescriptionError, closest
-from leastaction.mechanics.affine import Affine
-from leastaction.mechanics.arguments import Array, as_number
-from leastaction.mechanics.bodies import Body
-from leastaction.mechanics.flattening import place_frames
-from leastaction.mechanics.frames import PRIMITIVES, Frame
-from leastaction.mechanics.poses import pose
-from leastaction.mechanics.tree import Tree
+from leastaction.mechanics.description.affine import Affine
+from leastaction.mechanics.description.bodies import Body
+from leastaction.mechanics.description.flattening import place_frames
+from leastaction.mechanics.description.frames import PRIMITIVES, Frame
+from leastaction.mechanics.description.poses import pose
+from leastaction.mechanics.description.tree import Tree
+from leastaction.numerics.arrays import Array, as_number
 
 _AXES = "xyz"
 _MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")

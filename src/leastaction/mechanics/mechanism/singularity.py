@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.errors import SingularityWarning
-from leastaction.mechanics.arguments import Array
-from leastaction.mechanics.tree import Ball
+from leastaction.mechanics.description.tree import Ball
+from leastaction.numerics.arrays import Array
 
 # At 0.05 rad (2.9 degrees) the angles turn up to 20 times as fast as the joint: a time step that resolves 20
 # steps a radian of motion then takes the angles a radian a step. Well outside, the angles do as well as any.

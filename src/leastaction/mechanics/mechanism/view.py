@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from leastaction.mechanics.compilation import Plan
-from leastaction.mechanics.frames import Frame, Group
-from leastaction.mechanics.tree import Tree
+from leastaction.mechanics.description.frames import Frame, Group
+from leastaction.mechanics.description.tree import Tree
+from leastaction.mechanics.mechanism.compilation import Plan
 
 
 @dataclass(frozen=True)

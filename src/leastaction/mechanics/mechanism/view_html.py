@@ -5,8 +5,8 @@ from __future__ import annotations
 from html import escape
 from itertools import islice
 
-from leastaction.mechanics.compilation import Plan
-from leastaction.mechanics.view import (
+from leastaction.mechanics.mechanism.compilation import Plan
+from leastaction.mechanics.mechanism.view import (
     Row,
     element_lines,
     name_lines,

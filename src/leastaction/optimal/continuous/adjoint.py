@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
 from leastaction.optimal.continuous.riccati import Samples, largest

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 from leastaction.optimal.checks import DerivativeReport
 from leastaction.optimal.continuous.costs import ContinuousCost
 from leastaction.optimal.continuous.protocol import ContinuousSystem

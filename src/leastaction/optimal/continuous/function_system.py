@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats, as_count, as_floats
+from leastaction.numerics.floats import Floats, as_count, as_floats
 from leastaction.optimal.continuous.protocol import ContinuousSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 

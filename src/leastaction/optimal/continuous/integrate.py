@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.optimal._arrays import Floats, as_count, as_number
+from leastaction.numerics.floats import Floats, as_count, as_number
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
 
 __all__ = ["Accuracy", "Integration", "integrate", "segments"]

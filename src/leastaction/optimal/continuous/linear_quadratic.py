@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.numerics.floats import Floats, as_floats
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.riccati import (

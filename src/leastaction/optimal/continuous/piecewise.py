@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.numerics.floats import Floats, as_floats
 
 __all__ = ["Mesh", "PiecewisePolynomial", "approximate"]
 

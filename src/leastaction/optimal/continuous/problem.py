@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.optimal._arrays import Floats, as_floats, require_finite
+from leastaction.numerics.floats import Floats, as_floats, require_finite
 from leastaction.optimal.continuous.adjoint import continuous_adjoint
 from leastaction.optimal.continuous.costs import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 from leastaction.optimal.continuous.costs import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 from leastaction.optimal.protocol import Linearization
 
 __all__ = ["ContinuousSystem"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial
 from leastaction.optimal.continuous.trajectory import DenseTrajectory

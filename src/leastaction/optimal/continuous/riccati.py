@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial, approximate
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.numerics.floats import Floats, as_floats
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.signals import Signal, SignalLike, first_mesh
 

@@ -24,9 +24,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 from leastaction.optimal.costs import CostGradient, CostHessian
-from leastaction.optimal.linear_quadratic import (
+from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
     solve_linear_quadratic,

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats, as_floats, as_number
+from leastaction.numerics.floats import Floats, as_floats, as_number
 
 __all__ = [
     "LinearQuadraticSolution",

@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.optimal._arrays import Floats, as_floats
+from leastaction.numerics.floats import Floats, as_floats
 from leastaction.optimal.costs import Cost, CostGradient
-from leastaction.optimal.descent import minimise_model
-from leastaction.optimal.line_search import Trial
-from leastaction.optimal.linear_quadratic import (
+from leastaction.optimal.discrete.descent import minimise_model
+from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
     adjoint,
     regulate,
     sweep_forward,
 )
+from leastaction.optimal.line_search import Trial
 from leastaction.optimal.loop import Direction, Problem
 from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
 from leastaction.optimal.result import OptimizationResult, Settings

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal._arrays import Floats
+from leastaction.numerics.floats import Floats
 from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
 
 __all__ = ["Projection"]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.along import Pair
 from leastaction.mechanics.elements.base import Builder, Context, Uses
-from leastaction.mechanics.elements.constraints import Constraint, refuse_own_variable
+from leastaction.mechanics.elements.constraints.distances import Constraint, refuse_own_variable
 from leastaction.mechanics.elements.reading import Direction, direction, show, triad, vector
-from leastaction.mechanics.names import check_name
+from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from leastaction.mechanics.elements.along import FramePair
 from leastaction.mechanics.elements.base import Builder, Context
-from leastaction.mechanics.elements.constraints import Constraint
+from leastaction.mechanics.elements.constraints.distances import Constraint
 from leastaction.mechanics.elements.reading import Direction, direction, flag, rotation, show, triad
 
 

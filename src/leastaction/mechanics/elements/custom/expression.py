@@ -1,6 +1,6 @@
 """Elements that the user writes as expressions: potentials, constraints and forces of any form.
 
-See `leastaction.mechanics.expressions` for what expressions are made of.
+See `leastaction.mechanics.expressions.terms` for what expressions are made of.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 from leastaction.mechanics.elements.base import Context, Uses
 from leastaction.mechanics.elements.builder import Builder
-from leastaction.mechanics.elements.constraints import Constraint
-from leastaction.mechanics.elements.forces import Force
-from leastaction.mechanics.elements.potentials import Potential
-from leastaction.mechanics.expressions import compile_expression, compile_force
+from leastaction.mechanics.elements.constraints.distances import Constraint
+from leastaction.mechanics.elements.forces.joint_forces import Force
+from leastaction.mechanics.elements.potentials.gravity import Potential
+from leastaction.mechanics.expressions.terms import compile_expression, compile_force
 
 if TYPE_CHECKING:
     import sympy
 
-    from leastaction.mechanics.compiled_expression import CompiledExpression, CompiledForce
+    from leastaction.mechanics.expressions.compiled import CompiledExpression, CompiledForce
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class ExpressionPotential(Potential):
     Parameters
     ----------
     expression : sympy.Expr
-        V in points, directions, distances, variables and parameters; see `leastaction.mechanics.expressions`.
+        V in points, directions, distances, variables and parameters; see `leastaction.mechanics.expressions.terms`.
     name : str, optional
 
     Raises
@@ -78,7 +78,7 @@ class ExpressionConstraint(Constraint):
     ----------
     expression : sympy.Expr
         h, which the motion keeps at zero; scaled like a length or an angle. In points, directions, distances,
-        variables and parameters; see `leastaction.mechanics.expressions`.
+        variables and parameters; see `leastaction.mechanics.expressions.terms`.
     name : str, optional
 
     Raises
@@ -136,7 +136,7 @@ class ExpressionForce(Force):
     ----------
     expression : sympy.Expr or float
         F (N along a length, N m along an angle) in points, directions, distances, variables, their rates,
-        inputs and parameters; see `leastaction.mechanics.expressions`.
+        inputs and parameters; see `leastaction.mechanics.expressions.terms`.
     along : str or sympy.Expr
         The name of a variable, or a scalar expression s such as a distance. F is positive where it drives s up.
     name : str, optional

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.arguments import as_array, as_number
-from leastaction.mechanics.elements.python_function import PythonFunction
+from leastaction.mechanics.elements.custom.python_function import PythonFunction
+from leastaction.numerics.arrays import as_array, as_number
 
 # Nothing cancels in a complex step, so it may be as small as this.
 STEP = 1e-30

@@ -15,15 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, DescriptionError
-from leastaction.mechanics.arguments import as_number
 from leastaction.mechanics.elements.base import Context, Uses
 from leastaction.mechanics.elements.builder import Builder
-from leastaction.mechanics.elements.constraints import Constraint
-from leastaction.mechanics.elements.expression import movers
-from leastaction.mechanics.elements.forces import Force
-from leastaction.mechanics.elements.potentials import Potential
-from leastaction.mechanics.expressions import unit_vector
-from leastaction.mechanics.names import check_name
+from leastaction.mechanics.elements.constraints.distances import Constraint
+from leastaction.mechanics.elements.custom.expression import movers
+from leastaction.mechanics.elements.forces.joint_forces import Force
+from leastaction.mechanics.elements.potentials.gravity import Potential
+from leastaction.mechanics.expressions.terms import unit_vector
+from leastaction.numerics.arrays import as_number
+from leastaction.numerics.names import check_name
 
 Direction = tuple[str, str | Sequence[float]]
 

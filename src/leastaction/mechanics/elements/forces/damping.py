@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.along import FramePair
 from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
-from leastaction.mechanics.elements.forces import Force
+from leastaction.mechanics.elements.forces.joint_forces import Force
 from leastaction.mechanics.elements.reading import Factors, number, positive
-from leastaction.mechanics.names import check_name
+from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)

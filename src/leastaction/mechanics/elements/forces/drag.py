@@ -10,10 +10,10 @@ import numpy as np
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
-from leastaction.mechanics.elements.forces import Force
+from leastaction.mechanics.elements.forces.joint_forces import Force
 from leastaction.mechanics.elements.reading import number, positive, three
-from leastaction.mechanics.elements.tapes import TapeWriter, dot
-from leastaction.mechanics.names import check_name
+from leastaction.mechanics.expressions.tapes import TapeWriter, dot
+from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)

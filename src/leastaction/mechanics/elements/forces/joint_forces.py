@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
-from leastaction.mechanics.names import check_name
+from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.curve import Curve
 from leastaction.mechanics.elements.along import Along, Path
 from leastaction.mechanics.elements.base import Builder, Context, Uses
-from leastaction.mechanics.elements.forces import Force
+from leastaction.mechanics.elements.forces.joint_forces import Force
 from leastaction.mechanics.elements.reading import number, read_curve
-from leastaction.mechanics.names import check_name
+from leastaction.numerics.curve import Curve
+from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)

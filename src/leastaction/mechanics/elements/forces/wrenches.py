@@ -10,9 +10,9 @@ import numpy as np
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
-from leastaction.mechanics.elements.forces import Force
+from leastaction.mechanics.elements.forces.joint_forces import Force
 from leastaction.mechanics.elements.reading import number
-from leastaction.mechanics.names import check_name
+from leastaction.numerics.names import check_name
 
 _COMPONENTS = ("fx", "fy", "fz", "tx", "ty", "tz")
 

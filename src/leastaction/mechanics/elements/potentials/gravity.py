@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from leastaction.errors import DescriptionError, closest
-from leastaction.mechanics.bodies import Body
+from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.elements.along import FramePair
 from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
 from leastaction.mechanics.elements.reading import number, three
-from leastaction.mechanics.elements.tapes import TapeWriter
-from leastaction.mechanics.names import check_name
+from leastaction.mechanics.expressions.tapes import TapeWriter
+from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)

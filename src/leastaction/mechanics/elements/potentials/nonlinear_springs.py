@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from leastaction.mechanics.curve import Curve
 from leastaction.mechanics.elements.along import Along, Path, Sum, with_factor
 from leastaction.mechanics.elements.base import Builder, Context, Element
-from leastaction.mechanics.elements.potentials import Potential
+from leastaction.mechanics.elements.potentials.gravity import Potential
 from leastaction.mechanics.elements.reading import PULLS_BACK, flag, positive, read_curve
+from leastaction.numerics.curve import Curve
 
 
 @dataclass(frozen=True)

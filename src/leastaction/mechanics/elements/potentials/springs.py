@@ -10,7 +10,7 @@ import numpy as np
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.along import Along, FramePair, Sum, with_factor
 from leastaction.mechanics.elements.base import Builder, Context, Element
-from leastaction.mechanics.elements.potentials import Potential
+from leastaction.mechanics.elements.potentials.gravity import Potential
 from leastaction.mechanics.elements.reading import (
     PULLS_BACK,
     Direction,
@@ -20,7 +20,7 @@ from leastaction.mechanics.elements.reading import (
     show,
     triad,
 )
-from leastaction.mechanics.elements.tapes import TapeWriter, dot
+from leastaction.mechanics.expressions.tapes import TapeWriter, dot
 
 
 @dataclass(frozen=True)

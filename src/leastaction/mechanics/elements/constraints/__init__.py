@@ -1,0 +1,3 @@
+"""Constraints: distances, couplings, guides and closed loops."""
+
+from __future__ import annotations

@@ -1,0 +1,3 @@
+"""Forces: motors, damping, drag, tendons and wrenches."""
+
+from __future__ import annotations

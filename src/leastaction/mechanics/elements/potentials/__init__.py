@@ -1,0 +1,3 @@
+"""Potentials: gravity and springs."""
+
+from __future__ import annotations

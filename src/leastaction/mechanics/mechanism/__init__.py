@@ -1,0 +1,3 @@
+"""The compiled mechanism and what can be asked of it."""
+
+from __future__ import annotations

@@ -1,0 +1,8 @@
+"""The bridges between mechanics and optimal control: a mechanism as a system that the optimisers can steer."""
+
+from __future__ import annotations
+
+from leastaction.systems.continuous import MechanismSystem
+from leastaction.systems.midpoint import MidpointSystem
+
+__all__ = ["MechanismSystem", "MidpointSystem"]

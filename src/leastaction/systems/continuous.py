@@ -1,0 +1,100 @@
+"""The bridge in continuous time: the accelerations of a mechanism as a system that the optimiser can steer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, DynamicsError
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.elements import PythonConstraint
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.continuous import ContinuousSystem
+from leastaction.optimal.protocol import Linearization
+
+
+class MechanismSystem(ContinuousSystem):
+    """``x' = f(x, u, t)`` of a mechanism.
+
+    State ``x = [q; rho; v; v_rho]``, input ``u = [inputs; rho_a]`` with the accelerations of the kinematic
+    variables. Samples of whole trajectories are differentiated in the core, on several threads.
+
+    A constrained mechanism starts on its constraints and stays there to the accuracy of the integration;
+    `ContinuousDynamics` with Baumgarte's stabilisation holds it there longer.
+
+    Parameters
+    ----------
+    dynamics : ContinuousDynamics or Mechanism
+        The equations of motion; of a mechanism alone, those without stabilisation. With a
+        `PythonConstraint` there is no curvature, and Newton's method is not offered.
+    """
+
+    def __init__(self, dynamics: ContinuousDynamics | Mechanism) -> None:
+        if isinstance(dynamics, Mechanism):
+            dynamics = ContinuousDynamics(dynamics)
+        m = dynamics.mechanism
+        self.dynamics = dynamics
+        self.mechanism = m
+        self.nx, self.nu = 2 * m.nq, m.nu + m.nrho
+        self.has_curvature = not any(
+            isinstance(element, PythonConstraint) for element in m.elements.values()
+        )
+
+    def f(self, x: Array, u: Array, t: float) -> Array:
+        """Return the rate of the state (nx,); `DynamicsError` where the mechanism has none."""
+        m = self.mechanism
+        nq, nd = m.nq, m.nd
+        points = self._split(x[None, :], u[None, :])
+        out = self.dynamics.core.accelerations(*points, 1)
+        if out["points"] != 1:
+            self._explain(points, t)
+        rate = np.empty(2 * nq)
+        rate[:nq] = x[nq:]
+        rate[nq : nq + nd] = out["a"][0]
+        rate[nq + nd :] = u[m.nu :]
+        return rate
+
+    def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
+        """Return A (nx, nx) and B (nx, nu)."""
+        A, B = self.linearize(x[None, :], u[None, :], np.array([t]))
+        return A[0], B[0]
+
+    def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:
+        """Return the Hessian (nx + nu, nx + nu) of ``z . f``."""
+        return np.asarray(self.curvatures(x[None, :], u[None, :], np.array([t]), z[None, :])[0])
+
+    def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
+        """Return A (n, nx, nx) and B (n, nx, nu) at samples."""
+        m = self.mechanism
+        nq, nd = m.nq, m.nd
+        slopes = self.dynamics.linearize(*self._split(x, u), t).all
+        J = np.zeros((len(x), self.nx, self.nx + self.nu))
+        rows = np.arange(nq)
+        J[:, rows, nq + rows] = 1.0
+        J[:, nq : nq + nd] = slopes[:, :nd]
+        kinematic = np.arange(m.nrho)
+        J[:, nq + nd + kinematic, self.nx + m.nu + kinematic] = 1.0
+        return Linearization(J[:, :, : self.nx], J[:, :, self.nx :])
+
+    def curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
+        """Return ``z . D2f`` (n, nx + nu, nx + nu) at samples."""
+        m = self.mechanism
+        z_a = np.ascontiguousarray(z[:, m.nq : m.nq + m.nd])
+        return self.dynamics.curvature(*self._split(x, u), t, z_a=z_a)
+
+    def _split(self, x: Array, u: Array) -> tuple[Array, Array, Array, Array]:
+        """Return q, v, inputs and accelerations of the kinematic variables."""
+        m = self.mechanism
+        parts = (x[:, : m.nq], x[:, m.nq :], u[:, : m.nu], u[:, m.nu :])
+        q, v, inputs, rho_a = (np.ascontiguousarray(part) for part in parts)
+        return q, v, inputs, rho_a
+
+    def _explain(self, points: tuple[Array, Array, Array, Array], t: float) -> None:
+        """Raise the error that says why there are no accelerations."""
+        try:
+            self.dynamics.accelerations(*points, t)
+        except ArgumentError as error:
+            # A diverging roll-out, not an argument that somebody gave.
+            raise DynamicsError(
+                f"no accelerations at t = {t:.6g} s: {error}", t=t, variable=None
+            ) from error
