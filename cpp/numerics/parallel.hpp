@@ -15,7 +15,8 @@ inline int thread_count(int requested, int work) {
     return std::max(1, std::min(requested, work));
 }
 
-// Calls body(begin, end) for contiguous parts of [0, n), each in a thread of its own, and waits for all of them.
+// Calls body(begin, end) for contiguous parts of [0, n), each in a thread of its own, and waits for all of them. Where
+// the machine gives no more threads, the calling one does what is left: the parts, and so the results, are the same.
 // The first exception is passed on.
 template <class Body>
 void parallel_ranges(int n, int threads, const Body& body) {
@@ -26,6 +27,7 @@ void parallel_ranges(int n, int threads, const Body& body) {
     }
     std::vector<std::exception_ptr> errors(threads);
     std::vector<std::thread> pool;
+    pool.reserve(threads);  // so that nothing but the start of a thread can fail while others run
     const auto run = [&](int i) {
         try {
             body(static_cast<int>(static_cast<long>(n) * i / threads),
@@ -34,8 +36,13 @@ void parallel_ranges(int n, int threads, const Body& body) {
             errors[i] = std::current_exception();
         }
     };
-    for (int i = 1; i < threads; ++i) pool.emplace_back(run, i);
+    int started = 1;
+    try {
+        for (; started < threads; ++started) pool.emplace_back(run, started);
+    } catch (const std::exception&) {  // std::system_error, or std::bad_alloc for the thread's own record
+    }
     run(0);
+    for (int i = started; i < threads; ++i) run(i);
     for (auto& thread : pool) thread.join();
     for (const auto& error : errors)
         if (error) std::rethrow_exception(error);
