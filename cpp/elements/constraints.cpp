@@ -21,15 +21,15 @@ std::vector<int> if_any(int variable) { return variable < 0 ? std::vector<int>{}
 }  // namespace
 
 PointPair::PointPair(const std::vector<Joint>& joints, int joint1, int joint2, int point1, int point2,
-                     const Movers& movers)
+                     const SupportJoints& support)
     : point1_(point1), point2_(point2) {
-    for (const int joint : movers.joints())
-        movers_.push_back({joint, is_above(joints, joint, joint1), is_above(joints, joint, joint2)});
+    for (const int joint : support.joints())
+        support_joints_.push_back({joint, is_above(joints, joint, joint1), is_above(joints, joint, joint2)});
 }
 
 template <class T>
 void PointPair::difference(const Placement<T>& at, Order order, Difference<T>& out) const {
-    const std::size_t n = movers_.size();
+    const std::size_t n = support_joints_.size();
     const Vec3<T> p1 = at.position(point1_), p2 = at.position(point2_);
     out.d = p1 - p2;
     out.size = size_of(p1) + size_of(p2);
@@ -41,10 +41,10 @@ void PointPair::difference(const Placement<T>& at, Order order, Difference<T>& o
     }
     out.D = D;
     for (std::size_t i = 0; i < n; ++i) {
-        const Motion<T>& s = at.twist[movers_[i].joint];
-        if (movers_[i].moves1 && movers_[i].moves2)
+        const Motion<T>& s = at.twist[support_joints_[i].joint];
+        if (support_joints_[i].moves1 && support_joints_[i].moves2)
             D[i] = cross(s.w, out.d);
-        else if (movers_[i].moves1)
+        else if (support_joints_[i].moves1)
             D[i] = s.v + cross(s.w, p1);
         else
             D[i] = -(s.v + cross(s.w, p2));
@@ -53,19 +53,20 @@ void PointPair::difference(const Placement<T>& at, Order order, Difference<T>& o
 }
 
 Distance::Distance(const Constants& constants, int point1, int point2, int length_slot, int length_variable)
-    : movers_(constants.joints, only_one(above_point(constants, point1), above_point(constants, point2)),
-              if_any(length_variable)),
-      pair_(constants.joints, constants.points[point1].joint, constants.points[point2].joint, point1, point2, movers_),
+    : support_joints_(constants.joints, only_one(above_point(constants, point1), above_point(constants, point2)),
+                      if_any(length_variable)),
+      pair_(constants.joints, constants.points[point1].joint, constants.points[point2].joint, point1, point2,
+            support_joints_),
       length_slot_(length_slot),
       length_variable_(length_variable) {
-    support_ = movers_.support();
+    support_ = support_joints_.support();
     // Joints above both ends must be placed too, although nothing depends on them.
     joints_ = either(above_point(constants, point1), above_point(constants, point2));
 }
 
 template <class T>
 void Distance::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
-    const std::size_t n = movers_.count(), m = movers_.size();
+    const std::size_t n = support_joints_.count(), m = support_joints_.size();
     PointPair::Difference<T> change;
     pair_.difference(at, order, change);
     const Vec3<T>& d = change.d;
@@ -81,29 +82,30 @@ void Distance::evaluate_on(const Placement<T>& at, const T* q, Order order, Loca
     if (order == Order::hessian) {
         out.hessian.assign(m * m, T{});
         for (std::size_t j = 0; j < n; ++j) {
-            const Vec3<T> carried = change.D[j] + cross(d, at.twist[movers_.joint(j)].w);
+            const Vec3<T> carried = change.D[j] + cross(d, at.twist[support_joints_.joint(j)].w);
             for (std::size_t i = j; i < n; ++i) {
-                const T value = 2.0 * dot(change.D[i], movers_.above(j, i) ? carried : change.D[j]);
+                const T value = 2.0 * dot(change.D[i], support_joints_.above(j, i) ? carried : change.D[j]);
                 out.hessian[i * m + j] = value;
                 out.hessian[j * m + i] = value;
             }
         }
         if (length_variable_ >= 0) out.hessian[n * m + n] = T(-2.0);
     }
-    movers_.fold(order, out);
+    support_joints_.fold(order, out);
 }
 
 Coincidence::Coincidence(const Constants& constants, int point1, int point2, const Vec3<double>& direction)
-    : movers_(constants.joints, either(above_point(constants, point1), above_point(constants, point2))),
-      pair_(constants.joints, constants.points[point1].joint, constants.points[point2].joint, point1, point2, movers_),
+    : support_joints_(constants.joints, either(above_point(constants, point1), above_point(constants, point2))),
+      pair_(constants.joints, constants.points[point1].joint, constants.points[point2].joint, point1, point2,
+            support_joints_),
       direction_(direction) {
-    support_ = movers_.support();
-    joints_ = movers_.joints();
+    support_ = support_joints_.support();
+    joints_ = support_joints_.joints();
 }
 
 template <class T>
 void Coincidence::evaluate_on(const Placement<T>& at, const T*, Order order, LocalTaylor<T>& out) const {
-    const std::size_t m = movers_.size();
+    const std::size_t m = support_joints_.size();
     PointPair::Difference<T> change;
     pair_.difference(at, order, change);
     out.value = dot(direction_, change.d);
@@ -115,18 +117,19 @@ void Coincidence::evaluate_on(const Placement<T>& at, const T*, Order order, Loc
     if (order == Order::hessian) {
         out.hessian.assign(m * m, T{});
         for (std::size_t j = 0; j < m; ++j) {
-            const Vec3<T> carried = cross(direction_, at.twist[movers_.joint(j)].w);
+            const Vec3<T> carried = cross(direction_, at.twist[support_joints_.joint(j)].w);
             for (std::size_t i = j; i < m; ++i) {
-                const T value = movers_.above(j, i) ? dot(change.D[i], carried) : T{};
+                const T value = support_joints_.above(j, i) ? dot(change.D[i], carried) : T{};
                 out.hessian[i * m + j] = value;
                 out.hessian[j * m + i] = value;
             }
         }
     }
-    movers_.fold(order, out);
+    support_joints_.fold(order, out);
 }
 
-Held::Held(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, int variable)
+CoordinateConstraint::CoordinateConstraint(std::shared_ptr<const ConfigurationFunction> coordinate, int slot,
+                                           int variable)
     : coordinate_(std::move(coordinate)), slot_(slot), variable_(variable), index_(-1) {
     support_ = coordinate_->support();
     joints_ = coordinate_->joints();
@@ -137,7 +140,7 @@ Held::Held(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, in
 }
 
 template <class T>
-void Held::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
+void CoordinateConstraint::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
     coordinate_->evaluate(at, q, order, out);
     T held{};
     if (slot_ >= 0) held += at.number(slot_);
@@ -162,6 +165,6 @@ void Held::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTay
 
 LEASTACTION_ON_ANY_SCALAR(Distance);
 LEASTACTION_ON_ANY_SCALAR(Coincidence);
-LEASTACTION_ON_ANY_SCALAR(Held);
+LEASTACTION_ON_ANY_SCALAR(CoordinateConstraint);
 
 }  // namespace leastaction

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "elements/elements.hpp"
-#include "kinematics/movers.hpp"
+#include "kinematics/support_joints.hpp"
 
 namespace leastaction {
 
@@ -12,10 +12,11 @@ namespace leastaction {
 // d2d/dq_i dq_j = w_j x D_i where j is an ancestor of i or i itself, zero where they are on different branches.
 class PointPair {
 public:
-    // `movers`: of the two points, or a part of them.
-    PointPair(const std::vector<Joint>& joints, int joint1, int joint2, int point1, int point2, const Movers& movers);
+    // `support`: of the two points, or a part of them.
+    PointPair(const std::vector<Joint>& joints, int joint1, int joint2, int point1, int point2,
+              const SupportJoints& support);
 
-    // D for all movers; the buffer is used unless there are too many of them.
+    // D for all joints of the support; the buffer is used unless there are too many of them.
     static constexpr int max_stack = 64;
     template <class T>
     struct Difference {
@@ -29,11 +30,11 @@ public:
     void difference(const Placement<T>& at, Order order, Difference<T>& out) const;
 
 private:
-    struct Mover {
+    struct PairJoint {
         int joint;
         bool moves1, moves2;
     };
-    std::vector<Mover> movers_;
+    std::vector<PairJoint> support_joints_;
     int point1_, point2_;
 };
 
@@ -50,7 +51,7 @@ public:
     void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
 
 private:
-    Movers movers_;
+    SupportJoints support_joints_;
     PointPair pair_;
     int length_slot_;
     int length_variable_;  // -1: the number; else the last before folding
@@ -67,15 +68,15 @@ public:
     void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
 
 private:
-    Movers movers_;
+    SupportJoints support_joints_;
     PointPair pair_;
     Vec3<double> direction_;
 };
 
 // A coordinate held at a number, or at the value of a variable: h = s(q) - number - q[variable]; either may be missing (-1).
-class Held final : public OnAnyScalar<Held> {
+class CoordinateConstraint final : public OnAnyScalar<CoordinateConstraint> {
 public:
-    Held(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, int variable);
+    CoordinateConstraint(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, int variable);
 
     template <class T>
     void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;

@@ -100,22 +100,23 @@ void Combination::evaluate_on(const Placement<T>& at, const T* q, Order order, L
 }
 
 PathLength::PathLength(const Constants& constants, std::vector<int> points)
-    : points_(std::move(points)), movers_(constants.joints, that_stretch(constants, points_)) {
-    support_ = movers_.support();
+    : points_(std::move(points)), support_joints_(constants.joints, that_stretch(constants, points_)) {
+    support_ = support_joints_.support();
     joints_ = above_points(constants, points_);
     for (std::size_t k = 0; k + 1 < points_.size(); ++k) {
         pieces_.emplace_back();
-        for (int i = 0; i < movers_.count(); ++i) {
-            const bool first = is_above(constants.joints, movers_.joint(i), constants.points[points_[k]].joint);
-            const bool second = is_above(constants.joints, movers_.joint(i), constants.points[points_[k + 1]].joint);
-            if (first != second) pieces_.back().push_back({i, movers_.joint(i), first});
+        for (int i = 0; i < support_joints_.count(); ++i) {
+            const bool first = is_above(constants.joints, support_joints_.joint(i), constants.points[points_[k]].joint);
+            const bool second =
+                is_above(constants.joints, support_joints_.joint(i), constants.points[points_[k + 1]].joint);
+            if (first != second) pieces_.back().push_back({i, support_joints_.joint(i), first});
         }
     }
 }
 
 template <class T>
 void PathLength::evaluate_on(const Placement<T>& at, const T*, Order order, LocalTaylor<T>& out) const {
-    const std::size_t m = movers_.size();
+    const std::size_t m = support_joints_.size();
     out.value = T{};
     out.scale = 0;
     if (order != Order::value) out.gradient.assign(m, T{});
@@ -138,15 +139,15 @@ void PathLength::evaluate_on(const Placement<T>& at, const T*, Order order, Loca
                 const Motion<T>& s = at.twist[ends[i].joint];
                 D[i] = ends[i].first ? s.v + cross(s.w, p1) : -(s.v + cross(s.w, p2));
                 along[i] = dot(n, D[i]);
-                out.gradient[ends[i].mover] += along[i];
+                out.gradient[ends[i].index] += along[i];
             }
             if (order == Order::hessian)
                 for (std::size_t j = 0; j < ends.size(); ++j) {
                     const Vec3<T> across = r * (D[j] - along[j] * n);
                     const Vec3<T> carried = across + cross(n, at.twist[ends[j].joint].w);
                     for (std::size_t i = j; i < ends.size(); ++i) {
-                        const int a = ends[i].mover, b = ends[j].mover;
-                        const T value = dot(D[i], movers_.above(b, a) ? carried : across);
+                        const int a = ends[i].index, b = ends[j].index;
+                        const T value = dot(D[i], support_joints_.above(b, a) ? carried : across);
                         out.hessian[a * m + b] += value;
                         if (a != b) out.hessian[b * m + a] += value;
                     }
@@ -154,7 +155,7 @@ void PathLength::evaluate_on(const Placement<T>& at, const T*, Order order, Loca
         }
         p1 = p2;
     }
-    movers_.fold(order, out);
+    support_joints_.fold(order, out);
 }
 
 LocalCoordinate::LocalCoordinate(const Constants& constants, std::vector<int> points, std::vector<int> directions,
@@ -163,9 +164,9 @@ LocalCoordinate::LocalCoordinate(const Constants& constants, std::vector<int> po
       directions_(std::move(directions)),
       variables_(std::move(variables)),
       function_(std::move(function)),
-      movers_(constants.joints, above_points(constants, points_, directions_), variables_) {
-    support_ = movers_.support();
-    joints_ = movers_.joints();
+      support_joints_(constants.joints, above_points(constants, points_, directions_), variables_) {
+    support_ = support_joints_.support();
+    joints_ = support_joints_.joints();
     for (const int joint : joints_) {
         for (const int p : points_) moves_.push_back(is_above(constants.joints, joint, constants.points[p].joint));
         for (const int d : directions_)
@@ -177,11 +178,11 @@ template <class T>
 void LocalCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
     const int np = static_cast<int>(points_.size()), vectors = np + static_cast<int>(directions_.size());
     const int nv = static_cast<int>(variables_.size()), n = 3 * vectors + nv;
-    const int movers = movers_.count(), m = movers_.size();
-    // z | gradient by z | Hessian by z | dz by each mover, vectors only | Hessian times that
-    out.work.resize(static_cast<std::size_t>(2 * n + n * n + movers * (3 * vectors + n)));
+    const int n_joints = support_joints_.count(), m = support_joints_.size();
+    // z | gradient by z | Hessian by z | dz by each joint, vectors only | Hessian times that
+    out.work.resize(static_cast<std::size_t>(2 * n + n * n + n_joints * (3 * vectors + n)));
     T* z = out.work.data();
-    T *g = z + n, *H = g + n, *dz = H + n * n, *Hdz = dz + movers * 3 * vectors;
+    T *g = z + n, *H = g + n, *dz = H + n * n, *Hdz = dz + n_joints * 3 * vectors;
     Vec3<T>* at_z = reinterpret_cast<Vec3<T>*>(z);
     out.scale = 0;
     for (int k = 0; k < vectors; ++k) {
@@ -195,8 +196,8 @@ void LocalCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order orde
     for (int k = 0; k < n; ++k) out.scale = std::max(out.scale, std::abs(value_of(g[k]) * value_of(z[k])));
 
     out.gradient.resize(m);
-    for (int i = 0; i < movers; ++i) {
-        const Motion<T>& s = at.twist[movers_.joint(i)];
+    for (int i = 0; i < n_joints; ++i) {
+        const Motion<T>& s = at.twist[support_joints_.joint(i)];
         Vec3<T>* change = reinterpret_cast<Vec3<T>*>(dz + i * 3 * vectors);
         for (int k = 0; k < vectors; ++k) {
             change[k] = Vec3<T>{};
@@ -206,32 +207,32 @@ void LocalCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order orde
         }
         out.gradient[i] = sum_of(g, dz + i * 3 * vectors, 3 * vectors);
     }
-    for (int k = 0; k < nv; ++k) out.gradient[movers + k] = g[3 * vectors + k];
+    for (int k = 0; k < nv; ++k) out.gradient[n_joints + k] = g[3 * vectors + k];
     if (order == Order::hessian) {
         out.hessian.assign(m * m, T{});
-        for (int i = 0; i < movers; ++i)
+        for (int i = 0; i < n_joints; ++i)
             for (int r = 0; r < n; ++r) Hdz[i * n + r] = sum_of(H + r * n, dz + i * 3 * vectors, 3 * vectors);
         const auto put = [&](int i, int j, const T& value) {
             out.hessian[i * m + j] = value;
             out.hessian[j * m + i] = value;
         };
-        for (int i = 0; i < movers; ++i) {
+        for (int i = 0; i < n_joints; ++i) {
             const Vec3<T>* change = reinterpret_cast<const Vec3<T>*>(dz + i * 3 * vectors);
             for (int j = 0; j <= i; ++j) {
                 T value = sum_of(dz + i * 3 * vectors, Hdz + j * n, 3 * vectors);
-                if (movers_.above(j, i))
+                if (support_joints_.above(j, i))
                     for (int k = 0; k < vectors; ++k)
                         value += dot(Vec3<T>{g[3 * k], g[3 * k + 1], g[3 * k + 2]},
-                                     cross(at.twist[movers_.joint(j)].w, change[k]));
+                                     cross(at.twist[support_joints_.joint(j)].w, change[k]));
                 put(i, j, value);
             }
-            for (int k = 0; k < nv; ++k) put(movers + k, i, Hdz[i * n + 3 * vectors + k]);
+            for (int k = 0; k < nv; ++k) put(n_joints + k, i, Hdz[i * n + 3 * vectors + k]);
         }
         for (int k = 0; k < nv; ++k)
             for (int l = 0; l < nv; ++l)
-                out.hessian[(movers + k) * m + movers + l] = H[(3 * vectors + k) * n + 3 * vectors + l];
+                out.hessian[(n_joints + k) * m + n_joints + l] = H[(3 * vectors + k) * n + 3 * vectors + l];
     }
-    movers_.fold(order, out);
+    support_joints_.fold(order, out);
 }
 
 void ComponentFunction::evaluate(const Placement<double>&, const double* z, int n, Order order, double& value,

@@ -5,7 +5,7 @@
 
 #include "elements/elements.hpp"
 #include "expressions/tape.hpp"
-#include "kinematics/movers.hpp"
+#include "kinematics/support_joints.hpp"
 
 namespace leastaction {
 
@@ -32,12 +32,12 @@ public:
     void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
 
 private:
-    struct End {  // a joint that moves one end of a piece
-        int mover, joint;
+    struct End {           // a joint that moves one end of a piece
+        int index, joint;  // its place in the support
         bool first;
     };
     std::vector<int> points_;
-    Movers movers_;
+    SupportJoints support_joints_;
     std::vector<std::vector<End>> pieces_;
 };
 
@@ -67,8 +67,8 @@ public:
 private:
     std::vector<int> points_, directions_, variables_;
     std::shared_ptr<const LocalFunction> function_;
-    Movers movers_;
-    std::vector<char> moves_;  // by mover and by point, then direction
+    SupportJoints support_joints_;
+    std::vector<char> moves_;  // by joint and by point, then direction
 };
 
 // z = [p1 | p2 | e]: e.(p1 - p2).

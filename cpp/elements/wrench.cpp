@@ -18,12 +18,12 @@ Motion<double>& operator+=(Motion<double>& a, const Motion<double>& b) { return 
 Wrench::Wrench(const Constants& constants, Kind kind, int joint, int point, const std::array<int, 3>& axes,
                const std::array<int, 6>& slots, const std::array<int, 6>& inputs)
     : kind_(kind),
-      movers_(constants.joints, joints_above(constants.joints, joint)),
+      support_joints_(constants.joints, joints_above(constants.joints, joint)),
       point_(point),
       axes_(axes),
       slots_(slots) {
-    support_ = movers_.support();
-    joints_ = movers_.joints();
+    support_ = support_joints_.support();
+    joints_ = support_joints_.joints();
     for (int c = 0; c < 6; ++c) {
         local_inputs_[c] = -1;
         if (inputs[c] < 0) continue;
@@ -58,15 +58,15 @@ Force<T> Wrench::about_origin(const Placement<T>& at, const T* components) const
 template <class T>
 void Wrench::add_force(const Placement<T>& at, const T* components, std::vector<T>& f) const {
     const Force<T> phi = about_origin(at, components);
-    for (int i = 0; i < movers_.count(); ++i) {
-        const T power = dot(phi, at.twist[movers_.joint(i)]);
-        for (const Term& term : movers_.terms(i)) f[term.variable] += term.factor * power;
+    for (int i = 0; i < support_joints_.count(); ++i) {
+        const T power = dot(phi, at.twist[support_joints_.joint(i)]);
+        for (const Term& term : support_joints_.terms(i)) f[term.variable] += term.factor * power;
     }
 }
 
 // df_i/dq_j by joints.
 double Wrench::slope(const Placement<double>& at, const Force<double>& phi, const Vec3<double>& F, int i, int j) const {
-    const Motion<double>&S_i = at.twist[movers_.joint(i)], &S_j = at.twist[movers_.joint(j)];
+    const Motion<double>&S_i = at.twist[support_joints_.joint(i)], &S_j = at.twist[support_joints_.joint(j)];
     double out = 0;
     switch (kind_) {
         case Kind::spatial:
@@ -103,11 +103,11 @@ void Wrench::evaluate(const ForcePoint<double>& point, Order order, LocalForce<d
     out.f_u.assign(m * r, 0.0);
     const Force<double> phi = about_origin(point.at, w);
     const Vec3<double> F = vector_of(w);
-    for (int i = 0; i < movers_.count(); ++i)
-        for (int j = 0; j < movers_.count(); ++j) {
+    for (int i = 0; i < support_joints_.count(); ++i)
+        for (int j = 0; j < support_joints_.count(); ++j) {
             const double value = slope(point.at, phi, F, i, j);
-            for (const Term& a : movers_.terms(i))
-                for (const Term& b : movers_.terms(j))
+            for (const Term& a : support_joints_.terms(i))
+                for (const Term& b : support_joints_.terms(j))
                     out.f_q[a.variable * m + b.variable] += a.factor * b.factor * value;
         }
     for (int c = 0; c < 6; ++c) {
@@ -124,9 +124,9 @@ void Wrench::first_by_place(const Placement<double>& at, const double* component
                             std::vector<double>& P) const {
     const Force<double> phi = about_origin(at, components);
     const Vec3<double> F = vector_of(components);
-    for (int j = 0; j < movers_.count(); ++j) {
+    for (int j = 0; j < support_joints_.count(); ++j) {
         P[j] = 0;
-        for (int i = 0; i < movers_.count(); ++i)
+        for (int i = 0; i < support_joints_.count(); ++i)
             if (mu[i] != 0.0) P[j] += mu[i] * slope(at, phi, F, i, j);
     }
 }
@@ -138,10 +138,10 @@ void Wrench::first_by_place(const Placement<double>& at, const double* component
 //             derivative of a place by a <= b <= c is w_a x (w_b x dp/dq_c).
 void Wrench::second_by_place(const Placement<double>& at, const double* components, const std::vector<double>& mu,
                              std::vector<double>& P) const {
-    const int n = movers_.count();
+    const int n = support_joints_.count();
     const Force<double> phi = about_origin(at, components);
     const Vec3<double> F = vector_of(components), torque = vector_of(components + 3);
-    const auto S = [&](int i) -> const Motion<double>& { return at.twist[movers_.joint(i)]; };
+    const auto S = [&](int i) -> const Motion<double>& { return at.twist[support_joints_.joint(i)]; };
     const Vec3<double> p = at.position(point_);
     const auto moves = [&](int i) { return S(i).v + cross(S(i).w, p); };
     for (int k = 0; k < n; ++k) {
@@ -175,21 +175,21 @@ void Wrench::second_by_place(const Placement<double>& at, const double* componen
 
 void Wrench::curvature(const ForcePoint<double>& point, const ForceDirections& directions,
                        LocalForce<double>& out) const {
-    const std::size_t n = movers_.count(), m = support_.size(), r = inputs_.size(), size = 2 * m + r;
+    const std::size_t n = support_joints_.count(), m = support_.size(), r = inputs_.size(), size = 2 * m + r;
     double w[6];
     components(point, w);
     std::vector<double>& mu = out.law.by_joint;  // by joint
     mu.assign(n, 0.0);
     for (std::size_t i = 0; i < n; ++i)
-        for (const Term& term : movers_.terms(static_cast<int>(i)))
+        for (const Term& term : support_joints_.terms(static_cast<int>(i)))
             mu[i] += term.factor * directions.mu[support_[term.variable]];
     out.work.assign(n * n, 0.0);
     second_by_place(point.at, w, mu, out.work);
     out.second.assign(size * size, 0.0);
     for (std::size_t i = 0; i < n; ++i)
         for (std::size_t j = 0; j < n; ++j)
-            for (const Term& a : movers_.terms(static_cast<int>(i)))
-                for (const Term& b : movers_.terms(static_cast<int>(j)))
+            for (const Term& a : support_joints_.terms(static_cast<int>(i)))
+                for (const Term& b : support_joints_.terms(static_cast<int>(j)))
                     out.second[a.variable * size + b.variable] += a.factor * b.factor * out.work[i * n + j];
     for (int c = 0; c < 6; ++c) {
         if (local_inputs_[c] < 0) continue;
@@ -198,7 +198,7 @@ void Wrench::curvature(const ForcePoint<double>& point, const ForceDirections& d
         first_by_place(point.at, unit, mu, out.work);
         const std::size_t column = 2 * m + local_inputs_[c];
         for (std::size_t j = 0; j < n; ++j)
-            for (const Term& b : movers_.terms(static_cast<int>(j))) {
+            for (const Term& b : support_joints_.terms(static_cast<int>(j))) {
                 out.second[b.variable * size + column] += b.factor * out.work[j];
                 out.second[column * size + b.variable] += b.factor * out.work[j];
             }

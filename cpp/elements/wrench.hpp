@@ -10,7 +10,7 @@
 #include <array>
 
 #include "elements/elements.hpp"
-#include "kinematics/movers.hpp"
+#include "kinematics/support_joints.hpp"
 
 namespace leastaction {
 
@@ -43,7 +43,7 @@ private:
     double slope(const Placement<double>& at, const Force<double>& phi, const Vec3<double>& F, int i, int j) const;
 
     Kind kind_;
-    Movers movers_;
+    SupportJoints support_joints_;
     int point_;
     std::array<int, 3> axes_;
     std::array<int, 6> slots_, local_inputs_;

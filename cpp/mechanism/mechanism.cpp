@@ -207,7 +207,8 @@ void MechanismBuilder::add_constraint(int coordinate, int slot, int variable) {
     if (slot >= 0) check_slot(slot);
     if (variable >= 0) check_variable(variable);
     constraints_.push_back([=](const Mechanism& m, const Coordinates& coordinates) {
-        return std::make_shared<Held>(coordinates[coordinate], slot, variable < 0 ? -1 : m.internal[variable]);
+        return std::make_shared<CoordinateConstraint>(coordinates[coordinate], slot,
+                                                      variable < 0 ? -1 : m.internal[variable]);
     });
 }
 void MechanismBuilder::add_potential(int coordinate, int law) {

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from leastaction.errors import ArgumentError, InconsistentStartError
 from leastaction.mechanics.configuration.constraint_projection import (
     RANK_TOLERANCE,
+    ConstraintProjection,
     Indices,
-    LeastChange,
     free_variables,
     row_scales,
 )
@@ -154,7 +154,7 @@ def project_configuration(
     if attempts is True or not hasattr(attempts, "__index__") or attempts < 1:
         raise ArgumentError(f"attempts: got {attempts!r}; expected a whole number, one or more")
     root = np.sqrt(_weights(mechanism, weights)[free])
-    problem = LeastChange(mechanism, start, free, root)
+    problem = ConstraintProjection(mechanism, start, free, root)
     q_near, iterations = problem.solve(tolerance, max_iterations, attempts)
     values = mechanism.constraint_values(q_near)
     residuals = dict(zip(mechanism.constraints, (float(h) for h in values), strict=True))

@@ -105,7 +105,7 @@ def _finite(*arrays: Array) -> bool:
     return all(bool(np.isfinite(array).all()) for array in arrays)
 
 
-class LeastChange:
+class ConstraintProjection:
     """A least-change problem.
 
     Parameters

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ContradictoryConstraintsError, worst_first
 from leastaction.mechanics.configuration.constraint_projection import (
-    LeastChange,
+    ConstraintProjection,
     free_variables,
     row_scales,
 )
@@ -89,7 +89,7 @@ def find_contradiction(
     free = free_variables(mechanism, hold, move_kinematic)
     if not mechanism.nc:
         return None
-    problem = LeastChange(mechanism, start, free, np.ones(len(free)))
+    problem = ConstraintProjection(mechanism, start, free, np.ones(len(free)))
     point, parts = problem.least_residual(start)
     largest = float(np.abs(parts).max())
     if largest <= tolerance:

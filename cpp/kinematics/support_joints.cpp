@@ -1,4 +1,4 @@
-#include "kinematics/movers.hpp"
+#include "kinematics/support_joints.hpp"
 
 #include <algorithm>
 #include <iterator>
@@ -30,7 +30,7 @@ std::vector<int> only_one(const std::vector<int>& a, const std::vector<int>& b) 
     return out;
 }
 
-Movers::Movers(const std::vector<Joint>& joints, std::vector<int> moving, std::vector<int> extra)
+SupportJoints::SupportJoints(const std::vector<Joint>& joints, std::vector<int> moving, std::vector<int> extra)
     : joints_(std::move(moving)), n_extra_(extra.size()) {
     const std::size_t n = joints_.size();
     const auto add_term = [&](int variable, double factor) {
@@ -57,7 +57,7 @@ Movers::Movers(const std::vector<Joint>& joints, std::vector<int> moving, std::v
 }
 
 template <class T>
-void Movers::fold_terms(Order order, LocalTaylor<T>& out) const {
+void SupportJoints::fold_terms(Order order, LocalTaylor<T>& out) const {
     const std::size_t n = terms_.size(), m = support_.size();
     out.by_joint.swap(out.gradient);
     out.gradient.assign(m, T{});
@@ -73,8 +73,8 @@ void Movers::fold_terms(Order order, LocalTaylor<T>& out) const {
                     out.hessian[a.variable * m + b.variable] += (a.factor * b.factor) * out.by_joint[i * n + j];
 }
 
-template void Movers::fold_terms(Order, LocalTaylor<double>&) const;
-template void Movers::fold_terms(Order, LocalTaylor<Dual<double>>&) const;
-template void Movers::fold_terms(Order, LocalTaylor<HyperDual>&) const;
+template void SupportJoints::fold_terms(Order, LocalTaylor<double>&) const;
+template void SupportJoints::fold_terms(Order, LocalTaylor<Dual<double>>&) const;
+template void SupportJoints::fold_terms(Order, LocalTaylor<HyperDual>&) const;
 
 }  // namespace leastaction

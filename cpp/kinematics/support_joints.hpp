@@ -12,16 +12,16 @@ namespace leastaction {
 // Whether `ancestor` is the joint or stands above it.
 bool is_above(const std::vector<Joint>& joints, int ancestor, int joint);
 
-class Movers {
+class SupportJoints {
 public:
     // The given joints, ascending, with the variables that they turn on; `extra` variables stand for themselves and come
     // after the joints.
-    Movers(const std::vector<Joint>& joints, std::vector<int> moving, std::vector<int> extra = {});
+    SupportJoints(const std::vector<Joint>& joints, std::vector<int> moving, std::vector<int> extra = {});
 
     int count() const { return static_cast<int>(joints_.size()); }
     int size() const { return count() + static_cast<int>(n_extra_); }  // of the derivatives before folding
     int joint(int i) const { return joints_[i]; }
-    bool above(int j, int i) const { return above_[i * joints_.size() + j]; }  // mover j is mover i or stands above it
+    bool above(int j, int i) const { return above_[i * joints_.size() + j]; }  // joint j is joint i or stands above it
     const std::vector<int>& joints() const { return joints_; }
     const std::vector<int>& support() const { return support_; }
 
