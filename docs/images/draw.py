@@ -5,11 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from leastaction.apps.marionette import plot_snapshots
-from leastaction.apps.marionette.puppet_figure import marionette_scene
+from leastaction.apps.marionette.scene import marionette_scene
 from leastaction.io.results.files import load_record
 from leastaction.models.marionette import marionette
-from leastaction.viz import save_png
+from leastaction.viz import plot_snapshots, save_png
 
 # One cycle of the walk.
 TIMES = (2.2, 2.45, 2.65, 2.95, 3.2, 3.45, 3.65)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from leastaction.apps.marionette.puppet import VARIABLES, Proportions
+from leastaction.apps.marionette.retargeting.skeleton import VARIABLES, Proportions
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import check_consistent
 from leastaction.models import MODELS, build

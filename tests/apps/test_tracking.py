@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from leastaction import Mechanism, MidpointVI, QuadraticCost, tx
-from leastaction.apps.marionette import problem, walk_in_place
+from leastaction.apps.marionette import walk_in_place
 from leastaction.apps.marionette.tracking import (
     GENTLE,
     TrackingCost,
     TrackingRun,
     TrackingWeights,
+    problem,
     track,
 )
 from leastaction.errors import ArgumentError

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from leastaction import viz
-from leastaction.apps import marionette
 from leastaction.errors import ArgumentError, OutputError
 from leastaction.viz import Bone, Cord, Scene
 
@@ -94,7 +93,7 @@ def test_tracking_errors_are_in_degrees_and_metres() -> None:
     got[:, 0] = 0.1
     got[:, 1] = np.radians(3.0) * np.where(np.arange(N + 1) % 2 == 0, 1.0, -1.0)
     got[-1, 2] = np.radians(-7.0)
-    errors = marionette.tracking_errors(wanted, got, ["tx", "hip", "knee"], lengths=["tx"])
+    errors = viz.tracking_errors(wanted, got, ["tx", "hip", "knee"], lengths=["tx"])
     assert errors.units == ("m", "deg", "deg")
     np.testing.assert_allclose(errors.rms, [0.1, 3.0, 7.0 / np.sqrt(N + 1)], rtol=1e-12)
     np.testing.assert_allclose(errors.largest, [0.1, 3.0, 7.0], rtol=1e-12)
@@ -107,7 +106,7 @@ def test_tracking_has_a_panel_for_each_variable(tmp_path: Path, rng: np.random.G
     wanted = rng.normal(size=(N + 1, 6))
     got = wanted + np.radians(2.0)
     groups = {"Leg": names[:5], "Arm": names[5:]}
-    figure = marionette.plot_tracking(TIMES, wanted, got, names, lengths=names[:1], groups=groups)
+    figure = viz.plot_tracking(TIMES, wanted, got, names, lengths=names[:1], groups=groups)
     titles = {axes.get_title(loc="left"): axes.get_title(loc="right") for axes in figure.axes}
     assert titles["joint 0"] == "rms 0.0349 m"
     assert all(titles[name] == "rms 2.00°" for name in names[1:])
@@ -119,21 +118,21 @@ def test_tracking_has_a_panel_for_each_variable(tmp_path: Path, rng: np.random.G
 def test_tracking_refuses_what_does_not_fit() -> None:
     q = np.zeros((N + 1, 2))
     with pytest.raises(ArgumentError, match=r"\(N\+1, 3\)"):
-        marionette.plot_tracking(TIMES, q, q, ["a", "b", "c"])
+        viz.plot_tracking(TIMES, q, q, ["a", "b", "c"])
     with pytest.raises(ArgumentError, match="t has shape"):
-        marionette.plot_tracking(TIMES[1:], q, q, ["a", "b"])
+        viz.plot_tracking(TIMES[1:], q, q, ["a", "b"])
     with pytest.raises(ArgumentError, match="group 'Leg' names c"):
-        marionette.plot_tracking(TIMES, q, q, ["a", "b"], groups={"Leg": ["c"]})
+        viz.plot_tracking(TIMES, q, q, ["a", "b"], groups={"Leg": ["c"]})
     with pytest.raises(ArgumentError, match="lengths names c"):
-        marionette.tracking_errors(q, q, ["a", "b"], lengths=["c"])
+        viz.tracking_errors(q, q, ["a", "b"], lengths=["c"])
     with pytest.raises(ArgumentError, match="nothing to draw"):
-        marionette.plot_tracking(TIMES, q, q, ["a", "b"], groups={})
+        viz.plot_tracking(TIMES, q, q, ["a", "b"], groups={})
 
 
 def test_strings_say_which_are_slack(tmp_path: Path) -> None:
     tension = np.column_stack((np.full(N, 5.0), np.where(np.arange(N) < N // 4, -1.0, 1.0)))
     length = np.ones((N + 1, 2))
-    figure = marionette.plot_strings(TIMES, length, tension, ["left", "right"])
+    figure = viz.plot_strings(TIMES, length, tension, ["left", "right"])
     titles = [axes.get_title(loc="right") for axes in figure.axes]
     assert titles[0] == "never slack, least 5.0 N"
     assert titles[2] == "slack 25.0 % of the time"
@@ -142,11 +141,11 @@ def test_strings_say_which_are_slack(tmp_path: Path) -> None:
     assert not figure.axes[0].patches
     _size(viz.save_png(figure, tmp_path / "s.png", dpi=40))
     with pytest.raises(ArgumentError, match="do not fit"):
-        marionette.plot_strings(TIMES, length, tension[:-1], ["left", "right"])
+        viz.plot_strings(TIMES, length, tension[:-1], ["left", "right"])
 
 
 def test_snapshots(scene: Scene, tmp_path: Path) -> None:
-    figure = marionette.plot_snapshots(scene, times=[0.1, 1.4], ceiling=1.5, title="Arm")
+    figure = viz.plot_snapshots(scene, times=[0.1, 1.4], ceiling=1.5, title="Arm")
     axes = figure.axes[0]
     assert [text.get_text() for text in axes.texts] == ["0.10 s", "1.40 s"]
     # Two bones and the wanted one behind, twice; the string is slack at the second time only.
@@ -157,9 +156,9 @@ def test_snapshots(scene: Scene, tmp_path: Path) -> None:
     assert width == 600
     assert height > 100
     with pytest.raises(ArgumentError, match=r"0 to 1\.5 s, got \[2\.0\]"):
-        marionette.plot_snapshots(scene, times=[2.0])
+        viz.plot_snapshots(scene, times=[2.0])
     with pytest.raises(ArgumentError, match="one or more"):
-        marionette.plot_snapshots(scene, count=0)
+        viz.plot_snapshots(scene, count=0)
 
 
 def test_animation_is_one_file_that_asks_for_nothing(scene: Scene, tmp_path: Path) -> None:
@@ -220,7 +219,7 @@ def test_scene_refuses_what_does_not_fit(scene: Scene) -> None:
 
 def test_pictures_leave_matplotlib_alone(scene: Scene, tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
-    viz.save_png(marionette.plot_snapshots(scene, count=2), tmp_path / "p.png", dpi=40)
+    viz.save_png(viz.plot_snapshots(scene, count=2), tmp_path / "p.png", dpi=40)
     assert dict(mpl.rcParams) == before
     assert not mpl.get_backend().lower().startswith("tk")
 

@@ -74,7 +74,7 @@ def capture(
     MotionFileError
         The file or the mapping cannot be used.
     """
-    from leastaction.apps.marionette.load import load_motion
+    from leastaction.apps.marionette.retargeting.load import load_motion
 
     loaded = load_motion(
         path, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place

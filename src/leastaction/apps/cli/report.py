@@ -16,15 +16,12 @@ from rich.text import Text
 
 from leastaction import models
 from leastaction.apps.cli.summary import as_text, length_names, run_summary, summary_tables
-from leastaction.apps.marionette.puppet_figure import (
+from leastaction.apps.marionette.scene import (
     GROUPS,
     marionette_scene,
     string_labels,
     string_lengths,
 )
-from leastaction.apps.marionette.snapshots import plot_snapshots
-from leastaction.apps.marionette.strings_figure import plot_strings
-from leastaction.apps.marionette.tracking_figure import plot_tracking
 from leastaction.errors import ArgumentError
 from leastaction.io.results.files import load_record, save_record
 from leastaction.io.results.record import RunRecord
@@ -32,6 +29,9 @@ from leastaction.numerics.files import write_text
 from leastaction.viz.animation import write_animation
 from leastaction.viz.convergence import plot_convergence
 from leastaction.viz.figures import save_png
+from leastaction.viz.snapshots import plot_snapshots
+from leastaction.viz.strings import plot_strings
+from leastaction.viz.tracking import plot_tracking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

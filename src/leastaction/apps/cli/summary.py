@@ -11,8 +11,8 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from leastaction.apps.marionette.tracking_figure import tracking_errors
 from leastaction.io.results.record import RunRecord
+from leastaction.viz.tracking import tracking_errors
 
 _WIDTH = 100
 

@@ -1,21 +1,29 @@
-"""The marionette on strings follows a motion: tracking, retargeting of captures, the made-up walk, figures."""
+"""The marionette on strings follows a motion: tracking, retargeting of captures, the made-up walk, its scene."""
 
 from __future__ import annotations
 
-from leastaction.apps.marionette.load import PuppetMotion, load_motion
-from leastaction.apps.marionette.mapping import default_names, map_joints, read_mapping
-from leastaction.apps.marionette.puppet import VARIABLES, Proportions, puppet_points
-from leastaction.apps.marionette.retarget import Retargeted, retarget
-from leastaction.apps.marionette.snapshots import plot_snapshots
-from leastaction.apps.marionette.strings_figure import plot_strings
-from leastaction.apps.marionette.tracking import TrackingRun, track
-from leastaction.apps.marionette.tracking_figure import (
-    TrackingErrors,
-    plot_tracking,
-    tracking_errors,
+from leastaction.apps.marionette.retargeting import (
+    VARIABLES,
+    Proportions,
+    PuppetMotion,
+    Retargeted,
+    default_names,
+    load_motion,
+    map_joints,
+    puppet_points,
+    read_mapping,
+    retarget,
+)
+from leastaction.apps.marionette.scene import marionette_scene
+from leastaction.apps.marionette.tracking import (
+    FORCED,
+    GENTLE,
+    TrackingCost,
+    TrackingRun,
+    TrackingWeights,
+    track,
 )
 from leastaction.apps.marionette.walk import walk_in_place
-from leastaction.apps.marionette.weights import FORCED, GENTLE, TrackingWeights
 
 __all__ = [
     "FORCED",
@@ -24,19 +32,16 @@ __all__ = [
     "Proportions",
     "PuppetMotion",
     "Retargeted",
-    "TrackingErrors",
+    "TrackingCost",
     "TrackingRun",
     "TrackingWeights",
     "default_names",
     "load_motion",
     "map_joints",
-    "plot_snapshots",
-    "plot_strings",
-    "plot_tracking",
+    "marionette_scene",
     "puppet_points",
     "read_mapping",
     "retarget",
     "track",
-    "tracking_errors",
     "walk_in_place",
 ]

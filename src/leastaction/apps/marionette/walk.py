@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from leastaction.apps.marionette.puppet import VARIABLES, Proportions
+from leastaction.apps.marionette.retargeting.skeleton import VARIABLES, Proportions
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion
 from leastaction.models.marionette import REST
@@ -56,7 +56,7 @@ def walk_in_place(
     Returns
     -------
     Motion
-        The 22 variables of the marionette (`leastaction.apps.marionette.puppet.VARIABLES`).
+        The 22 variables of the marionette (`leastaction.apps.marionette.retargeting.skeleton.VARIABLES`).
 
     Raises
     ------

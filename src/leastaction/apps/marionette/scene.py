@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.apps.marionette.tracking_figure import tracking_errors
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import STRINGS
 from leastaction.viz.scene import Bone, Cord, Scene
+from leastaction.viz.tracking import tracking_errors
 
 Array = npt.NDArray[np.float64]
 

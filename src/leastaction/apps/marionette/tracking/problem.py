@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from leastaction.apps.marionette.cost import TrackingCost
-from leastaction.apps.marionette.weights import TrackingWeights
+from leastaction.apps.marionette.tracking.cost import TrackingCost
+from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics import JointForce, Mechanism, MidpointVI, SimulationStatus
 from leastaction.models.marionette import STRINGS, UNHELD, hang_strings

@@ -21,7 +21,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from leastaction.apps.marionette.puppet import CHAINS, LIMBS
+from leastaction.apps.marionette.retargeting.skeleton import CHAINS, LIMBS
 from leastaction.errors import MotionFileError
 from leastaction.io.motion.capture import Capture
 
@@ -196,8 +196,8 @@ def _plain(name: str, prefixes: tuple[str, ...]) -> str:
 
 def _default_table() -> dict[str, Any]:
     text = (
-        files("leastaction.apps.marionette")
-        .joinpath("data/joint_names.toml")
+        files("leastaction.apps.marionette.retargeting")
+        .joinpath("joint_names.toml")
         .read_text(encoding="utf-8")
     )
     return tomllib.loads(text)

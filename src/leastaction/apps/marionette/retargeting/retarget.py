@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from leastaction.apps.marionette.heading import (
+from leastaction.apps.marionette.retargeting.heading import (
     Axis,
     Heading,
     forward_axis,
@@ -29,8 +29,8 @@ from leastaction.apps.marionette.heading import (
     up_axis,
     world_from,
 )
-from leastaction.apps.marionette.mapping import JointNames, map_joints
-from leastaction.apps.marionette.puppet import (
+from leastaction.apps.marionette.retargeting.mapping import JointNames, map_joints
+from leastaction.apps.marionette.retargeting.skeleton import (
     BEND,
     CHAINS,
     LIMBS,
@@ -116,7 +116,7 @@ def retarget(
     ----------
     capture : Capture
     names : mapping from role to joint names, optional
-        See `leastaction.apps.marionette.mapping.map_joints`.
+        See `leastaction.apps.marionette.retargeting.mapping.map_joints`.
     proportions : Proportions, optional
         Lengths of the puppet.
     up, forward : str, optional

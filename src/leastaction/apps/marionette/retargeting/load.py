@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import Literal, get_args
 
-from leastaction.apps.marionette.heading import Axis, Heading
-from leastaction.apps.marionette.mapping import read_mapping
-from leastaction.apps.marionette.puppet import Proportions
-from leastaction.apps.marionette.retarget import Retargeted, retarget
+from leastaction.apps.marionette.retargeting.heading import Axis, Heading
+from leastaction.apps.marionette.retargeting.mapping import read_mapping
+from leastaction.apps.marionette.retargeting.retarget import Retargeted, retarget
+from leastaction.apps.marionette.retargeting.skeleton import Proportions
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.bvh import read_bvh
 from leastaction.io.motion.motion import Motion
@@ -71,7 +71,7 @@ def load_motion(
         Seconds wanted; what is longer than the capture repeats its best cycle. The length of the
         capture (and half of `ease`) if not given.
     mapping : path, optional
-        Mapping file, see `leastaction.apps.marionette.mapping`.
+        Mapping file, see `leastaction.apps.marionette.retargeting.mapping`.
     start : {"rest", "moving"}
         ``"rest"``: in the capture's first pose at speed zero, brought to full speed within `ease`
         seconds. ``"moving"``: as captured, with the velocity of the first frame.
@@ -80,7 +80,7 @@ def load_motion(
     cutoff : float, optional
         Low-pass filter in Hz against the noise of the capture; none if None.
     proportions, up, forward, heading, in_place
-        See `leastaction.apps.marionette.retarget.retarget`.
+        See `leastaction.apps.marionette.retargeting.retarget.retarget`.
 
     Returns
     -------

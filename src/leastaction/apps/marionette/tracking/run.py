@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from leastaction.apps.marionette.cost import TrackingCost
-from leastaction.apps.marionette.problem import ROOT, SLANT, Problem, WantedMotion
-from leastaction.apps.marionette.weights import FORCED, GENTLE, TrackingWeights
+from leastaction.apps.marionette.tracking.cost import TrackingCost
+from leastaction.apps.marionette.tracking.problem import ROOT, SLANT, Problem, WantedMotion
+from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
 from leastaction.mechanics import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult, optimize

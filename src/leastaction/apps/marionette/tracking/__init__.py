@@ -1,0 +1,9 @@
+"""The marionette learns to follow a reference motion."""
+
+from __future__ import annotations
+
+from leastaction.apps.marionette.tracking.cost import TrackingCost
+from leastaction.apps.marionette.tracking.run import TrackingRun, track
+from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
+
+__all__ = ["FORCED", "GENTLE", "TrackingCost", "TrackingRun", "TrackingWeights", "track"]
