@@ -27,7 +27,7 @@ def rows(settings: Settings) -> list[Row | Absent]:
         t, u = DT * np.arange(_STEPS + 1), np.empty((_STEPS, 0))
         core = integrator.core
         out = core.roll_out(t, x0, None, u, None, None)
-        if out["steps"] < _STEPS:
+        if out.steps < _STEPS:
             result.append(
                 Absent(GROUP, f"chain of {n} links", f"failed after {out['steps']} steps")
             )

@@ -20,16 +20,16 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
     t, x0, u = case.t, case.x0, case.u
     N = case.steps
     out = integrator.core.roll_out(t, x0, None, u, None, None)
-    if out["steps"] < N:
+    if out.steps < N:
         raise RuntimeError(f"{case.name}: the roll-out failed after {out['steps']} of {N} steps")
-    x = out["x"]
+    x = out.x
 
     step = best_of(
         lambda: integrator.core.roll_out(t, x0, None, u, None, None), budget=settings.budget
     )
     first = _first(integrator, case, x, settings)
     second = _second(integrator, case, x, settings)
-    newton = out["iterations"] / N
+    newton = out.iterations / N
     result: list[Row | Absent] = [
         timed(
             GROUP,
@@ -113,7 +113,7 @@ def _left_split(case: Case, settings: Settings) -> Row:
     )
     note, details = "", {}
     if case.q is not None:
-        difference = float(np.abs(out["x"][:, : case.mechanism.nq] - case.q).max())
+        difference = float(np.abs(out.x[:, : case.mechanism.nq] - case.q).max())
         note = f"within {difference:.1g} of the independent program's states"
         details = {"largest_difference": difference}
     return timed(GROUP, "step, left split", timing / case.steps, "step", note=note, details=details)

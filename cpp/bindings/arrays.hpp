@@ -49,6 +49,12 @@ inline Out copy_of(const std::vector<double>& values, std::initializer_list<std:
     return out;
 }
 
+// A read-only field of a result that holds an array.
+template <class Result>
+void array_field(nb::class_<Result>& type, const char* name, Out Result::* field, const char* meaning) {
+    type.def_prop_ro(name, [field](const Result& result) { return result.*field; }, nb::rv_policy::automatic, meaning);
+}
+
 // Length check with the name of the argument; shapes are checked in Python, this is the last fence before memory.
 inline void expect(std::size_t got, std::size_t expected, const char* what) {
     if (got != expected)

@@ -3,7 +3,6 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
@@ -19,31 +18,25 @@ namespace leastaction {
 
 namespace {
 
+// A roll-out, its arrays filled up to the step that failed.
+struct RollOutResult {
+    Out x, u, lam;
+    RollOut report;
+    Out residual;  // of the step that failed: dynamics in the user's order, then constraints
+};
+
+struct ParameterDerivatives {
+    Out x, lam;
+    int steps;
+};
+
 class Midpoint {
 public:
-    Midpoint(std::shared_ptr<Mechanism> mechanism, const std::string& split, double tolerance, int max_iterations,
-             const std::string& solver)
-        : mechanism_(std::move(mechanism)) {
-        if (split == "symmetric")
-            settings_.split = Split::symmetric;
-        else if (split == "left")
-            settings_.split = Split::left;
-        else
-            throw std::invalid_argument("split: got '" + split + "', expected 'symmetric' or 'left'");
-        if (solver == "auto")
-            settings_.solver = Solver::automatic;
-        else if (solver == "dense")
-            settings_.solver = Solver::dense;
-        else if (solver == "tree")
-            settings_.solver = Solver::tree;
-        else
-            throw std::invalid_argument("solver: got '" + solver + "', expected 'auto', 'dense' or 'tree'");
-        settings_.tolerance = tolerance;
-        settings_.max_iterations = max_iterations;
-    }
+    Midpoint(std::shared_ptr<Mechanism> mechanism, Split split, double tolerance, int max_iterations, Solver solver)
+        : mechanism_(std::move(mechanism)), settings_{split, tolerance, max_iterations, solver} {}
 
-    nb::dict roll_out(const In<1>& t, const In<1>& x0, const std::optional<In<2>>& xbar, const In<2>& ubar,
-                      const std::optional<In<3>>& K, const std::optional<In<1>>& velocity) const {
+    RollOutResult roll_out(const In<1>& t, const In<1>& x0, const std::optional<In<2>>& xbar, const In<2>& ubar,
+                           const std::optional<In<3>>& K, const std::optional<In<1>>& velocity) const {
         const Mechanism& m = *mechanism_;
         const std::size_t N = steps_of(t), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
         expect(x0.size(), nx, "x0");
@@ -65,23 +58,12 @@ public:
                                            K ? K->data() : nullptr, velocity ? velocity->data() : nullptr, X.data(),
                                            U.data(), lam.data());
         }
-        nb::dict out;
-        out["x"] = X;
-        out["u"] = U;
-        out["lam"] = lam;
-        out["steps"] = result.steps;
-        out["iterations"] = result.iterations;
-        out["factorizations"] = result.factorizations;
-        out["rank_deficient"] = result.rank_deficient;
-        out["status"] = static_cast<int>(result.failure.status);
-        out["failed_iterations"] = result.failure.iterations;
-        std::vector<double> residual(m.n_dynamic + nc, 0.0);  // dynamics in the user's order, then constraints
+        std::vector<double> residual(m.n_dynamic + nc, 0.0);
         if (result.failure.status != StepStatus::converged) {
             for (int i = 0; i < m.n_dynamic; ++i) residual[m.external[i]] = step.residual[i];
             std::copy(step.residual.begin() + m.n_dynamic, step.residual.end(), residual.begin() + m.n_dynamic);
         }
-        out["residual"] = copy_of(residual, {residual.size()});
-        return out;
+        return {X, U, lam, result, copy_of(residual, {residual.size()})};
     }
 
     nb::dict linearize(const In<1>& t, const In<2>& x, const In<2>& u, bool multipliers, int threads,
@@ -128,9 +110,9 @@ public:
 
     // directions (P, n_numbers) of the elements' numbers; inertias: (parameter, builder's joint, 10 numbers m, m c, I in
     // the joint's frame about its origin, xx yy zz xy xz yz).
-    nb::dict by_parameters(const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& directions,
-                           const std::vector<std::tuple<int, int, std::array<double, 10>>>& inertias,
-                           int threads) const {
+    ParameterDerivatives by_parameters(const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& directions,
+                                       const std::vector<std::tuple<int, int, std::array<double, 10>>>& inertias,
+                                       int threads) const {
         const Mechanism& m = *mechanism_;
         const std::size_t N = check(t, x, u), P = directions.shape(0), n = m.numbers.size();
         const std::size_t nx = m.n_states(), nc = m.n_constraints();
@@ -155,11 +137,7 @@ public:
             done = differentiate_by_parameters(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
                                                parameters, threads, by_x.data(), by_lam.data());
         }
-        nb::dict out;
-        out["x"] = by_x;
-        out["lam"] = by_lam;
-        out["steps"] = done;
-        return out;
+        return {by_x, by_lam, done};
     }
 
     nb::tuple momenta(const In<1>& q1, const In<1>& q2, const In<1>& u, double dt) const {
@@ -204,9 +182,45 @@ private:
 }  // namespace
 
 void bind_midpoint(nb::module_& module) {
+    nb::enum_<Split>(module, "Split", "How a force acts on a step.")
+        .value("symmetric", Split::symmetric)
+        .value("left", Split::left);
+    nb::enum_<Solver>(module, "Solver", "What eliminates the Newton matrix of a step.")
+        .value("automatic", Solver::automatic)
+        .value("dense", Solver::dense)
+        .value("tree", Solver::tree);
+    nb::enum_<StepStatus>(module, "StepStatus", "How the solution of a step ended.")
+        .value("converged", StepStatus::converged)
+        .value("no_convergence", StepStatus::no_convergence)
+        .value("not_finite", StepStatus::not_finite)
+        .value("singular", StepStatus::singular);
+    using R = RollOutResult;
+    nb::class_<R> roll_out(module, "RollOut", "Steps one after the other, up to the first that failed.");
+    array_field(roll_out, "x", &R::x, "States (N+1, nx).");
+    array_field(roll_out, "u", &R::u, "Inputs that were applied (N, nu).");
+    array_field(roll_out, "lam", &R::lam, "Multipliers (N, nc).");
+    array_field(roll_out, "residual", &R::residual,
+                "Of the step that failed (nd + nc): dynamics in the user's order, then constraints.");
+    const auto report = [&](const char* name, auto field, const char* meaning) {
+        roll_out.def_prop_ro(name, [field](const R& r) { return r.report.*field; }, meaning);
+    };
+    report("steps", &RollOut::steps, "How many steps succeeded.");
+    report("iterations", &RollOut::iterations, "Newton iterations of all steps.");
+    report("factorizations", &RollOut::factorizations, "Newton matrices of all steps.");
+    report("rank_deficient", &RollOut::rank_deficient, "Whether constraints were redundant somewhere.");
+    roll_out.def_prop_ro("status", [](const R& r) { return r.report.failure.status; }, "Of the last step.");
+    roll_out.def_prop_ro(
+        "failed_iterations", [](const R& r) { return r.report.failure.iterations; },
+        "Newton iterations of the step that failed.");
+    using P = ParameterDerivatives;
+    nb::class_<P> by_parameters(module, "ParameterDerivatives", "Derivatives of every step by parameters.");
+    array_field(by_parameters, "x", &P::x, "Of the next states (N, nx, P).");
+    array_field(by_parameters, "lam", &P::lam, "Of the multipliers (N, nc, P).");
+    by_parameters.def_ro("steps", &P::steps, "The first step that is none, or N.");
     nb::class_<Midpoint>(module, "Midpoint", "Midpoint variational integrator of one mechanism: settings, no state.")
-        .def(nb::init<std::shared_ptr<Mechanism>, const std::string&, double, int, const std::string&>(), "mechanism"_a,
-             "split"_a = "symmetric", "tolerance"_a = 1e-13, "max_iterations"_a = 50, "solver"_a = "auto")
+        .def(nb::init<std::shared_ptr<Mechanism>, Split, double, int, Solver>(), "mechanism"_a,
+             "split"_a = Split::symmetric, "tolerance"_a = 1e-13, "max_iterations"_a = 50,
+             "solver"_a = Solver::automatic)
         .def("roll_out", &Midpoint::roll_out, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
              "velocity"_a.none(), "Steps from x0 over the times t under u = ubar - K (x - xbar).")
         .def("by_parameters", &Midpoint::by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,

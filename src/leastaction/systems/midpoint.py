@@ -61,13 +61,13 @@ class MidpointSystem(DiscreteSystem):
         m = self.integrator.mechanism
         full, x = x, np.ascontiguousarray(x[: m.nx])
         out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None, None)
-        if out["steps"] < 1:
+        if out.steps < 1:
             nothing = np.empty((0, m.nc))
             state = self.integrator.trajectory(
                 self.t[k : k + 1], x[None, :], u[None, :][:0], nothing
             ).last
             raise self.integrator.step_error(out, state, u[m.nu :])
-        return np.asarray(self._states(out["x"], out["lam"], full)[1])
+        return np.asarray(self._states(out.x, out.lam, full)[1])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         """Return A (nx, nx) and B (nx, nu) of step k."""
@@ -103,13 +103,13 @@ class MidpointSystem(DiscreteSystem):
             np.ascontiguousarray(K[start:stop, :, : m.nx]),
             velocity,
         )
-        done = int(out["steps"])
+        done = out.steps
         failure = None
         if done < stop - start:
             k = start + done
             failure = f"step {k} at t = {self.t[k]:.4g} s could not be solved"
-        x = self._states(out["x"][: done + 1], out["lam"][:done], x0)
-        return Rollout(x, out["u"][:done], done, failure)
+        x = self._states(out.x[: done + 1], out.lam[:done], x0)
+        return Rollout(x, out.u[:done], done, failure)
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         """Return A (N, nx, nx) and B (N, nx, nu) along a trajectory."""

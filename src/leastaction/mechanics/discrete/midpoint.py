@@ -10,7 +10,7 @@ for the dynamic variables of q2 and the multipliers lam; the kinematic variables
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -42,9 +42,9 @@ from leastaction.numerics.signals import (
 Split = Literal["symmetric", "left"]
 
 _REASONS = {
-    1: "Newton's method did not converge in {iterations} iterations",
-    2: "the equations of the step are not finite",
-    3: "the equations of the step are singular",
+    _core.StepStatus.no_convergence: "Newton's method did not converge in {iterations} iterations",
+    _core.StepStatus.not_finite: "the equations of the step are not finite",
+    _core.StepStatus.singular: "the equations of the step are singular",
 }
 _VELOCITY_TOLERANCE = 1e-6
 _CHUNK = 2000  # steps between looks at Ctrl-C
@@ -92,7 +92,7 @@ class MidpointVI(ParameterDifferentiation):
         steps = as_count(max_iterations, "max_iterations", 1)
         self.max_iterations = steps
         self._watch = SingularityWatch(mechanism.balls, mechanism.variables)
-        self.core = _core.Midpoint(mechanism.core, split, self.tolerance, steps)
+        self.core = _core.Midpoint(mechanism.core, _core.Split[split], self.tolerance, steps)
 
     def like(self, mechanism: Mechanism) -> MidpointVI:
         """Return an integrator of another mechanism with the same settings."""
@@ -228,12 +228,12 @@ class MidpointVI(ParameterDifferentiation):
         out = self.core.roll_out(
             t, self._vector(state), None, np.concatenate([u, rho])[None, :], None, None
         )
-        if out["steps"] < 1:
+        if out.steps < 1:
             raise self.step_error(out, state, rho)
-        x = out["x"][1]
+        x = out.x[1]
         # The start is the end of the step before, which has told of it.
         self._watch.look(t[1:], x[None, : m.nq])
-        return Step(self._state(float(t[1]), x), out["lam"][0], int(out["iterations"]))
+        return Step(self._state(float(t[1]), x), out.lam[0], out.iterations)
 
     def simulate(
         self,
@@ -302,10 +302,10 @@ class MidpointVI(ParameterDifferentiation):
                 out = self.core.roll_out(
                     times[done : stop + 1], x[done].copy(), None, u[done:stop], None, velocity
                 )
-                made = int(out["steps"])
-                x[done + 1 : done + 1 + made] = out["x"][1 : made + 1]
-                lam[done : done + made] = out["lam"][:made]
-                redundant = redundant or bool(out["rank_deficient"])
+                made = out.steps
+                x[done + 1 : done + 1 + made] = out.x[1 : made + 1]
+                lam[done : done + made] = out.lam[:made]
+                redundant = redundant or out.rank_deficient
                 begun, done = done, done + made
                 if done < stop:
                     status = SimulationStatus.STEP_FAILED
@@ -356,7 +356,7 @@ class MidpointVI(ParameterDifferentiation):
 
     # Errors
 
-    def step_error(self, out: dict[str, Any], state: State, rho_next: Array) -> StepError:
+    def step_error(self, out: _core.RollOut, state: State, rho_next: Array) -> StepError:
         """Return the error of a roll-out of the core that failed after `state`, going to `rho_next`."""
         m = self.mechanism
         wanted = np.concatenate([state.q[: m.nd], rho_next])
@@ -368,14 +368,14 @@ class MidpointVI(ParameterDifferentiation):
         )
         names = [f"dynamics of {name!r}" for name in m.dynamic]
         names += [f"constraint {name!r}" for name in m.constraints]
-        residuals = worst_first(dict(zip(names, out["residual"], strict=True)))
+        residuals = worst_first(dict(zip(names, out.residual, strict=True)))
         shown = ", ".join(f"{name}: {value:.2g}" for name, value in list(residuals.items())[:3])
-        reason = _REASONS[int(out["status"])].format(iterations=out["failed_iterations"])
+        reason = _REASONS[out.status].format(iterations=out.failed_iterations)
         return StepError(
             f"the step at t = {state.t:.6g} s failed: {reason}; largest residuals {shown}. {advice}",
             t=state.t,
             residuals=residuals,
-            iteration=int(out["failed_iterations"]),
+            iteration=out.failed_iterations,
             state=state,
         )
 

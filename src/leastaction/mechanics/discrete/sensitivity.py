@@ -114,7 +114,7 @@ class ParameterDifferentiation(StepDifferentiation):
                 trajectory.t, trajectory.x, trajectory.u, directions, inertias, self.threads
             )
             chosen = [columns[name] for name in others]
-            x[:, :, chosen], lam[:, :, chosen] = out["x"], out["lam"]
+            x[:, :, chosen], lam[:, :, chosen] = out.x, out.lam
         return StepSensitivity(tuple(places), x, lam)
 
     def sensitivity(
