@@ -265,6 +265,32 @@ def test_stopped_and_resumed_is_as_never_stopped(system, method, regulator, stop
     np.testing.assert_array_equal(resumed.K, whole.K)
 
 
+@pytest.mark.parametrize("regulator", ["descent", "lqr"])
+def test_a_snapshot_goes_on_as_the_run_that_it_was_taken_of(system, regulator):
+    cost = _swing_up()
+    how = {"regulator": regulator, "max_iterations": 12}
+    whole = optimize(system, cost, initial=REST, **how)
+    kept = []
+    watched = optimize(
+        system, cost, initial=REST, **how, callback=lambda record: kept.append(record.snapshot())
+    )
+    # Taking them changes nothing.
+    np.testing.assert_array_equal(watched.x, whole.x)
+    assert [snapshot.iterations for snapshot in kept] == list(range(whole.iterations + 1))
+    for snapshot in kept[::3]:
+        resumed = optimize(
+            system,
+            cost,
+            resume=snapshot,
+            regulator=regulator,
+            max_iterations=whole.iterations - snapshot.iterations,
+        )
+        np.testing.assert_array_equal(resumed.history.cost, whole.history.cost)
+        np.testing.assert_array_equal(resumed.x, whole.x)
+        np.testing.assert_array_equal(resumed.u, whole.u)
+        np.testing.assert_array_equal(resumed.K, whole.K)
+
+
 def test_the_iteration_limit_and_going_on(system):
     first = optimize(system, _tracking(1.5), initial=REST, max_iterations=3)
     assert first.status is Status.ITERATION_LIMIT
@@ -441,7 +467,9 @@ def test_the_table(system):
     assert len([line for line in lines if line.strip()[:1].isdigit()]) == result.iterations + 1
     assert "expected" in lines[0]
     table = IterationTable(file=file)
-    record = IterationRecord(7, "steepest", 1.0, 0.5, 0.1, 3, 0.0, "why", 1.5, result.x, result.u)
+    record = IterationRecord(
+        7, "steepest", 1.0, 0.5, 0.1, 3, 0.0, "why", 1.5, result.x, result.u, lambda: result
+    )
     table(record)
     assert file.getvalue().splitlines()[-1].strip() == "why"
     assert "quasi-newton" in file.getvalue()

@@ -10,7 +10,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -298,16 +298,22 @@ class Loop(Generic[M, D, I]):
             seconds=self.problem.clock.seconds,
             x=x,
             u=u,
+            snapshot=self._snapshot,
         )
         self.history.add(record)
         if self.callback is not None and self.callback(record):
             return _Outcome(Status.STOPPED_BY_CALLBACK)
         return None
 
+    def _snapshot(self) -> OptimizationResult:
+        result = self._finish(_Outcome(Status.STOPPED_BY_CALLBACK))
+        # The run goes on in the memory of these.
+        return replace(result, K=result.K.copy(), projection_gain=result.projection_gain.copy())
+
     def _finish(self, outcome: _Outcome) -> OptimizationResult:
         # The last feedback may still have to be computed: its time belongs to the total.
         clock = self.problem.clock
-        timings = clock.timings
+        timings = dict(clock.timings)
         result = self.problem.result(
             {
                 "status": outcome.status,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -87,6 +87,9 @@ class IterationRecord:
         Wall time since the start.
     x, u : ndarray (N+1, nx), (N, nu)
         The iterate; a trajectory of the system.
+    snapshot : callable
+        Returns the result of a run that ended here, to be kept: `optimize` with ``resume`` goes on from
+        it as this run does. To be called before the callback returns.
     """
 
     iteration: int
@@ -100,6 +103,7 @@ class IterationRecord:
     seconds: float
     x: Floats
     u: Floats
+    snapshot: Callable[[], OptimizationResult] = field(repr=False, compare=False)
 
 
 @dataclass(frozen=True)
