@@ -35,20 +35,20 @@ def run(**options):
     [
         ({"dynamics": "crane"}, r"dynamics: got str, expected a Mechanism"),
         ({"dynamics": MidpointVI(crane())}, r"dynamics: got MidpointVI"),
-        ({"q0": [0.0]}, r"q0: expected shape \(2\), got \(1,\); the last axis holds x, height"),
+        ({"q0": [0.0]}, r"q0: got shape \(1,\), expected \(2,\); the last axis holds x, height"),
         ({"q0": [0.0, np.nan]}, r"q0: entry \[1\] for 'height' is nan"),
         ({"v0": [np.inf, 0.0]}, r"v0: entry \[0\] for 'x' is inf"),
-        ({"v0": "fast"}, r"v0: expected real numbers"),
+        ({"v0": "fast"}, r"v0: got .*, expected real numbers"),
         ({"t": [0.0]}, r"t: got 1 times, expected at least two"),
         ({"t": [0.0, 1.0, 0.5]}, r"times must increase, but t\[1\]"),
-        ({"t": 1.0}, r"t: expected shape \(any\)"),
+        ({"t": 1.0}, r"t: got shape .*, expected \(any,\)"),
         ({"method": "Euler"}, r"method: unknown 'Euler'; the methods are 'RK23'"),
         ({"method": "radau"}, r"did you mean 'Radau'"),
         ({"rtol": 0.0}, r"rtol: got 0.0, expected a number from"),
         ({"rtol": 1e-16}, r"rtol: got 1e-16, expected"),
         ({"rtol": "small"}, r"rtol: expected a number"),
         ({"atol": -1e-6}, r"atol: got -1e-06, expected positive"),
-        ({"atol": [1e-6, 1e-6]}, r"atol: expected shape \(4\), got \(2,\)"),
+        ({"atol": [1e-6, 1e-6]}, r"atol: got shape \(2,\), expected \(4,\)"),
         ({"max_step": 0.0}, r"max_step: got 0.0 s, expected a positive time"),
         ({"first_step": -1.0}, r"first_step: got -1.0 s"),
         ({"first_step": 2.0}, r"first_step: got 2.0 s, expected at most the 1 s"),
@@ -69,16 +69,16 @@ def test_settings(options: dict, message: str) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"inputs": [1.0, 2.0]}, r"inputs: expected shape \(1\), got \(2,\); the last axis holds push"),
-        ({"inputs": np.zeros((4, 1))}, r"inputs: expected shape \(3, 1\), got \(4, 1\)"),
+        ({"inputs": [1.0, 2.0]}, r"inputs: got shape \(2,\), expected \(1,\); the last axis holds push"),
+        ({"inputs": np.zeros((4, 1))}, r"inputs: got shape \(4, 1\), expected \(3, 1\)"),
         ({"inputs": [[0.0], [np.nan]]}, r"inputs: entry \[1, 0\] for 'push' is nan"),
         ({"inputs": lambda t: [0.0]}, r"inputs: it is called as inputs\(t, x\).*takes \(t\)"),
-        ({"inputs": lambda t, x: [0.0, 1.0]}, r"inputs\(0, x\): expected shape \(1\), got \(2,\)"),
-        ({"inputs": lambda t, x: "push"}, r"inputs\(0, x\): expected real numbers"),
-        ({"rho_a": [1.0, 2.0]}, r"rho_a: expected shape \(1\).*holds height"),
-        ({"rho_a": lambda t, x: [1.0, 2.0]}, r"rho_a\(0, x\): expected shape \(1\)"),
+        ({"inputs": lambda t, x: [0.0, 1.0]}, r"inputs\(0, x\): got shape \(2,\), expected \(1,\)"),
+        ({"inputs": lambda t, x: "push"}, r"inputs\(0, x\): got .*, expected real numbers"),
+        ({"rho_a": [1.0, 2.0]}, r"rho_a: got shape .*, expected \(1,\).*holds height"),
+        ({"rho_a": lambda t, x: [1.0, 2.0]}, r"rho_a\(0, x\): got shape .*, expected \(1,\)"),
         ({"rho": lambda t: [0.0]}, r"rho: got the function.*give a PrescribedMotion"),
-        ({"rho": np.zeros((2, 1))}, r"rho: expected shape \(3, 1\), got \(2, 1\)"),
+        ({"rho": np.zeros((2, 1))}, r"rho: got shape \(2, 1\), expected \(3, 1\)"),
         ({"rho": [[0.0], [np.inf], [0.0]]}, r"rho: entry \[1, 0\] for 'height' is inf"),
         ({"rho": [[0.5], [0.0], [0.0]]}, r"q0: the start has 'height' at 0, but.*at 0.5; they must agree"),
         ({"rho": CubicSpline(T, [[0.0], [1.0], [4.0]]), "v0": [0.0, 5.0]}, r"v0: the start has 'height' at 5"),
@@ -88,7 +88,7 @@ def test_settings(options: dict, message: str) -> None:
         ({"rho": np.zeros((3, 1)), "rho_a": [0.0]}, r"rho: got both rho and rho_a"),
         ({"u": lambda t, x: [0.0, 0.0], "inputs": [1.0]}, r"u: it gives all inputs, but inputs came too"),
         ({"u": [0.0, 0.0]}, r"u: got list, expected a function \(t, x\)"),
-        ({"u": lambda t, x: [0.0]}, r"u\(0, x\): expected shape \(2\).*acceleration of height"),
+        ({"u": lambda t, x: [0.0]}, r"u\(0, x\): got shape .*, expected \(2,\).*acceleration of height"),
     ],
 )  # fmt: skip
 def test_inputs(options: dict, message: str) -> None:
@@ -104,7 +104,7 @@ def test_inputs(options: dict, message: str) -> None:
         ({"low": "y"}, r"events\['low'\]: unknown variable 'y'; the variables are 'x', 'height'"),
         ({"low": Event("heigth")}, r"did you mean 'height'"),
         ({"low": Event("x", value=np.nan)}, r"events\['low'\]: value: got nan"),
-        ({"low": Event("x", direction="up")}, r"direction: expected a number, got 'up'"),
+        ({"low": Event("x", direction="up")}, r"direction: got 'up' .*, expected a number"),
         ({"low": Event("x", terminal=-1)}, r"terminal is -1, expected True, False"),
         ({"low": Event("x", terminal=0.5)}, r"terminal is 0.5"),
         ({"low": Event(None)}, r"its function is None"),
@@ -136,17 +136,17 @@ def test_what_a_trajectory_is_asked_for() -> None:
 def test_rows_and_motions() -> None:
     with pytest.raises(ArgumentError, match=r"degree: got 4, expected 3 or 5"):
         PrescribedMotion.through(T, np.zeros((3, 1)), degree=4)
-    with pytest.raises(ArgumentError, match=r"rho: expected shape \(3, any\)"):
+    with pytest.raises(ArgumentError, match=r"rho: got shape .*, expected \(3, any\)"):
         PrescribedMotion.through(T, np.zeros((2, 1)))
 
 
 def test_legendre_transform() -> None:
     m = crane()
-    with pytest.raises(ArgumentError, match=r"v: expected shape \(2\), got \(3,\)"):
+    with pytest.raises(ArgumentError, match=r"v: got shape \(3,\), expected \(2,\)"):
         to_momentum(m, [0.0, 0.0], [0.0, 0.0, 0.0])
-    with pytest.raises(ArgumentError, match=r"v: expected shape \(2, 2\), got \(1, 2\)"):
+    with pytest.raises(ArgumentError, match=r"v: got shape \(1, 2\), expected \(2, 2\)"):
         to_momentum(m, np.zeros((2, 2)), np.zeros((1, 2)))
-    with pytest.raises(ArgumentError, match=r"p: expected shape \(1\), got \(2,\)"):
+    with pytest.raises(ArgumentError, match=r"p: got shape \(2,\), expected \(1,\)"):
         to_velocity(m, [0.0, 0.0], [0.0, 0.0])
     with pytest.raises(ArgumentError, match=r"v_rho: entry \[0\] for 'height' is nan"):
         to_velocity(m, [0.0, 0.0], [0.0], [np.nan])

@@ -160,7 +160,7 @@ def test_broken_expressions_are_named(expression: Any, message: str) -> None:
         (lambda: distance("a", "a"), "both ends are the frame 'a'"),
         (lambda: direction("a", "w"), "got 'w', expected 'x', 'y', 'z'"),
         (lambda: direction("a", (0, 0, 0)), "points nowhere"),
-        (lambda: direction("a", (1, 2)), "expected shape"),
+        (lambda: direction("a", (1, 2)), "got shape"),
         (lambda: parameter("k", float("inf")), "parameter 'k': got inf"),
         (lambda: parameter("k", "soft"), "parameter 'k'"),  # type: ignore[arg-type]
         (lambda: rate("theta"), r"write variable\('theta'\)"),

@@ -236,7 +236,7 @@ def test_the_regulator_holds_a_time_varying_system():
         ({"A": np.zeros((2, 3))}, "A: got shape"),
         ({"A": np.zeros(3)}, "A: got shape"),
         ({"A": [[np.nan, 0], [0, 0]]}, "A: got nan"),
-        ({"A": "abc"}, "A: got str"),
+        ({"A": "abc"}, "A: got 'abc'"),
         ({"B": np.zeros((3, 1))}, "B: got shape"),
         ({"Q": [1.0, 1.0, 1.0]}, "Q: got shape"),
         ({"S": [[1.0, 1.0]]}, "S: got shape"),

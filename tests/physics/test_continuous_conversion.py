@@ -201,7 +201,7 @@ def test_wrong_conversions() -> None:
     discrete = to_discrete(run, MidpointVI(m))
     with pytest.raises(ArgumentError, match="other names"):
         to_continuous(discrete, dynamics=ContinuousDynamics(other))
-    with pytest.raises(ArgumentError, match="K: expected shape"):
+    with pytest.raises(ArgumentError, match="K: got shape"):
         gain_to_discrete(m, [0.0, 1.0], [0.0, 0.0], np.zeros((2, 4)), 0.01)
     with pytest.raises(ArgumentError, match="dt"):
         gain_to_discrete(m, [0.0, 1.0], [0.0, 0.0], np.zeros((1, 4)), 0.0)

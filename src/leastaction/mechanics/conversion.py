@@ -36,8 +36,7 @@ from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, In
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array
-from leastaction.numerics.signals import as_time_step, check_times
+from leastaction.numerics.arrays import Array, as_array, as_time_step, as_times
 
 _STATUS = {
     SimulationStatus.COMPLETED: IntegrationStatus.COMPLETED,
@@ -83,7 +82,7 @@ def to_discrete(
     """
     m, nd = integrator.mechanism, integrator.mechanism.nd
     _check_same(trajectory.mechanism, m, "trajectory")
-    times = trajectory.t if t is None else check_times(t)
+    times = trajectory.t if t is None else as_times(t)
     dt = np.diff(times)
     x = trajectory.x if trajectory.dense is None and t is None else trajectory(times)
     q, v = x[:, : m.nq], x[:, m.nq :]

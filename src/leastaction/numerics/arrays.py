@@ -1,11 +1,12 @@
-"""Checks of numerical arguments, shared by the whole mechanics half.
+"""Checks of numerical arguments: one set for the whole package, always ``(value, what, ...)``.
 
-Every function returns the checked value as a fresh or read-only array of doubles and raises an
-`ArgumentError` (or the error type asked for) that names what was given.
+Every function returns the checked value or raises an `ArgumentError` (or the error type asked for) that
+names what was given, what was expected and what to do.
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,21 +20,23 @@ Array = npt.NDArray[np.float64]
 def as_array(
     value: object,
     what: str,
-    shape: tuple[int | None, ...],
-    *,
+    *shapes: tuple[int | None, ...],
+    meaning: str = "",
     names: Sequence[str] | None = None,
     error: type[LeastActionError] = ArgumentError,
 ) -> Array:
-    """Return a value as an array of finite doubles of the given shape.
+    """Return a value as an array of finite doubles of one of the given shapes.
 
     Parameters
     ----------
     value : array_like
-        What the user gave.
+        What the user gave. It is not copied if it is a contiguous array of doubles already.
     what : str
         What it is, for the message: ``"q"``, ``"the com of frame 'bob'"``.
-    shape : tuple of int or None
-        The expected shape; None stands for any length.
+    *shapes : tuple of int or None
+        The shapes that are allowed; None stands for any length, no shape at all for any shape.
+    meaning : str, optional
+        What the axes mean, for the message: ``"(N+1, nx)"``.
     names : sequence of str, optional
         Names of the entries along the last axis, so that a bad entry can be named.
     error : type, optional
@@ -48,38 +51,44 @@ def as_array(
     ArgumentError
         If the value is not numeric, has another shape or holds a NaN or an infinity.
     """
-    wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
     try:
         given = np.asarray(value)
         if given.dtype.kind not in "biuf":
             raise TypeError
         array = np.ascontiguousarray(given, dtype=np.float64)
     except (TypeError, ValueError):
+        wanted = f" of shape {_shapes(shapes, meaning)}" if shapes or meaning else ""
         raise error(
-            f"{what}: expected real numbers of shape {wanted}, got {_brief(value)}; "
+            f"{what}: got {_brief(value)}, expected real numbers{wanted}; "
             "give a list or an array of numbers"
         ) from None
     # ascontiguousarray turns a scalar into a one-element vector; keep the shape that was given.
     array = array.reshape(given.shape)
-    matches = array.ndim == len(shape) and all(
-        expected is None or expected == actual
-        for expected, actual in zip(shape, given.shape, strict=True)
-    )
-    if not matches:
+    if shapes and not any(_matches(array.shape, shape) for shape in shapes):
         hint = ""
-        if names is not None and shape[-1] == len(names) and names:
+        if names and any(shape and shape[-1] == len(names) for shape in shapes):
             hint = (
                 f"; the last axis holds {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
             )
-        raise error(f"{what}: expected shape {wanted}, got {array.shape}{hint}")
-    bad = np.argwhere(~np.isfinite(array))
-    if bad.size:
-        index = tuple(int(i) for i in bad[0])
-        where = f" for {names[index[-1]]!r}" if names is not None and index else ""
-        raise error(
-            f"{what}: entry {list(index)}{where} is {array[index]}; every entry must be a finite number"
-        )
+        raise error(f"{what}: got shape {array.shape}, expected {_shapes(shapes, meaning)}{hint}")
+    require_finite(array, what, names=names, error=error)
     return array
+
+
+def require_finite(
+    array: Array,
+    what: str,
+    *,
+    names: Sequence[str] | None = None,
+    error: type[LeastActionError] = ArgumentError,
+) -> None:
+    """Raise an error that names the first entry of an array that is not finite, if there is one."""
+    if np.isfinite(array).all():
+        return
+    index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+    name = f", {names[index[-1]]!r}" if names is not None and index else ""
+    at = f" at index {index}{name}" if index else ""
+    raise error(f"{what}: got {array[index]}{at}, expected finite numbers")
 
 
 def read_only(array: Array) -> Array:
@@ -99,8 +108,16 @@ def shape_of(value: object) -> tuple[int, ...] | None:
         return None
 
 
-def as_number(value: object, what: str, *, error: type[LeastActionError] = ArgumentError) -> float:
-    """Return a value as a finite float.
+def as_number(
+    value: object,
+    what: str,
+    *,
+    least: float | None = None,
+    above: float = -np.inf,
+    below: float = np.inf,
+    error: type[LeastActionError] = ArgumentError,
+) -> float:
+    """Return a value as a finite float, in a range if one is given.
 
     Parameters
     ----------
@@ -108,29 +125,70 @@ def as_number(value: object, what: str, *, error: type[LeastActionError] = Argum
         What the user gave.
     what : str
         What it is, for the message.
+    least : float, optional
+        The least value that is allowed.
+    above, below : float, optional
+        Limits that are themselves not allowed.
     error : type, optional
         The error to raise.
-
-    Returns
-    -------
-    float
 
     Raises
     ------
     ArgumentError
-        If the value is not one real, finite number.
+        If the value is not one real, finite number in the range.
     """
     if isinstance(value, (bool, np.bool_)) or not isinstance(
         value, (int, float, np.integer, np.floating)
     ):
-        raise error(f"{what}: expected a number, got {_brief(value)}")
+        raise error(f"{what}: got {_brief(value)}, expected a number")
     try:
         number = float(value)
     except OverflowError:
         number = float("inf")
     if not np.isfinite(number):
-        raise error(f"{what}: got {number}; expected a finite number")
+        raise error(f"{what}: got {number}, expected a finite number")
+    if least is not None and number < least:
+        raise error(f"{what}: got {number}, expected a number >= {least:g}")
+    if not above < number < below:
+        raise error(f"{what}: got {number}, expected a number in ({above:g}, {below:g})")
     return number
+
+
+def as_count(
+    value: object, what: str, least: int, *, error: type[LeastActionError] = ArgumentError
+) -> int:
+    """Return a whole number that is at least `least`; a bool or a float is none."""
+    try:
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        number = least - 1
+    if number < least:
+        raise error(f"{what}: got {value!r}, expected a whole number, at least {least}")
+    return number
+
+
+def as_time_step(dt: object) -> float:
+    """Return a positive time step (s)."""
+    h = as_number(dt, "dt")
+    if h <= 0.0:
+        raise ArgumentError(f"dt: got {h} s, expected a positive time step")
+    return h
+
+
+def as_times(t: object, what: str = "t") -> Array:
+    """Return times (N+1,) as an array, N >= 1, strictly increasing and finite."""
+    times = as_array(t, what, (None,))
+    if len(times) < 2:
+        raise ArgumentError(f"{what}: got {len(times)} times, expected at least two")
+    steps = np.diff(times)
+    if np.any(steps <= 0.0):
+        k = int(np.argmax(steps <= 0.0))
+        raise ArgumentError(
+            f"{what}: times must increase, but t[{k}] = {times[k]} and t[{k + 1}] = {times[k + 1]}"
+        )
+    return times
 
 
 def as_flag(value: object, what: str, *, error: type[LeastActionError] = ArgumentError) -> bool:
@@ -146,8 +204,23 @@ def as_flag(value: object, what: str, *, error: type[LeastActionError] = Argumen
         The error to raise.
     """
     if not isinstance(value, (bool, np.bool_)):
-        raise error(f"{what}: expected True or False, got {_brief(value)}")
+        raise error(f"{what}: got {_brief(value)}, expected True or False")
     return bool(value)
+
+
+def _matches(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(expected) and all(
+        n is None or n == m for n, m in zip(expected, shape, strict=True)
+    )
+
+
+def _shapes(shapes: Sequence[tuple[int | None, ...]], meaning: str) -> str:
+    """Return the shapes as text: ``(any, 3) or (3,), that is (N, nx) or (nx,)``."""
+    text = " or ".join(
+        "(" + ", ".join("any" if n is None else str(n) for n in shape) + ",)"[len(shape) != 1 :]
+        for shape in shapes
+    )
+    return ", that is ".join(part for part in (text, meaning) if part)
 
 
 def _brief(value: object) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import polynomial
 
-from leastaction.errors import ArgumentError, DescriptionError, LeastActionError
-from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.errors import DescriptionError
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number
 
 _DEGREE = 5
 
@@ -107,9 +107,7 @@ class Curve:
             raise DescriptionError(
                 f"Curve: got start {first:g} and end {last:g}; expected start < end"
             )
-        number = _whole(pieces, "Curve: pieces", DescriptionError)
-        if number < 1:
-            raise DescriptionError(f"Curve: pieces: got {number}, expected 1 or more")
+        number = as_count(pieces, "Curve: pieces", 1, error=DescriptionError)
         places = np.linspace(first, last, number + 1)
         values = [
             as_number(function(float(x)), f"Curve: the function at {x:g}", error=DescriptionError)
@@ -141,11 +139,7 @@ class Curve:
         -------
         float or ndarray
         """
-        order = _whole(derivative, "Curve: derivative", ArgumentError)
-        if order < 0:
-            raise ArgumentError(
-                f"Curve: derivative: got {order}, expected zero or more; integral() goes the other way"
-            )
+        order = as_count(derivative, "Curve: derivative", 0)
         places = np.asarray(x, dtype=np.float64)
         last = len(self.breaks) - 2
         piece = np.clip(np.searchsorted(self.breaks, places, side="right") - 1, 0, last)
@@ -196,9 +190,3 @@ def _restore(breaks: Array, coefficients: Array) -> Curve:
     curve = Curve.__new__(Curve)
     curve._set(breaks, coefficients)
     return curve
-
-
-def _whole(value: object, what: str, error: type[LeastActionError]) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise error(f"{what}: expected a whole number, got {value!r}")
-    return int(value)

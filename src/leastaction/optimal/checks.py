@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_floats
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.costs import Cost
 from leastaction.optimal.differences import central_differences, relative_error
 from leastaction.optimal.protocol import DiscreteSystem
@@ -82,8 +82,8 @@ def check_derivatives(
         Shapes that do not fit the system.
     """
     N, nx, nu = system.N, system.nx, system.nu
-    x = as_floats("x", x, (N + 1, nx), what="(N+1, nx)")
-    u = as_floats("u", u, (N, nu), what="(N, nu)")
+    x = as_array(x, "x", (N + 1, nx), meaning="(N+1, nx)")
+    u = as_array(u, "u", (N, nu), meaning="(N, nu)")
     rng = np.random.default_rng(seed)
     errors = dict.fromkeys(("A", "B"), 0.0)
     for k in sorted({0, N // 3, N - 1}):
@@ -101,11 +101,11 @@ def check_derivatives(
 
 
 def _check_curvature(
-    system: DiscreteSystem, x: Floats, u: Floats, k: int, z: Floats, errors: dict[str, float]
+    system: DiscreteSystem, x: Array, u: Array, k: int, z: Array, errors: dict[str, float]
 ) -> None:
     H = system.curvature(x, u, k, z)
 
-    def gradient(y: Floats) -> Floats:
+    def gradient(y: Array) -> Array:
         return z @ np.hstack(system.derivatives(y[: x.size], y[x.size :], k))
 
     differences = central_differences(gradient, np.concatenate([x, u]))
@@ -118,8 +118,8 @@ def _check_curvature(
 
 def _check_whole(
     system: DiscreteSystem,
-    x: Floats,
-    u: Floats,
+    x: Array,
+    u: Array,
     rng: np.random.Generator,
     errors: dict[str, float],
 ) -> None:
@@ -149,19 +149,19 @@ def _check_whole(
 
 
 def _check_cost(
-    cost: Cost, x: Floats, u: Floats, rng: np.random.Generator, errors: dict[str, float]
+    cost: Cost, x: Array, u: Array, rng: np.random.Generator, errors: dict[str, float]
 ) -> None:
     """Along a random direction over the whole curve."""
     dx, du = rng.standard_normal(x.shape), rng.standard_normal(u.shape)
 
-    def value(s: Floats) -> Floats:
+    def value(s: Array) -> Array:
         return np.array([cost.value(x + s * dx, u + s * du)])
 
-    def slope(s: Floats) -> Floats:
+    def slope(s: Array) -> Array:
         q, r, q_final = cost.gradient(x + s * dx, u + s * du)
         return np.array([np.sum(q * dx[:-1]) + np.sum(r * du) + q_final @ dx[-1]])
 
-    def form(weight: Floats, left: Floats, right: Floats) -> float:
+    def form(weight: Array, left: Array, right: Array) -> float:
         if weight.ndim == 1 or weight.shape[-1] == 1 != right.shape[-1]:
             return float(np.sum(left * weight.reshape(-1, left.shape[-1]) * right))
         return float(np.sum(left * np.einsum("...ij,...j->...i", weight, right)))

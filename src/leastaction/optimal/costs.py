@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_floats
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.discrete.linear_quadratic import final_of
 
 __all__ = ["Cost", "CostGradient", "CostHessian", "QuadraticCost"]
@@ -26,9 +26,9 @@ class CostGradient(NamedTuple):
         ``dm/dx``.
     """
 
-    q: Floats
-    r: Floats
-    q_final: Floats
+    q: Array
+    r: Array
+    q_final: Array
 
 
 class CostHessian(NamedTuple):
@@ -47,10 +47,10 @@ class CostHessian(NamedTuple):
         ``d2m/dx2``.
     """
 
-    Q: Floats
-    R: Floats
-    S: Floats | None
-    Q_final: Floats
+    Q: Array
+    R: Array
+    S: Array | None
+    Q_final: Array
 
 
 class Cost(ABC):
@@ -64,22 +64,22 @@ class Cost(ABC):
     is past what it may cost in all."""
 
     @abstractmethod
-    def stage_values(self, x: Floats, u: Floats, start: int) -> Floats:
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:
         """Return ``l(x_k, u_k, k)``, (n,), for ``x`` (n, nx), ``u`` (n, nu), k from `start` on."""
 
     @abstractmethod
-    def final_value(self, x: Floats) -> float:
+    def final_value(self, x: Array) -> float:
         """Return ``m(x)`` for the last state (nx,)."""
 
     @abstractmethod
-    def gradient(self, x: Floats, u: Floats) -> CostGradient:
+    def gradient(self, x: Array, u: Array) -> CostGradient:
         """Return the first derivatives along ``x`` (N+1, nx), ``u`` (N, nu)."""
 
     @abstractmethod
-    def hessian(self, x: Floats, u: Floats) -> CostHessian:
+    def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the second derivatives along ``x`` (N+1, nx), ``u`` (N, nu)."""
 
-    def value(self, x: Floats, u: Floats) -> float:
+    def value(self, x: Array, u: Array) -> float:
         """Return the cost of ``x`` (N+1, nx), ``u`` (N, nu)."""
         return float(np.sum(self.stage_values(x[:-1], u, 0))) + self.final_value(x[-1])
 
@@ -123,8 +123,8 @@ class QuadraticCost(Cost):
         R: ArrayLike,
         Q_final: ArrayLike | None = None,
     ) -> None:
-        self.x_wanted = as_floats("x_wanted", x_wanted)
-        self.u_wanted = as_floats("u_wanted", u_wanted)
+        self.x_wanted = as_array(x_wanted, "x_wanted")
+        self.u_wanted = as_array(u_wanted, "u_wanted")
         x_shape, u_shape = self.x_wanted.shape, self.u_wanted.shape
         if (
             len(x_shape) != 2
@@ -157,37 +157,37 @@ class QuadraticCost(Cost):
                     f"N = {N} steps, nx = {nx} states and nu = {nu} inputs."
                 )
 
-    def stage_values(self, x: Floats, u: Floats, start: int) -> Floats:
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:
         """Return the cost of the stages from `start` on."""
         stop = start + len(u)
         dx, du = x - self.x_wanted[start:stop], u - self.u_wanted[start:stop]
-        values: Floats = 0.5 * (
+        values: Array = 0.5 * (
             np.einsum("ki,ki->k", dx, _times(self.Q, dx, start))
             + np.einsum("ki,ki->k", du, _times(self.R, du, start))
         )
         return values
 
-    def final_value(self, x: Floats) -> float:
+    def final_value(self, x: Array) -> float:
         """Return the cost of the last state."""
         dx = x - self.x_wanted[-1]
         return 0.5 * float(dx @ _times(self.Q_final, dx[None], 0)[0])
 
-    def gradient(self, x: Floats, u: Floats) -> CostGradient:
+    def gradient(self, x: Array, u: Array) -> CostGradient:
         """Return the first derivatives."""
         dx, du = x - self.x_wanted, u - self.u_wanted
         return CostGradient(
             _times(self.Q, dx[:-1], 0), _times(self.R, du, 0), _times(self.Q_final, dx[-1:], 0)[0]
         )
 
-    def hessian(self, x: Floats, u: Floats) -> CostHessian:  # noqa: ARG002
+    def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
         """Return the weights."""
         return CostHessian(self.Q, self.R, None, self.Q_final)
 
 
-def _times(weight: Floats, d: Floats, start: int) -> Floats:
+def _times(weight: Array, d: Array, start: int) -> Array:
     """Return the weight times each row of d (n, size), whose first row is stage `start`."""
     if weight.ndim == 1:
-        result: Floats = d * weight
+        result: Array = d * weight
     elif weight.ndim == 2:
         result = d @ weight
     elif weight.shape[2] == 1:
@@ -197,11 +197,11 @@ def _times(weight: Floats, d: Floats, start: int) -> Floats:
     return result
 
 
-def _weight(name: str, value: ArrayLike, N: int | None, n: int, *, definite: bool) -> Floats:
+def _weight(name: str, value: ArrayLike, N: int | None, n: int, *, definite: bool) -> Array:
     shapes: list[tuple[int, ...]] = [(n,), (n, n)]
     if N is not None:
         shapes += [(N, n, 1), (N, n, n)]
-    weight = as_floats(name, value, *shapes)
+    weight = as_array(value, name, *shapes)
     is_diagonal = weight.ndim == 1 or (weight.ndim == 3 and weight.shape[2] == 1)
     if not is_diagonal:
         skew = np.abs(weight - np.swapaxes(weight, -1, -2)).max()

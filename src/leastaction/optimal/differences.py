@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 
 __all__ = ["central_differences", "relative_error"]
 
 
-def central_differences(f: Callable[..., Floats], y: Floats) -> Floats:
+def central_differences(f: Callable[..., Array], y: Array) -> Array:
     """Return the central differences df_i/dy_j of a function of one vector."""
     columns = []
     for j in range(y.size):
@@ -24,7 +24,7 @@ def central_differences(f: Callable[..., Floats], y: Floats) -> Floats:
     return np.stack(columns, axis=1)
 
 
-def relative_error(got: Floats, expected: Floats) -> float:
+def relative_error(got: Array, expected: Array) -> float:
     """Return the largest difference, relative to one plus the largest value expected."""
     if got.shape != expected.shape:
         raise ArgumentError(f"a derivative has shape {got.shape}, expected {expected.shape}.")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_count, as_floats
+from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 from leastaction.optimal.protocol import DiscreteSystem, Linearization
 
@@ -39,10 +39,10 @@ class LinearSystem(DiscreteSystem):
     def __init__(
         self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None, N: int | None = None
     ) -> None:
-        A_given, B_given = as_floats("A", A), as_floats("B", B)
+        A_given, B_given = as_array(A, "A"), as_array(B, "B")
         lengths = {a.shape[0] for a in (A_given, B_given) if a.ndim == 3}
         if N is not None:
-            lengths.add(as_count("N", N, minimum=1))
+            lengths.add(as_count(N, "N", 1))
         if len(lengths) != 1:
             got = f"{sorted(lengths)}" if lengths else "constant A and B and no N"
             raise ArgumentError(f"A, B, N: got horizons {got}, expected one. Give N once.")
@@ -56,28 +56,28 @@ class LinearSystem(DiscreteSystem):
             )
         self.nu = B_given.shape[-1]
         shape = (self.N, self.nx)
-        drift = np.zeros(shape) if c is None else as_floats("c", c, shape, (self.nx,))
+        drift = np.zeros(shape) if c is None else as_array(c, "c", shape, (self.nx,))
         self._A = np.ascontiguousarray(np.broadcast_to(A_given, (*shape, self.nx)))
         self._B = np.ascontiguousarray(np.broadcast_to(B_given, (*shape, self.nu)))
         self._c = np.broadcast_to(drift, shape)
 
-    def f(self, x: Floats, u: Floats, k: int) -> Floats:
+    def f(self, x: Array, u: Array, k: int) -> Array:
         """Return ``A x + B u + c``."""
-        result: Floats = self._A[k] @ x + self._B[k] @ u + self._c[k]
+        result: Array = self._A[k] @ x + self._B[k] @ u + self._c[k]
         return result
 
-    def derivatives(self, x: Floats, u: Floats, k: int) -> tuple[Floats, Floats]:  # noqa: ARG002
+    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:  # noqa: ARG002
         """Return A and B of step k."""
         return self._A[k], self._B[k]
 
-    def curvature(self, x: Floats, u: Floats, k: int, z: Floats) -> Floats:  # noqa: ARG002
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:  # noqa: ARG002
         """Return zero."""
         return np.zeros((self.nx + self.nu, self.nx + self.nu))
 
     def linearize(
         self,
-        x: Floats,  # noqa: ARG002
-        u: Floats,  # noqa: ARG002
+        x: Array,  # noqa: ARG002
+        u: Array,  # noqa: ARG002
         out: Linearization | None = None,  # noqa: ARG002
     ) -> Linearization:
         """Return A and B; not a copy."""
@@ -118,21 +118,21 @@ class FunctionSystem(DiscreteSystem):
         derivatives: Derivatives,
         curvature: Curvature | None = None,
     ) -> None:
-        self.nx = as_count("nx", nx, minimum=1)
-        self.nu = as_count("nu", nu, minimum=1)
-        self.N = as_count("N", N, minimum=1)
+        self.nx = as_count(nx, "nx", 1)
+        self.nu = as_count(nu, "nu", 1)
+        self.N = as_count(N, "N", 1)
         self.has_curvature = curvature is not None
         self._functions = Functions(f, self.nx, self.nu, derivatives, curvature)
 
-    def f(self, x: Floats, u: Floats, k: int) -> Floats:
+    def f(self, x: Array, u: Array, k: int) -> Array:
         """Return the next state."""
         return self._functions.f(x, u, k)
 
-    def derivatives(self, x: Floats, u: Floats, k: int) -> tuple[Floats, Floats]:
+    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         """Return A and B of step k."""
         return self._functions.derivatives(x, u, k)
 
-    def curvature(self, x: Floats, u: Floats, k: int, z: Floats) -> Floats:
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
         """Return ``z . D2f`` of step k."""
         if not self.has_curvature:
             return super().curvature(x, u, k, z)

@@ -8,14 +8,14 @@ from typing import Any, Literal
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 
 __all__ = ["Curvature", "Derivatives", "Functions"]
 
 Derivatives = (
-    Callable[[Floats, Floats, Any], tuple[Any, Any]] | Literal["complex-step", "finite-differences"]
+    Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["complex-step", "finite-differences"]
 )
-Curvature = Callable[[Floats, Floats, Any, Floats], Any] | Literal["differences"]
+Curvature = Callable[[Array, Array, Any, Array], Any] | Literal["differences"]
 
 
 class Functions:
@@ -61,11 +61,11 @@ class Functions:
         self._derivatives = derivatives
         self._curvature = curvature
 
-    def f(self, x: Floats, u: Floats, when: Any) -> Floats:
+    def f(self, x: Array, u: Array, when: Any) -> Array:
         """Return the value (nx,)."""
         return _sized("f", self._f(x, u, when), (self.nx,))
 
-    def derivatives(self, x: Floats, u: Floats, when: Any) -> tuple[Floats, Floats]:
+    def derivatives(self, x: Array, u: Array, when: Any) -> tuple[Array, Array]:
         """Return A (nx, nx) and B (nx, nu)."""
         if callable(self._derivatives):
             A, B = self._derivatives(x, u, when)
@@ -81,7 +81,7 @@ class Functions:
         G = np.stack(columns, axis=1)
         return G[:, : self.nx], G[:, self.nx :]
 
-    def curvature(self, x: Floats, u: Floats, when: Any, z: Floats) -> Floats:
+    def curvature(self, x: Array, u: Array, when: Any, z: Array) -> Array:
         """Return ``z . D2f`` (nx+nu, nx+nu)."""
         n = self.nx + self.nu
         if callable(self._curvature):
@@ -97,10 +97,10 @@ class Functions:
                 A, B = self.derivatives(moved[: self.nx], moved[self.nx :], when)
                 ends.append(z @ np.hstack((A, B)))
             H[i] = (ends[0] - ends[1]) / (2 * h)
-        result: Floats = 0.5 * (H + H.T)
+        result: Array = 0.5 * (H + H.T)
         return result
 
-    def _complex_step(self, y: Floats, when: Any, i: int) -> Floats:
+    def _complex_step(self, y: Array, when: Any, i: int) -> Array:
         h = 1e-30
         moved = y.astype(complex)
         moved[i] += 1j * h
@@ -113,18 +113,18 @@ class Functions:
             )
         return _sized("f", value.imag / h, (self.nx,))
 
-    def _central_difference(self, y: Floats, when: Any, i: int) -> Floats:
+    def _central_difference(self, y: Array, when: Any, i: int) -> Array:
         h = 6e-6 * max(1.0, abs(y[i]))  # cube root of the rounding unit
         ends = []
         for step in (h, -h):
             moved = y.copy()
             moved[i] += step
             ends.append(self.f(moved[: self.nx], moved[self.nx :], when))
-        result: Floats = (ends[0] - ends[1]) / (2 * h)
+        result: Array = (ends[0] - ends[1]) / (2 * h)
         return result
 
 
-def _sized(name: str, value: Any, shape: tuple[int, ...]) -> Floats:
+def _sized(name: str, value: Any, shape: tuple[int, ...]) -> Array:
     array = np.asarray(value, dtype=np.float64)
     if array.shape != shape:
         raise ArgumentError(f"{name}: the function returned shape {array.shape}, expected {shape}.")

@@ -17,7 +17,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from leastaction.errors import LeastActionError
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.line_search import LineSearch, Step, Trial, rounding_of
 from leastaction.optimal.result import (
     HistoryBuilder,
@@ -141,7 +141,7 @@ class Problem(ABC, Generic[M, D, I]):
         """Drop all that was computed along the current iterate."""
 
     @abstractmethod
-    def arrays(self) -> tuple[Floats, Floats]:
+    def arrays(self) -> tuple[Array, Array]:
         """Return states and inputs of the current iterate, for callbacks."""
 
     @abstractmethod

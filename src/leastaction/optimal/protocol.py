@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from leastaction.errors import StepError
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 
 __all__ = ["DiscreteSystem", "Linearization", "Rollout"]
 
@@ -47,8 +47,8 @@ class Rollout:
         Why the roll-out ended early; None if it did not.
     """
 
-    x: Floats
-    u: Floats
+    x: Array
+    u: Array
     steps_done: int
     failure: str | None = None
 
@@ -69,8 +69,8 @@ class Linearization(NamedTuple):
         ``df/du`` of every step.
     """
 
-    A: Floats
-    B: Floats
+    A: Array
+    B: Array
 
 
 class DiscreteSystem(ABC):
@@ -91,14 +91,14 @@ class DiscreteSystem(ABC):
     """Whether `curvature` is available; without it Newton's method is not offered."""
 
     @abstractmethod
-    def f(self, x: Floats, u: Floats, k: int) -> Floats:
+    def f(self, x: Array, u: Array, k: int) -> Array:
         """Return the next state (nx,). A step without solution raises `StepError`."""
 
     @abstractmethod
-    def derivatives(self, x: Floats, u: Floats, k: int) -> tuple[Floats, Floats]:
+    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu) of step k."""
 
-    def curvature(self, x: Floats, u: Floats, k: int, z: Floats) -> Floats:
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
         """Return ``z . D2f``, the symmetric (nx+nu, nx+nu) Hessian of ``z'f`` over ``(x, u)``."""
         raise NotImplementedError(
             f"{type(self).__name__} has no second derivative: implement `curvature`, or set "
@@ -107,10 +107,10 @@ class DiscreteSystem(ABC):
 
     def rollout(
         self,
-        x0: Floats,
-        xbar: Floats,
-        ubar: Floats,
-        K: Floats,
+        x0: Array,
+        xbar: Array,
+        ubar: Array,
+        K: Array,
         start: int,
         stop: int,
     ) -> Rollout:
@@ -150,7 +150,7 @@ class DiscreteSystem(ABC):
                 return Rollout(x[: i + 1], u[:i], i, failure)
         return Rollout(x, u, stop - start)
 
-    def linearize(self, x: Floats, u: Floats, out: Linearization | None = None) -> Linearization:
+    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         """Return A (N, nx, nx) and B (N, nx, nu) along ``x`` (N+1, nx), ``u`` (N, nu).
 
         ``(x, u)`` need not be a trajectory: A, B are derivatives of f at ``(x[k], u[k])``.
@@ -164,7 +164,7 @@ class DiscreteSystem(ABC):
             out.A[k], out.B[k] = self.derivatives(x[k], u[k], k)
         return out
 
-    def curvatures(self, x: Floats, u: Floats, z: Floats, out: Floats | None = None) -> Floats:
+    def curvatures(self, x: Array, u: Array, z: Array, out: Array | None = None) -> Array:
         """Return ``z[k+1] . D2f`` of every step, (N, nx+nu, nx+nu).
 
         Parameters

@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 
 __all__ = [
     "HistoryBuilder",
@@ -101,8 +101,8 @@ class IterationRecord:
     curvature_scale: float
     note: str
     seconds: float
-    x: Floats
-    u: Floats
+    x: Array
+    u: Array
     snapshot: Callable[[], OptimizationResult] = field(repr=False, compare=False)
 
 
@@ -122,13 +122,13 @@ class OptimizationHistory:
         As in `IterationRecord`.
     """
 
-    cost: Floats
-    expected_decrease: Floats
-    step_length: Floats
+    cost: Array
+    expected_decrease: Array
+    step_length: Array
     rollouts: np.ndarray[tuple[int], np.dtype[np.int64]]
-    curvature_scale: Floats
+    curvature_scale: Array
     method: tuple[str, ...]
-    seconds: Floats
+    seconds: Array
 
 
 @dataclass(frozen=True)
@@ -265,16 +265,16 @@ class OptimizationResult:
 
     status: Status
     message: str
-    x: Floats
-    u: Floats
-    K: Floats
+    x: Array
+    u: Array
+    K: Array
     cost: float
     expected_decrease: float
     history: OptimizationHistory
     timings: Mapping[str, float]
     rollouts: int
     settings: Settings
-    projection_gain: Floats
+    projection_gain: Array
     schedule: NewtonSchedule
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import as_count, as_number
+from leastaction.numerics.arrays import as_count, as_number
 from leastaction.optimal.result import Settings
 
 __all__ = ["check_settings"]
@@ -51,11 +51,11 @@ def check_settings(
     return Settings(
         method=method,
         regulator=regulator,
-        max_iterations=as_count("max_iterations", max_iterations, minimum=0),
-        tolerance=as_number("tolerance", tolerance, above=-1e-300),
-        absolute_tolerance=as_number("absolute_tolerance", absolute_tolerance, above=-1e-300),
-        alpha=as_number("alpha", alpha, above=0.0, below=0.5),
-        beta=as_number("beta", beta, above=0.0, below=1.0),
-        max_backtracks=as_count("max_backtracks", max_backtracks, minimum=0),
-        chunk=as_count("chunk", chunk, minimum=1),
+        max_iterations=as_count(max_iterations, "max_iterations", 0),
+        tolerance=as_number(tolerance, "tolerance", least=0.0),
+        absolute_tolerance=as_number(absolute_tolerance, "absolute_tolerance", least=0.0),
+        alpha=as_number(alpha, "alpha", above=0.0, below=0.5),
+        beta=as_number(beta, "beta", above=0.0, below=1.0),
+        max_backtracks=as_count(max_backtracks, "max_backtracks", 0),
+        chunk=as_count(chunk, "chunk", 1),
     )

@@ -10,8 +10,7 @@ import numpy.typing as npt
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.step import StepDerivatives
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.numerics.arrays import Array
-from leastaction.numerics.signals import check_times
+from leastaction.numerics.arrays import Array, as_times
 from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
 
 
@@ -48,7 +47,7 @@ class MidpointSystem(DiscreteSystem):
     ) -> None:
         m = integrator.mechanism
         self.integrator = integrator
-        self.t = check_times(t)
+        self.t = as_times(t)
         self.multipliers = multipliers
         self.nx = m.nx + (m.nc if multipliers else 0)
         self.nu = m.nu + m.nrho

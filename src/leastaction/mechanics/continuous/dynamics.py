@@ -24,8 +24,7 @@ from leastaction.mechanics.continuous.acceleration import (
 )
 from leastaction.mechanics.elements import PythonConstraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number, shape_of
-from leastaction.numerics.signals import as_count
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, shape_of
 
 
 class ContinuousDynamics:

@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, shape_of
-from leastaction.numerics.signals import check_times
+from leastaction.numerics.arrays import Array, as_array, as_times, shape_of
 
 Law = Callable[[float, Array], npt.ArrayLike]
 """An input as a function of the time (s) and the state ``x = [q; rho; v; v_rho]``."""
@@ -59,7 +58,7 @@ class PrescribedMotion:
             Degree of the spline, 3 or 5; cubic, and through two or three rows a line or a parabola, where there
             are too few rows for more.
         """
-        times = check_times(t)
+        times = as_times(t)
         if degree not in (3, 5):
             raise ArgumentError(f"degree: got {degree!r}, expected 3 or 5")
         rows = as_array(rho, "rho", (len(times), None))

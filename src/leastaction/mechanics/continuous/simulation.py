@@ -36,8 +36,7 @@ from leastaction.mechanics.continuous.trajectory import (
 )
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
-from leastaction.numerics.arrays import Array, as_array, as_number, shape_of
-from leastaction.numerics.signals import as_count, check_times
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
 
 _SHOWN = 8  # variables of a state that a message lists
 
@@ -135,7 +134,7 @@ def simulate(
             f"dynamics: got {type(dynamics).__name__}, expected a Mechanism or its ContinuousDynamics"
         )
     m = dynamics.mechanism
-    times = check_times(t)
+    times = as_times(t)
     handling = as_handling(constraints)
     motion = _motion(m, rho, rho_a, u, inputs, times)
     x0 = _start(m, q0, v0, motion, float(times[0]))

@@ -30,14 +30,8 @@ from leastaction.mechanics.discrete.trajectory import (
 from leastaction.mechanics.elements import Distance, PathLength
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
-from leastaction.numerics.arrays import Array, as_array, as_number
-from leastaction.numerics.signals import (
-    Signal,
-    as_count,
-    as_time_step,
-    check_times,
-    signal_rows,
-)
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_time_step, as_times
+from leastaction.numerics.signals import Signal, signal_rows
 
 Split = Literal["symmetric", "left"]
 
@@ -277,7 +271,7 @@ class MidpointVI(ParameterDifferentiation):
         """
         m = self.mechanism
         check_state(start)
-        times = check_times(t)
+        times = as_times(t)
         if abs(times[0] - start.t) > 1e-9 * max(1.0, abs(start.t)):
             raise ArgumentError(
                 f"t: the first time is {times[0]} s, but the start is at {start.t} s; they must agree"

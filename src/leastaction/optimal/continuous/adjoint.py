@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
 from leastaction.optimal.continuous.riccati import Samples, largest
@@ -18,8 +18,8 @@ __all__ = ["continuous_adjoint"]
 def continuous_adjoint(
     mesh: Mesh,
     samples: Samples,
-    K: Floats,
-    q_final: Floats,
+    K: Array,
+    q_final: Array,
     *,
     accuracy: Accuracy,
     jumps: Sequence[float],
@@ -52,9 +52,9 @@ def continuous_adjoint(
     packed = np.concatenate([np.swapaxes(closed, 1, 2).reshape(len(K), -1), source], axis=1)
     data = mesh.fit(packed, (packed.shape[1],)).flat
 
-    def fun(t: float, z: Floats) -> Floats:
+    def fun(t: float, z: Array) -> Array:
         d = data(t)
-        rate: Floats = d[: nx * nx].reshape(nx, nx) @ z
+        rate: Array = d[: nx * nx].reshape(nx, nx) @ z
         rate += d[nx * nx :]
         return np.negative(rate, out=rate)
 

@@ -7,14 +7,14 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.checks import DerivativeReport
 from leastaction.optimal.continuous.costs import ContinuousCost
 from leastaction.optimal.continuous.protocol import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.differences import central_differences, relative_error
 
-_Note = Callable[[str, Floats, Floats], None]
+_Note = Callable[[str, Array, Array], None]
 
 __all__ = ["check_continuous_derivatives"]
 
@@ -64,7 +64,7 @@ def check_continuous_derivatives(
     z = rng.standard_normal((len(times), nx))
     errors: dict[str, float] = {}
 
-    def note(name: str, got: Floats, expected: Floats) -> None:
+    def note(name: str, got: Array, expected: Array) -> None:
         errors[name] = max(errors.get(name, 0.0), relative_error(got, expected))
 
     for i, t in enumerate(times.tolist()):
@@ -95,10 +95,10 @@ def check_continuous_derivatives(
     return DerivativeReport(errors, tolerance)
 
 
-def _check_rate(cost: ContinuousCost, at: Floats, nx: int, t: float, note: _Note) -> None:
+def _check_rate(cost: ContinuousCost, at: Array, nx: int, t: float, note: _Note) -> None:
     time = np.array([t])
 
-    def gradient(y: Floats) -> Floats:
+    def gradient(y: Array) -> Array:
         q, r = cost.gradient(y[None, :nx], y[None, nx:], time)
         return np.concatenate([q[0], r[0]])
 
@@ -113,7 +113,7 @@ def _check_rate(cost: ContinuousCost, at: Floats, nx: int, t: float, note: _Note
     )
 
 
-def _check_final(cost: ContinuousCost, x: Floats, t: float, note: _Note) -> None:
+def _check_final(cost: ContinuousCost, x: Array, t: float, note: _Note) -> None:
     gradient = cost.final_gradient(x, t)
     value = central_differences(lambda y: np.array([cost.final_value(y, t)]), x)
     note("final gradient", gradient, value[0])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_floats
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.continuous.signals import Signal, SignalLike
 
 __all__ = ["ContinuousCost", "ContinuousQuadraticCost", "RateGradient", "RateHessian"]
@@ -25,8 +25,8 @@ class RateGradient(NamedTuple):
         ``dl/dx`` and ``dl/du``.
     """
 
-    q: Floats
-    r: Floats
+    q: Array
+    r: Array
 
 
 class RateHessian(NamedTuple):
@@ -40,9 +40,9 @@ class RateHessian(NamedTuple):
         ``d2l/dxdu``; None is zero.
     """
 
-    Q: Floats
-    R: Floats
-    S: Floats | None
+    Q: Array
+    R: Array
+    S: Array | None
 
 
 class ContinuousCost(ABC):
@@ -56,26 +56,26 @@ class ContinuousCost(ABC):
     """Times (s) where the rate or its slope jumps with time, if it does."""
 
     @abstractmethod
-    def rate(self, x: Floats, u: Floats, t: float) -> float:
+    def rate(self, x: Array, u: Array, t: float) -> float:
         """Return ``l(x, u, t)``."""
 
     @abstractmethod
-    def gradient(self, x: Floats, u: Floats, t: Floats) -> RateGradient:
+    def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
         """Return the first derivatives of the rate at ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
 
     @abstractmethod
-    def hessian(self, x: Floats, u: Floats, t: Floats) -> RateHessian:
+    def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
         """Return the second derivatives of the rate at ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
 
-    def final_value(self, x: Floats, t: float) -> float:  # noqa: ARG002
+    def final_value(self, x: Array, t: float) -> float:  # noqa: ARG002
         """Return ``m(x, tf)`` for the last state (nx,); zero unless overridden."""
         return 0.0
 
-    def final_gradient(self, x: Floats, t: float) -> Floats:  # noqa: ARG002
+    def final_gradient(self, x: Array, t: float) -> Array:  # noqa: ARG002
         """Return ``dm/dx`` (nx,)."""
         return np.zeros_like(x)
 
-    def final_hessian(self, x: Floats, t: float) -> Floats:  # noqa: ARG002
+    def final_hessian(self, x: Array, t: float) -> Array:  # noqa: ARG002
         """Return ``d2m/dx2`` (nx, nx)."""
         return np.zeros((x.size, x.size))
 
@@ -126,15 +126,15 @@ class ContinuousQuadraticCost(ContinuousCost):
     ) -> None:
         self.x_wanted, self.u_wanted = Signal("x_wanted", x_wanted), Signal("u_wanted", u_wanted)
         self.Q, self.R = Signal("Q", Q), Signal("R", R)
-        self.Q_final = None if Q_final is None else as_floats("Q_final", Q_final)
-        self.x_final = None if x_final is None else as_floats("x_final", x_final)
+        self.Q_final = None if Q_final is None else as_array(Q_final, "Q_final")
+        self.x_final = None if x_final is None else as_array(x_final, "x_final")
         for weight, definite in ((self.Q, False), (self.R, True)):
             if weight.is_constant:
                 _check_weight(weight.name, weight.at(0.0), definite=definite)
         if self.Q_final is not None:
             _check_weight("Q_final", self.Q_final, definite=False)
         signals = (self.x_wanted, self.u_wanted, self.Q, self.R)
-        given = as_floats("jumps", list(jumps)).ravel().tolist()
+        given = as_array(list(jumps), "jumps").ravel().tolist()
         self.jumps = tuple(sorted({*given, *(t for s in signals for t in s.jumps)}))
 
     def check(self, t0: float, tf: float, nx: int, nu: int) -> None:
@@ -148,11 +148,11 @@ class ContinuousQuadraticCost(ContinuousCost):
             for value in weight.check(t0, tf, (n,), (n, n), what=what):
                 _check_weight(weight.name, value, definite=definite)
         if self.Q_final is not None:
-            as_floats("Q_final", self.Q_final, (nx,), (nx, nx), what="(nx,) or (nx, nx)")
+            as_array(self.Q_final, "Q_final", (nx,), (nx, nx), meaning="(nx,) or (nx, nx)")
         if self.x_final is not None:
-            as_floats("x_final", self.x_final, (nx,), what="(nx,)")
+            as_array(self.x_final, "x_final", (nx,), meaning="(nx,)")
 
-    def rate(self, x: Floats, u: Floats, t: float) -> float:
+    def rate(self, x: Array, u: Array, t: float) -> float:
         """Return the rate of the cost."""
         dx, du = x - self.x_wanted.at(t), u - self.u_wanted.at(t)
         Q, R = self.Q.at(t), self.R.at(t)
@@ -161,53 +161,53 @@ class ContinuousQuadraticCost(ContinuousCost):
         )
         return 0.5 * float(weighed)
 
-    def gradient(self, x: Floats, u: Floats, t: Floats) -> RateGradient:
+    def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
         """Return the first derivatives of the rate."""
         return RateGradient(
             _times(self.Q.samples(t), x - self.x_wanted.samples(t)),
             _times(self.R.samples(t), u - self.u_wanted.samples(t)),
         )
 
-    def hessian(self, x: Floats, u: Floats, t: Floats) -> RateHessian:  # noqa: ARG002
+    def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:  # noqa: ARG002
         """Return the weights."""
         return RateHessian(_matrices(self.Q.samples(t)), _matrices(self.R.samples(t)), None)
 
-    def final_value(self, x: Floats, t: float) -> float:
+    def final_value(self, x: Array, t: float) -> float:
         """Return the cost of the last state."""
         return 0.5 * float((x - self._wanted_last(t)) @ self.final_gradient(x, t))
 
-    def final_gradient(self, x: Floats, t: float) -> Floats:
+    def final_gradient(self, x: Array, t: float) -> Array:
         """Return the derivative of the final term."""
-        result: Floats = self.final_hessian(x, t) @ (x - self._wanted_last(t))
+        result: Array = self.final_hessian(x, t) @ (x - self._wanted_last(t))
         return result
 
-    def final_hessian(self, x: Floats, t: float) -> Floats:  # noqa: ARG002
+    def final_hessian(self, x: Array, t: float) -> Array:  # noqa: ARG002
         """Return the final weight."""
         if self.Q_final is None:
             return np.zeros((x.size, x.size))
         return np.diag(self.Q_final) if self.Q_final.ndim == 1 else self.Q_final
 
-    def _wanted_last(self, t: float) -> Floats:
+    def _wanted_last(self, t: float) -> Array:
         if self.x_final is not None:
             return self.x_final
         # The wanted motion may jump at the end: what holds until then counts.
         return self.x_wanted.at(float(np.nextafter(t, -np.inf)))
 
 
-def _times(weight: Floats, d: Floats) -> Floats:
+def _times(weight: Array, d: Array) -> Array:
     """Return weight (n, size) or (n, size, size) times d (n, size)."""
     if weight.ndim == 2:
         return weight * d
-    result: Floats = np.einsum("nij,nj->ni", weight, d)
+    result: Array = np.einsum("nij,nj->ni", weight, d)
     return result
 
 
-def _matrices(weight: Floats) -> Floats:
+def _matrices(weight: Array) -> Array:
     """Return weights (n, size) or (n, size, size) as matrices."""
     return weight if weight.ndim == 3 else weight[..., None] * np.eye(weight.shape[1])
 
 
-def _check_weight(name: str, weight: Floats, *, definite: bool) -> None:
+def _check_weight(name: str, weight: Array, *, definite: bool) -> None:
     if weight.ndim == 2 and weight.shape[0] == weight.shape[1]:
         skew = float(np.abs(weight - weight.T).max(initial=0.0))
         if skew > 1e-12 * float(np.abs(weight).max(initial=0.0)):

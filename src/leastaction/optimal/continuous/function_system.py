@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_count, as_floats
+from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.optimal.continuous.protocol import ContinuousSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 
@@ -33,25 +33,25 @@ class LinearContinuousSystem(ContinuousSystem):
     """
 
     def __init__(self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None) -> None:
-        self.A, self.B = as_floats("A", A), as_floats("B", B)
+        self.A, self.B = as_array(A, "A"), as_array(B, "B")
         if self.A.ndim != 2 or self.A.shape[0] != self.A.shape[1] or self.A.size == 0:
             raise ArgumentError(f"A: got shape {self.A.shape}, expected (nx, nx).")
         self.nx = self.A.shape[0]
         if self.B.ndim != 2 or self.B.shape[0] != self.nx or self.B.size == 0:
             raise ArgumentError(f"B: got shape {self.B.shape}, expected ({self.nx}, nu).")
         self.nu = self.B.shape[1]
-        self.c = np.zeros(self.nx) if c is None else as_floats("c", c, (self.nx,))
+        self.c = np.zeros(self.nx) if c is None else as_array(c, "c", (self.nx,))
 
-    def f(self, x: Floats, u: Floats, t: float) -> Floats:  # noqa: ARG002
+    def f(self, x: Array, u: Array, t: float) -> Array:  # noqa: ARG002
         """Return ``A x + B u + c``."""
-        result: Floats = self.A @ x + self.B @ u + self.c
+        result: Array = self.A @ x + self.B @ u + self.c
         return result
 
-    def derivatives(self, x: Floats, u: Floats, t: float) -> tuple[Floats, Floats]:  # noqa: ARG002
+    def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002
         """Return A and B."""
         return self.A, self.B
 
-    def curvature(self, x: Floats, u: Floats, t: float, z: Floats) -> Floats:  # noqa: ARG002
+    def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:  # noqa: ARG002
         """Return zero."""
         return np.zeros((self.nx + self.nu, self.nx + self.nu))
 
@@ -90,21 +90,21 @@ class FunctionContinuousSystem(ContinuousSystem):
         curvature: Curvature | None = None,
         jumps: Sequence[float] = (),
     ) -> None:
-        self.nx = as_count("nx", nx, minimum=1)
-        self.nu = as_count("nu", nu, minimum=1)
-        self.jumps = tuple(as_floats("jumps", list(jumps)).ravel().tolist())
+        self.nx = as_count(nx, "nx", 1)
+        self.nu = as_count(nu, "nu", 1)
+        self.jumps = tuple(as_array(list(jumps), "jumps").ravel().tolist())
         self.has_curvature = curvature is not None
         self._functions = Functions(f, self.nx, self.nu, derivatives, curvature)
 
-    def f(self, x: Floats, u: Floats, t: float) -> Floats:
+    def f(self, x: Array, u: Array, t: float) -> Array:
         """Return the rate of the state."""
         return self._functions.f(x, u, t)
 
-    def derivatives(self, x: Floats, u: Floats, t: float) -> tuple[Floats, Floats]:
+    def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         """Return A and B."""
         return self._functions.derivatives(x, u, t)
 
-    def curvature(self, x: Floats, u: Floats, t: float, z: Floats) -> Floats:
+    def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:
         """Return ``z . D2f``."""
         if not self.has_curvature:
             return super().curvature(x, u, t, z)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.numerics.floats import Floats, as_count, as_number
+from leastaction.numerics.arrays import Array, as_count, as_number
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
 
 __all__ = ["Accuracy", "Integration", "integrate", "segments"]
@@ -52,9 +52,9 @@ class Accuracy:
                 f"solver: got {self.solver!r}, expected one of {', '.join(SOLVERS)}."
             )
         # SciPy does not go below 100 times the rounding unit.
-        as_number("rtol", self.rtol, above=3e-14, below=0.1)
-        as_number("atol", self.atol, above=0.0)
-        as_count("max_steps", self.max_steps, minimum=1)
+        as_number(self.rtol, "rtol", above=3e-14, below=0.1)
+        as_number(self.atol, "atol", above=0.0)
+        as_count(self.max_steps, "max_steps", 1)
 
     @property
     def sampling(self) -> float:
@@ -83,12 +83,12 @@ class Integration:
         Ends of the steps in increasing order, and the solution at the points of that mesh.
     """
 
-    y: Floats
+    y: Array
     t: float
     steps: int
     failure: str | None
-    breaks: Floats
-    values: Floats
+    breaks: Array
+    values: Array
 
     @property
     def mesh(self) -> Mesh:
@@ -108,15 +108,15 @@ def segments(t0: float, tf: float, jumps: Sequence[float]) -> list[float]:
 
 
 def integrate(
-    fun: Callable[[float, Floats], Floats],
+    fun: Callable[[float, Array], Array],
     t0: float,
     tf: float,
-    y0: Floats,
+    y0: Array,
     *,
     accuracy: Accuracy,
-    atol: Floats | None = None,
+    atol: Array | None = None,
     jumps: Sequence[float] = (),
-    check: Callable[[float, Floats], str | None] | None = None,
+    check: Callable[[float, Array], str | None] | None = None,
 ) -> Integration:
     """Integrate ``y' = fun(t, y)`` from t0 to tf, forwards or backwards.
 
@@ -214,8 +214,8 @@ def _step(solver: Any, shortest: float) -> str | None:
 
 
 def _kept_inside(
-    fun: Callable[[float, Floats], Floats], low: float, high: float
-) -> Callable[[float, Floats], Floats]:
+    fun: Callable[[float, Array], Array], low: float, high: float
+) -> Callable[[float, Array], Array]:
     """Return fun that sees times strictly between the ends, where it may jump."""
     low, high = math.nextafter(low, high), math.nextafter(high, low)
     return lambda t, y: fun(low if t < low else high if t > high else t, y)
@@ -224,11 +224,11 @@ def _kept_inside(
 def _sampled(
     pieces: list[tuple[float, float, Any]],
     t0: float,
-    y0: Floats,
+    y0: Array,
     *,
     backwards: bool,
     wanted: bool,
-) -> tuple[Floats, Floats]:
+) -> tuple[Array, Array]:
     if not pieces or not wanted:
         return np.array([t0]), np.empty((0, y0.size))
     if backwards:

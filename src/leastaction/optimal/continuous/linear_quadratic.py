@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_floats
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.riccati import (
@@ -105,14 +105,12 @@ def solve_continuous_linear_quadratic(
         signal = signals[name] = Signal(name, np.zeros(shape) if value is None else value)
         allowed = (shape, shape[:1]) if name in ("Q", "R") else (shape,)
         signal.check(t0, tf, *allowed, what=" or ".join(map(str, allowed)))
-    final = (
-        np.zeros((nx, nx)) if Q_final is None else as_floats("Q_final", Q_final, (nx,), (nx, nx))
-    )
+    final = np.zeros((nx, nx)) if Q_final is None else as_array(Q_final, "Q_final", (nx,), (nx, nx))
     final = np.diag(final) if final.ndim == 1 else final
-    gradient = np.zeros(nx) if q_final is None else as_floats("q_final", q_final, (nx,))
+    gradient = np.zeros(nx) if q_final is None else as_array(q_final, "q_final", (nx,))
     every = sorted({*jumps, *(t for signal in signals.values() for t in signal.jumps)})
 
-    def sample(t: Floats) -> Floats:
+    def sample(t: Array) -> Array:
         parts = []
         for name in Samples._fields:
             value = signals[name].samples(t)
@@ -187,7 +185,7 @@ def steady_state_regulator(
     Q: ArrayLike | None = None,
     R: ArrayLike | None = None,
     S: ArrayLike | None = None,
-) -> tuple[Floats, Floats]:
+) -> tuple[Array, Array]:
     """Return the gains K (nu, nx) and the cost P (nx, nx) of the LQR over an endless horizon.
 
     Parameters
@@ -205,18 +203,18 @@ def steady_state_regulator(
         Wrong shapes, values that are not finite, or a system that cannot be stabilised, or whose
         instability the weights do not see.
     """
-    A = as_floats("A", A)
+    A = as_array(A, "A")
     if A.ndim != 2 or A.shape[0] != A.shape[1]:
         raise ArgumentError(f"A: got shape {A.shape}, expected (nx, nx).")
     nx = A.shape[0]
-    B = as_floats("B", B)
+    B = as_array(B, "B")
     if B.ndim != 2 or B.shape[0] != nx:
         raise ArgumentError(f"B: got shape {B.shape}, expected ({nx}, nu).")
     nu = B.shape[1]
-    Q = np.ones(nx) if Q is None else as_floats("Q", Q, (nx,), (nx, nx))
-    R = np.ones(nu) if R is None else as_floats("R", R, (nu,), (nu, nu))
+    Q = np.ones(nx) if Q is None else as_array(Q, "Q", (nx,), (nx, nx))
+    R = np.ones(nu) if R is None else as_array(R, "R", (nu,), (nu, nu))
     Q, R = (np.diag(W) if W.ndim == 1 else W for W in (Q, R))
-    S = np.zeros((nx, nu)) if S is None else as_floats("S", S, (nx, nu))
+    S = np.zeros((nx, nu)) if S is None else as_array(S, "S", (nx, nu))
     from scipy.linalg import solve_continuous_are
 
     try:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.numerics.floats import Floats, require_finite
+from leastaction.numerics.arrays import Array, require_finite
 from leastaction.optimal.continuous.costs import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.piecewise import Mesh, approximate
@@ -33,8 +33,8 @@ class TangentModel:
 
     mesh: Mesh
     samples: Samples
-    Q_final: Floats
-    q_final: Floats
+    Q_final: Array
+    q_final: Array
 
 
 def sample_model(
@@ -64,13 +64,13 @@ def sample_model(
     nx, nu = system.nx, system.nu
 
     # The Hessian of the cost varies no faster than its gradient, which is a tenth of the size.
-    def sample(t: Floats) -> Floats:
+    def sample(t: Array) -> Array:
         x, u = curve.sample(t)
         parts = (*system.linearize(x, u, t), *cost.gradient(x, u, t))
         return np.hstack([part.reshape(len(t), -1) for part in parts])
 
     mesh, packed = approximate(sample, Mesh(_united(curve.t, jumps)), accuracy.sampling)
-    require_finite("derivatives of the system and the cost", packed)
+    require_finite(packed, "derivatives of the system and the cost")
     n = len(mesh.t)
     A, B, q, r = np.split(packed, np.cumsum([nx * nx, nx * nu, nx]), axis=1)
     Q, R, S = cost.hessian(*curve.sample(mesh.t), mesh.t)
@@ -107,12 +107,12 @@ class SampledSystem(ContinuousSystem):
         packed = np.concatenate([samples.A.reshape(n, -1), samples.B.reshape(n, -1)], axis=1)
         self._AB = mesh.fit(packed, packed.shape[1:]).flat
 
-    def f(self, x: Floats, u: Floats, t: float) -> Floats:
+    def f(self, x: Array, u: Array, t: float) -> Array:
         """Return the rate of the deviation."""
         A, B = self.derivatives(x, u, t)
         return np.asarray(A @ x + B @ u)
 
-    def derivatives(self, x: Floats, u: Floats, t: float) -> tuple[Floats, Floats]:  # noqa: ARG002
+    def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002
         """Return A and B."""
         nx, nu = self.nx, self.nu
         AB = self._AB(t)
@@ -129,7 +129,7 @@ def with_identities(samples: Samples) -> Samples:
     )
 
 
-def _united(breaks: Floats, jumps: ArrayLike) -> Floats:
+def _united(breaks: Array, jumps: ArrayLike) -> Array:
     """Return the ends of pieces with the jumps among them."""
     times = np.asarray(jumps, dtype=np.float64)
     span = breaks[-1] - breaks[0]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_floats
+from leastaction.numerics.arrays import Array, as_array
 
 __all__ = ["Mesh", "PiecewisePolynomial", "approximate"]
 
@@ -54,7 +54,7 @@ class PiecewisePolynomial:
         Shape of a value; its product is `size`.
     """
 
-    def __init__(self, breaks: Floats, coefficients: Floats, shape: tuple[int, ...]) -> None:
+    def __init__(self, breaks: Array, coefficients: Array, shape: tuple[int, ...]) -> None:
         self.breaks = breaks
         self.coefficients = coefficients
         self.shape = shape
@@ -90,14 +90,14 @@ class PiecewisePolynomial:
         ArgumentError
             Times that do not increase, or values that do not fit them or are not finite.
         """
-        times = as_floats("t", t)
+        times = as_array(t, "t")
         if times.ndim != 1 or times.size < 2 or not (np.diff(times) > 0.0).all():
             raise ArgumentError(
                 f"t: got shape {times.shape}, expected at least two increasing times."
             )
         if kind not in ("linear", "hold", "cubic"):
             raise ArgumentError(f"kind: got {kind!r}, expected 'linear', 'hold' or 'cubic'.")
-        samples = as_floats("values", values)
+        samples = as_array(values, "values")
         wanted = times.size - (kind == "hold")
         if samples.ndim < 1 or samples.shape[0] != wanted:
             raise ArgumentError(
@@ -127,15 +127,15 @@ class PiecewisePolynomial:
         """Last time (s)."""
         return float(self.breaks[-1])
 
-    def flat(self, t: float) -> Floats:
+    def flat(self, t: float) -> Array:
         """Return the value at a time as a vector; beyond the ends, the value there."""
         i = bisect_right(self._inner, t)
         s = (t - self._middle[i]) * self._scale[i]
         angle = math.acos(-1.0 if s < -1.0 else 1.0 if s > 1.0 else s)
-        value: Floats = np.cos(angle * self._degrees) @ self.coefficients[i]
+        value: Array = np.cos(angle * self._degrees) @ self.coefficients[i]
         return value
 
-    def __call__(self, t: ArrayLike) -> Floats:
+    def __call__(self, t: ArrayLike) -> Array:
         """Return the values at times of any shape: an array of shape ``t.shape + shape``."""
         times = np.asarray(t, dtype=np.float64)
         if times.ndim == 0:
@@ -201,25 +201,25 @@ class Mesh:
         Weights that integrate a function sampled there.
     """
 
-    def __init__(self, breaks: Floats) -> None:
+    def __init__(self, breaks: Array) -> None:
         self.breaks = breaks
         half = 0.5 * np.diff(breaks)[:, None]
         middle = 0.5 * (breaks[1:] + breaks[:-1])[:, None]
-        self.t: Floats = (middle + half * _ABSCISSAE).ravel()
-        self.weights: Floats = (half * _WEIGHTS).ravel()
+        self.t: Array = (middle + half * _ABSCISSAE).ravel()
+        self.weights: Array = (half * _WEIGHTS).ravel()
 
-    def fit(self, values: Floats, shape: tuple[int, ...]) -> PiecewisePolynomial:
+    def fit(self, values: Array, shape: tuple[int, ...]) -> PiecewisePolynomial:
         """Return the function with these values (n * POINTS, ...) at the points."""
         return PiecewisePolynomial(self.breaks, self.coefficients(values), shape)
 
-    def coefficients(self, values: Floats) -> Floats:
+    def coefficients(self, values: Array) -> Array:
         """Return the Chebyshev coefficients (n, POINTS, size) of values at the points."""
         pieces = values.reshape(len(self.breaks) - 1, POINTS, -1)
-        result: Floats = _TRANSFORM @ pieces
+        result: Array = _TRANSFORM @ pieces
         return result
 
     def coarse(
-        self, values: Floats, tolerance: float, least: Floats | None = None
+        self, values: Array, tolerance: float, least: Array | None = None
     ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return which pieces are too long for values (n * POINTS, size) sampled on them, (n,).
 
@@ -243,11 +243,11 @@ class Mesh:
 
 
 def approximate(
-    function: Callable[[Floats], Floats],
+    function: Callable[[Array], Array],
     mesh: Mesh,
     tolerance: float,
-    least: Floats | None = None,
-) -> tuple[Mesh, Floats]:
+    least: Array | None = None,
+) -> tuple[Mesh, Array]:
     """Sample a function on a mesh that is fine enough for it.
 
     Parameters

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.numerics.floats import Floats, as_floats, require_finite
+from leastaction.numerics.arrays import Array, as_array, require_finite
 from leastaction.optimal.continuous.adjoint import continuous_adjoint
 from leastaction.optimal.continuous.costs import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
@@ -95,7 +95,7 @@ class ContinuousProblem(
         self.gain: PiecewisePolynomial
         # What was computed along it; None: not yet.
         self.model: TangentModel | None = None
-        self.curvature: Floats | None = None
+        self.curvature: Array | None = None
         self.quasi_newton: ContinuousLinearQuadraticSolution | None = None
         self.feedback: PiecewisePolynomial | None = None
 
@@ -131,7 +131,7 @@ class ContinuousProblem(
             x, u = initial
             is_curve = isinstance(x, PiecewisePolynomial) or callable(x)
             if not is_curve:
-                x = as_floats("initial x", np.asarray(x), (nx,), what="an initial state (nx,)")
+                x = as_array(np.asarray(x), "initial x", (nx,), meaning="an initial state (nx,)")
             times = as_horizon(horizon)
             curve = DenseTrajectory.from_functions(x, u, horizon=times, nx=nx, nu=nu)
         self.cost.check(curve.t0, curve.tf, nx, nu)
@@ -255,7 +255,7 @@ class ContinuousProblem(
             raise ArgumentError(f"direction: the linearised system failed at {swept.failure}.")
         tangent = swept.trajectory
 
-        def law(t: Floats) -> Floats:
+        def law(t: Array) -> Array:
             K, dxdu = own(t)[:, : nu * nx], tangent.xu(t)
             fed_back = np.einsum("nij,nj->ni", K.reshape(-1, nu, nx), dxdu[:, :nx])
             return np.hstack([K, -dxdu[:, nx:] - fed_back])
@@ -315,7 +315,7 @@ class ContinuousProblem(
                 )
         return self.model
 
-    def _curvature_along(self, model: TangentModel) -> Floats:
+    def _curvature_along(self, model: TangentModel) -> Array:
         if self.curvature is None:
             nx, nu = self.system.nx, self.system.nu
             t = model.mesh.t
@@ -330,7 +330,7 @@ class ContinuousProblem(
                 )
             with self.clock("curvature"):
                 self.curvature = self.system.curvatures(*self.trajectory.sample(t), t, z(t))
-            require_finite("curvature of the system", self.curvature)
+            require_finite(self.curvature, "curvature of the system")
         return self.curvature
 
     def forget(self) -> None:
@@ -367,7 +367,7 @@ class ContinuousProblem(
 
     # ---- What is told ---------------------------------------------------------------------------
 
-    def arrays(self) -> tuple[Floats, Floats]:
+    def arrays(self) -> tuple[Array, Array]:
         """Return states and inputs at the ends of the trajectory's pieces."""
         return self.trajectory.sample(self.trajectory.t)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous.costs import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
@@ -47,7 +47,7 @@ class ContinuousRollout:
     steps: int
     failure: str | None
     t: float
-    x: Floats
+    x: Array
 
 
 @dataclass(frozen=True)
@@ -68,20 +68,20 @@ class Follower:
     feedback: PiecewisePolynomial
     length: float
 
-    def input(self, x: Floats, t: float) -> Floats:
+    def input(self, x: Array, t: float) -> Array:
         """Return the input at a state and a time."""
         nx, nu = self.reference.nx, self.reference.nu
         ref, law = self.reference.xu.flat(t), self.feedback.flat(t)
-        u: Floats = ref[nx:] - law[: nu * nx].reshape(nu, nx) @ (x - ref[:nx])
+        u: Array = ref[nx:] - law[: nu * nx].reshape(nu, nx) @ (x - ref[:nx])
         u -= self.length * law[nu * nx :]
         return u
 
-    def inputs(self, x: Floats, t: Floats) -> Floats:
+    def inputs(self, x: Array, t: Array) -> Array:
         """Return the inputs (n, nu) at states (n, nx) and times (n,)."""
         nx, nu = self.reference.nx, self.reference.nu
         ref, law = self.reference.xu(t), self.feedback(t)
         K = law[:, : nu * nx].reshape(-1, nu, nx)
-        u: Floats = ref[:, nx:] - np.einsum("nij,nj->ni", K, x - ref[:, :nx])
+        u: Array = ref[:, nx:] - np.einsum("nij,nj->ni", K, x - ref[:, :nx])
         u -= self.length * law[:, nu * nx :]
         return u
 
@@ -95,8 +95,8 @@ def roll_out(
     cost: ContinuousCost | None = None,
     cost_scale: float = 0.0,
     bound: float = np.inf,
-    x0: Floats | None = None,
-    least: Floats | None = None,
+    x0: Array | None = None,
+    least: Array | None = None,
 ) -> ContinuousRollout:
     """Integrate a system under a feedback, and its cost with it.
 
@@ -125,7 +125,7 @@ def roll_out(
     # The cost so far is looked at after every step, and not trusted beyond its own error.
     limit = bound if cost is not None and cost.nonnegative else np.inf
 
-    def fun(t: float, y: Floats) -> Floats:
+    def fun(t: float, y: Array) -> Array:
         x = y[:nx]
         u = follower.input(x, t)
         rate = np.empty(y.size)
@@ -134,7 +134,7 @@ def roll_out(
             rate[nx] = cost.rate(x, u, t)
         return rate
 
-    def check(t: float, y: Floats) -> str | None:  # noqa: ARG001
+    def check(t: float, y: Array) -> str | None:  # noqa: ARG001
         return "the cost was past its bound" if y[-1] > limit else None
 
     atol = np.full(nx + (cost is not None), accuracy.atol)
@@ -159,7 +159,7 @@ def roll_out(
             total = float(done.y[nx]) + cost.final_value(x_end, tf)
     states = PiecewisePolynomial(done.breaks, done.mesh.coefficients(done.values[:, :nx]), (nx,))
 
-    def both(t: Floats) -> Floats:
+    def both(t: Array) -> Array:
         x = states(t)
         return np.hstack([x, follower.inputs(x, t)])
 
@@ -214,7 +214,7 @@ class ContinuousProjection:
         curve: DenseTrajectory,
         cost: ContinuousCost | None = None,
         *,
-        x0: Floats | None = None,
+        x0: Array | None = None,
     ) -> ContinuousRollout:
         """Return the trajectory (from x0, if given), with its cost if there is one."""
         return roll_out(
@@ -250,10 +250,10 @@ class _Tangent(ContinuousSystem):
         self.jumps = system.jumps
         self._system, self._trajectory = system, trajectory
 
-    def f(self, x: Floats, u: Floats, t: float) -> Floats:
+    def f(self, x: Array, u: Array, t: float) -> Array:
         A, B = self.derivatives(x, u, t)
         return np.asarray(A @ x + B @ u)
 
-    def derivatives(self, x: Floats, u: Floats, t: float) -> tuple[Floats, Floats]:  # noqa: ARG002
+    def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002
         along = self._trajectory.xu.flat(t)
         return self._system.derivatives(along[: self.nx], along[self.nx :], t)

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.protocol import Linearization
 
 __all__ = ["ContinuousSystem"]
@@ -40,28 +40,28 @@ class ContinuousSystem(ABC):
     """Times (s) where f jumps with time, if it does: integrators start anew there."""
 
     @abstractmethod
-    def f(self, x: Floats, u: Floats, t: float) -> Floats:
+    def f(self, x: Array, u: Array, t: float) -> Array:
         """Return the rate of the state (nx,). A state without one raises `StepError`."""
 
     @abstractmethod
-    def derivatives(self, x: Floats, u: Floats, t: float) -> tuple[Floats, Floats]:
+    def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu)."""
 
-    def curvature(self, x: Floats, u: Floats, t: float, z: Floats) -> Floats:
+    def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:
         """Return ``z . D2f``, the symmetric (nx+nu, nx+nu) Hessian of ``z'f`` over ``(x, u)``."""
         raise NotImplementedError(
             f"{type(self).__name__} has no second derivative: implement `curvature`, or set "
             "`has_curvature = False` and use a method other than 'newton'."
         )
 
-    def linearize(self, x: Floats, u: Floats, t: Floats) -> Linearization:
+    def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
         """Return A (n, nx, nx) and B (n, nx, nu) at samples ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
         A, B = np.empty((len(t), self.nx, self.nx)), np.empty((len(t), self.nx, self.nu))
         for i in range(len(t)):
             A[i], B[i] = self.derivatives(x[i], u[i], float(t[i]))
         return Linearization(A, B)
 
-    def curvatures(self, x: Floats, u: Floats, t: Floats, z: Floats) -> Floats:
+    def curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
         """Return ``z . D2f`` (n, nx+nu, nx+nu) at samples; z (n, nx) like the others."""
         n = self.nx + self.nu
         H = np.empty((len(t), n, n))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
@@ -37,7 +37,7 @@ class ContinuousOptimizationResult(OptimizationResult):
         the optimisation began with.
     """
 
-    t: Floats
+    t: Array
     trajectory: DenseTrajectory
     feedback: PiecewisePolynomial
     projection: PiecewisePolynomial

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial, approximate
 
@@ -38,17 +38,17 @@ class Samples(NamedTuple):
         Gradients of the cost, and drift.
     """
 
-    A: Floats
-    B: Floats
-    Q: Floats
-    R: Floats
-    S: Floats
-    q: Floats
-    r: Floats
-    c: Floats
+    A: Array
+    B: Array
+    Q: Array
+    R: Array
+    S: Array
+    q: Array
+    r: Array
+    c: Array
 
     @classmethod
-    def unpack(cls, packed: Floats, nx: int, nu: int) -> Samples:
+    def unpack(cls, packed: Array, nx: int, nu: int) -> Samples:
         """Return the samples from rows of A, B, Q, R, S, q, r, c, in this order."""
         shapes = [(nx, nx), (nx, nu), (nx, nx), (nu, nu), (nx, nu), (nx,), (nu,), (nx,)]
         parts, begin = [], 0
@@ -119,8 +119,8 @@ class ContinuousLinearQuadraticSolution:
 def solve_samples(
     mesh: Mesh,
     samples: Samples,
-    Q_final: Floats,
-    q_final: Floats,
+    Q_final: Array,
+    q_final: Array,
     *,
     accuracy: Accuracy,
     jumps: Sequence[float],
@@ -182,7 +182,7 @@ def solve_samples(
     diagonal = np.flatnonzero(upper % (nx + 1) == 0)
     lowest = -escape * size_P
 
-    def check(t: float, y: Floats) -> str | None:  # noqa: ARG001
+    def check(t: float, y: Array) -> str | None:  # noqa: ARG001
         return "P escapes" if y[diagonal].min() < lowest else None
 
     done = integrate(
@@ -210,7 +210,7 @@ def solve_samples(
     law = mesh.fit(np.concatenate(parts, axis=1), (sum(p.shape[1] for p in parts),))
     full = _full(nx)
 
-    def feedback(t: Floats) -> Floats:
+    def feedback(t: Array) -> Array:
         V, L = value(t), law(t)
         P, b = V[:, full].reshape(-1, nx, nx), V[:, triangle:]
         E, G = L[:, : nu * nx], L[:, nu * nx : 2 * nu * nx].reshape(-1, nu, nx)
@@ -250,7 +250,7 @@ class _Riccati:
         self._upper = np.flatnonzero(np.triu(np.ones((nx, nx))).ravel())
         self._full = _full(nx)
 
-    def __call__(self, t: float, y: Floats) -> Floats:
+    def __call__(self, t: float, y: Array) -> Array:
         nx, triangle, square = self._nx, self._triangle, self._nx * self._nx
         d = self._data(t)
         A, half_Q = d[:square].reshape(nx, nx), d[square : 2 * square].reshape(nx, nx)
@@ -265,7 +265,7 @@ class _Riccati:
         return np.negative(rate, out=rate)
 
 
-def largest(array: Floats) -> float:
+def largest(array: Array) -> float:
     """Return the largest magnitude."""
     return float(np.abs(array).max(initial=0.0))
 

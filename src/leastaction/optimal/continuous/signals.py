@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_floats
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.continuous.integrate import segments
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
 
@@ -38,7 +38,7 @@ class Signal:
     def __init__(self, name: str, value: SignalLike) -> None:
         self.name = name
         self.jumps: tuple[float, ...] = ()
-        self._constant: Floats | None = None
+        self._constant: Array | None = None
         self._curve: PiecewisePolynomial | None = None
         self._function: Callable[[float], ArrayLike] | None = None
         if isinstance(value, PiecewisePolynomial):
@@ -47,14 +47,14 @@ class Signal:
         elif callable(value):
             self._function = value
         else:
-            self._constant = as_floats(name, value)
+            self._constant = as_array(value, name)
 
     @property
     def is_constant(self) -> bool:
         """Whether it never changes."""
         return self._constant is not None
 
-    def at(self, t: float) -> Floats:
+    def at(self, t: float) -> Array:
         """Return the value at a time."""
         if self._constant is not None:
             return self._constant
@@ -63,7 +63,7 @@ class Signal:
         assert self._function is not None
         return np.asarray(self._function(t), dtype=np.float64)
 
-    def samples(self, t: Floats) -> Floats:
+    def samples(self, t: Array) -> Array:
         """Return the values at times (n,): (n, ...)."""
         if self._constant is not None:
             return np.broadcast_to(self._constant, (len(t), *self._constant.shape))
@@ -71,7 +71,7 @@ class Signal:
             return self._curve(t)
         return np.stack([self.at(float(time)) for time in t])
 
-    def check(self, t0: float, tf: float, *shapes: tuple[int, ...], what: str) -> Floats:
+    def check(self, t0: float, tf: float, *shapes: tuple[int, ...], what: str) -> Array:
         """Complain unless the values over [t0, tf] have one of the shapes and are finite.
 
         Returns
@@ -80,7 +80,7 @@ class Signal:
             A few values over the interval; one if it is constant.
         """
         if self._constant is not None:
-            return as_floats(self.name, self._constant, *shapes, what=what)[None]
+            return as_array(self._constant, self.name, *shapes, meaning=what)[None]
         values = []
         for t in np.linspace(t0, tf, 7):
             try:
@@ -90,13 +90,13 @@ class Signal:
                     f"{self.name}: at t = {t:g} s it is not an array of numbers ({error}); expected "
                     f"one of shape {what}."
                 ) from error
-            values.append(as_floats(f"{self.name} at t = {t:g} s", value, *shapes, what=what))
+            values.append(as_array(value, f"{self.name} at t = {t:g} s", *shapes, meaning=what))
         return np.stack(values)
 
 
 def as_horizon(horizon: tuple[float, float]) -> tuple[float, float]:
     """Return the horizon (t0, tf) as floats, or complain."""
-    times = as_floats("horizon", horizon, (2,), what="(t0, tf)")
+    times = as_array(horizon, "horizon", (2,), meaning="(t0, tf)")
     if not times[0] < times[1]:
         raise ArgumentError(f"horizon: got {tuple(times.tolist())}, expected t0 < tf.")
     return float(times[0]), float(times[1])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_floats
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.signals import Signal, SignalLike, first_mesh
 
@@ -111,7 +111,7 @@ class DenseTrajectory:
             first_mesh(t0, tf, jumps, _FIRST_PIECES),
             tolerance,
         )
-        return cls(mesh.fit(as_floats("x, u", values), (nx + nu,)), nx)
+        return cls(mesh.fit(as_array(values, "x, u"), (nx + nu,)), nx)
 
     @cached_property
     def x(self) -> PiecewisePolynomial:
@@ -124,7 +124,7 @@ class DenseTrajectory:
         return self.xu.part(self.nx + np.arange(self.nu), (self.nu,))
 
     @property
-    def t(self) -> Floats:
+    def t(self) -> Array:
         """Ends of the pieces (s), about where the integrator stepped."""
         return self.xu.breaks
 
@@ -138,7 +138,7 @@ class DenseTrajectory:
         """Last time (s)."""
         return self.xu.tf
 
-    def sample(self, t: ArrayLike) -> tuple[Floats, Floats]:
+    def sample(self, t: ArrayLike) -> tuple[Array, Array]:
         """Return states (n, nx) and inputs (n, nu) at times (n,).
 
         Raises
@@ -146,7 +146,7 @@ class DenseTrajectory:
         ArgumentError
             Times outside of the horizon.
         """
-        times = as_floats("t", t)
+        times = as_array(t, "t")
         slack = 1e-9 * (self.tf - self.t0)
         if times.size and not (self.t0 - slack <= times.min() and times.max() <= self.tf + slack):
             raise ArgumentError(

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.costs import CostGradient, CostHessian
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
@@ -41,7 +41,7 @@ def minimise_model(
     linearization: Linearization,
     gradient: CostGradient,
     hessian: CostHessian,
-    curvature: Floats | None,
+    curvature: Array | None,
     workspace: Workspace,
     scale: float = 1.0,
 ) -> LinearQuadraticSolution:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats, as_floats, as_number
+from leastaction.numerics.arrays import Array, as_array, as_number
 
 __all__ = [
     "LinearQuadraticSolution",
@@ -84,11 +84,11 @@ class LinearQuadraticSolution:
         All this in one sentence.
     """
 
-    K: Floats
-    C: Floats
-    b: Floats
-    P0: Floats
-    P: Floats | None
+    K: Array
+    C: Array
+    b: Array
+    P0: Array
+    P: Array | None
     constant: float
     definite: bool
     stage: int | None
@@ -191,7 +191,7 @@ def solve_linear_quadratic(
         R_diagonal=R_diagonal,
         S=_optional("S", S, (nx, nu), (N, nx, nu)),
         H=_optional("H", H, (N, nx + nu, nx + nu), finite=False),
-        H_scale=as_number("H_scale", H_scale, above=-np.inf),
+        H_scale=as_number(H_scale, "H_scale", above=-np.inf),
         q=_optional("q", q, (N, nx)),
         r=_optional("r", r, (N, nu)),
         c=_optional("c", c, (N, nx)),
@@ -237,7 +237,7 @@ def regulate(
     R: ArrayLike | None = None,
     Q_final: ArrayLike | None = None,
     workspace: Workspace | None = None,
-) -> Floats:
+) -> Array:
     """Return the gains K (N, nu, nx) of the time-varying LQR, ``u = ubar - K (x - xbar)``.
 
     Parameters
@@ -258,7 +258,7 @@ def regulate(
     """
     A, B = _dynamics(A, B)
     _, nx, nu = B.shape
-    Q = np.ones(nx) if Q is None else as_floats("Q", Q)
+    Q = np.ones(nx) if Q is None else as_array(Q, "Q")
     R = np.ones(nu) if R is None else R
     if Q_final is None:
         Q_final = final_of(Q)
@@ -272,18 +272,18 @@ def regulate(
 
 
 def sweep_forward(
-    A: Floats, B: Floats, solution: LinearQuadraticSolution, dx0: ArrayLike | None = None
-) -> tuple[Floats, Floats]:
+    A: Array, B: Array, solution: LinearQuadraticSolution, dx0: ArrayLike | None = None
+) -> tuple[Array, Array]:
     """Return dx (N+1, nx) and du (N, nu) of ``dx+ = A dx + B du`` with ``du = -K dx - C``."""
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
     dx, du = np.empty((N + 1, nx)), np.empty((N, nu))
-    dx[0] = 0.0 if dx0 is None else as_floats("dx0", dx0, (nx,))
+    dx[0] = 0.0 if dx0 is None else as_array(dx0, "dx0", (nx,))
     _core.sweep_forward(A, B, solution.K, solution.C, None, dx, du)
     return dx, du
 
 
-def adjoint(A: Floats, B: Floats, K: Floats, q: Floats, r: Floats, q_final: Floats) -> Floats:
+def adjoint(A: Array, B: Array, K: Array, q: Array, r: Array, q_final: Array) -> Array:
     """Return the adjoint z (N+1, nx) of the loop closed with K (dissertation Prop. 7).
 
     ``z_N = q_final``, ``z_k = q_k - K'r_k + (A - BK)'z_{k+1}``: the derivative of the cost to go by
@@ -295,24 +295,24 @@ def adjoint(A: Floats, B: Floats, K: Floats, q: Floats, r: Floats, q_final: Floa
     _core.sweep_adjoint(
         A,
         B,
-        as_floats("K", K, (N, nu, nx)),
-        as_floats("q", q, (N, nx)),
-        as_floats("r", r, (N, nu)),
-        as_floats("q_final", q_final, (nx,)),
+        as_array(K, "K", (N, nu, nx)),
+        as_array(q, "q", (N, nx)),
+        as_array(r, "r", (N, nu)),
+        as_array(q_final, "q_final", (nx,)),
         z,
     )
     return z
 
 
-def final_of(weight: Floats) -> Floats:
+def final_of(weight: Array) -> Array:
     """Return the last of a weight's stages (or the weight, if it is constant)."""
     if weight.ndim < 3:
         return weight
-    last: Floats = weight[-1]
+    last: Array = weight[-1]
     return last[:, 0] if last.shape[1] == 1 else last
 
 
-def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Floats, Floats]:
+def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     # Their values are not checked here: the recursion meets what is not finite, and names the stage.
     A = np.ascontiguousarray(A, dtype=np.float64)
     B = np.ascontiguousarray(B, dtype=np.float64)
@@ -327,11 +327,11 @@ def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Floats, Floats]:
 
 def _optional(
     name: str, value: ArrayLike | None, *shapes: tuple[int, ...], finite: bool = True
-) -> Floats | None:
+) -> Array | None:
     if value is None:
         return None
     if finite:
-        return as_floats(name, value, *shapes)
+        return as_array(value, name, *shapes)
     array = np.ascontiguousarray(value, dtype=np.float64)
     if array.shape not in shapes:
         raise ArgumentError(f"{name}: got shape {array.shape}, expected {shapes[0]}.")
@@ -340,14 +340,14 @@ def _optional(
 
 def _weight(
     name: str, value: ArrayLike | None, N: int, n: int, *, per_stage: bool = True
-) -> tuple[Floats | None, bool]:
+) -> tuple[Array | None, bool]:
     """Return a weight in the layout of the core and whether it is a diagonal."""
     if value is None:
         return None, False
     shapes = [(n,), (n, n)]
     if per_stage:
         shapes += [(N, n, 1), (N, n, n)]
-    weight = as_floats(name, value, *shapes)
+    weight = as_array(value, name, *shapes)
     if weight.ndim == 3 and weight.shape[2] == 1:
         return weight.reshape(N, n), True
     return weight, weight.ndim == 1

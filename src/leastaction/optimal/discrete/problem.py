@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.numerics.floats import Floats, as_floats
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.costs import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.linear_quadratic import (
@@ -28,8 +28,8 @@ __all__ = ["DiscreteDirection", "DiscreteProblem"]
 
 
 class _Iterate(NamedTuple):
-    x: Floats
-    u: Floats
+    x: Array
+    u: Array
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ class DiscreteDirection(Direction):
         The direction, if the projection has gains of its own.
     """
 
-    gain: Floats
-    C: Floats
-    dx: Floats | None = None
-    du: Floats | None = None
+    gain: Array
+    C: Array
+    dx: Array | None = None
+    du: Array | None = None
 
-    def curve(self, x: Floats, u: Floats, length: float) -> tuple[Floats, Floats]:
+    def curve(self, x: Array, u: Array, length: float) -> tuple[Array, Array]:
         """Return the curve whose projection is the iterate at this step length."""
         if self.dx is None or self.du is None:
             return x, u - length * self.C
@@ -81,14 +81,14 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         self.chunk = settings.chunk
 
         # The current iterate, and the gains of the projection that led to it.
-        self.x: Floats
-        self.u: Floats
-        self.gain: Floats
+        self.x: Array
+        self.u: Array
+        self.gain: Array
         # What was computed along it; None: not yet.
         self.linearization: Linearization | None = None
-        self.curvature: Floats | None = None
+        self.curvature: Array | None = None
         self.quasi_newton: LinearQuadraticSolution | None = None
-        self.feedback: Floats | None = None
+        self.feedback: Array | None = None
 
         # Memory that is used again. The gains of the last projection (in `held`) outlive the next
         # linear-quadratic problem (solved in `free`), because the adjoint needs them.
@@ -96,16 +96,16 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         self.free, self.held = Workspace(*sizes), Workspace(*sizes)
         self.lqr = Workspace(*sizes) if settings.regulator == "lqr" else None
         self.old_linearization: Linearization | None = None
-        self.old_curvature: Floats | None = None
+        self.old_curvature: Array | None = None
 
     # ---- Where to start -------------------------------------------------------------------------
 
     def start(self, x: ArrayLike, u: ArrayLike) -> None:
         """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
-        u = as_floats("initial u", u, (N, nu), what="(N, nu)")
-        x = as_floats(
-            "initial x", x, (N + 1, nx), (nx,), what="(N+1, nx) or an initial state (nx,)"
+        u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
+        x = as_array(
+            x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)"
         )
         if x.ndim == 1:
             x = self._project(np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx))).x
@@ -129,14 +129,14 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
-        self.x = as_floats("resume.x", result.x, (N + 1, nx), what="(N+1, nx)")
-        self.u = as_floats("resume.u", result.u, (N, nu), what="(N, nu)")
-        self.gain = as_floats(
-            "resume.projection_gain", result.projection_gain, (N, nu, nx), what="(N, nu, nx)"
+        self.x = as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)")
+        self.u = as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)")
+        self.gain = as_array(
+            result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)"
         )
         self.value = self.cost.value(self.x, self.u)
 
-    def _project(self, xbar: Floats, ubar: Floats, gain: Floats) -> Rollout:
+    def _project(self, xbar: Array, ubar: Array, gain: Array) -> Rollout:
         with self.clock("rollout"):
             rollout = self.system.rollout(xbar[0], xbar, ubar, gain, 0, self.system.N)
         self.rollouts += 1
@@ -189,7 +189,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
             self.old_linearization = self.linearization
         return self.linearization
 
-    def _curvature_along(self, gradient: CostGradient) -> Floats:
+    def _curvature_along(self, gradient: CostGradient) -> Array:
         if self.curvature is None:
             with self.clock("lq"):
                 z = adjoint(*self._linearize(), self.gain, *gradient)
@@ -198,7 +198,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
             self.old_curvature = self.curvature
         return self.curvature
 
-    def _own_gain(self) -> Floats | None:
+    def _own_gain(self) -> Array | None:
         """Return the projection's own gains about the current iterate, if it has any."""
         if self.lqr is None:
             return None
@@ -253,7 +253,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
     # ---- What is told ---------------------------------------------------------------------------
 
-    def arrays(self) -> tuple[Floats, Floats]:
+    def arrays(self) -> tuple[Array, Array]:
         """Return states and inputs of the current iterate."""
         return self.x, self.u
 
@@ -266,7 +266,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
             x=self.x, u=self.u, K=feedback, projection_gain=self.gain, **summary
         )
 
-    def _final_feedback(self) -> Floats:
+    def _final_feedback(self) -> Array:
         """Return gains about the last iterate, for a run that ended before it had any."""
         try:
             solution = self._solve("quasi-newton", self.free)

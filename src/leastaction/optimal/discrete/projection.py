@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.floats import Floats
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
 
 __all__ = ["Projection"]
@@ -30,7 +30,7 @@ class Projection:
         Gains, such as those of `leastaction.optimal.regulate`.
     """
 
-    def __init__(self, system: DiscreteSystem, K: Floats) -> None:
+    def __init__(self, system: DiscreteSystem, K: Array) -> None:
         expected = (system.N, system.nu, system.nx)
         if K.shape != expected:
             raise ArgumentError(
@@ -39,13 +39,13 @@ class Projection:
         self.system = system
         self.K = K
 
-    def __call__(self, xbar: Floats, ubar: Floats) -> Rollout:
+    def __call__(self, xbar: Array, ubar: Array) -> Rollout:
         """Return the trajectory, or the part of it up to the step that failed."""
         return self.system.rollout(xbar[0], xbar, ubar, self.K, 0, self.system.N)
 
     def derivative(
-        self, linearization: Linearization, dxbar: Floats, dubar: Floats
-    ) -> tuple[Floats, Floats]:
+        self, linearization: Linearization, dxbar: Array, dubar: Array
+    ) -> tuple[Array, Array]:
         """Return ``DP . (dxbar, dubar)`` at a trajectory with this linearisation (6.11)."""
         A, B = linearization
         dx, du = np.empty_like(dxbar), np.empty_like(dubar)
