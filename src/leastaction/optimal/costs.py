@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.discrete.linear_quadratic import final_of
 
 __all__ = ["Cost", "CostGradient", "CostHessian", "QuadraticCost"]
@@ -113,6 +114,8 @@ class QuadraticCost(Cost):
     """
 
     nonnegative = True
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(
         self,

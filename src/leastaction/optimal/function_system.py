@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count
+from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 from leastaction.optimal.protocol import DiscreteSystem, Linearization
 
@@ -35,6 +36,8 @@ class LinearSystem(DiscreteSystem):
     ArgumentError
         Shapes that do not fit together, or values that are not finite.
     """
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(
         self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None, N: int | None = None

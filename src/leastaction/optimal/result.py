@@ -9,6 +9,7 @@ from enum import Enum
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import restore_state, saved_state
 
 __all__ = [
     "HistoryBuilder",
@@ -276,6 +277,8 @@ class OptimizationResult:
     settings: Settings
     projection_gain: Array
     schedule: NewtonSchedule
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     @property
     def iterations(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import IO, Any
 
 from leastaction.optimal.result import IterationRecord
@@ -38,6 +39,10 @@ class IterationTable:
         self._then = then
         self._console = _console(file)
         self._has_header = False
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A console does not go to another process; one of its own is made there.
+        return partial(IterationTable, file=self._file, then=self._then), ()
 
     def __call__(self, record: IterationRecord) -> object:
         """Print one line; return the answer of the callback behind."""

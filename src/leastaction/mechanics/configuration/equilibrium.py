@@ -31,6 +31,7 @@ from leastaction.mechanics.configuration.constraint_projection import (
 )
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, read_only
+from leastaction.numerics.frozen import restore_state, saved_state
 
 _ON_CONSTRAINTS = 1e-12  # relative residual of the constraints at every iterate
 _FLAT = 1e-9  # eigenvalues below this part of the largest count as zero
@@ -83,6 +84,8 @@ class Equilibrium:
     eigenvalues: npt.NDArray[np.inexact] = field(repr=False)
     modes: npt.NDArray[np.inexact] = field(repr=False)
     iterations: int
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
         for name in ("q", "eigenvalues", "modes"):

@@ -10,6 +10,7 @@ Dh^T lam``: per second the negative of the impulses of a `MidpointVI` step.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -68,6 +69,14 @@ class ContinuousDynamics:
         self.core = _core.Continuous(
             mechanism.core, self.constraint_damping, self.constraint_stiffness
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The core is made again from the settings, in a worker process too.
+        settings = {
+            name: getattr(self, name)
+            for name in ("constraint_damping", "constraint_stiffness", "threads")
+        }
+        return partial(ContinuousDynamics, self.mechanism, **settings), ()
 
     def accelerations(
         self,

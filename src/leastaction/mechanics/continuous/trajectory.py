@@ -16,6 +16,7 @@ from leastaction.mechanics.continuous.integration import Effort
 from leastaction.mechanics.continuous.stabilisation import Drift
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
+from leastaction.numerics.frozen import restore_state, saved_state
 
 
 class IntegrationStatus(Enum):
@@ -45,6 +46,8 @@ class ContinuousState:
     t: float
     q: Array
     v: Array
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
         for name in ("q", "v"):
@@ -97,6 +100,8 @@ class ContinuousTrajectory:
     effort: Effort = field(default=Effort(0, 0, 0), repr=False)
     dense: Callable[[float], Array] | None = field(default=None, repr=False)
     law: Callable[[float, Array], Array] | None = field(default=None, repr=False)
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "v", "a", "inputs", "lam"):

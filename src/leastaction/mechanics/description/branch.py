@@ -60,6 +60,13 @@ class Branch:
             place = place.parent
         return place
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Of a whole tree, without recursion: a chain may be longer than Python recurses.
+        places, parents = preorder(self.root)
+        index = next(i for i, place in enumerate(places) if place is self)
+        frames = [place.frame for place in places]
+        return _grown, (self.root.world_name, frames, parents, index)
+
     def put(self, frame: Frame | Composition) -> Branch:
         """Put a frame on this one and return the place of the new frame."""
         if isinstance(frame, Composition):
@@ -212,6 +219,30 @@ def world(name: str = "world") -> Branch:
     Branch
     """
     return Branch(None, world_name=check_name(name, "the name of the world frame"))
+
+
+def preorder(root: Branch) -> tuple[list[Branch], list[int]]:
+    """Return the places of a tree from the world on, depth first, and the index of each one's parent (-1)."""
+    places: list[Branch] = []
+    parents: list[int] = []
+    # An explicit stack: a chain may be longer than Python recurses.
+    stack = [(root, -1)]
+    while stack:
+        place, parent = stack.pop()
+        stack.extend((child, len(places)) for child in reversed(place.children))
+        places.append(place)
+        parents.append(parent)
+    return places, parents
+
+
+def _grown(
+    world_name: str, frames: Sequence[Frame | None], parents: Sequence[int], index: int
+) -> Branch:
+    places = [Branch(None, world_name=world_name)]
+    for frame, parent in zip(frames[1:], parents[1:], strict=True):
+        assert frame is not None
+        places.append(places[parent].put(frame))
+    return places[index]
 
 
 def check_once(frame: Frame, seen: set[int]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.description.branch import Branch, check_once, read_nested
+from leastaction.mechanics.description.branch import Branch, check_once, preorder, read_nested
 from leastaction.mechanics.description.frames import PRIMITIVES, Frame, Group
 from leastaction.mechanics.description.poses import constant_matrix, exponential
 from leastaction.mechanics.description.tree import WORLD, Ball, Joint, Tree, TreeFrame
@@ -38,24 +38,12 @@ def flatten(description: Branch | Sequence[Any]) -> Tree:
     else:
         root = Branch(None)
         read_nested(description, root)
-    specs, parents = _preorder(root)
-    return place_frames(_names(root.world_name, specs, parents), specs, parents)
-
-
-def _preorder(root: Branch) -> tuple[list[Frame], list[int]]:
-    """Return the frames without the world, and for each the index of its parent (world = 0)."""
-    specs: list[Frame] = []
-    parents: list[int] = []
+    places, parents = preorder(root)
+    specs = [place.frame for place in places[1:] if place.frame is not None]
     seen: set[int] = set()
-    stack = [(child, 0) for child in reversed(root.children)]
-    while stack:
-        place, parent = stack.pop()
-        assert place.frame is not None
-        check_once(place.frame, seen)
-        specs.append(place.frame)
-        parents.append(parent)
-        stack.extend((child, len(specs)) for child in reversed(place.children))
-    return specs, parents
+    for spec in specs:
+        check_once(spec, seen)
+    return place_frames(_names(root.world_name, specs, parents[1:]), specs, parents[1:])
 
 
 def _names(world: str, specs: Sequence[Frame], parents: Sequence[int]) -> list[str]:

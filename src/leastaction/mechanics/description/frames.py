@@ -33,6 +33,7 @@ from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.description.affine import Affine, Amount, as_affine
 from leastaction.mechanics.description.bodies import Body
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.names import check_name
 
 PRIMITIVES = ("tx", "ty", "tz", "rx", "ry", "rz")
@@ -85,6 +86,8 @@ class Frame:
     bodies: tuple[Body, ...] = ()
     group: Group | None = None
     detail: str = ""
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     @property
     def variables(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from leastaction.mechanics.description.affine import Affine
 from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.description.frames import Frame, Group
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import restore_state, saved_state
 
 WORLD = -1  # the joint that carries what is fixed in the world
 
@@ -36,6 +37,8 @@ class TreeFrame:
     joint: int
     pose: Array
 
+    __getstate__, __setstate__ = saved_state, restore_state
+
 
 @dataclass(frozen=True)
 class Joint:
@@ -52,6 +55,8 @@ class Joint:
     twist: Array
     amount: Affine
     kinematic: bool
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     @property
     def variables(self) -> tuple[str, ...]:

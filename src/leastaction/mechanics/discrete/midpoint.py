@@ -10,7 +10,8 @@ for the dynamic variables of q2 and the multipliers lam; the kinematic variables
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -97,6 +98,14 @@ class MidpointVI(ParameterDifferentiation):
             max_iterations=self.max_iterations,
             threads=self.threads,
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The core is made again from the settings, in a worker process too.
+        settings = {
+            name: getattr(self, name)
+            for name in ("split", "tolerance", "max_iterations", "threads")
+        }
+        return partial(MidpointVI, self.mechanism, **settings), ()
 
     # Starts
 

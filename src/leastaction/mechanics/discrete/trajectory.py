@@ -11,6 +11,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.elements import Distance, PathLength
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import restore_state, saved_state
 
 if TYPE_CHECKING:
     from leastaction.mechanics.mechanism.mechanism import Mechanism
@@ -52,6 +53,8 @@ class State:
     q: Array
     p: Array
     v_rho: Array
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
         for name in ("q", "p", "v_rho"):
@@ -108,6 +111,8 @@ class Trajectory:
     status: SimulationStatus = SimulationStatus.COMPLETED
     message: str = "completed"
     rank_deficient: bool = False
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "p", "v_rho", "inputs", "lam"):

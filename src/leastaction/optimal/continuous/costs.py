@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.continuous.signals import Signal, SignalLike
 
 __all__ = ["ContinuousCost", "ContinuousQuadraticCost", "RateGradient", "RateHessian"]
@@ -112,6 +113,8 @@ class ContinuousQuadraticCost(ContinuousCost):
     """
 
     nonnegative = True
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(
         self,
