@@ -363,8 +363,8 @@ def test_a_prescribed_length_pulls_the_velocity_along():
 
 
 BAD = {
-    "short": ({"q": [1.0]}, r"q.*\(2\)"),
-    "NaN": ({"q": [1.0, float("nan")]}, "q.*'b'.*nan"),
+    "short": ({"q": [1.0]}, r"q.*\(2,\)"),
+    "NaN": ({"q": [1.0, float("nan")]}, "q.*nan.*'b'"),
     "hold unknown": ({"hold": ["c"]}, "hold.*'c'"),
     "hold text": ({"hold": "a"}, "hold.*list"),
     "weight unknown": ({"weights": {"c": 1.0}}, "'c'"),

@@ -32,7 +32,7 @@ def tree():
 # By type: what is wrong with the fields alone, and what the mechanism does not fit.
 FIELDS = {
     "Gravity": {
-        "two numbers": (lambda: la.Gravity((0, 1)), r"Gravity: vector.*\(3\)"),
+        "two numbers": (lambda: la.Gravity((0, 1)), r"Gravity: vector.*\(3,\)"),
         "one name": (lambda: la.Gravity(frames="bob"), "frames.*list.*'bob'"),
         "no frames": (lambda: la.Gravity(frames=[]), r"frames.*list.*\[\].*leave it out"),
         "twice": (lambda: la.Gravity(frames=["bob", "bob"], name="g"), "'g'.*twice"),
@@ -57,7 +57,7 @@ FIELDS = {
         "empty": (lambda: la.JointSpring({}, 1.0), "mapping is empty"),
         "zero factor": (lambda: la.JointSpring({"x": 0.0}, 1.0), "'x' is zero.*leave"),
         "list": (lambda: la.JointSpring(["x"], 1.0), r"mapping.*\['x'\]"),
-        "factor": (lambda: la.JointSpring({"x": "1"}, 1.0), "'x'.*number.*'1'"),
+        "factor": (lambda: la.JointSpring({"x": "1"}, 1.0), "'x'.*'1'.*number"),
     },
     "TorsionalSpring": {
         "axis": (lambda: la.TorsionalSpring("cart", "arm", 1.0, axis="w"), "axis.*'w'.*'x', 'y'"),
@@ -77,17 +77,17 @@ FIELDS = {
         "length": (lambda: la.ElasticString(["a", "b"], 1, 0), "length.*0.*positive"),
         "stiffness": (lambda: la.ElasticString(["a", "b"], NAN, 1), "stiffness.*nan"),
         "smoothing": (lambda: la.ElasticString(["a", "b"], 1, 1, smoothing=0), "smoothing.*tension_only"),
-        "ways": (lambda: la.ElasticString(["a", "b"], 1, 1, tension_only="no"), "tension_only.*True or.*'no'"),
+        "ways": (lambda: la.ElasticString(["a", "b"], 1, 1, tension_only="no"), "tension_only.*'no'.*True or"),
     },
     "PathLength": {
         "length": (lambda: la.PathLength(["a", "b"], -1.0), "length.*-1.*positive"),
-        "no length": (lambda: la.PathLength(["a", "b"], None), "length.*number.*None"),
+        "no length": (lambda: la.PathLength(["a", "b"], None), "length.*None.*number"),
         "frames": (lambda: la.PathLength([], 1.0), "0 frames.*two or more"),
         "empty name": (lambda: la.PathLength(["a", ""], 1.0), "not empty"),
     },
     "PointOnPlane": {
         "normal": (lambda: la.PointOnPlane("post", "bob", normal="up"), "normal.*'up'"),
-        "two numbers": (lambda: la.PointOnPlane("post", "bob", normal=(0, 1)), r"normal.*\(3\)"),
+        "two numbers": (lambda: la.PointOnPlane("post", "bob", normal=(0, 1)), r"normal.*\(3,\)"),
         "itself": (lambda: la.PointOnPlane("bob", "bob", name="p"), "'p'.*'bob'.*two different"),
     },
     "PointOnLine": {
@@ -119,7 +119,7 @@ FIELDS = {
         "a number": (lambda: la.NonlinearDamping("x", 1.0), "list.*1.0"),
         "none": (lambda: la.NonlinearDamping("x", ()), "one to eight"),
         "last": (lambda: la.NonlinearDamping("x", (1, -1)), "c3.*-1.*positive.*fast motion"),
-        "text": (lambda: la.NonlinearDamping("x", ("1", 2)), "c1.*number.*'1'"),
+        "text": (lambda: la.NonlinearDamping("x", ("1", 2)), "c1.*'1'.*number"),
         "bytes": (lambda: la.NonlinearDamping("x", b"x"), "list.*b'x'"),
     },
     "LinearDamper": {
@@ -153,7 +153,7 @@ FIELDS = {
     "Drag": {
         "coefficient": (lambda: la.Drag("bob", 0.0), "coefficient.*0.*positive"),
         "exponent": (lambda: la.Drag("bob", 1.0, exponent=0.5), "exponent.*0.5.*1"),
-        "wind": (lambda: la.Drag("bob", 1.0, wind=(1, 2)), r"wind.*\(3\)"),
+        "wind": (lambda: la.Drag("bob", 1.0, wind=(1, 2)), r"wind.*\(3,\)"),
         "smoothing": (lambda: la.Drag("bob", 1.0, smoothing=-1), "smoothing.*-1"),
     },
     "Damping": {

@@ -328,9 +328,12 @@ def test_kinematic_variables_are_driven() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda c: c.accelerations([0.1], [0.0, 0.0]), r"q: got shape .*, expected \(2,\).*shoulder, bend"),
+        (
+            lambda c: c.accelerations([0.1], [0.0, 0.0]),
+            r"q: got shape .*, expected \(2,\).*shoulder, bend",
+        ),
         (lambda c: c.accelerations([0.1, 0.2], [0.0]), "v: got shape"),
-        (lambda c: c.accelerations([0.1, np.nan], [0.0, 0.0]), "q: .*'bend' is nan"),
+        (lambda c: c.accelerations([0.1, np.nan], [0.0, 0.0]), "q: got nan .*'bend'"),
         (lambda c: c.accelerations([0.1, 0.2], [0.0, 0.0], [1.0, 2.0]), "u: got shape"),
         (lambda c: c.accelerations([0.1, 0.2], [0.0, 0.0], None, [1.0]), "rho_a: got shape"),
         (
@@ -339,7 +342,10 @@ def test_kinematic_variables_are_driven() -> None:
         ),
         (lambda c: c.accelerations([0.1, 0.2], [0.0, 0.0], t=np.zeros(3)), "t: got shape"),
         (lambda c: c.inverse_dynamics([0.1, 0.2], [0.0, 0.0], [1.0]), "a: got shape"),
-        (lambda c: c.inverse_dynamics([0.1, 0.2], [0.0, 0.0], [1.0, 1.0], [1.0]), "lam: expected"),
+        (
+            lambda c: c.inverse_dynamics([0.1, 0.2], [0.0, 0.0], [1.0, 1.0], [1.0]),
+            r"lam: got shape \(1,\), expected \(0,\)",
+        ),
         (lambda c: c.curvature([0.1, 0.2], [0.0, 0.0], z_a=[1.0]), "z_a: got shape"),
         (lambda c: c.curvature([0.1, 0.2], [0.0, 0.0], z_lam=[1.0]), "z_lam: got shape"),
         (lambda c: c.tensors(np.zeros((2, 2)), np.zeros((2, 2))), "got 2 points, expected one"),

@@ -321,11 +321,11 @@ def test_broken_questions():
     for ask, message in (
         (lambda: mechanism.frame_jacobian(q, "tipp"), "unknown frame 'tipp'.*'tip'"),
         (lambda: mechanism.frame_jacobian(q, "tip", axes="body"), "axes.*'body'.*'frame'"),
-        (lambda: mechanism.frame_jacobian(q, "tip", point=(0, 0)), r"point.*\(3\)"),
+        (lambda: mechanism.frame_jacobian(q, "tip", point=(0, 0)), r"point.*\(3,\)"),
         (lambda: mechanism.frame_jacobian(q[1:], "tip"), "q: got shape"),
         (lambda: mechanism.frame_velocity(q, q[1:], "tip"), "v: got shape"),
         (lambda: mechanism.frame_velocity([q, q], [q], "tip"), "v: got shape"),
-        (lambda: mechanism.total_momentum(q, np.full(len(q), np.nan)), "v: entry.*nan"),
+        (lambda: mechanism.total_momentum(q, np.full(len(q), np.nan)), "v: got nan at index"),
         (lambda: Mechanism([rx("k", kinematic=True)]).center_of_mass([0.0]), "no mass"),
     ):
         with pytest.raises(ArgumentError, match=message):

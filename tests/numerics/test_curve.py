@@ -96,7 +96,7 @@ BAD = {
     "back": (lambda: Curve([0, 2, 1], [0, 0, 0]), r"x\[1\] = 2 is followed by x\[2\] = 1"),
     "twice": (lambda: Curve([0, 1, 1], [0, 0, 0]), "strictly"),
     "nan": (lambda: Curve([0, float("nan")], [0, 1]), "Curve: x.*nan"),
-    "lengths": (lambda: Curve([0, 1, 2], [0, 1]), r"Curve: y.*\(3\).*\(2,\)"),
+    "lengths": (lambda: Curve([0, 1, 2], [0, 1]), r"Curve: y.*\(2,\).*\(3,\)"),
     "text": (lambda: Curve("ab", [1, 2]), "Curve: x.*'ab'"),
     "range": (lambda: Curve.from_function(abs, 1, 1), "start 1 and end 1"),
     "pieces": (lambda: Curve.from_function(abs, 0, 1, pieces=0), "pieces: got 0"),
@@ -113,7 +113,7 @@ def test_bad_curve(case):
         make()
 
 
-@pytest.mark.parametrize(("order", "pattern"), [(-1, "-1.*integral"), (1.5, "whole.*1.5")])
+@pytest.mark.parametrize(("order", "pattern"), [(-1, "integral.*-1"), (1.5, "1.5.*whole")])
 def test_bad_derivative(order, pattern):
     with pytest.raises(ArgumentError, match=pattern):
         Curve([0, 1], [0, 1])(0.5, order)

@@ -86,7 +86,7 @@ def require_finite(
     if np.isfinite(array).all():
         return
     index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-    name = f", {names[index[-1]]!r}" if names is not None and index else ""
+    name = f" for {names[index[-1]]!r}" if names is not None and index else ""
     at = f" at index {index}{name}" if index else ""
     raise error(f"{what}: got {array[index]}{at}, expected finite numbers")
 

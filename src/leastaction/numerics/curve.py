@@ -139,7 +139,7 @@ class Curve:
         -------
         float or ndarray
         """
-        order = as_count(derivative, "Curve: derivative", 0)
+        order = as_count(derivative, "Curve: derivative (integral() goes the other way)", 0)
         places = np.asarray(x, dtype=np.float64)
         last = len(self.breaks) - 2
         piece = np.clip(np.searchsorted(self.breaks, places, side="right") - 1, 0, last)
