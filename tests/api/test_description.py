@@ -116,7 +116,7 @@ def test_poses_agree_with_an_independent_product_of_transformations():
         worlds = [np.eye(4)]
         for frame in mechanism.tree.frames[1:]:
             spec = frame.spec
-            amount = None if spec.amount is None else spec.amount.value(values)
+            amount = None if spec.coordinate is None else spec.coordinate.value(values)
             local = np.eye(4)
             if spec.matrix is not None:
                 local = spec.matrix

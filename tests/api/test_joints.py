@@ -513,9 +513,9 @@ BROKEN = {
     "ball about two axes": (lambda: ball("b", axes="xy"), "ball.*'xy'.*3 letters"),
     "axes that are no text": (lambda: ball("b", axes=3), "ball.*axes 3"),
     "ball with neighbours alike": (lambda: ball("b", axes="xxy"), "neighbours"),
-    "ball of two amounts": (lambda: ball(["a", "b"]), r"3 amounts \(rx, ry, rz\)"),
+    "ball of two amounts": (lambda: ball(["a", "b"]), r"3 coordinates \(rx, ry, rz\)"),
     "ball without a name": (lambda: ball(" "), "name of a ball"),
-    "ball of a number": (lambda: free(3.0), "free.*6 amounts.*3.0"),
+    "ball of a number": (lambda: free(3.0), "free.*6 coordinates.*3.0"),
     "ball that is kinematic elsewhere": (
         lambda: ball("b", kinematic=["c.rx"]),
         r"ball\(b.rx, b.ry, b.rz\).*'c.rx'",

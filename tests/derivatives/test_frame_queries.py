@@ -100,7 +100,7 @@ def joint_poses(mechanism, q):
     for joint in mechanism.tree.joints:
         x, y, z, a, b, c = joint.twist
         hat = np.array([[0, -c, b, x], [c, 0, -a, y], [-b, a, 0, z], [0, 0, 0, 0]])
-        s = joint.amount.offset + sum(f * q[column[n]] for n, f in joint.amount.terms)
+        s = joint.coordinate.offset + sum(f * q[column[n]] for n, f in joint.coordinate.terms)
         carrier = jnp.eye(4) if joint.parent < 0 else poses[joint.parent]
         poses.append(carrier @ joint.pose @ exponential(hat, np.linalg.norm([a, b, c]), s))
     return poses

@@ -127,14 +127,14 @@ class Oracle:
 
     def _joint(self, joint: Joint) -> JointData:
         factors = np.zeros(len(self.index))
-        for name, factor in joint.amount.terms:
+        for name, factor in joint.coordinate.terms:
             factors[self.index[name]] += factor
         x, y, z, a, b, c = joint.twist
         hat = np.zeros((4, 4))
         hat[:3] = [[0, -c, b, x], [c, 0, -a, y], [-b, a, 0, z]]
         powers = [np.linalg.matrix_power(hat, k) for k in range(4)]
         moves = np.asarray(joint.pose) @ np.stack(powers)
-        return JointData(joint.parent, hat, moves, factors, joint.amount.offset)
+        return JointData(joint.parent, hat, moves, factors, joint.coordinate.offset)
 
     # Functions of the configuration and the velocity
 

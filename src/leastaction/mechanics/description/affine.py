@@ -1,4 +1,4 @@
-"""Linear expressions of configuration variables: the amount by which a joint moves.
+"""Linear expressions of configuration variables: the coordinate by which a joint moves.
 
 A joint coordinate is ``s = sum f_k q_k + s0``. Most are one variable, factor 1 and offset 0; the rest are
 gears, mimic joints and parallel linkages::
@@ -127,7 +127,7 @@ class Affine:
         return text
 
 
-Amount: TypeAlias = float | str | Affine | Mapping[str, float]
+CoordinateLike: TypeAlias = float | str | Affine | Mapping[str, float]
 """How far a joint moves: a number, a variable's name, or a linear expression of variables."""
 
 
@@ -146,12 +146,12 @@ def var(name: str) -> Affine:
     return Affine(((check_name(name, "var"), 1.0),))
 
 
-def as_affine(amount: object, what: str, offset: float = 0.0) -> Affine:
-    """Return the amount of a joint as a linear expression.
+def as_affine(coordinate: object, what: str, offset: float = 0.0) -> Affine:
+    """Return the coordinate of a joint as a linear expression.
 
     Parameters
     ----------
-    amount : float, str, Affine or mapping of str to float
+    coordinate : float, str, Affine or mapping of str to float
         What the user gave.
     what : str
         The joint, for messages.
@@ -168,18 +168,18 @@ def as_affine(amount: object, what: str, offset: float = 0.0) -> Affine:
         For anything else, a number that is not finite, a factor of zero or a mapping of nothing.
     """
     extra = as_number(offset, f"{what}: offset", error=DescriptionError)
-    if isinstance(amount, Affine):
-        return amount + extra
-    if isinstance(amount, str):
-        return Affine(((check_name(amount, f"the variable of {what}"), 1.0),), extra)
-    if isinstance(amount, Mapping):
-        if not amount:
+    if isinstance(coordinate, Affine):
+        return coordinate + extra
+    if isinstance(coordinate, str):
+        return Affine(((check_name(coordinate, f"the variable of {what}"), 1.0),), extra)
+    if isinstance(coordinate, Mapping):
+        if not coordinate:
             raise DescriptionError(
-                f"{what}: the amount is an empty mapping; give the factor of each variable, as in "
+                f"{what}: the coordinate is an empty mapping; give the factor of each variable, as in "
                 "{'theta': 2.0}, or a number"
             )
         terms = []
-        for name, factor in amount.items():
+        for name, factor in coordinate.items():
             check_name(name, f"a variable of {what}")
             number = as_number(factor, f"{what}: the factor of {name!r}", error=DescriptionError)
             if number == 0.0:
@@ -189,8 +189,8 @@ def as_affine(amount: object, what: str, offset: float = 0.0) -> Affine:
             terms.append((name, number))
         return Affine(tuple(terms), extra)
     number = as_number(
-        amount,
-        f"{what}: the amount, a number, a variable's name or a linear expression",
+        coordinate,
+        f"{what}: the coordinate, a number, a variable's name or a linear expression",
         error=DescriptionError,
     )
     return Affine((), number + extra)

@@ -8,7 +8,7 @@ from typing import Any, Unpack
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.description.affine import Amount
+from leastaction.mechanics.description.affine import CoordinateLike
 from leastaction.mechanics.description.compositions import Composition, ball, free, universal
 from leastaction.mechanics.description.frames import (
     Frame,
@@ -93,27 +93,27 @@ class Branch:
         self.children.extend(side.children)
         return self
 
-    def tx(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
+    def tx(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
         """Chain a translation along x; see `tx`."""
         return self.put(tx(value, **options))
 
-    def ty(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
+    def ty(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
         """Chain a translation along y; see `ty`."""
         return self.put(ty(value, **options))
 
-    def tz(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
+    def tz(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
         """Chain a translation along z; see `tz`."""
         return self.put(tz(value, **options))
 
-    def rx(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
+    def rx(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
         """Chain a rotation about x; see `rx`."""
         return self.put(rx(value, **options))
 
-    def ry(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
+    def ry(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
         """Chain a rotation about y; see `ry`."""
         return self.put(ry(value, **options))
 
-    def rz(self, value: Amount, **options: Unpack[JointOptions]) -> Branch:
+    def rz(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
         """Chain a rotation about z; see `rz`."""
         return self.put(rz(value, **options))
 
@@ -130,7 +130,7 @@ class Branch:
 
     def twist(
         self,
-        value: Amount,
+        value: CoordinateLike,
         *,
         linear: npt.ArrayLike = (0.0, 0.0, 0.0),
         angular: npt.ArrayLike = (0.0, 0.0, 0.0),
@@ -141,7 +141,7 @@ class Branch:
 
     def screw(
         self,
-        value: Amount,
+        value: CoordinateLike,
         *,
         axis: npt.ArrayLike | str,
         point: npt.ArrayLike = (0.0, 0.0, 0.0),
@@ -153,7 +153,7 @@ class Branch:
 
     def revolute(
         self,
-        value: Amount,
+        value: CoordinateLike,
         *,
         axis: npt.ArrayLike | str,
         point: npt.ArrayLike = (0.0, 0.0, 0.0),
@@ -163,14 +163,14 @@ class Branch:
         return self.put(revolute(value, axis=axis, point=point, **options))
 
     def prismatic(
-        self, value: Amount, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]
+        self, value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]
     ) -> Branch:
         """Chain a translation along any axis; see `prismatic`."""
         return self.put(prismatic(value, axis=axis, **options))
 
     def universal(
         self,
-        variables: str | Sequence[Amount],
+        variables: str | Sequence[CoordinateLike],
         *,
         axes: str = "xy",
         kinematic: bool | Sequence[str] = False,
@@ -181,7 +181,7 @@ class Branch:
 
     def ball(
         self,
-        variables: str | Sequence[Amount],
+        variables: str | Sequence[CoordinateLike],
         *,
         axes: str = "xyz",
         kinematic: bool | Sequence[str] = False,
@@ -192,7 +192,7 @@ class Branch:
 
     def free(
         self,
-        variables: str | Sequence[Amount],
+        variables: str | Sequence[CoordinateLike],
         *,
         axes: str = "xyz",
         kinematic: bool | Sequence[str] = False,

@@ -19,7 +19,7 @@ from operator import eq
 from typing import Unpack
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.description.affine import Amount, as_affine
+from leastaction.mechanics.description.affine import CoordinateLike, as_affine
 from leastaction.mechanics.description.frames import (
     TWISTS,
     Frame,
@@ -56,7 +56,7 @@ class Composition:
 
 
 def universal(
-    variables: str | Sequence[Amount],
+    variables: str | Sequence[CoordinateLike],
     *,
     axes: str = "xy",
     kinematic: bool | Sequence[str] = False,
@@ -66,8 +66,8 @@ def universal(
 
     Parameters
     ----------
-    variables : str or sequence of 2 amounts
-        The joint's name, for variables ``name.rx`` and ``name.ry`` (or as the axes are); or the two amounts.
+    variables : str or sequence of 2 coordinates
+        The joint's name, for variables ``name.rx`` and ``name.ry`` (or as the axes are); or the two coordinates.
     axes : str, optional
         The axes, two different letters of ``xyz``.
     kinematic : bool or sequence of str, optional
@@ -82,13 +82,13 @@ def universal(
     Raises
     ------
     DescriptionError
-        For other axes, another number of amounts, or what a frame does not take.
+        For other axes, another number of coordinates, or what a frame does not take.
     """
     return _compose("universal", variables, "", axes, 2, kinematic, options)
 
 
 def ball(
-    variables: str | Sequence[Amount],
+    variables: str | Sequence[CoordinateLike],
     *,
     axes: str = "xyz",
     kinematic: bool | Sequence[str] = False,
@@ -101,9 +101,9 @@ def ball(
 
     Parameters
     ----------
-    variables : str or sequence of 3 amounts
+    variables : str or sequence of 3 coordinates
         The joint's name, for variables ``name.rx``, ``name.ry`` and ``name.rz`` (or as the axes are); or the
-        three amounts. If an axis comes twice, its second variable ends in ``2``, as in ``name.rz2``.
+        three coordinates. If an axis comes twice, its second variable ends in ``2``, as in ``name.rz2``.
     axes : str, optional
         The axes: three letters of ``xyz``, no two neighbours the same.
     kinematic : bool or sequence of str, optional
@@ -118,13 +118,13 @@ def ball(
     Raises
     ------
     DescriptionError
-        For other axes, another number of amounts, or what a frame does not take.
+        For other axes, another number of coordinates, or what a frame does not take.
     """
     return _compose("ball", variables, "", axes, 3, kinematic, options)
 
 
 def free(
-    variables: str | Sequence[Amount],
+    variables: str | Sequence[CoordinateLike],
     *,
     axes: str = "xyz",
     kinematic: bool | Sequence[str] = False,
@@ -136,9 +136,9 @@ def free(
 
     Parameters
     ----------
-    variables : str or sequence of 6 amounts
+    variables : str or sequence of 6 coordinates
         The joint's name, for variables ``name.x``, ``name.y``, ``name.z``, ``name.rx``, ``name.ry`` and
-        ``name.rz`` (or as the axes are); or the six amounts.
+        ``name.rz`` (or as the axes are); or the six coordinates.
     axes : str, optional
         The axes of the rotations: three letters of ``xyz``, no two neighbours the same.
     kinematic : bool or sequence of str, optional
@@ -153,14 +153,14 @@ def free(
     Raises
     ------
     DescriptionError
-        For other axes, another number of amounts, or what a frame does not take.
+        For other axes, another number of coordinates, or what a frame does not take.
     """
     return _compose("free", variables, "xyz", axes, 3, kinematic, options)
 
 
 def _compose(
     kind: str,
-    variables: str | Sequence[Amount],
+    variables: str | Sequence[CoordinateLike],
     slides: str,
     axes: str,
     turns: int,
@@ -175,17 +175,17 @@ def _compose(
         suffixes = list(slides) + [
             f"r{axis}{'2' if axis in axes[:i] else ''}" for i, axis in enumerate(axes)
         ]
-        amounts: list[Amount] = [f"{prefix}.{suffix}" for suffix in suffixes]
+        coordinates: list[CoordinateLike] = [f"{prefix}.{suffix}" for suffix in suffixes]
         if own.get("name") is None:
             own["name"] = prefix
     elif isinstance(variables, (list, tuple)) and len(variables) == len(transforms):
-        prefix, amounts = None, list(variables)
+        prefix, coordinates = None, list(variables)
     else:
         raise DescriptionError(
-            f"{kind}: expected a name or a list of {len(transforms)} amounts "
+            f"{kind}: expected a name or a list of {len(transforms)} coordinates "
             f"({', '.join(transforms)}), got {variables!r}"
         )
-    parts = [as_affine(a, f"{kind}: {t}") for a, t in zip(amounts, transforms, strict=True)]
+    parts = [as_affine(a, f"{kind}: {t}") for a, t in zip(coordinates, transforms, strict=True)]
     every = tuple(dict.fromkeys(name for part in parts for name in part.names))
     label = f"{kind}({', '.join(every)})"
     prescribed = kinematic_names(kinematic, every, label)

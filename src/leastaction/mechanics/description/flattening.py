@@ -97,7 +97,7 @@ def place_frames(names: Sequence[str], specs: Sequence[Frame], parents: Sequence
                 )
             frames.append(TreeFrame(name, parent, spec, carrier.joint, _frozen(pose)))
             continue
-        assert spec.amount is not None
+        assert spec.coordinate is not None
         assert spec.twist is not None
         for variable in spec.variables:
             _same_kind(kinds, variable, variable in spec.kinematic, name)
@@ -107,7 +107,7 @@ def place_frames(names: Sequence[str], specs: Sequence[Frame], parents: Sequence
                 parent=carrier.joint,
                 pose=carrier.pose,
                 twist=spec.twist,
-                amount=spec.amount,
+                coordinate=spec.coordinate,
                 kinematic=len(spec.kinematic) == len(spec.variables),
             )
         )
@@ -139,11 +139,13 @@ def _balls(
         if len(group.axes) != 3:
             continue
         specs = [frames[index].spec for index in indices[-3:]]
-        outer, middle, inner = (s.amount for s in specs if s is not None and s.amount is not None)
+        outer, middle, inner = (
+            s.coordinate for s in specs if s is not None and s.coordinate is not None
+        )
         balls.append(
             Ball(
                 name=group.name,
-                amounts=(outer, middle, inner),
+                angles=(outer, middle, inner),
                 singular=0.0 if group.axes[0] == group.axes[2] else np.pi / 2.0,
                 watched=all(not set(a.names).isdisjoint(dynamic) for a in (outer, inner)),
             )
@@ -168,11 +170,11 @@ def _same_kind(
 def _constant(spec: Frame) -> Array:
     if spec.matrix is not None:
         return spec.matrix
-    assert spec.amount is not None
+    assert spec.coordinate is not None
     assert spec.twist is not None
     if spec.transform in PRIMITIVES:
-        return constant_matrix(spec.transform, spec.amount.offset)
-    return exponential(spec.twist, spec.amount.offset)
+        return constant_matrix(spec.transform, spec.coordinate.offset)
+    return exponential(spec.twist, spec.coordinate.offset)
 
 
 def _frozen(array: Array) -> Array:

@@ -2,7 +2,7 @@
 
 A mechanism is a tree of coordinate frames. Each frame is placed in its parent by one transformation:
 a translation along or a rotation about an axis of the parent (`tx ty tz rx ry rz`), a constant `pose`,
-or one of the joints of `leastaction.mechanics.description.joints`. The amount is a number (metres, radians), the
+or one of the joints of `leastaction.mechanics.description.joints`. The coordinate is a number (metres, radians), the
 name of a configuration variable, or a linear expression of several (`var`). A variable is dynamic
 (found by the equations of motion) or kinematic (prescribed from outside), and may move many frames.
 
@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError, closest
-from leastaction.mechanics.description.affine import Affine, Amount, as_affine
+from leastaction.mechanics.description.affine import Affine, CoordinateLike, as_affine
 from leastaction.mechanics.description.bodies import Body
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
@@ -59,12 +59,12 @@ class Frame:
     ----------
     transform : str
         Which function made it: ``"tx"`` ... ``"rz"``, ``"pose"``, ``"twist"`` ...
-    amount : Affine or None
+    coordinate : Affine or None
         How far the frame moves along its twist; None for a pose.
     twist : ndarray, shape (6,), or None
         The twist [v; w] in the parent by which it moves; None for a pose.
     kinematic : tuple of str
-        Those variables of the amount that are kinematic.
+        Those variables of the coordinate that are kinematic.
     matrix : ndarray, shape (4, 4), or None
         The constant pose.
     name : str or None
@@ -78,7 +78,7 @@ class Frame:
     """
 
     transform: str
-    amount: Affine | None = None
+    coordinate: Affine | None = None
     twist: Array | None = None
     kinematic: tuple[str, ...] = ()
     matrix: Array | None = None
@@ -92,12 +92,12 @@ class Frame:
     @property
     def variables(self) -> tuple[str, ...]:
         """The variables that move the frame; none for a constant one."""
-        return () if self.amount is None else self.amount.names
+        return () if self.coordinate is None else self.coordinate.names
 
     @property
     def label(self) -> str:
         """The transformation as text, such as ``rz(theta)``, ``ty(-1)`` or ``rz(2 theta + 0.3)``."""
-        return self.transform if self.amount is None else f"{self.transform}({self.amount})"
+        return self.transform if self.coordinate is None else f"{self.transform}({self.coordinate})"
 
     def __repr__(self) -> str:
         return self.label if self.name is None else f"{self.label} {self.name!r}"
@@ -121,8 +121,8 @@ class FrameOptions(TypedDict, total=False):
 class JointOptions(FrameOptions, total=False):
     """The options of every frame that may move: `FrameOptions`, and how its variables are meant.
 
-    ``kinematic``: True if the variables of the amount are prescribed instead of found; the list of those
-    that are, where the amount mixes both kinds. ``offset``: added to the amount (m or rad).
+    ``kinematic``: True if the variables of the coordinate are prescribed instead of found; the list of those
+    that are, where the coordinate mixes both kinds. ``offset``: added to the coordinate (m or rad).
     """
 
     kinematic: bool | Sequence[str]
@@ -170,7 +170,7 @@ def kinematic_names(
     if isinstance(kinematic, (bool, np.bool_)):
         if kinematic and not variables:
             raise DescriptionError(
-                f"{label}: kinematic=True marks a variable, but the amount is a constant; "
+                f"{label}: kinematic=True marks a variable, but the coordinate is a constant; "
                 "give the variable's name instead"
             )
         return tuple(variables) if kinematic else ()
@@ -190,7 +190,7 @@ def kinematic_names(
 def moving(
     transform: str,
     twist: Array,
-    value: Amount,
+    value: CoordinateLike,
     *,
     detail: str = "",
     group: Group | None = None,
@@ -219,12 +219,12 @@ def moving(
     """
     if name is not None:
         check_name(name, f"the name of a {transform} frame")
-    amount = as_affine(value, transform, offset)
-    label = f"{transform}({amount})" if name is None else repr(name)
-    prescribed = kinematic_names(kinematic, amount.names, f"{transform}({amount})")
+    coordinate = as_affine(value, transform, offset)
+    label = f"{transform}({coordinate})" if name is None else repr(name)
+    prescribed = kinematic_names(kinematic, coordinate.names, f"{transform}({coordinate})")
     return Frame(
         transform,
-        amount=amount,
+        coordinate=coordinate,
         twist=twist,
         kinematic=prescribed,
         name=name,
@@ -245,31 +245,31 @@ TWISTS = _unit_twists()
 """The twist of every primitive transformation."""
 
 
-def tx(value: Amount, **options: Unpack[JointOptions]) -> Frame:
+def tx(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Translate along x by a constant (m), a variable or an expression; see `JointOptions`."""
     return moving("tx", TWISTS["tx"], value, **options)
 
 
-def ty(value: Amount, **options: Unpack[JointOptions]) -> Frame:
+def ty(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Translate along y by a constant (m), a variable or an expression; see `JointOptions`."""
     return moving("ty", TWISTS["ty"], value, **options)
 
 
-def tz(value: Amount, **options: Unpack[JointOptions]) -> Frame:
+def tz(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Translate along z by a constant (m), a variable or an expression; see `JointOptions`."""
     return moving("tz", TWISTS["tz"], value, **options)
 
 
-def rx(value: Amount, **options: Unpack[JointOptions]) -> Frame:
+def rx(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Rotate about x by a constant (rad), a variable or an expression; see `JointOptions`."""
     return moving("rx", TWISTS["rx"], value, **options)
 
 
-def ry(value: Amount, **options: Unpack[JointOptions]) -> Frame:
+def ry(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Rotate about y by a constant (rad), a variable or an expression; see `JointOptions`."""
     return moving("ry", TWISTS["ry"], value, **options)
 
 
-def rz(value: Amount, **options: Unpack[JointOptions]) -> Frame:
+def rz(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Rotate about z by a constant (rad), a variable or an expression; see `JointOptions`."""
     return moving("rz", TWISTS["rz"], value, **options)

@@ -1,8 +1,8 @@
 """Joints about and along any axis: every motion of one parameter.
 
-A joint moves its frame from the parent by ``exp(hat(twist) s)``: at the amount ``s = 0`` the frame
-coincides with its parent, wherever the joint's axis lies. The amount and the options are those of
-`tx` ... `rz`; a constant amount is a constant pose.
+A joint moves its frame from the parent by ``exp(hat(twist) s)``: at the coordinate ``s = 0`` the frame
+coincides with its parent, wherever the joint's axis lies. The coordinate and the options are those of
+`tx` ... `rz`; a constant coordinate is a constant pose.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.description.affine import Amount
+from leastaction.mechanics.description.affine import CoordinateLike
 from leastaction.mechanics.description.frames import Frame, JointOptions, moving
 from leastaction.numerics.arrays import Array, as_array, as_number
 
@@ -25,7 +25,7 @@ _AXES = {
 
 
 def twist(
-    value: Amount,
+    value: CoordinateLike,
     *,
     linear: npt.ArrayLike = (0.0, 0.0, 0.0),
     angular: npt.ArrayLike = (0.0, 0.0, 0.0),
@@ -36,11 +36,11 @@ def twist(
     Parameters
     ----------
     value : float, str, Affine or mapping of str to float
-        The amount: how many times the twist is applied.
+        The coordinate: how many times the twist is applied.
     linear : array_like, shape (3,), optional
-        Velocity of the point at the parent's origin per unit of the amount, in the parent (m).
+        Velocity of the point at the parent's origin per unit of the coordinate, in the parent (m).
     angular : array_like, shape (3,), optional
-        Angular velocity per unit of the amount, in the parent (rad). Not normalised.
+        Angular velocity per unit of the coordinate, in the parent (rad). Not normalised.
     **options
         See `JointOptions`.
 
@@ -67,7 +67,7 @@ def twist(
 
 
 def screw(
-    value: Amount,
+    value: CoordinateLike,
     *,
     axis: npt.ArrayLike | str,
     point: npt.ArrayLike = (0.0, 0.0, 0.0),
@@ -107,7 +107,7 @@ def screw(
 
 
 def revolute(
-    value: Amount,
+    value: CoordinateLike,
     *,
     axis: npt.ArrayLike | str,
     point: npt.ArrayLike = (0.0, 0.0, 0.0),
@@ -141,7 +141,7 @@ def revolute(
 
 
 def prismatic(
-    value: Amount, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]
+    value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]
 ) -> Frame:
     """Translate along any axis.
 

@@ -102,7 +102,7 @@ def check_inertia(tree: Tree, variables: Sequence[str], core: _core.Mechanism) -
         # rounding is bounded as the square of a sum.
         roots = dict.fromkeys(variables, 0.0)
         for joint, bound in zip(tree.joints, np.sqrt(bounds), strict=True):
-            for name, factor in joint.amount.terms:
+            for name, factor in joint.coordinate.terms:
                 roots[name] += abs(factor) * bound
         seen |= inertia > [roots[name] ** 2 for name in variables[:dynamic]]
     for name, has_inertia in zip(variables, seen, strict=False):

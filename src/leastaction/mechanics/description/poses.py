@@ -97,7 +97,7 @@ def _nearest_rotation(rotation: Array, what: str) -> Array:
 
 
 def constant_matrix(transform: str, value: float) -> Array:
-    """Return the pose (4, 4) of a primitive transformation by a constant amount (m or rad)."""
+    """Return the pose (4, 4) of a primitive transformation by a constant coordinate (m or rad)."""
     matrix = np.eye(4)
     axis = "xyz".index(transform[1])
     if transform[0] == "t":
@@ -110,17 +110,17 @@ def constant_matrix(transform: str, value: float) -> Array:
     return matrix
 
 
-def exponential(twist: Array, amount: float) -> Array:
-    """Return the motion ``exp(hat(twist) amount)`` (4, 4) of a twist [v; w] by a constant amount."""
+def exponential(twist: Array, coordinate: float) -> Array:
+    """Return the motion ``exp(hat(twist) coordinate)`` (4, 4) of a twist [v; w] by a constant coordinate."""
     v, w = twist[:3], twist[3:]
     rate = float(np.linalg.norm(w))
     matrix = np.eye(4)
     if rate == 0.0:
-        matrix[:3, 3] = v * amount
+        matrix[:3, 3] = v * coordinate
         return matrix
     x, y, z = w / rate
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    angle = rate * amount
+    angle = rate * coordinate
     # 1 - cos without the cancellation at small angles.
     sine, versine = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
     matrix[:3, :3] += sine * K + versine * (K @ K)

@@ -46,14 +46,15 @@ class Joint:
 
     ``frame``: index of the frame that it moves. ``parent``: the joint before it, -1 for the world.
     ``pose``: its base (4, 4) in the moved frame of the parent. ``twist``: [v; w] (6,) in the base.
-    ``amount``: its coordinate. ``kinematic``: whether all variables of that are prescribed.
+    ``coordinate``: how far along it, a linear expression of variables. ``kinematic``: whether all of these
+    are prescribed.
     """
 
     frame: int
     parent: int
     pose: Array
     twist: Array
-    amount: Affine
+    coordinate: Affine
     kinematic: bool
 
     __getstate__, __setstate__ = saved_state, restore_state
@@ -61,7 +62,7 @@ class Joint:
     @property
     def variables(self) -> tuple[str, ...]:
         """The variables that move it; at least one."""
-        return self.amount.names
+        return self.coordinate.names
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Ball:
     ----------
     name : str
         Name of the joint.
-    amounts : tuple of Affine
+    angles : tuple of Affine
         The outer, middle and inner angle (rad).
     singular : float
         Its angles are not determined where the middle angle is this or differs from it by a multiple of pi.
@@ -81,14 +82,14 @@ class Ball:
     """
 
     name: str
-    amounts: tuple[Affine, Affine, Affine]
+    angles: tuple[Affine, Affine, Affine]
     singular: float
     watched: bool
 
     @property
     def variables(self) -> tuple[str, ...]:
         """The variables of its three angles, each once."""
-        return tuple(dict.fromkeys(name for amount in self.amounts for name in amount.names))
+        return tuple(dict.fromkeys(name for angle in self.angles for name in angle.names))
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,9 @@ class Tree:
         column = {name: index for index, name in enumerate(variables)}
         E, s0 = np.zeros((len(joints), len(variables))), np.zeros(len(joints))
         for row, joint in enumerate(joints):
-            amount = self.joints[joint].amount
-            s0[row] = amount.offset
-            for name, factor in amount.terms:
+            coordinate = self.joints[joint].coordinate
+            s0[row] = coordinate.offset
+            for name, factor in coordinate.terms:
                 E[row, column[name]] = factor
         return E, s0
 

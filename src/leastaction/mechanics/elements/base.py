@@ -182,8 +182,10 @@ class Context:
         reach = float(np.abs(origin).max())
         while joint != WORLD and joint not in common:
             spec = self.tree.joints[joint]
-            amount = spec.amount.offset + sum(f * values[name] for name, f in spec.amount.terms)
-            motion = spec.pose @ exponential(spec.twist, amount)
+            coordinate = spec.coordinate.offset + sum(
+                f * values[name] for name, f in spec.coordinate.terms
+            )
+            motion = spec.pose @ exponential(spec.twist, coordinate)
             origin = motion[:3, :3] @ origin + motion[:3, 3]
             reach += float(np.abs(spec.pose[:3, 3]).max() + np.abs(motion[:3, 3]).max())
             joint = spec.parent

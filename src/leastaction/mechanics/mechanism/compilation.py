@@ -83,14 +83,14 @@ class Plan:
         """
         context = self.context()
         for joint in self.tree.joints:
-            (name, factor), *more = joint.amount.terms
+            (name, factor), *more = joint.coordinate.terms
             index = builder.add_joint(
                 joint.parent,
                 joint.pose,
                 joint.twist,
                 context.variable(name),
                 factor,
-                joint.amount.offset,
+                joint.coordinate.offset,
             )
             for name, factor in more:
                 builder.couple_joint(index, context.variable(name), factor)

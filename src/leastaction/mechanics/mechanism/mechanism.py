@@ -153,7 +153,7 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         """Every number of the description by name, such as ``"bob.mass"`` or ``"spring.stiffness"``.
 
         Of bodies the mass (kg), the centre of mass (m) and the inertia (kg m^2); of constant frames the
-        amount or the translation (m or rad); of elements their numbers, in the units of each.
+        coordinate or the translation (m or rad); of elements their numbers, in the units of each.
         """
         numbers = self.core.numbers
         return {
@@ -195,7 +195,7 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         return result
 
     def with_free_lengths(self, lengths: Mapping[str, Length]) -> Mechanism:
-        """Return the mechanism with constant amounts as kinematic variables, after all the others.
+        """Return the mechanism with constant coordinates as kinematic variables, after all the others.
 
         A derivative by a length is one by a prescribed variable that does not move.
         """

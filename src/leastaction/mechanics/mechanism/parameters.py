@@ -36,7 +36,7 @@ class BodyNumber:
 
 @dataclass(frozen=True)
 class Length:
-    """A number of a constant frame: its amount, or the component ``axis`` of its translation."""
+    """A number of a constant frame: its coordinate, or the component ``axis`` of its translation."""
 
     frame: int
     axis: int | None
@@ -103,8 +103,8 @@ def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
         if place.axis is not None:
             assert spec.matrix is not None
             return float(spec.matrix[place.axis, 3])
-        assert spec.amount is not None
-        return spec.amount.offset
+        assert spec.coordinate is not None
+        return spec.coordinate.offset
     body = spec.bodies[place.body]
     kind, _, which = place.field.partition(".")
     if kind == "mass":
@@ -157,10 +157,10 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
             raise DescriptionError(f"frame {tree.frames[index].name!r}: {error}") from None
         kept = spec.bodies
         specs[index] = replace(spec, bodies=(*kept[:number], changed, *kept[number + 1 :]))
-    for index, amounts in lengths.items():
+    for index, coordinates in lengths.items():
         spec = specs[index]
         assert spec is not None
-        specs[index] = _resized(spec, amounts)
+        specs[index] = _resized(spec, coordinates)
     return place_frames(
         [frame.name for frame in tree.frames],
         [spec for spec in specs if spec is not None],
@@ -193,13 +193,13 @@ def _changed(body: Body, values: Mapping[str, float]) -> Body:
     return Body(mass, com=com, inertia=inertia, allow_nonphysical=body.allow_nonphysical)
 
 
-def _resized(spec: Frame, amounts: Mapping[int | None, float]) -> Frame:
-    """Return a constant frame with another amount (None), or other components of its translation."""
-    if None in amounts:
-        return replace(spec, amount=Affine((), amounts[None]))
+def _resized(spec: Frame, coordinates: Mapping[int | None, float]) -> Frame:
+    """Return a constant frame with another coordinate (None), or other components of its translation."""
+    if None in coordinates:
+        return replace(spec, coordinate=Affine((), coordinates[None]))
     assert spec.matrix is not None
     matrix = spec.matrix.copy()
-    for axis, value in amounts.items():
+    for axis, value in coordinates.items():
         matrix[axis, 3] = value
     matrix.setflags(write=False)
     return replace(spec, matrix=matrix)
@@ -240,7 +240,7 @@ def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
 
 
 def freed(tree: Tree, lengths: Mapping[str, Length]) -> Tree:
-    """Return the tree with constant amounts turned into kinematic variables of the parameters' names.
+    """Return the tree with constant coordinates turned into kinematic variables of the parameters' names.
 
     What moves with a length then moves with a variable, so that derivatives by the one are derivatives by
     the other. A `pose` is split into translations and its rotation.
@@ -253,7 +253,7 @@ def freed(tree: Tree, lengths: Mapping[str, Length]) -> Tree:
         parent = moved_to[frame.parent]
         own = {p.axis: name for name, p in lengths.items() if p.frame == index}
         if None in own:
-            spec = replace(spec, amount=Affine(((own[None], 1.0),)), kinematic=(own[None],))
+            spec = replace(spec, coordinate=Affine(((own[None], 1.0),)), kinematic=(own[None],))
         elif own:
             assert spec.matrix is not None
             offset = np.where([axis in own for axis in range(3)], 0.0, spec.matrix[:3, 3])

@@ -39,7 +39,7 @@ class SingularityWatch:
         self._factors = np.zeros((len(variables), len(self.balls)))
         self._offsets = np.zeros(len(self.balls))
         for index, ball in enumerate(self.balls):
-            middle = ball.amounts[1]
+            middle = ball.angles[1]
             self._offsets[index] = (middle.offset - ball.singular) / np.pi
             for name, factor in middle.terms:
                 self._factors[column[name], index] = factor / np.pi
@@ -81,7 +81,7 @@ class SingularityWatch:
 
 
 def _message(ball: Ball, turns: float, when: str) -> str:
-    outer, middle, inner = ball.amounts
+    outer, middle, inner = ball.angles
     offset = np.degrees(ball.singular)
     return (
         f"the ball joint {ball.name!r} came near the singularity of its angles at {when}: its middle angle "

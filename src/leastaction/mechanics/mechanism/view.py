@@ -116,7 +116,7 @@ def _row(branch: str, name: str, specs: list[Frame]) -> Row:
     last, group = specs[-1], specs[-1].group
     variables = tuple(dict.fromkeys(v for spec in specs for v in spec.variables))
     if len(specs) > 1 and group is not None:
-        transform, detail = _composition(group, [str(spec.amount) for spec in specs])
+        transform, detail = _composition(group, [str(spec.coordinate) for spec in specs])
     else:
         # The name of a frame that was given none tells its transformation, unless a number was changed.
         told = last.name is None and last.label in name
@@ -136,13 +136,13 @@ def _row(branch: str, name: str, specs: list[Frame]) -> Row:
     )
 
 
-def _composition(group: Group, amounts: list[str]) -> tuple[str, str]:
+def _composition(group: Group, coordinates: list[str]) -> tuple[str, str]:
     """Return a composition as text: its name and the ends of its variables' names, where these are its own."""
     own = f"{group.name}."
-    if all(amount.startswith(own) for amount in amounts):
-        ends = " ".join(amount.removeprefix(own) for amount in amounts)
+    if all(coordinate.startswith(own) for coordinate in coordinates):
+        ends = " ".join(coordinate.removeprefix(own) for coordinate in coordinates)
         return f"{group.kind}({group.name}: {ends})", ""
-    return f"{group.kind}({', '.join(amounts)})", f"axes {group.axes}"
+    return f"{group.kind}({', '.join(coordinates)})", f"axes {group.axes}"
 
 
 def _body_text(spec: Frame, index: int) -> str:

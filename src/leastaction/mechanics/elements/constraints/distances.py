@@ -238,7 +238,7 @@ class Coupling(Along, Constraint):
 
     Two gears of n1 and n2 teeth: ``{"a": n1, "b": n2}``. A screw of pitch p (m per turn) whose nut cannot
     turn: ``{"x": 1.0, "angle": -p / (2 pi)}``. The multiplier is the impulse between the teeth. Without the
-    wish for it, write the sum as the amount of a frame: that costs no equation.
+    wish for it, write the sum as the coordinate of a frame: that costs no equation.
 
     Parameters
     ----------
