@@ -19,7 +19,34 @@ inline void subtract_multiple(double* a, double factor, const double* b, int n) 
 
 int padded(int n) { return (n + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes; }
 
+// x -= tau v (v.x) with v = [1; tail]: a reflection of Householder's.
+template <class Part, class Tail>
+void reflect(Part&& x, double tau, const Tail& tail) {
+    auto rest = x.tail(tail.size());
+    const double along = tau * (x[0] + tail.dot(rest));
+    x[0] -= along;
+    rest -= along * tail;
+}
+
 }  // namespace
+
+void LeastNorm::solve(const double* b, double* x) {
+    using Eigen::Index, Eigen::VectorXd;
+    const auto& QTZ = decomposition_.matrixQTZ();
+    const Index rows = QTZ.rows(), cols = QTZ.cols(), rank = decomposition_.rank();
+    b_ = Eigen::Map<const VectorXd>(b, rows);
+    y_.setZero(cols);
+    for (Index k = 0; k < rank; ++k)
+        reflect(b_.tail(rows - k), decomposition_.hCoeffs()[k], QTZ.col(k).tail(rows - k - 1));
+    y_.head(rank) = b_.head(rank);
+    QTZ.topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solveInPlace(y_.head(rank));
+    for (Index k = 0; k < rank && rank < cols; ++k) {
+        std::swap(y_[k], y_[rank - 1]);
+        reflect(y_.tail(cols - rank + 1), decomposition_.zCoeffs()[k], QTZ.row(k).tail(cols - rank).transpose());
+        std::swap(y_[k], y_[rank - 1]);
+    }
+    for (Index i = 0; i < cols; ++i) x[decomposition_.colsPermutation().indices()[i]] = y_[i];
+}
 
 NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
     : stride(padded(mechanism.n_dynamic) + lanes),
@@ -101,19 +128,17 @@ bool NewtonMatrix::factor_schur(const double* C1, const double* C2, int ld) {
     }
     if (smallest <= rank_tolerance * largest) {
         rank_deficient_ = true;
-        orthogonal_.setThreshold(rank_tolerance);
-        orthogonal_.compute(unfactored_);
+        schur_least_norm_.compute(unfactored_, rank_tolerance);
     }
     return true;
 }
 
 void NewtonMatrix::take_least_norm(const double* C1, int ld, double* lam) {
     Eigen::Map<const Matrix, 0, Eigen::OuterStride<>> rows(C1, nc_, n_, Eigen::OuterStride<>(ld));
-    Eigen::Map<Eigen::VectorXd> multipliers(lam, nc_);
     // The Schur complement is quadratic in the constraints, so its threshold is too.
-    orthogonal_C1t_.setThreshold(std::sqrt(rank_tolerance));
-    orthogonal_C1t_.compute(rows.transpose());
-    multipliers = orthogonal_C1t_.solve(rows.transpose() * Eigen::VectorXd(multipliers));
+    C1t_least_norm_.compute(rows.transpose(), std::sqrt(rank_tolerance));
+    C1t_lam_.noalias() = rows.transpose() * Eigen::Map<const Eigen::VectorXd>(lam, nc_);
+    C1t_least_norm_.solve(C1t_lam_.data(), lam);
 }
 
 // A panel of columns, `wides` vectors across: enough independent chains to hide the latency of each.
@@ -195,10 +220,9 @@ void NewtonMatrix::solve(double* f, double* g, int cols, int ld) {
         }
 }
 
-void NewtonMatrix::solve_schur(double* g) const {
+void NewtonMatrix::solve_schur(double* g) {
     if (rank_deficient_) {
-        Eigen::Map<Eigen::VectorXd> l(g, nc_);
-        l = orthogonal_.solve(Eigen::VectorXd(l));
+        schur_least_norm_.solve(g, g);
         return;
     }
     for (int k = 0; k < nc_; ++k) std::swap(g[k], g[pivots_[k]]);
@@ -214,7 +238,7 @@ void NewtonMatrix::solve_schur(double* g, int cols, int ld) {
     if (rank_deficient_) {
         for (int col = 0; col < cols; ++col) {
             for (int c = 0; c < nc_; ++c) column_(c) = g[c * ld + col];
-            column_ = orthogonal_.solve(column_);
+            schur_least_norm_.solve(column_.data(), column_.data());
             for (int c = 0; c < nc_; ++c) g[c * ld + col] = column_(c);
         }
     } else {

@@ -17,6 +17,23 @@
 
 namespace leastaction {
 
+// Of all x for which |A x - b| is least the one of least norm, by a complete orthogonal decomposition A P = Q [T 0; 0 0] Z.
+// Eigen's own solve() allocates; here only the first compute() does.
+class LeastNorm {
+public:
+    // Pivots below `tolerance` times the largest one count as none.
+    template <class AnyMatrix>
+    void compute(const AnyMatrix& A, double tolerance) {
+        decomposition_.setThreshold(tolerance);
+        decomposition_.compute(A);
+    }
+    void solve(const double* b, double* x);  // they may be the same
+
+private:
+    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition_;
+    Eigen::VectorXd b_, y_;
+};
+
 class NewtonMatrix {
 public:
     using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -52,7 +69,7 @@ private:
     void solve_M(double* b, int cols, int ld) const;
     void solve_M(double* b) const;
     void solve_schur(double* g, int cols, int ld);
-    void solve_schur(double* g) const;
+    void solve_schur(double* g);
 
     const std::vector<std::vector<int>>& coupled_;
     TreeNewton* tree_ = nullptr;  // has the factors of M; null: they are here
@@ -64,7 +81,8 @@ private:
     Matrix schur_;                    // nc x nc, padded; its LU factors
     Matrix unfactored_;
     std::vector<int> pivots_;
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> orthogonal_, orthogonal_C1t_;
+    LeastNorm schur_least_norm_, C1t_least_norm_;
+    Eigen::VectorXd C1t_lam_;
     std::vector<double> padded_;  // a right-hand side, with room for the last lanes
     Eigen::VectorXd column_;
     bool rank_deficient_ = false;

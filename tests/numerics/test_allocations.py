@@ -1,0 +1,66 @@
+"""No step allocates, whatever the mechanism: over twice the steps the same number of blocks of memory is taken."""
+
+from __future__ import annotations
+
+from numerics.preload import run
+
+PROGRAM = """
+def blocks_of(call):
+    # The least of several times: the interpreter keeps and gives back blocks of its own, as NumPy does small ones.
+    taken = []
+    for _ in range(3):
+        before = memory.blocks_taken()
+        call()
+        taken.append(memory.blocks_taken() - before)
+    return min(taken)
+
+
+counts = {}
+for name, build in MODELS.items():
+    mechanism = build()
+    integrator = MidpointVI(mechanism, threads=1)
+    state = started(name, integrator)
+    dt = 1e-4 if name == "andrews" else 1e-3
+
+    def simulated(steps):
+        return integrator.simulate(state, dt * np.arange(steps + 1))
+
+    def rolled_out(steps):
+        system, x, u = systems[steps]
+        K = np.zeros((steps, system.nu, system.nx))
+        return lambda: system.rollout(x[0], x, u, K, 0, steps)
+
+    systems = {}
+    for steps in (200, 400):
+        run = simulated(steps)
+        system = MidpointSystem(integrator, run.t)
+        u = np.hstack([run.u, run.q[1:, mechanism.nd :]])[:, : system.nu]
+        systems[steps] = (system, run.x, u)
+
+    def linearized(steps):
+        system, x, u = systems[steps]
+        return lambda: system.linearize(x, u)
+
+    dynamics = ContinuousDynamics(mechanism, threads=1)
+
+    def samples(question, steps):
+        q = np.tile(state.q, (10 * steps, 1))
+        return lambda: question(q, np.zeros_like(q))
+
+    counts[name] = {}
+    for what, call in {
+        "simulate": lambda steps: lambda: simulated(steps),
+        "rollout": rolled_out,
+        "linearize": linearized,
+        "accelerations": lambda steps: samples(dynamics.accelerations, steps),
+        "accelerations' derivatives": lambda steps: samples(dynamics.linearize, steps),
+    }.items():
+        counts[name][what] = (blocks_of(call(400)) - blocks_of(call(200))) / 200
+print(json.dumps(counts))
+"""
+
+
+def test_no_step_allocates() -> None:
+    counts = run(PROGRAM)
+    assert "bricard" in counts
+    assert counts == {name: dict.fromkeys(calls, 0) for name, calls in counts.items()}
