@@ -262,6 +262,20 @@ def test_energy_momentum_and_inertia_of_the_cart_in_closed_form():
     assert energy.total == energy.kinetic + energy.potential
 
 
+def test_a_configuration_takes_any_one_number():
+    mechanism = Mechanism(cart())
+    for value in (0.1, np.float64(0.1), np.array(0.1), np.float32(0.1), 1):
+        assert mechanism.configuration({"x": value})[0] == value
+    for wrong in (np.array([0.1]), np.array("0.1"), np.array(1j), "0.1"):
+        with pytest.raises(ArgumentError, match=r"'x'.*expected a number"):
+            mechanism.configuration({"x": wrong})
+
+
+def test_the_number_of_inputs_has_its_old_name_too():
+    mechanism = Mechanism(cart(), [JointForce("x", input="F")])
+    assert mechanism.n_inputs == mechanism.nu == mechanism.core.n_inputs == 1
+
+
 def test_configuration_and_named_are_inverse():
     mechanism = Mechanism(branched())
     q = mechanism.configuration({"k": 0.5, "a": -1}, default=2)
@@ -329,7 +343,7 @@ def test_the_printed_view_shows_the_tree_and_the_elements():
         "inputs (1): push",
         "constraints (1): rope",
     ]
-    assert repr(mechanism) == "<Mechanism: 5 frames, nd 2, nrho 1, nu 1, nc 1>"
+    assert repr(mechanism) == "<Mechanism: 5 frames, nd 2, nrho 1, n_inputs 1, nc 1>"
 
 
 def test_a_chain_deeper_than_python_recurses():

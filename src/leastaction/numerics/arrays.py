@@ -137,6 +137,8 @@ def as_number(
     ArgumentError
         If the value is not one real, finite number in the range.
     """
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]  # an array of one number and no axis is a number
     if isinstance(value, (bool, np.bool_)) or not isinstance(
         value, (int, float, np.integer, np.floating)
     ):

@@ -119,7 +119,7 @@ def equilibrium(
         Where to start; need not satisfy the constraints.
     hold : sequence of str, optional
         Dynamic variables that must not move.
-    inputs : array_like, shape (nu,), optional
+    inputs : array_like, shape (n_inputs,), optional
         Inputs, constant; zero if not given.
     kind : {"minimum", "any"}, optional
         Go down to a minimum of the potential, never to a saddle; or to any equilibrium near the guess.
@@ -147,9 +147,9 @@ def equilibrium(
         raise ArgumentError(f"kind: got {kind!r}, expected 'minimum' or 'any'")
     if not 0.0 < as_number(tolerance, "tolerance") < 1.0:
         raise ArgumentError(f"tolerance: got {tolerance}, expected a number between 0 and 1")
-    u = np.zeros(mechanism.nu)
+    u = np.zeros(mechanism.n_inputs)
     if inputs is not None:
-        u = as_array(inputs, "inputs", (mechanism.nu,), names=mechanism.inputs)
+        u = as_array(inputs, "inputs", (mechanism.n_inputs,), names=mechanism.inputs)
     start = as_array(q_guess, "q_guess", (mechanism.nq,), names=mechanism.variables)
     search = _Search(mechanism, free_variables(mechanism, hold), u)
     if mechanism.nc:

@@ -1,16 +1,16 @@
-"""What moves in a mechanism as a whole: mass, centre of mass, energy, momentum."""
+"""What moves in a mechanism as a whole: mass, energy, momentum; `Mechanism` asks these questions."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from leastaction import _core
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.description.tree import WORLD
-from leastaction.mechanics.mechanism.compiled import Compiled
+from leastaction.mechanics.description.tree import WORLD, Tree
 from leastaction.numerics.arrays import Array
 
 
@@ -27,110 +27,63 @@ class Energy:
         return self.kinetic + self.potential
 
 
-class MassQueries(Compiled):
-    """Questions about all bodies together; see `Mechanism`, which offers them."""
+def energy_of(core: _core.Mechanism, q: Array, v: Array) -> Energy:
+    """Return the energies at states q, v (N, nq)."""
+    kinetic = np.array([core.kinetic_energy(*state) for state in zip(q, v, strict=True)])
+    return Energy(kinetic, np.array([core.potential_energy(row) for row in q]))
 
-    __slots__ = ()
 
-    def energy(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Energy:
-        """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch."""
-        values, single = self._batch(q)
-        speeds, _ = self._batch(v, "v", rows=None if single else len(values))
-        pairs = list(zip(values, speeds, strict=True))
-        kinetic = np.array([self.core.kinetic_energy(a, b) for a, b in pairs])
-        potential = np.array([self.core.potential_energy(a) for a, _ in pairs])
-        if single:
-            return Energy(float(kinetic[0]), float(potential[0]))
-        return Energy(kinetic, potential)
+def mass_of(tree: Tree) -> float:
+    """Return the mass of all bodies (kg), those fixed in the world too."""
+    return float(sum(body.mass for _, body, _ in tree.bodies()))
 
-    def momentum(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
-        """Return dL/dv at q, v of shape (nq,): the momentum of every variable, kinematic ones too."""
-        momentum: Array = self.core.gradient(self._single(q), self._single(v, "v"))[1]
-        return momentum
 
-    def mass_matrix(self, q: npt.ArrayLike) -> Array:
-        """Return the inertia matrix (nq, nq) of all variables at q of shape (nq,)."""
-        # L is quadratic in v, so its second derivative by v is the same at any velocity.
-        inertia: Array = self.core.hessian(self._single(q), np.zeros(self.nq))[2]
-        return inertia
+def center_of_mass_of(tree: Tree, joints: Array) -> Array:
+    """Return the centres of mass (N, 3) from the poses of all joints (N, nj, 4, 4)."""
+    total = mass_of(tree)
+    if total == 0.0:
+        raise ArgumentError(
+            "center_of_mass: the mechanism has no mass, so it has no centre of mass; give a frame mass="
+        )
+    moment = np.zeros((len(joints), 3))
+    for joint, body, pose in tree.bodies():
+        moment += body.mass * _placed(joints, joint, pose[:3, :3] @ body.com + pose[:3, 3])
+    return moment / total
 
-    @property
-    def mass(self) -> float:
-        """Mass of all bodies (kg), those fixed in the world too."""
-        return float(sum(body.mass for _, body, _ in self.tree.bodies()))
 
-    def center_of_mass(self, q: npt.ArrayLike) -> Array:
-        """Return the centre of mass of all bodies, those fixed in the world too.
+@np.errstate(over="ignore", invalid="ignore")
+def total_momentum_of(
+    tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, v: Array
+) -> Array:
+    """Return linear and angular momentum about the world origin (N, 6) at states q, v (N, nq)."""
+    poses, velocities = core.joint_poses(q), _joint_velocities(tree, core, variables, q, v)
+    result = np.zeros((len(q), 6))
+    for joint, body, pose in tree.bodies():
+        if joint == WORLD:
+            continue
+        turn = poses[:, joint, :3, :3] @ pose[:3, :3]
+        linear, angular = velocities[:, joint, :3], velocities[:, joint, 3:]
+        centre = _placed(poses, joint, pose[:3, :3] @ body.com + pose[:3, 3])
+        p = body.mass * (linear + np.cross(angular, centre))
+        local = np.einsum("nji,nj->ni", turn, angular) @ body.inertia
+        result[:, :3] += p
+        result[:, 3:] += np.cross(centre, p) + np.einsum("nij,nj->ni", turn, local)
+    return result
 
-        Parameters
-        ----------
-        q : array_like, shape (nq,) or (N, nq)
-            One configuration or a batch.
 
-        Returns
-        -------
-        ndarray, shape (3,) or (N, 3)
-            In the world (m).
-
-        Raises
-        ------
-        ArgumentError
-            If the mechanism has no mass.
-        """
-        values, single = self._batch(q)
-        total = self.mass
-        if total == 0.0:
-            raise ArgumentError(
-                "center_of_mass: the mechanism has no mass, so it has no centre of mass; give a frame mass="
-            )
-        poses = self.core.joint_poses(values)
-        moment = np.zeros((len(values), 3))
-        for joint, body, pose in self.tree.bodies():
-            centre = pose[:3, :3] @ body.com + pose[:3, 3]
-            moment += body.mass * _placed(poses, joint, centre)
-        result: Array = moment / total
-        return result[0] if single else result
-
-    @np.errstate(over="ignore", invalid="ignore")
-    def total_momentum(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
-        """Return the linear and angular momentum of all bodies.
-
-        Parameters
-        ----------
-        q, v : array_like, shape (nq,) or (N, nq)
-            Configuration and velocity, or batches of them.
-
-        Returns
-        -------
-        ndarray, shape (6,) or (N, 6)
-            Linear momentum (kg m/s), then angular momentum about the world origin (kg m^2/s), world axes.
-        """
-        values, single = self._batch(q)
-        speeds, _ = self._batch(v, "v", rows=None if single else len(values))
-        poses, velocities = self.core.joint_poses(values), self._joint_velocities(values, speeds)
-        result = np.zeros((len(values), 6))
-        for joint, body, pose in self.tree.bodies():
-            if joint == WORLD:
-                continue
-            turn = poses[:, joint, :3, :3] @ pose[:3, :3]
-            linear, angular = velocities[:, joint, :3], velocities[:, joint, 3:]
-            centre = _placed(poses, joint, pose[:3, :3] @ body.com + pose[:3, 3])
-            p = body.mass * (linear + np.cross(angular, centre))
-            local = np.einsum("nji,nj->ni", turn, angular) @ body.inertia
-            result[:, :3] += p
-            result[:, 3:] += np.cross(centre, p) + np.einsum("nij,nj->ni", turn, local)
-        return result[0] if single else result
-
-    def _joint_velocities(self, q: Array, v: Array) -> Array:
-        """Return the velocities [v; w] (N, nj, 6), at the world origin, of what each joint moves."""
-        twists = self.core.joint_twists(q)
-        rates = v @ self.tree.coupling(range(len(self.tree.joints)), self.variables)[0].T
-        result: Array = twists * rates[:, :, None]
-        # Joints come after their parents.
-        for index, joint in enumerate(self.tree.joints):
-            if joint.parent != WORLD:
-                result[:, index] += result[:, joint.parent]
-        return result
+def _joint_velocities(
+    tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, v: Array
+) -> Array:
+    """Return the velocities [v; w] (N, nj, 6), at the world origin, of what each joint moves."""
+    column = {name: index for index, name in enumerate(variables)}
+    result = np.array(core.joint_twists(q))
+    # Joints come after their parents.
+    for index, joint in enumerate(tree.joints):
+        rate = sum(factor * v[:, column[name]] for name, factor in joint.coordinate.terms)
+        result[:, index] *= np.asarray(rate)[:, None]
+        if joint.parent != WORLD:
+            result[:, index] += result[:, joint.parent]
+    return result
 
 
 def _placed(poses: Array, joint: int, point: Array) -> Array:

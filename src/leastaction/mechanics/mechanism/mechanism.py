@@ -4,18 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, final
+
+import numpy as np
+import numpy.typing as npt
 
 from leastaction import _core
+from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.description.branch import Branch
 from leastaction.mechanics.description.flattening import flatten
 from leastaction.mechanics.description.masses import check_inertia, recheck_inertia
+from leastaction.mechanics.description.tree import Ball, Tree
 from leastaction.mechanics.elements import Element
 from leastaction.mechanics.mechanism.compilation import Plan, plan
-from leastaction.mechanics.mechanism.constraint_queries import ConstraintQueries
-from leastaction.mechanics.mechanism.frame_queries import FrameQueries
-from leastaction.mechanics.mechanism.mass_queries import Energy as Energy
-from leastaction.mechanics.mechanism.mass_queries import MassQueries
+from leastaction.mechanics.mechanism.constraint_queries import dependent_rows
+from leastaction.mechanics.mechanism.frame_queries import Axes, PathMotion, origins_of, poses_of
+from leastaction.mechanics.mechanism.mass_queries import (
+    Energy,
+    center_of_mass_of,
+    energy_of,
+    mass_of,
+    total_momentum_of,
+)
 from leastaction.mechanics.mechanism.parameters import (
     Length,
     Place,
@@ -29,9 +39,13 @@ from leastaction.mechanics.mechanism.parameters import (
 )
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
+from leastaction.numerics.arrays import Array, as_array, as_number, shape_of
+
+__all__ = ["Energy", "Mechanism"]
 
 
-class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
+@final
+class Mechanism:
     """A mechanism: a tree of frames with bodies, and the elements that act on it.
 
     The description is checked and compiled once; after that nothing in a mechanism changes, so threads
@@ -54,7 +68,7 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         Names, in the order of the arrays. The world frame is the first of the frames.
     variables : tuple of str
         The dynamic, then the kinematic names: the order of q and v.
-    nd, nrho, nq, nu, nc, nx : int
+    nd, nrho, nq, n_inputs, nc, nx : int
         How many dynamic variables, kinematic ones, both, inputs (of forces), scalar constraints, and
         entries of the discrete state ``x = [q; rho; p; v_rho]``.
     elements : dict of str to Element
@@ -75,7 +89,21 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         body has, a dynamic variable that moves no mass, or an element that does not fit.
     """
 
-    __slots__ = ()
+    __slots__ = (
+        "_frame_index", "_owners", "_plan", "_slots", "core", "n_inputs", "nc", "nd", "nq", "nrho", "nx",
+    )  # fmt: skip
+
+    _plan: Plan
+    _frame_index: Mapping[str, int]
+    _slots: Mapping[str, int]
+    _owners: Mapping[str, tuple[str, str]]
+    core: _core.Mechanism
+    nd: int
+    nrho: int
+    nq: int
+    n_inputs: int
+    nc: int
+    nx: int
 
     def __init__(
         self,
@@ -93,8 +121,8 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         )
 
     def _compile(self, settled: Plan, *, like: _core.Mechanism | None = None) -> None:
-        nd, nrho, nu = len(settled.dynamic), len(settled.kinematic), len(settled.inputs)
-        builder = _core.MechanismBuilder(nd, nrho, nu)
+        nd, nrho, n_inputs = map(len, (settled.dynamic, settled.kinematic, settled.inputs))
+        builder = _core.MechanismBuilder(nd, nrho, n_inputs)
         context = settled.emit(builder)
         fields: dict[str, Any] = {
             "_plan": settled,
@@ -105,7 +133,7 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
             "nd": nd,
             "nrho": nrho,
             "nq": nd + nrho,
-            "nu": nu,
+            "n_inputs": n_inputs,
             "nc": len(settled.constraints),
             "nx": 2 * (nd + nrho),
         }
@@ -114,6 +142,100 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         if like is None:
             check_names(self.tree, context.parameters)
             check_inertia(self.tree, self.variables, self.core)
+
+    # Names
+
+    @property
+    def tree(self) -> Tree:
+        """The frames and joints that the description came to."""
+        return self._plan.tree
+
+    @property
+    def elements(self) -> dict[str, Element]:
+        """The elements by name (a copy)."""
+        return dict(self._plan.elements)
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the frames in depth-first order; the world first."""
+        return tuple(self._frame_index)
+
+    @property
+    def dynamic(self) -> tuple[str, ...]:
+        """Names of the dynamic variables, in the order of the first nd entries of q."""
+        return self._plan.dynamic
+
+    @property
+    def kinematic(self) -> tuple[str, ...]:
+        """Names of the kinematic variables, in the order of the last nrho entries of q."""
+        return self._plan.kinematic
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of all configuration variables, in the order of q."""
+        return self._plan.dynamic + self._plan.kinematic
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the force inputs."""
+        return self._plan.inputs
+
+    @property
+    def nu(self) -> int:
+        """The same as `n_inputs`."""
+        return self.n_inputs
+
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the scalar constraint equations."""
+        return self._plan.constraints
+
+    @property
+    def balls(self) -> tuple[Ball, ...]:
+        """The ball joints, those of free joints too, whose singularity is watched."""
+        return self.tree.balls
+
+    def configuration(
+        self, values: Mapping[str, float] | None = None, *, default: float = 0.0
+    ) -> Array:
+        """Return a configuration (or velocity) from values by name.
+
+        Parameters
+        ----------
+        values : mapping of str to float, optional
+            Value of some variables (m or rad).
+        default : float, optional
+            Value of the others.
+
+        Returns
+        -------
+        ndarray, shape (nq,)
+
+        Raises
+        ------
+        ArgumentError
+            For an unknown name or a value that is not a finite number.
+        """
+        q = np.full(self.nq, as_number(default, "default"))
+        order = {name: index for index, name in enumerate(self.variables)}
+        for name, value in (values or {}).items():
+            if name not in order:
+                raise ArgumentError(
+                    f"unknown variable {name!r}; {closest(name, order, what='variables')}"
+                )
+            q[order[name]] = as_number(value, f"the value of {name!r}")
+        return q
+
+    def named(self, q: npt.ArrayLike) -> dict[str, Any]:
+        """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""
+        values, single = self._batch(q)
+        columns = values.T
+        return {
+            name: float(column[0]) if single else column.copy()
+            for name, column in zip(self.variables, columns, strict=True)
+        }
+
+    # The same with changes
 
     def with_elements(self, elements: Sequence[Element]) -> Mechanism:
         """Return the same mechanism with more elements; names and orders stay, new inputs come last.
@@ -145,8 +267,6 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
             )
         )
         return result
-
-    # Parameters
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -206,6 +326,280 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
         result._compile(settled)
         return result
 
+    # Frames
+
+    def frame_pose(self, q: npt.ArrayLike, name: str) -> Array:
+        """Return the pose of a frame in the world.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,) or (N, nq)
+            One configuration or a batch.
+        name : str
+            The frame.
+
+        Returns
+        -------
+        ndarray, shape (4, 4) or (N, 4, 4)
+            Takes coordinates in the frame to coordinates in the world.
+        """
+        values, single = self._batch(q)
+        return _of(poses_of(self.tree, self._frame(name), self.core.joint_poses(values)), single)
+
+    def positions(self, q: npt.ArrayLike, names: Sequence[str] | None = None) -> Array:
+        """Return the origins of frames in the world.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,) or (N, nq)
+            One configuration or a batch.
+        names : sequence of str, optional
+            The frames; all of them, in the order of `frames`, if not given.
+
+        Returns
+        -------
+        ndarray, shape (len(names), 3) or (N, len(names), 3)
+            Metres.
+        """
+        values, single = self._batch(q)
+        if isinstance(names, str):
+            raise ArgumentError(f"names: expected a list of frames, got the string {names!r}")
+        indices = [self._frame(name) for name in (self.frames if names is None else names)]
+        return _of(origins_of(self.tree, indices, self.core.joint_poses(values)), single)
+
+    def frame_jacobian(
+        self,
+        q: npt.ArrayLike,
+        frame: str,
+        *,
+        point: npt.ArrayLike = (0.0, 0.0, 0.0),
+        axes: Axes = "world",
+    ) -> Array:
+        """Return the Jacobian of a frame: its velocity is ``J v``.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,) or (N, nq)
+            One configuration or a batch.
+        frame : str
+            The frame.
+        point : array_like, shape (3,), optional
+            The point whose velocity is meant, in the frame (m); its origin if not given.
+        axes : {"world", "frame"}, optional
+            The axes in which the velocities are resolved.
+
+        Returns
+        -------
+        ndarray, shape (6, nq) or (N, 6, nq)
+            Linear velocity of the point, then angular velocity, by the velocity of every variable.
+
+        Raises
+        ------
+        ArgumentError
+            For an unknown frame, other axes or a wrong shape.
+        """
+        values, single = self._batch(q)
+        return _of(self._path_motion(values, frame, point, axes).jacobian(), single)
+
+    def frame_velocity(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        frame: str,
+        *,
+        point: npt.ArrayLike = (0.0, 0.0, 0.0),
+        axes: Axes = "world",
+    ) -> Array:
+        """Return the velocity of a frame.
+
+        Parameters
+        ----------
+        q, v : array_like, shape (nq,) or (N, nq)
+            Configuration and velocity, or batches of them.
+        frame, point, axes
+            As in `frame_jacobian`.
+
+        Returns
+        -------
+        ndarray, shape (6,) or (N, 6)
+            Linear velocity of the point (m/s), then angular velocity (rad/s).
+        """
+        values, speeds, single = self._states(q, v)
+        return _of(self._path_motion(values, frame, point, axes).velocity(speeds), single)
+
+    def frame_jacobian_derivative(
+        self,
+        q: npt.ArrayLike,
+        frame: str,
+        *,
+        point: npt.ArrayLike = (0.0, 0.0, 0.0),
+        axes: Axes = "world",
+    ) -> Array:
+        """Return the derivative of `frame_jacobian` by the configuration.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,) or (N, nq)
+            One configuration or a batch.
+        frame, point, axes
+            As in `frame_jacobian`.
+
+        Returns
+        -------
+        ndarray, shape (6, nq, nq) or (N, 6, nq, nq)
+            Entry ``[a, i, j]`` is ``dJ[a, i] / dq_j``. The linear half in world axes is symmetric in i and j,
+            being the second derivative of a position; the angular one is not, since an angular velocity is
+            no derivative of anything.
+        """
+        values, single = self._batch(q)
+        return _of(self._path_motion(values, frame, point, axes).jacobian_derivative(), single)
+
+    # Masses
+
+    def energy(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Energy:
+        """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch."""
+        values, speeds, single = self._states(q, v)
+        energy = energy_of(self.core, values, speeds)
+        if single:
+            return Energy(float(energy.kinetic[0]), float(energy.potential[0]))
+        return energy
+
+    def momentum(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+        """Return dL/dv at q, v of shape (nq,): the momentum of every variable, kinematic ones too."""
+        momentum: Array = self.core.gradient(self._single(q), self._single(v, "v"))[1]
+        return momentum
+
+    def mass_matrix(self, q: npt.ArrayLike) -> Array:
+        """Return the inertia matrix (nq, nq) of all variables at q of shape (nq,)."""
+        # L is quadratic in v, so its second derivative by v is the same at any velocity.
+        inertia: Array = self.core.hessian(self._single(q), np.zeros(self.nq))[2]
+        return inertia
+
+    @property
+    def mass(self) -> float:
+        """Mass of all bodies (kg), those fixed in the world too."""
+        return mass_of(self.tree)
+
+    def center_of_mass(self, q: npt.ArrayLike) -> Array:
+        """Return the centre of mass of all bodies, those fixed in the world too.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,) or (N, nq)
+            One configuration or a batch.
+
+        Returns
+        -------
+        ndarray, shape (3,) or (N, 3)
+            In the world (m).
+
+        Raises
+        ------
+        ArgumentError
+            If the mechanism has no mass.
+        """
+        values, single = self._batch(q)
+        return _of(center_of_mass_of(self.tree, self.core.joint_poses(values)), single)
+
+    def total_momentum(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+        """Return the linear and angular momentum of all bodies.
+
+        Parameters
+        ----------
+        q, v : array_like, shape (nq,) or (N, nq)
+            Configuration and velocity, or batches of them.
+
+        Returns
+        -------
+        ndarray, shape (6,) or (N, 6)
+            Linear momentum (kg m/s), then angular momentum about the world origin (kg m^2/s), world axes.
+        """
+        values, speeds, single = self._states(q, v)
+        return _of(total_momentum_of(self.tree, self.core, self.variables, values, speeds), single)
+
+    # Constraints
+
+    def constraint_values(self, q: npt.ArrayLike) -> Array:
+        """Return h(q), shape (nc,), or (N, nc) for a batch."""
+        values, single = self._batch(q)
+        result = np.empty((len(values), self.nc))
+        for row, configuration in zip(result, values, strict=True):
+            row[:] = self.core.constraints(configuration)
+        return _of(result, single)
+
+    def constraint_residuals(self, q: npt.ArrayLike) -> dict[str, Any]:
+        """Return h(q) by constraint name: floats, or arrays (N,) for a batch."""
+        values = self.constraint_values(q)
+        if values.ndim == 1:
+            return {n: float(h) for n, h in zip(self.constraints, values, strict=True)}
+        return dict(zip(self.constraints, values.T, strict=True))
+
+    def constraint_jacobian(self, q: npt.ArrayLike) -> Array:
+        """Return Dh(q), shape (nc, nq), at q of shape (nq,)."""
+        jacobian = self.core.constraint_jacobian(self._single(q))
+        return np.asarray(jacobian).reshape(self.nc, self.nq)
+
+    def constraint_rank(self, q: npt.ArrayLike) -> int:
+        """Return the rank of the constraints on the dynamic variables at q of shape (nq,)."""
+        return self.nc - len(self.redundancy(q))
+
+    def degrees_of_freedom(self, q: npt.ArrayLike) -> int:
+        """Return nd less the rank of the constraints on the dynamic variables at q of shape (nq,)."""
+        return self.nd - self.constraint_rank(q)
+
+    def redundancy(self, q: npt.ArrayLike) -> dict[str, tuple[str, ...]]:
+        """Return the constraint equations that ask for nothing new at a configuration.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,)
+            The configuration.
+
+        Returns
+        -------
+        dict of str to tuple of str
+            Every equation whose gradient by the dynamic variables is a linear combination of those of
+            equations listed before it in `constraints`, and which these are; none for a gradient of zero.
+            Empty where all equations are independent. At a singular configuration, as a four-bar linkage
+            in one line, equations are dependent that are independent elsewhere.
+
+        Raises
+        ------
+        ArgumentError
+            If a gradient is not finite there, as that of a path two points of which meet.
+        """
+        return dependent_rows(self.constraint_jacobian(q)[:, : self.nd], self.constraints)
+
+    # Arguments
+
+    def _path_motion(self, q: Array, frame: str, point: npt.ArrayLike, axes: Axes) -> PathMotion:
+        index, offset = self._frame(frame), as_array(point, "point", (3,))
+        return PathMotion.of(self.tree, self.core, self.variables, q, index, offset, axes)
+
+    def _frame(self, name: str) -> int:
+        index = self._frame_index.get(name)
+        if index is None:
+            raise ArgumentError(
+                f"unknown frame {name!r}; {closest(name, self.frames, what='frames')}"
+            )
+        return index
+
+    def _single(self, q: npt.ArrayLike, what: str = "q") -> Array:
+        return as_array(q, what, (self.nq,), names=self.variables)
+
+    def _batch(
+        self, q: npt.ArrayLike, what: str = "q", *, rows: int | None = None
+    ) -> tuple[Array, bool]:
+        """Return q as (N, nq), and whether it was a single configuration."""
+        if len(shape_of(q) or ()) == 2:
+            return as_array(q, what, (rows, self.nq), names=self.variables), False
+        return self._single(q, what)[None, :], True
+
+    def _states(self, q: npt.ArrayLike, v: npt.ArrayLike) -> tuple[Array, Array, bool]:
+        """Return q and v as (N, nq), and whether it was a single state."""
+        values, single = self._batch(q)
+        return values, self._batch(v, "v", rows=None if single else len(values))[0], single
+
     # Python
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -226,7 +620,7 @@ class Mechanism(FrameQueries, ConstraintQueries, MassQueries):
 
     def __repr__(self) -> str:
         return (
-            f"<Mechanism: {len(self.frames)} frames, nd {self.nd}, nrho {self.nrho}, nu {self.nu}, "
+            f"<Mechanism: {len(self.frames)} frames, nd {self.nd}, nrho {self.nrho}, n_inputs {self.n_inputs}, "
             f"nc {self.nc}>"
         )
 
@@ -249,3 +643,8 @@ def _restore(settled: Plan) -> Mechanism:
     mechanism = Mechanism.__new__(Mechanism)
     mechanism._compile(settled)
     return mechanism
+
+
+def _of(result: Array, single: bool) -> Array:
+    """Return the result for a single configuration, or for the batch that it was asked for."""
+    return result[0] if single else result
