@@ -105,11 +105,11 @@ from leastaction.optimal import (
     QuadraticCost,
     Status,
     optimize,
+    optimize_continuous,
     regulate,
 )
 from leastaction.optimal.continuous import (
     ContinuousQuadraticCost,
-    optimize_continuous,
     regulate_continuous,
     steady_state_regulator,
 )

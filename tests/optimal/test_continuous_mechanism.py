@@ -26,13 +26,11 @@ from leastaction import (
 from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics import ContinuousDynamics, PythonConstraint, PythonFunction
 from leastaction.models.cart_pendulum import cart_pendulum
-from leastaction.optimal import Status
+from leastaction.optimal import Status, check_continuous_derivatives, optimize_continuous
 from leastaction.optimal.continuous import (
     Accuracy,
     ContinuousQuadraticCost,
     DenseTrajectory,
-    check_continuous_derivatives,
-    optimize_continuous,
 )
 from leastaction.systems import MechanismSystem
 

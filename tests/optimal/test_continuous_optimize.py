@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from leastaction.errors import ArgumentError, StepError
-from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
+from leastaction.optimal import (
+    FunctionSystem,
+    IterationTable,
+    QuadraticCost,
+    Status,
+    check_continuous_derivatives,
+    optimize,
+    optimize_continuous,
+)
 from leastaction.optimal.continuous import (
     Accuracy,
     ContinuousQuadraticCost,
@@ -17,8 +25,6 @@ from leastaction.optimal.continuous import (
     FunctionContinuousSystem,
     LinearContinuousSystem,
     PiecewisePolynomial,
-    check_continuous_derivatives,
-    optimize_continuous,
     solve_continuous_linear_quadratic,
 )
 from leastaction.optimal.continuous.problem import ContinuousProblem
@@ -128,8 +134,10 @@ def _problem(system, regulator="descent"):
         max_backtracks=1,
         chunk=1,
     )
-    problem = ContinuousProblem(system, _tracking(), settings, Accuracy(rtol=1e-11, atol=1e-13))
-    problem.start((np.zeros(4), lambda t: [np.sin(3 * t)]), (0.0, T))
+    problem = ContinuousProblem(
+        system, _tracking(), settings, Accuracy(rtol=1e-11, atol=1e-13), (0.0, T)
+    )
+    problem.start((np.zeros(4), lambda t: [np.sin(3 * t)]))
     return problem
 
 

@@ -1,12 +1,37 @@
-"""Trajectory optimisation of discrete systems ``x+ = f(x, u, k)``; knows no mechanics.
+"""Trajectory optimisation of systems ``x+ = f(x, u, k)`` and ``x' = f(x, u, t)``; knows no mechanics.
 
-A system is a `DiscreteSystem`, a cost a `Cost`; `optimize` brings them together.
+A system is a `DiscreteSystem` or a `ContinuousSystem`, a cost a `Cost` or a `ContinuousCost`; `optimize`
+brings them together.
 """
 
 from __future__ import annotations
 
-from leastaction.optimal.checks import DerivativeReport, check_derivatives
-from leastaction.optimal.costs import Cost, CostGradient, CostHessian, QuadraticCost
+from leastaction.optimal.checks import (
+    DerivativeReport,
+    check_continuous_derivatives,
+    check_derivatives,
+)
+from leastaction.optimal.continuous import (
+    Accuracy,
+    ContinuousCost,
+    ContinuousLinearQuadraticSolution,
+    ContinuousOptimizationResult,
+    ContinuousProjection,
+    ContinuousQuadraticCost,
+    ContinuousRollout,
+    ContinuousSystem,
+    DenseTrajectory,
+    FunctionContinuousSystem,
+    LinearContinuousSystem,
+    PiecewisePolynomial,
+    RateGradient,
+    RateHessian,
+    regulate_continuous,
+    solve_continuous_linear_quadratic,
+    steady_state_regulator,
+)
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian, QuadraticCost
+from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     adjoint,
@@ -15,9 +40,8 @@ from leastaction.optimal.discrete.linear_quadratic import (
     sweep_forward,
 )
 from leastaction.optimal.discrete.projection import Projection
-from leastaction.optimal.function_system import FunctionSystem, LinearSystem
-from leastaction.optimal.optimize import optimize
-from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.optimize import optimize, optimize_continuous
 from leastaction.optimal.result import (
     IterationRecord,
     OptimizationHistory,
@@ -25,31 +49,51 @@ from leastaction.optimal.result import (
     Settings,
     Status,
 )
+from leastaction.optimal.system import Linearization
 from leastaction.optimal.table import IterationTable
 
 __all__ = [
+    "Accuracy",
+    "ContinuousCost",
+    "ContinuousLinearQuadraticSolution",
+    "ContinuousOptimizationResult",
+    "ContinuousProjection",
+    "ContinuousQuadraticCost",
+    "ContinuousRollout",
+    "ContinuousSystem",
     "Cost",
     "CostGradient",
     "CostHessian",
+    "DenseTrajectory",
     "DerivativeReport",
     "DiscreteSystem",
+    "FunctionContinuousSystem",
     "FunctionSystem",
     "IterationRecord",
     "IterationTable",
+    "LinearContinuousSystem",
     "LinearQuadraticSolution",
     "LinearSystem",
     "Linearization",
     "OptimizationHistory",
     "OptimizationResult",
+    "PiecewisePolynomial",
     "Projection",
     "QuadraticCost",
+    "RateGradient",
+    "RateHessian",
     "Rollout",
     "Settings",
     "Status",
     "adjoint",
+    "check_continuous_derivatives",
     "check_derivatives",
     "optimize",
+    "optimize_continuous",
     "regulate",
+    "regulate_continuous",
+    "solve_continuous_linear_quadratic",
     "solve_linear_quadratic",
+    "steady_state_regulator",
     "sweep_forward",
 ]

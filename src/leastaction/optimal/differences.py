@@ -9,7 +9,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 
-__all__ = ["central_differences", "relative_error"]
+__all__ = ["Errors", "central_differences", "relative_error"]
 
 
 def central_differences(f: Callable[..., Array], y: Array) -> Array:
@@ -32,3 +32,11 @@ def relative_error(got: Array, expected: Array) -> float:
         1.0 + float(np.abs(expected).max(initial=0.0))
     )
     return error if np.isfinite(error) else np.inf
+
+
+class Errors(dict[str, float]):
+    """The largest relative error found under each name."""
+
+    def note(self, name: str, got: Array, expected: Array) -> None:
+        """Compare two arrays under a name."""
+        self[name] = max(self.get(name, 0.0), relative_error(got, expected))

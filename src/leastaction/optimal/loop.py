@@ -16,7 +16,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from leastaction.errors import LeastActionError
+from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.line_search import LineSearch, Step, Trial, rounding_of
 from leastaction.optimal.result import (
@@ -28,7 +28,7 @@ from leastaction.optimal.result import (
     Status,
 )
 
-__all__ = ["Callback", "Clock", "Direction", "Loop", "Model", "Problem"]
+__all__ = ["Callback", "Clock", "Direction", "Loop", "Model", "Problem", "both"]
 
 Callback = Callable[[IterationRecord], object]
 
@@ -121,6 +121,14 @@ class Problem(ABC, Generic[M, D, I]):
         return rounding_of(self.value)
 
     @abstractmethod
+    def start(self, initial: Any) -> None:
+        """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
+
+    @abstractmethod
+    def resume(self, result: Any) -> None:
+        """Begin where an earlier run ended."""
+
+    @abstractmethod
     def minimise_model(self, method: str, scale: float) -> M:
         """Return the minimum of a method's quadratic model, with a part of the dynamics' curvature."""
 
@@ -147,6 +155,14 @@ class Problem(ABC, Generic[M, D, I]):
     @abstractmethod
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate, given all that the loop knows of it."""
+
+
+def both(initial: Any) -> tuple[Any, Any]:
+    """Return the pair (x, u) that was given to start from, or complain."""
+    if not isinstance(initial, (tuple, list)) or len(initial) != 2:
+        raise ArgumentError(f"initial: got {type(initial).__name__}, expected a pair (x, u).")
+    x, u = initial
+    return x, u
 
 
 class Loop(Generic[M, D, I]):

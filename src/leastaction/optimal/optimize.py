@@ -1,6 +1,6 @@
-"""Trajectory optimisation by the projection operator (dissertation Alg. 1 to 3).
+"""Trajectory optimisation by the projection operator (dissertation Alg. 1 to 3, 6.4).
 
-``minimise h(x, u) over trajectories of x+ = f(x, u, k) from a fixed initial state``
+``minimise h(x, u) over trajectories of x+ = f(x, u, k), or of x' = f(x, u, t), from a fixed initial state``
 
 Every iterate is a trajectory. An iteration linearises along it, minimises a quadratic model over the
 tangent trajectories (a linear-quadratic problem), and follows the projection of that direction as far
@@ -9,29 +9,82 @@ as the cost falls enough.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal, cast, overload
 
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal.costs import Cost
+from leastaction.optimal.continuous.cost import ContinuousCost
+from leastaction.optimal.continuous.integrate import Accuracy
+from leastaction.optimal.continuous.problem import ContinuousProblem
+from leastaction.optimal.continuous.result import ContinuousOptimizationResult
+from leastaction.optimal.continuous.signals import SignalLike
+from leastaction.optimal.continuous.system import ContinuousSystem
+from leastaction.optimal.continuous.trajectory import DenseTrajectory
+from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.problem import DiscreteProblem
-from leastaction.optimal.loop import Callback, Loop
-from leastaction.optimal.protocol import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.loop import Callback, Loop, Problem
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import check_settings
+from leastaction.optimal.system import check_system
 
-__all__ = ["Callback", "optimize"]
+__all__ = ["Callback", "optimize", "optimize_continuous"]
+
+Method = Literal["auto", "steepest", "quasi-newton", "newton"]
+Regulator = Literal["descent", "lqr"]
 
 
+@overload
 def optimize(
     system: DiscreteSystem,
     cost: Cost,
     *,
-    initial: tuple[ArrayLike, ArrayLike] | None = None,
+    initial: tuple[ArrayLike, ArrayLike] | None = ...,
+    resume: OptimizationResult | None = ...,
+    method: Method = ...,
+    regulator: Regulator = ...,
+    max_iterations: int = ...,
+    tolerance: float = ...,
+    absolute_tolerance: float = ...,
+    alpha: float = ...,
+    beta: float = ...,
+    max_backtracks: int = ...,
+    chunk: int = ...,
+    callback: Callback | None = ...,
+) -> OptimizationResult: ...
+
+
+@overload
+def optimize(
+    system: ContinuousSystem,
+    cost: ContinuousCost,
+    *,
+    initial: DenseTrajectory | tuple[SignalLike, SignalLike] | None = ...,
+    horizon: tuple[float, float] | None = ...,
+    resume: ContinuousOptimizationResult | None = ...,
+    method: Method = ...,
+    regulator: Regulator = ...,
+    max_iterations: int = ...,
+    tolerance: float = ...,
+    absolute_tolerance: float = ...,
+    alpha: float = ...,
+    beta: float = ...,
+    max_backtracks: int = ...,
+    accuracy: Accuracy | None = ...,
+    callback: Callback | None = ...,
+) -> ContinuousOptimizationResult: ...
+
+
+def optimize(
+    system: DiscreteSystem | ContinuousSystem,
+    cost: Cost | ContinuousCost,
+    *,
+    initial: Any = None,
+    horizon: tuple[float, float] | None = None,
     resume: OptimizationResult | None = None,
-    method: Literal["auto", "steepest", "quasi-newton", "newton"] = "auto",
-    regulator: Literal["descent", "lqr"] = "descent",
+    method: Method = "auto",
+    regulator: Regulator = "descent",
     max_iterations: int = 100,
     tolerance: float = 1e-9,
     absolute_tolerance: float = 1e-14,
@@ -39,22 +92,27 @@ def optimize(
     beta: float = 0.5,
     max_backtracks: int = 20,
     chunk: int = 64,
+    accuracy: Accuracy | None = None,
     callback: Callback | None = None,
 ) -> OptimizationResult:
     """Minimise a cost over the trajectories of a system; the initial state stays as it is.
 
     Parameters
     ----------
-    system : DiscreteSystem
+    system : DiscreteSystem or ContinuousSystem
         What is steered.
-    cost : Cost
-        What is minimised, such as a `QuadraticCost`.
-    initial : (x, u)
-        Where to start: x (N+1, nx) and u (N, nu). If x is not a trajectory of the system, the
-        projection of (x, u) is taken. x (nx,) is an initial state alone: u is then applied to it.
-    resume : OptimizationResult
+    cost : Cost or ContinuousCost
+        What is minimised, such as a `QuadraticCost` or a `ContinuousQuadraticCost`.
+    initial : (x, u) or DenseTrajectory
+        Where to start. Of a discrete system x (N+1, nx) and u (N, nu): if x is not a trajectory of the
+        system, the projection of (x, u) is taken; x (nx,) is an initial state alone, to which u is applied.
+        Of a continuous system a curve, whose projection is taken; or x and u, of shapes (nx,) and (nu,), as
+        constants, functions of one time or `PiecewisePolynomial`, where a constant x is an initial state.
+    horizon : (t0, tf), optional
+        Times (s); needed with ``(x, u)`` of a continuous system.
+    resume : OptimizationResult, optional
         Go on from an earlier result instead of `initial`. The iterates are those of a run that was
-        never stopped, if method, regulator, cost and system are the same.
+        never stopped, if method, regulator, accuracy, cost and system are the same.
     method : {"auto", "steepest", "quasi-newton", "newton"}
         The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it
         foretells the cost well, and goes to Newton otherwise. A Newton model without a minimum is
@@ -73,21 +131,30 @@ def optimize(
     max_backtracks : int
         Shorter steps tried along one direction.
     chunk : int
-        Time steps simulated between two looks at the cost of a trial.
+        Time steps of a discrete system simulated between two looks at the cost of a trial.
+    accuracy : Accuracy, optional
+        Integrator and tolerances, for a continuous system. An optimum is found to about the square of the
+        relative tolerance in cost, and to the tolerance in the trajectory.
     callback : callable, optional
         Called with an `IterationRecord` after every iteration, and once with the initial trajectory;
-        a true answer stops the optimisation. `IterationTable` is one.
+        a true answer stops the optimisation. `IterationTable` is one. In continuous time `x` and `u` of the
+        record are samples at the ends of the trajectory's pieces, of which there are more or fewer from one
+        iterate to the next.
 
     Returns
     -------
     OptimizationResult
-        Frozen; `status` says how it ended. Ctrl-C gives the last iterate.
+        Of a continuous system a `ContinuousOptimizationResult`. Frozen; `status` says how it ended.
+        Ctrl-C gives the last iterate.
 
     Raises
     ------
     ArgumentError
-        Settings, shapes or values that are wrong, or an initial curve that cannot be projected.
+        What is no system, or not yet one; settings, shapes or values that are wrong, or an initial curve that
+        cannot be projected.
     """
+    check_system(system, (DiscreteSystem, ContinuousSystem), ("nx", "nu"))
+    problem: Problem[Any, Any, Any]
     settings = check_settings(
         has_curvature=system.has_curvature,
         system=type(system).__name__,
@@ -101,14 +168,41 @@ def optimize(
         max_backtracks=max_backtracks,
         chunk=chunk,
     )
-    cost.check_shapes(system.N, system.nx, system.nu)
     if (initial is None) == (resume is None):
         raise ArgumentError(
             f"initial, resume: got {'neither' if initial is None else 'both'}, expected one of them."
         )
-    problem = DiscreteProblem(system, cost, settings)
+    kind = Cost if isinstance(system, DiscreteSystem) else ContinuousCost
+    if not isinstance(cost, kind):
+        raise ArgumentError(
+            f"cost: got {type(cost).__name__}, expected a {kind.__name__} to go with {type(system).__name__}"
+        )
+    if isinstance(system, DiscreteSystem):
+        check_system(system, (DiscreteSystem,), ("N",))
+        for name, value in (("horizon", horizon), ("accuracy", accuracy)):
+            if value is not None:
+                raise ArgumentError(
+                    f"{name}: got {value!r}, expected None: {type(system).__name__} is a discrete system, which "
+                    "brings its times along."
+                )
+        stages = cast(Cost, cost)
+        stages.check_shapes(system.N, system.nx, system.nu)
+        problem = DiscreteProblem(system, stages, settings)
+    else:
+        problem = ContinuousProblem(
+            system, cast(ContinuousCost, cost), settings, accuracy or Accuracy(), horizon
+        )
     if resume is not None:
         problem.resume(resume)
-    elif initial is not None:
-        problem.start(*initial)
-    return Loop(problem, settings, callback, resume).run()
+    else:
+        problem.start(initial)
+    loop: Loop[Any, Any, Any] = Loop(problem, settings, callback, resume)
+    return loop.run()
+
+
+def optimize_continuous(
+    system: ContinuousSystem, cost: ContinuousCost, **options: Any
+) -> ContinuousOptimizationResult:
+    """Return what `optimize` does, which takes systems in either kind of time: the older name."""
+    check_system(system, (ContinuousSystem,), ())
+    return optimize(system, cost, **options)

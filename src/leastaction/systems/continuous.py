@@ -10,7 +10,7 @@ from leastaction.mechanics.elements import PythonConstraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous import ContinuousSystem
-from leastaction.optimal.protocol import Linearization
+from leastaction.optimal.system import Linearization
 
 
 class MechanismSystem(ContinuousSystem):

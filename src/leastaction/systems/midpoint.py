@@ -11,7 +11,8 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.step import StepDerivatives
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array, as_times
-from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.system import Linearization
 
 
 class _Linearized(NamedTuple):

@@ -1,14 +1,13 @@
 """Optimal control in continuous time: ``x' = f(x, u, t)``; knows no mechanics.
 
-The counterpart of `leastaction.optimal`, name by name: a system is a `ContinuousSystem`, a cost a
-`ContinuousCost`, and `optimize_continuous` brings them together. Functions of time are
+The counterpart of `leastaction.optimal.discrete`, name by name: a system is a `ContinuousSystem`, a cost a
+`ContinuousCost`; `leastaction.optimal.optimize` brings them together. Functions of time are
 `PiecewisePolynomial`, trajectories `DenseTrajectory`.
 """
 
 from __future__ import annotations
 
-from leastaction.optimal.continuous.checks import check_continuous_derivatives
-from leastaction.optimal.continuous.costs import (
+from leastaction.optimal.continuous.cost import (
     ContinuousCost,
     ContinuousQuadraticCost,
     RateGradient,
@@ -24,12 +23,11 @@ from leastaction.optimal.continuous.linear_quadratic import (
     solve_continuous_linear_quadratic,
     steady_state_regulator,
 )
-from leastaction.optimal.continuous.optimize import optimize_continuous
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial
 from leastaction.optimal.continuous.projection import ContinuousProjection, ContinuousRollout
-from leastaction.optimal.continuous.protocol import ContinuousSystem
 from leastaction.optimal.continuous.result import ContinuousOptimizationResult
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution
+from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
 __all__ = [
@@ -47,8 +45,6 @@ __all__ = [
     "PiecewisePolynomial",
     "RateGradient",
     "RateHessian",
-    "check_continuous_derivatives",
-    "optimize_continuous",
     "regulate_continuous",
     "solve_continuous_linear_quadratic",
     "steady_state_regulator",

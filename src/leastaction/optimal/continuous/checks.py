@@ -1,4 +1,4 @@
-"""Holds continuous systems and costs to their derivatives, before you optimise with them."""
+"""Holds continuous systems and costs to their derivatives."""
 
 from __future__ import annotations
 
@@ -7,50 +7,26 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array
-from leastaction.optimal.checks import DerivativeReport
-from leastaction.optimal.continuous.costs import ContinuousCost
-from leastaction.optimal.continuous.protocol import ContinuousSystem
+from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.continuous.cost import ContinuousCost
+from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
-from leastaction.optimal.differences import central_differences, relative_error
+from leastaction.optimal.differences import Errors, central_differences
+
+__all__ = ["compare_continuous"]
 
 _Note = Callable[[str, Array, Array], None]
 
-__all__ = ["check_continuous_derivatives"]
 
-
-def check_continuous_derivatives(
-    system: ContinuousSystem,
-    curve: DenseTrajectory,
-    *,
-    cost: ContinuousCost | None = None,
-    tolerance: float = 1e-6,
-    seed: int = 0,
-) -> DerivativeReport:
-    """Compare the derivatives of a system, and of a cost, with central differences.
-
-    Parameters
-    ----------
-    system : ContinuousSystem
-    curve : DenseTrajectory
-        Where to check: at a few of its times. It need not be a trajectory of the system.
-    cost : ContinuousCost, optional
-        Cost to check along the same curve.
-    tolerance : float
-        Relative error that is allowed; central differences are good to about 1e-8.
-    seed : int
-        Of the random weights.
-
-    Returns
-    -------
-    DerivativeReport
-        `ok`, and by name the errors; print it.
-
-    Raises
-    ------
-    ArgumentError
-        A curve that does not fit the system, or derivatives of wrong shapes.
-    """
+def compare_continuous(
+    system: ContinuousSystem, curve: DenseTrajectory, cost: ContinuousCost | None, seed: int
+) -> Errors:
+    """Return by how much the derivatives along a curve differ from differences of one order less."""
+    if not isinstance(curve, DenseTrajectory):
+        raise ArgumentError(
+            f"curve: got {type(curve).__name__}, expected a DenseTrajectory, such as that of "
+            "DenseTrajectory.from_functions or from_samples"
+        )
     nx, nu = system.nx, system.nu
     if (curve.nx, curve.nu) != (nx, nu):
         raise ArgumentError(
@@ -60,13 +36,10 @@ def check_continuous_derivatives(
         cost.check(curve.t0, curve.tf, nx, nu)
     rng = np.random.default_rng(seed)
     times = curve.t0 + (curve.tf - curve.t0) * np.array([0.013, 0.321, 0.777])
-    x, u = curve.sample(times)
-    z = rng.standard_normal((len(times), nx))
-    errors: dict[str, float] = {}
-
-    def note(name: str, got: Array, expected: Array) -> None:
-        errors[name] = max(errors.get(name, 0.0), relative_error(got, expected))
-
+    x, u = map(read_only, curve.sample(times))
+    z = read_only(rng.standard_normal((len(times), nx)))
+    errors = Errors()
+    note = errors.note
     for i, t in enumerate(times.tolist()):
         at = np.concatenate([x[i], u[i]])
         A, B = system.derivatives(x[i], u[i], t)
@@ -81,7 +54,7 @@ def check_continuous_derivatives(
             note("curvature", H, differences)
             note("curvature symmetry", H, H.T)
         if cost is not None:
-            _check_rate(cost, at, nx, t, note)
+            _compare_rate(cost, at, nx, t, note)
     A_all, B_all = system.linearize(x, u, times)
     singles = [system.derivatives(*at) for at in zip(x, u, times.tolist(), strict=True)]
     note("linearize", A_all, np.stack([A for A, _ in singles]))
@@ -91,11 +64,11 @@ def check_continuous_derivatives(
         at_once = zip(x, u, times.tolist(), z, strict=True)
         note("curvatures", H_all, np.stack([system.curvature(*one) for one in at_once]))
     if cost is not None:
-        _check_final(cost, x[-1], curve.tf, note)
-    return DerivativeReport(errors, tolerance)
+        _compare_final(cost, x[-1], curve.tf, note)
+    return errors
 
 
-def _check_rate(cost: ContinuousCost, at: Array, nx: int, t: float, note: _Note) -> None:
+def _compare_rate(cost: ContinuousCost, at: Array, nx: int, t: float, note: _Note) -> None:
     time = np.array([t])
 
     def gradient(y: Array) -> Array:
@@ -113,7 +86,7 @@ def _check_rate(cost: ContinuousCost, at: Array, nx: int, t: float, note: _Note)
     )
 
 
-def _check_final(cost: ContinuousCost, x: Array, t: float, note: _Note) -> None:
+def _compare_final(cost: ContinuousCost, x: Array, t: float, note: _Note) -> None:
     gradient = cost.final_gradient(x, t)
     value = central_differences(lambda y: np.array([cost.final_value(y, t)]), x)
     note("final gradient", gradient, value[0])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.optimal.continuous.protocol import ContinuousSystem
+from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 
 __all__ = ["FunctionContinuousSystem", "LinearContinuousSystem"]

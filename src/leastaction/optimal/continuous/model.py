@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.numerics.arrays import Array, require_finite
-from leastaction.optimal.continuous.costs import ContinuousCost
+from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.piecewise import Mesh, approximate
-from leastaction.optimal.continuous.protocol import ContinuousSystem
 from leastaction.optimal.continuous.riccati import Samples
+from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
 __all__ = ["SampledSystem", "TangentModel", "sample_model", "with_identities"]

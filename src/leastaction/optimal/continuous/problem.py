@@ -10,7 +10,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, require_finite
 from leastaction.optimal.continuous.adjoint import continuous_adjoint
-from leastaction.optimal.continuous.costs import ContinuousCost
+from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.model import (
     SampledSystem,
@@ -20,17 +20,17 @@ from leastaction.optimal.continuous.model import (
 )
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.projection import Follower, roll_out
-from leastaction.optimal.continuous.protocol import ContinuousSystem
 from leastaction.optimal.continuous.result import ContinuousOptimizationResult
 from leastaction.optimal.continuous.riccati import (
     ContinuousLinearQuadraticSolution,
     solve_samples,
 )
 from leastaction.optimal.continuous.signals import SignalLike, as_horizon
+from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.line_search import Trial, rounding_of
-from leastaction.optimal.loop import Direction, Problem
-from leastaction.optimal.result import Settings
+from leastaction.optimal.loop import Direction, Problem, both
+from leastaction.optimal.result import OptimizationResult, Settings
 
 __all__ = ["ContinuousDirection", "ContinuousProblem"]
 
@@ -70,6 +70,8 @@ class ContinuousProblem(
     cost : ContinuousCost
     settings : Settings
     accuracy : Accuracy
+    horizon : (t0, tf), optional
+        Times (s), if what it starts from does not bring them.
     """
 
     # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.
@@ -81,8 +83,10 @@ class ContinuousProblem(
         cost: ContinuousCost,
         settings: Settings,
         accuracy: Accuracy,
+        horizon: tuple[float, float] | None = None,
     ) -> None:
         super().__init__()
+        self.horizon = horizon
         self.system = system
         self.cost = cost
         self.accuracy = accuracy
@@ -106,12 +110,9 @@ class ContinuousProblem(
 
     # ---- Where to start -------------------------------------------------------------------------
 
-    def start(
-        self,
-        initial: DenseTrajectory | tuple[SignalLike, SignalLike],
-        horizon: tuple[float, float] | None,
-    ) -> None:
+    def start(self, initial: DenseTrajectory | tuple[SignalLike, SignalLike]) -> None:
         """Begin with a curve to be projected, or an initial state and inputs."""
+        horizon = self.horizon
         nx, nu = self.system.nx, self.system.nu
         if isinstance(initial, DenseTrajectory):
             if horizon is not None and as_horizon(horizon) != (initial.t0, initial.tf):
@@ -128,7 +129,7 @@ class ContinuousProblem(
         else:
             if horizon is None:
                 raise ArgumentError("horizon: got None, expected (t0, tf) in seconds.")
-            x, u = initial
+            x, u = both(initial)
             is_curve = isinstance(x, PiecewisePolynomial) or callable(x)
             if not is_curve:
                 x = as_array(np.asarray(x), "initial x", (nx,), meaning="an initial state (nx,)")
@@ -146,8 +147,12 @@ class ContinuousProblem(
         self.gain = self._regulate()
         self._project(curve, self.gain)
 
-    def resume(self, result: ContinuousOptimizationResult) -> None:
+    def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
+        if not isinstance(result, ContinuousOptimizationResult):
+            raise ArgumentError(
+                f"resume: got {type(result).__name__}, expected a ContinuousOptimizationResult"
+            )
         trajectory, nx, nu = result.trajectory, self.system.nx, self.system.nu
         if (trajectory.nx, trajectory.nu) != (nx, nu):
             raise ArgumentError(

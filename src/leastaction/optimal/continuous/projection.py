@@ -13,10 +13,10 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.continuous.costs import ContinuousCost
+from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
 from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
-from leastaction.optimal.continuous.protocol import ContinuousSystem
+from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
 __all__ = ["ContinuousProjection", "ContinuousRollout", "Follower", "roll_out"]

@@ -25,13 +25,13 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.costs import CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import CostGradient, CostHessian
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
     solve_linear_quadratic,
 )
-from leastaction.optimal.protocol import Linearization
+from leastaction.optimal.system import Linearization
 
 __all__ = ["minimise_model"]
 

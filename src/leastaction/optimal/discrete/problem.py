@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array
-from leastaction.optimal.costs import Cost, CostGradient
+from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
@@ -19,10 +19,11 @@ from leastaction.optimal.discrete.linear_quadratic import (
     regulate,
     sweep_forward,
 )
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.line_search import Trial
-from leastaction.optimal.loop import Direction, Problem
-from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
+from leastaction.optimal.loop import Direction, Problem, both
 from leastaction.optimal.result import OptimizationResult, Settings
+from leastaction.optimal.system import Linearization
 
 __all__ = ["DiscreteDirection", "DiscreteProblem"]
 
@@ -100,8 +101,9 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
     # ---- Where to start -------------------------------------------------------------------------
 
-    def start(self, x: ArrayLike, u: ArrayLike) -> None:
+    def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
         """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
+        x, u = both(initial)
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
         x = as_array(

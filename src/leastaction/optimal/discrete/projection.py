@@ -15,7 +15,8 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.protocol import DiscreteSystem, Linearization, Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.system import Linearization
 
 __all__ = ["Projection"]
 

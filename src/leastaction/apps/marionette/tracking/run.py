@@ -135,12 +135,12 @@ def track(
         initial = None
     elif initial is None:
         initial = problem.embed(progress or (lambda _: None))
-    result = optimize(
+    result = optimize(  # type: ignore[call-overload]
         problem.system,
         problem.cost(problem.weights.tension),
         initial=initial,
         resume=resume,
-        method=method,  # type: ignore[arg-type]
+        method=method,
         max_iterations=max_iterations,
         tolerance=tolerance or (1e-4 if embedded else 1e-6),
         callback=callback,

@@ -1,34 +1,21 @@
 """The discrete system ``x+ = f(x, u, k)``: all that the optimiser knows of what it steers.
 
-Symbols: ``N`` steps, ``x`` (N+1, nx), ``u`` (N, nu), ``A = df/dx`` (N, nx, nx), ``B = df/du``
-(N, nx, nu), ``K`` (N, nu, nx) with the feedback ``u = ubar - K (x - xbar)``.
-
-Which method of the optimiser needs what:
-
-================  =====  =============  ===========
-                  ``f``  `derivatives`  `curvature`
-================  =====  =============  ===========
-steepest            x          x
-quasi-newton        x          x
-newton              x          x             x
-================  =====  =============  ===========
-
 Three methods of one step are enough to define a system. The methods over whole trajectories loop over
 them; a system with a faster way (compiled, parallel over time) overrides those.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from leastaction.errors import StepError
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.system import Linearization, System
 
-__all__ = ["DiscreteSystem", "Linearization", "Rollout"]
+__all__ = ["DiscreteSystem", "Rollout"]
 
 
 @dataclass(frozen=True)
@@ -58,37 +45,14 @@ class Rollout:
         return self.failure is None
 
 
-class Linearization(NamedTuple):
-    """First derivatives of the dynamics along a trajectory.
-
-    Attributes
-    ----------
-    A : ndarray (N, nx, nx)
-        ``df/dx`` of every step.
-    B : ndarray (N, nx, nu)
-        ``df/du`` of every step.
-    """
-
-    A: Array
-    B: Array
-
-
-class DiscreteSystem(ABC):
+class DiscreteSystem(System):
     """A discrete system over a horizon of N steps.
 
-    Subclasses set `nx`, `nu`, `N` (before they are used) and implement `f`, `derivatives` and, for
-    Newton's method, `curvature`. All must be pure: the same arguments give the same result.
+    Subclasses set `nx`, `nu` and `N`, and implement what `System` says.
     """
 
-    nx: int
-    """Number of states."""
-    nu: int
-    """Number of inputs."""
     N: int
     """Number of steps of the horizon."""
-
-    has_curvature: bool = True
-    """Whether `curvature` is available; without it Newton's method is not offered."""
 
     @abstractmethod
     def f(self, x: Array, u: Array, k: int) -> Array:
@@ -97,13 +61,6 @@ class DiscreteSystem(ABC):
     @abstractmethod
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu) of step k."""
-
-    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        """Return ``z . D2f``, the symmetric (nx+nu, nx+nu) Hessian of ``z'f`` over ``(x, u)``."""
-        raise NotImplementedError(
-            f"{type(self).__name__} has no second derivative: implement `curvature`, or set "
-            "`has_curvature = False` and use a method other than 'newton'."
-        )
 
     def rollout(
         self,
@@ -134,13 +91,15 @@ class DiscreteSystem(ABC):
         x = np.empty((stop - start + 1, self.nx))
         u = np.empty((stop - start, self.nu))
         x[0] = x0
+        # What users' functions are given cannot be written to.
+        states, inputs = read_only(x), read_only(u)
         for i, k in enumerate(range(start, stop)):
-            u[i] = ubar[k] - K[k] @ (x[i] - xbar[k])
+            u[i] = ubar[k] - K[k] @ self.difference(states[i], xbar[k])
             failure = None
             try:
                 # A diverging trial leaves the range of doubles; that is an outcome here.
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    x[i + 1] = self.f(x[i], u[i], k)
+                    x[i + 1] = self.f(states[i], inputs[i], k)
             except (StepError, ArithmeticError) as error:
                 failure = f"step {k}: {error}"
             else:
@@ -160,6 +119,7 @@ class DiscreteSystem(ABC):
         if out is None:
             N, nx, nu = self.N, self.nx, self.nu
             out = Linearization(np.empty((N, nx, nx)), np.empty((N, nx, nu)))
+        x, u = read_only(x), read_only(u)
         for k in range(self.N):
             out.A[k], out.B[k] = self.derivatives(x[k], u[k], k)
         return out
@@ -179,6 +139,7 @@ class DiscreteSystem(ABC):
         if out is None:
             n = self.nx + self.nu
             out = np.empty((self.N, n, n))
+        x, u, z = read_only(x), read_only(u), read_only(z)
         for k in range(self.N):
             out[k] = self.curvature(x[k], u[k], k, z[k + 1])
         return out

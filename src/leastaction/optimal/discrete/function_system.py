@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
-from leastaction.optimal.protocol import DiscreteSystem, Linearization
+from leastaction.optimal.system import Linearization
 
 __all__ = ["FunctionSystem", "LinearSystem"]
 

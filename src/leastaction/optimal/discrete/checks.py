@@ -1,0 +1,124 @@
+"""Holds discrete systems and costs to their derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError, StepError
+from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.optimal.differences import Errors, central_differences
+from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.system import DiscreteSystem
+
+__all__ = ["compare_discrete"]
+
+
+def compare_discrete(
+    system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: Cost | None, seed: int
+) -> Errors:
+    """Return by how much the derivatives along a curve differ from differences of one order less."""
+    N, nx, nu = system.N, system.nx, system.nu
+    states = read_only(as_array(x, "x", (N + 1, nx), meaning="(N+1, nx)"))
+    inputs = read_only(as_array(u, "u", (N, nu), meaning="(N, nu)"))
+    rng = np.random.default_rng(seed)
+    errors = Errors()
+    for k in sorted({0, N // 3, N - 1}):
+        _compare_step(system, states[k], inputs[k], k, rng.standard_normal(nx), errors)
+    _compare_rollout(system, states, inputs, rng, errors)
+    _compare_whole(system, states, inputs, rng, errors)
+    if cost is not None:
+        _compare_cost(cost, states, inputs, rng, errors)
+    return errors
+
+
+def _compare_step(
+    system: DiscreteSystem, x: Array, u: Array, k: int, z: Array, errors: Errors
+) -> None:
+    nx = x.size
+    at = np.concatenate([x, u])
+    A, B = system.derivatives(x, u, k)
+    J = central_differences(lambda y: system.f(y[:nx], y[nx:], k), at)
+    errors.note("A", A, J[:, :nx])
+    errors.note("B", B, J[:, nx:])
+    if system.has_curvature:
+        H = system.curvature(x, u, k, z)
+
+        def gradient(y: Array) -> Array:
+            return z @ np.hstack(system.derivatives(y[:nx], y[nx:], k))
+
+        errors.note("curvature", H, central_differences(gradient, at))
+        errors.note("curvature symmetry", H, H.T)
+
+
+def _compare_rollout(
+    system: DiscreteSystem, x: Array, u: Array, rng: np.random.Generator, errors: Errors
+) -> None:
+    """Hold the roll-out to single steps from the states that it passed.
+
+    Two roll-outs, each on its own, would part: an unstable system amplifies their rounding at every step.
+    """
+    N, nx, nu = system.N, system.nx, system.nu
+    K = 0.1 * rng.standard_normal((N, nu, nx))
+    part = system.rollout(x[0], x, u, K, 0, min(N, 10))
+    done = part.steps_done
+    states = read_only(part.x)
+    if done < min(N, 10):
+        deviation = system.difference(states[done], x[done])
+        try:
+            with np.errstate(all="ignore"):
+                goes_on = bool(
+                    np.isfinite(system.f(states[done], u[done] - K[done] @ deviation, done)).all()
+                )
+        except (StepError, ArithmeticError):
+            goes_on = False
+        if goes_on:
+            raise ArgumentError(
+                f"system.rollout: made {done} steps ({part.failure}), where f makes the next one too."
+            )
+    for k in range(done):
+        law = u[k] - K[k] @ system.difference(states[k], x[k])
+        errors.note("rollout", part.u[k], law)
+        errors.note("rollout", states[k + 1], system.f(states[k], read_only(part.u[k]), k))
+
+
+def _compare_whole(
+    system: DiscreteSystem, x: Array, u: Array, rng: np.random.Generator, errors: Errors
+) -> None:
+    """Hold the derivatives over the whole horizon to those of single steps."""
+    N, nx = system.N, system.nx
+    A, B = system.linearize(x, u)
+    steps = sorted({0, N // 2, N - 1})
+    singles = [system.derivatives(x[k], u[k], k) for k in steps]
+    errors.note("linearize", A[steps], np.stack([A_k for A_k, _ in singles]))
+    errors.note("linearize", B[steps], np.stack([B_k for _, B_k in singles]))
+    if system.has_curvature:
+        z = read_only(rng.standard_normal((N + 1, nx)))
+        H = system.curvatures(x, u, z)
+        single = np.stack([system.curvature(x[k], u[k], k, z[k + 1]) for k in steps])
+        errors.note("curvatures", H[steps], single)
+
+
+def _compare_cost(cost: Cost, x: Array, u: Array, rng: np.random.Generator, errors: Errors) -> None:
+    """Along a random direction over the whole curve."""
+    dx, du = rng.standard_normal(x.shape), rng.standard_normal(u.shape)
+
+    def value(s: Array) -> Array:
+        return np.array([cost.value(x + s * dx, u + s * du)])
+
+    def slope(s: Array) -> Array:
+        q, r, q_final = cost.gradient(x + s * dx, u + s * du)
+        return np.array([np.sum(q * dx[:-1]) + np.sum(r * du) + q_final @ dx[-1]])
+
+    def form(weight: Array, left: Array, right: Array) -> float:
+        if weight.ndim == 1 or weight.shape[-1] == 1 != right.shape[-1]:
+            return float(np.sum(left * weight.reshape(-1, left.shape[-1]) * right))
+        return float(np.sum(left * np.einsum("...ij,...j->...i", weight, right)))
+
+    Q, R, S, Q_final = cost.hessian(x, u)
+    curvature = form(Q, dx[:-1], dx[:-1]) + form(R, du, du) + form(Q_final, dx[-1], dx[-1])
+    if S is not None:
+        curvature += 2.0 * form(S, dx[:-1], du)
+    zero = np.zeros(1)
+    errors.note("cost gradient", slope(zero), central_differences(value, zero)[:, 0])
+    errors.note("cost hessian", np.array([curvature]), central_differences(slope, zero)[:, 0])

@@ -1,0 +1,105 @@
+"""What the optimiser knows of the systems that it steers, in either kind of time.
+
+Symbols: ``x`` (nx,), ``u`` (nu,), ``A = df/dx`` (nx, nx), ``B = df/du`` (nx, nu), ``K`` (nu, nx) with the
+feedback ``u = ubar - K (x - xbar)``; over a horizon, with time first.
+
+Which method of the optimiser needs what:
+
+================  =====  =============  ===========
+                  ``f``  `derivatives`  `curvature`
+================  =====  =============  ===========
+steepest            x          x
+quasi-newton        x          x
+newton              x          x             x
+================  =====  =============  ===========
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, NamedTuple
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array
+
+__all__ = ["Linearization", "System", "check_system", "difference"]
+
+
+class Linearization(NamedTuple):
+    """First derivatives of the dynamics along a trajectory.
+
+    Attributes
+    ----------
+    A : ndarray (N, nx, nx)
+        ``df/dx`` of every step, or at every sample.
+    B : ndarray (N, nx, nu)
+        ``df/du`` of every step, or at every sample.
+    """
+
+    A: Array
+    B: Array
+
+
+def difference(x: Array, xbar: Array) -> Array:
+    """Return the difference of two states: the one place that says how states are compared."""
+    return x - xbar
+
+
+class System(ABC):
+    """What a `DiscreteSystem` and a `ContinuousSystem` share.
+
+    Subclasses set `nx` and `nu` (before they are used) and implement `f`, `derivatives` and, for Newton's
+    method, `curvature`. All must be pure: the same arguments give the same result. Arrays that they are given
+    are read-only. A system whose methods are pure may serve several threads at once.
+    """
+
+    nx: int
+    """Number of states."""
+    nu: int
+    """Number of inputs."""
+
+    has_curvature: bool = True
+    """Whether `curvature` is available; without it Newton's method is not offered."""
+
+    @abstractmethod
+    def f(self, x: Array, u: Array, when: Any, /) -> Array:
+        """Return the next state, or the rate of the state (nx,)."""
+
+    @abstractmethod
+    def derivatives(self, x: Array, u: Array, when: Any, /) -> tuple[Array, Array]:
+        """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu)."""
+
+    def curvature(self, x: Array, u: Array, when: Any, z: Array, /) -> Array:
+        """Return ``z . D2f``, the symmetric (nx+nu, nx+nu) Hessian of ``z'f`` over ``(x, u)``."""
+        raise NotImplementedError(
+            f"{type(self).__name__} has no second derivative: implement `curvature`, or set "
+            "`has_curvature = False` and use a method other than 'newton'."
+        )
+
+    def difference(self, x: Array, xbar: Array) -> Array:
+        """Return the difference of states (nx,) or (n, nx), as feedback and projection take it."""
+        return difference(x, xbar)
+
+
+def check_system(system: object, kinds: tuple[type[System], ...], sizes: tuple[str, ...]) -> None:
+    """Complain about what is no system of these kinds, or one whose sizes are not set.
+
+    Raises
+    ------
+    ArgumentError
+        Naming what was given and what would do.
+    """
+    name = type(system).__name__
+    if not isinstance(system, kinds):
+        raise ArgumentError(
+            f"system: got {name}, expected a {' or a '.join(kind.__name__ for kind in kinds)}. An integrator "
+            "becomes one by MidpointSystem(integrator, t), a mechanism in continuous time by "
+            "MechanismSystem(mechanism), functions by FunctionSystem or FunctionContinuousSystem."
+        )
+    for size in sizes:
+        value = getattr(system, size, None)
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise ArgumentError(
+                f"system: {name}.{size} is {'not set' if value is None else repr(value)}, expected a whole number "
+                f"of 1 or more. Set self.{size} in its __init__, before it is used."
+            )
