@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from leastaction import __version__, models
+from leastaction import __version__
 from leastaction.apps.cli import main
 from leastaction.apps.cli.report import TRAJECTORY, write_report
-from leastaction.apps.marionette.walk import walk_in_place
-from leastaction.io.results.files import save_record
-from leastaction.io.results.record import RunRecord
-from leastaction.models.marionette import hang_strings
+from leastaction.apps.marionette import TrackingRun, save_run, track, walk_in_place
+from leastaction.models.marionette import STRINGS, hang_strings, marionette
 
 Output = tuple[int, str, str]
 
@@ -36,43 +35,24 @@ def leastaction(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.fixture(scope="module")
-def record() -> RunRecord:
-    """A made-up run of the marionette, of 20 steps, that is 2 degrees off at the left knee."""
-    mechanism = models.build("marionette")
-    walk = walk_in_place(0.2, 0.01)
-    n = walk.t.size - 1
-    q = np.zeros((n + 1, mechanism.nq))
-    q[:, : mechanism.nd] = walk.columns(mechanism.dynamic)
-    wanted = hang_strings(mechanism, q)
+def run() -> TrackingRun:
+    """A run of the marionette, of 20 steps."""
+    return track(marionette(), walk_in_place(0.2, 0.01))
+
+
+@pytest.fixture(scope="module")
+def made_up(run: TrackingRun) -> TrackingRun:
+    """The same with a left knee that is 2 degrees off, and a string that pushes for a quarter of the time."""
+    mechanism, trajectory = run.mechanism, run.trajectory
+    q = run.reference.copy()
     q[:, mechanism.variables.index("lknee_rx")] += np.radians(2.0)
-    nu = mechanism.nu + mechanism.nrho
-    tension = np.full((n, mechanism.nc), 12.0)
+    q = hang_strings(mechanism, q)
+    tension = np.full((trajectory.steps, mechanism.nc), 12.0)
     tension[:5, 0] = -3.0
-    return RunRecord(
-        mechanism="marionette",
-        variables=mechanism.variables,
-        n_dynamic=mechanism.nd,
-        inputs=(*mechanism.inputs, *mechanism.kinematic),
-        constraints=mechanism.constraints,
-        t=walk.t,
-        q=hang_strings(mechanism, q),
-        p=np.zeros((n + 1, mechanism.nd)),
-        v=np.zeros((n + 1, mechanism.nrho)),
-        u=np.zeros((n, nu)),
-        lam=np.zeros((n, mechanism.nc)),
-        x=np.zeros((n + 1, mechanism.nx)),
-        K=np.zeros((n, nu, mechanism.nx)),
-        q_wanted=wanted,
-        tension=tension,
-        histories={
-            "cost": np.array([5.0, 1.0]),
-            "expected_decrease": np.array([8.0]),
-            "method": np.array(["newton"]),
-        },
-        settings={"source": "walk in place", "tolerance": 1e-6},
-        status="CONVERGED",
-        message="The expected decrease of the cost is below the tolerance.",
-    )
+    lengths = q[:-1, [mechanism.variables.index(string.length) for string in STRINGS]]
+    lam = tension * 0.01 / (2.0 * lengths)
+    lam[0] /= 2.0
+    return replace(run, trajectory=replace(trajectory, q=q, lam=lam))
 
 
 def test_help_names_every_command(leastaction) -> None:
@@ -117,6 +97,11 @@ def test_help_is_quick() -> None:
         (["optimize", "marionette", "--out", "x", "--mapping", "m.toml"], "--motion"),
         (["optimize", "marionette", "--out", "x", "--resume", "r", "--motion", "m"], "--resume"),
         (["info", "absent.npz"], "absent.npz"),
+        (["demo", "--out", "x", "--dt", "1e-9"], "steps"),
+        (["demo", "--out", "x", "--dt", "1e-300"], "steps"),
+        (["demo", "--out", "x", "--duration", "1e9"], "steps"),
+        (["demo", "--out", "x", "--duration", "1e5"], "steps"),
+        (["optimize", "marionette", "--out", "x", "--duration", "1e300"], "steps"),
     ],
 )
 def test_bad_words_are_one_line_and_code_2(
@@ -150,10 +135,10 @@ def test_a_motion_file_that_is_none(leastaction, tmp_path: Path) -> None:
 def test_the_folder_is_checked_before_the_run(
     leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def must_not_run(*arguments: object) -> None:
+    def must_not_run(*arguments: object, **options: object) -> None:
         raise AssertionError("the run started")
 
-    monkeypatch.setattr("leastaction.apps.cli.job.run", must_not_run)
+    monkeypatch.setattr("leastaction.apps.cli.session.run", must_not_run)
     file = tmp_path / "file"
     file.write_text("", encoding="utf-8")
     code, _, err = leastaction("demo", "--out", file / "below")
@@ -174,23 +159,21 @@ def test_missing_matplotlib_is_said_before_the_run(
 def test_ctrl_c_before_there_is_a_result(
     leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupt(*arguments: object) -> None:
+    def interrupt(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("leastaction.apps.cli.job.run", interrupt)
+    monkeypatch.setattr("leastaction.apps.cli.session.run", interrupt)
     code, _, err = leastaction("demo", "--out", tmp_path / "out")
     assert code == 130
     assert "interrupted" in err
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_a_report_holds_everything(record: RunRecord, tmp_path: Path) -> None:
-    report = write_report(record, tmp_path)
-    names = [path.name for path, _ in report.files]
-    assert names[0] == TRAJECTORY
+def test_a_report_holds_everything(made_up: TrackingRun, tmp_path: Path) -> None:
+    names: list[str] = []
+    write_report(made_up, tmp_path, progress=names.append)
     assert sorted(names) == sorted(path.name for path in tmp_path.iterdir())
     assert set(names) == {
-        TRAJECTORY,
         "summary.json",
         "summary.txt",
         "convergence.png",
@@ -202,9 +185,9 @@ def test_a_report_holds_everything(record: RunRecord, tmp_path: Path) -> None:
     assert all(path.stat().st_size > 200 for path in tmp_path.iterdir())
 
 
-def test_the_numbers_of_a_report(record: RunRecord, tmp_path: Path) -> None:
-    write_report(record, tmp_path, plots=False, animation=False)
-    assert len(list(tmp_path.iterdir())) == 3
+def test_the_numbers_of_a_report(made_up: TrackingRun, tmp_path: Path) -> None:
+    write_report(made_up, tmp_path, plots=False, animation=False)
+    assert len(list(tmp_path.iterdir())) == 2
     numbers = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     knee = numbers["tracking"]["variables"]["lknee_rx"]
     assert knee["unit"] == "deg"
@@ -220,8 +203,8 @@ def test_the_numbers_of_a_report(record: RunRecord, tmp_path: Path) -> None:
     assert "\x1b" not in text
 
 
-def test_info_and_draw(leastaction, record: RunRecord, tmp_path: Path) -> None:
-    path = save_record(tmp_path / "run.npz", record)
+def test_info_and_draw(leastaction, run: TrackingRun, tmp_path: Path) -> None:
+    path = save_run(tmp_path / "run.npz", run)
     code, out, err = leastaction("info", path)
     assert (code, err) == (0, "")
     for part in ("marionette: 20 steps", "CONVERGED", "lknee_rx", "right leg", "walk in place"):

@@ -12,11 +12,10 @@ import pytest
 
 from apps.puppet_bvh import write_puppet
 from leastaction.apps.cli import main
-from leastaction.apps.marionette.walk import walk_in_place
-from leastaction.io.results.files import load_record
+from leastaction.apps.marionette import load_run, walk_in_place
 from leastaction.mechanics import MidpointVI
 from leastaction.models.marionette import marionette
-from leastaction.optimal import IterationRecord, IterationTable
+from leastaction.optimal import IterationRecord, IterationTable, Status
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -57,24 +56,24 @@ def test_demo_leaves_a_whole_folder(leastaction: Run, tmp_path: Path) -> None:
 
 def test_the_result_is_a_motion_of_the_puppet(leastaction: Run, tmp_path: Path) -> None:
     leastaction("demo", "--duration", "0.3", "--out", tmp_path, "--no-plots", "--no-animation")
-    record = load_record(tmp_path / "trajectory.npz")
+    run = load_run(tmp_path / "trajectory.npz")
     puppet = marionette()
-    assert record.variables == puppet.variables
-    assert np.abs(puppet.constraint_values(record.q)).max() < 1e-11
+    motion = run.trajectory
+    assert run.mechanism.variables == puppet.variables
+    assert np.abs(puppet.constraint_values(motion.q)).max() < 1e-11
     # The inputs of the file make the motion of the file.
     integrator = MidpointVI(puppet)
-    start = integrator.start(record.q[0], p=record.p[0], t=float(record.t[0]))
-    again = integrator.simulate(start, record.t, rho=record.rho)
-    np.testing.assert_allclose(again.q, record.q, atol=1e-8)
-    np.testing.assert_allclose(again.p, record.p, atol=1e-7)
-    assert record.tension is not None
+    start = integrator.start(motion.q[0], p=motion.p[0], t=float(motion.t[0]))
+    again = integrator.simulate(start, motion.t, rho=motion.rho)
+    np.testing.assert_allclose(again.q, motion.q, atol=1e-8)
+    np.testing.assert_allclose(again.p, motion.p, atol=1e-7)
     pulls = np.stack([again.tensions()[name] for name in puppet.constraints], axis=1)
     # At the start there is only half a step for the first impulse to make up for.
     pulls[0] *= 2.0
-    np.testing.assert_allclose(record.tension, pulls, atol=1e-4)
+    np.testing.assert_allclose(run.tension, pulls, atol=1e-4)
     # The puppet hardly leaves its place in that time, so the strings carry its weight.
     weight = 9.8 * sum(body.mass for _, body, _ in puppet.tree.bodies())
-    assert record.tension.sum(axis=1).mean() == pytest.approx(weight, rel=0.1)
+    assert run.tension.sum(axis=1).mean() == pytest.approx(weight, rel=0.1)
 
 
 def test_motion_capture(leastaction: Run, tmp_path: Path) -> None:
@@ -108,14 +107,16 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_stopped(leastaction: Run, tmp_pa
     )
     assert code == 0
     assert f"--resume {half / 'trajectory.npz'}" in out
-    assert load_record(half / "trajectory.npz").status == "ITERATION_LIMIT"
+    assert load_run(half / "trajectory.npz").result.status is Status.ITERATION_LIMIT
     again = ("--resume", half / "trajectory.npz", "--out", rest)
     assert leastaction("optimize", "marionette", *again, *few)[0] == 0
-    first, second = load_record(whole / "trajectory.npz"), load_record(rest / "trajectory.npz")
-    assert len(first.histories["cost"]) > 2
-    np.testing.assert_allclose(second.histories["cost"], first.histories["cost"], rtol=1e-12)
-    np.testing.assert_allclose(second.q, first.q, atol=1e-9)
-    assert second.settings["source"] == first.settings["source"]
+    first, second = load_run(whole / "trajectory.npz"), load_run(rest / "trajectory.npz")
+    assert first.result.iterations > 1
+    np.testing.assert_array_equal(second.result.history.cost, first.result.history.cost)
+    np.testing.assert_array_equal(second.result.x, first.result.x)
+    np.testing.assert_array_equal(second.result.K, first.result.K)
+    np.testing.assert_array_equal(second.trajectory.q, first.trajectory.q)
+    assert second.source == first.source
 
 
 def test_ctrl_c_keeps_the_last_iterate(
@@ -132,7 +133,7 @@ def test_ctrl_c_keeps_the_last_iterate(
     code, out, err = leastaction("demo", "--duration", "0.3", "--out", tmp_path)
     assert (code, err) == (130, "")
     assert "Go on with" in out
-    record = load_record(tmp_path / "trajectory.npz")
-    assert record.status == "INTERRUPTED"
-    assert len(record.histories["cost"]) == 2
+    result = load_run(tmp_path / "trajectory.npz").result
+    assert result.status is Status.INTERRUPTED
+    assert len(result.history.cost) == 2
     assert (tmp_path / "convergence.png").exists()

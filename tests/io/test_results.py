@@ -1,109 +1,139 @@
-"""The result file: what goes in comes out, and a damaged or half-written file is never taken for a run."""
+"""Result files: what goes in comes out, and a damaged or half-written file is never taken for a result."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import errno
 import json
 import os
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pytest
 
 from leastaction.errors import ArgumentError, LeastActionError, OutputError, ResultFileError
-from leastaction.io.results.files import FORMAT_VERSION, load_record, save_record
-from leastaction.io.results.record import RunRecord
+from leastaction.io.results import load_record, load_result, save_record, save_result
+from leastaction.io.results.record import FORMAT_VERSION
 from leastaction.numerics.files import atomic_write, prepare_output_folder, write_text
+from leastaction.optimal import (
+    FunctionSystem,
+    OptimizationResult,
+    QuadraticCost,
+    Status,
+    optimize,
+)
+from leastaction.optimal.result import NewtonSchedule, OptimizationHistory, Settings
 
-N, ND, NRHO, NF, NC = 6, 3, 2, 1, 2
+N, NX, NU, ITERATIONS = 6, 4, 2, 3
 
 
 @pytest.fixture
-def record(rng: np.random.Generator) -> RunRecord:
-    nu, nx = NF + NRHO, 2 * (ND + NRHO)
-    return RunRecord(
-        mechanism="two strings",
-        variables=("x", "y", "theta", "left-length", "right-length"),
-        n_dynamic=ND,
-        inputs=("torque", "left-length", "right-length"),
-        constraints=("left", "right"),
-        t=np.linspace(0.0, 0.06, N + 1),
-        q=rng.normal(size=(N + 1, ND + NRHO)),
-        p=rng.normal(size=(N + 1, ND)),
-        v=rng.normal(size=(N + 1, NRHO)),
-        u=rng.normal(size=(N, nu)),
-        lam=rng.normal(size=(N, NC)),
-        x=rng.normal(size=(N + 1, nx)),
-        K=rng.normal(size=(N, nu, nx)),
-        q_wanted=rng.normal(size=(N + 1, ND + NRHO)),
-        tension=rng.normal(size=(N, NC)),
-        histories={"cost": np.array([3.0, 2.0]), "method": np.array(["quasi-newton", "newton"])},
-        settings={"dt": 0.01, "weights": [1.0, 2.0], "note": "Ünïcode"},
-        status="converged",
-        message="The expected decrease is below 1e-6.",
+def result(rng: np.random.Generator) -> OptimizationResult:
+    """A made-up result of a run that was interrupted."""
+    numbers = {
+        name: rng.normal(size=ITERATIONS)
+        for name in ("expected_decrease", "step_length", "curvature_scale", "seconds")
+    }
+    return OptimizationResult(
+        status=Status.INTERRUPTED,
+        message="Ünïcode",
+        x=rng.normal(size=(N + 1, NX)),
+        u=rng.normal(size=(N, NU)),
+        K=rng.normal(size=(N, NU, NX)),
+        cost=1.5,
+        expected_decrease=np.nan,
+        history=OptimizationHistory(
+            cost=rng.normal(size=ITERATIONS + 1),
+            rollouts=np.arange(ITERATIONS),
+            method=("quasi-newton", "newton", "newton-damped"),
+            **numbers,
+        ),
+        timings=MappingProxyType({"total": 1.25}),
+        rollouts=7,
+        settings=Settings("auto", "descent", 100, 1e-9, 1e-14, 1e-4, 0.5, 20, 64),
+        projection_gain=rng.normal(size=(N, NU, NX)),
+        schedule=NewtonSchedule(2, 3, 0.5),
     )
 
 
-def test_everything_comes_back(record: RunRecord, tmp_path: Path) -> None:
-    path = save_record(tmp_path / "trajectory.npz", record)
-    back = load_record(path)
-    for field in dataclasses.fields(RunRecord):
-        was, now = getattr(record, field.name), getattr(back, field.name)
-        if isinstance(was, np.ndarray):
+def assert_same(first: Any, second: Any) -> None:
+    """Hold two dataclasses to each other, field by field, to the last bit."""
+    assert type(first) is type(second)
+    for field in dataclasses.fields(first):
+        was, now = getattr(first, field.name), getattr(second, field.name)
+        if dataclasses.is_dataclass(was):
+            assert_same(was, now)
+        elif isinstance(was, (np.ndarray, float)):
             np.testing.assert_array_equal(now, was, err_msg=field.name)
-            assert now.dtype == was.dtype
-        elif field.name == "histories":
-            assert now.keys() == was.keys()
-            assert all(np.array_equal(now[key], was[key]) for key in was)
-        elif field.name not in ("versions", "created"):
+            assert np.asarray(now).dtype == np.asarray(was).dtype
+        else:
             assert now == was, field.name
-    assert {"leastaction", "numpy", "scipy", "python"} <= back.versions.keys()
-    assert back.created.startswith("20")
+
+
+def test_a_result_comes_back_as_it_was(result: OptimizationResult, tmp_path: Path) -> None:
+    back = load_result(save_result(tmp_path / "a.npz", result))
+    assert_same(result, back)
     # And through a second file nothing changes any more.
-    again = load_record(save_record(tmp_path / "again.npz", back))
-    assert (again.created, again.versions) == (back.created, back.versions)
+    assert_same(back, load_result(save_result(tmp_path / "b.npz", back)))
+    record = load_record(tmp_path / "a.npz", OptimizationResult)
+    assert {"leastaction", "numpy", "scipy", "python"} <= record.provenance.versions.keys()
+    assert record.provenance.created.startswith("20")
 
 
-def test_numpy_alone_reads_it(record: RunRecord, tmp_path: Path) -> None:
-    path = save_record(tmp_path / "trajectory.npz", record)
+def test_an_optimisation_goes_on_from_its_file(tmp_path: Path) -> None:
+    A, B = np.array([[1.0, 0.1], [-0.4, 1.0]]), np.array([0.0, 0.1])
+    system = FunctionSystem(
+        lambda x, u, k: A @ x + B * (u[0] + u[0] ** 3),
+        nx=2,
+        nu=1,
+        N=20,
+        derivatives=lambda x, u, k: (A, (B * (1.0 + 3.0 * u[0] ** 2))[:, None]),
+    )
+    cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[1.0, 0.1], R=[0.01])
+    start = (np.array([1.0, 0.0]), np.zeros((20, 1)))
+    whole = optimize(system, cost, initial=start)
+    half = optimize(system, cost, initial=start, max_iterations=2)
+    rest = optimize(system, cost, resume=load_result(save_result(tmp_path / "half.npz", half)))
+    assert whole.iterations > 2
+    np.testing.assert_array_equal(rest.x, whole.x)
+    np.testing.assert_array_equal(rest.K, whole.K)
+
+
+def test_numpy_alone_reads_it(result: OptimizationResult, tmp_path: Path) -> None:
+    path = save_record(tmp_path / "a.npz", result, arrays={"q": np.arange(3.0)})
     with np.load(path, allow_pickle=False) as archive:
-        np.testing.assert_array_equal(archive["rho"], record.q[:, ND:])
-        np.testing.assert_array_equal(archive["history_cost"], [3.0, 2.0])
-        assert json.loads(str(archive["leastaction_record"]))["variables"] == list(record.variables)
+        np.testing.assert_array_equal(archive["q"], [0.0, 1.0, 2.0])
+        np.testing.assert_array_equal(archive["history.cost"], result.history.cost)
+        assert json.loads(str(archive["leastaction_record"]))["content"]["status"] == "INTERRUPTED"
 
 
-def test_variables_by_name(record: RunRecord) -> None:
-    np.testing.assert_array_equal(record.variable("theta"), record.q[:, 2])
-    np.testing.assert_array_equal(record.rho, record.q[:, ND:])
-    with pytest.raises(ArgumentError, match=r"'thet'.*there are: x, y, theta"):
-        record.variable("thet")
-
-
-@pytest.mark.parametrize("name", ["t", "q", "p", "v", "u", "lam", "x", "K", "q_wanted", "tension"])
-def test_a_wrong_shape_is_named(record: RunRecord, name: str) -> None:
-    with pytest.raises(ArgumentError, match=rf"^{'q' if name == 't' else name} has shape"):
-        dataclasses.replace(record, **{name: getattr(record, name)[:-1]})
+# Damaged files
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.97, 0.999])
-def test_a_file_cut_short_is_refused(record: RunRecord, tmp_path: Path, share: float) -> None:
-    path = save_record(tmp_path / "trajectory.npz", record)
+def test_a_file_cut_short_is_refused(
+    result: OptimizationResult, tmp_path: Path, share: float
+) -> None:
+    path = save_result(tmp_path / "trajectory.npz", result)
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(ResultFileError, match=r"trajectory\.npz"):
-        load_record(path)
+        load_result(path)
 
 
-def test_a_flipped_bit_is_refused(record: RunRecord, tmp_path: Path) -> None:
-    path = save_record(tmp_path / "trajectory.npz", record)
+def test_a_flipped_bit_is_refused(result: OptimizationResult, tmp_path: Path) -> None:
+    path = save_result(tmp_path / "trajectory.npz", result)
     content = bytearray(path.read_bytes())
-    where = content.index(record.K.tobytes()) + 100
+    where = content.index(result.K.tobytes()) + 100
     content[where] ^= 0x10
     path.write_bytes(content)
     with pytest.raises(ResultFileError, match="damaged"):
-        load_record(path)
+        load_result(path)
 
 
 def test_files_that_are_not_ours(tmp_path: Path) -> None:
@@ -114,49 +144,196 @@ def test_files_that_are_not_ours(tmp_path: Path) -> None:
     np.save(pickled, np.array([{}], dtype=object), allow_pickle=True)
     for path in (text, array, other, pickled):
         with pytest.raises(ResultFileError, match=path.name):
-            load_record(path)
-    with pytest.raises(ResultFileError, match="cannot read"):
-        load_record(tmp_path / "absent.npz")
-    with pytest.raises(ResultFileError, match="cannot read"):
-        load_record(tmp_path)
+            load_result(path)
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("absent.npz", "", "pipe"):
+        with pytest.raises(ResultFileError, match="cannot read"):
+            load_result(tmp_path / name)
 
 
-def _rewrite(path: Path, change: dict[str, Any], *, drop: str = "") -> None:
-    """Change the header of a result file, and leave out one array."""
+def rewrite(path: Path, change: Callable[[dict[str, Any], dict[str, Any]], object]) -> None:
+    """Change text and arrays of a result file."""
     with np.load(path) as archive:
-        arrays = {name: archive[name] for name in archive.files if name != drop}
-    arrays["leastaction_record"] = np.array(
-        json.dumps(json.loads(str(arrays["leastaction_record"])) | change)
-    )
-    np.savez(path, **arrays)
+        arrays = {name: archive[name] for name in archive.files}
+    text = json.loads(str(arrays.pop("leastaction_record")))
+    change(text, arrays)
+    np.savez(path, leastaction_record=np.array(json.dumps(text)), **arrays)
 
 
-def test_a_newer_format_asks_for_an_upgrade(record: RunRecord, tmp_path: Path) -> None:
-    path = save_record(tmp_path / "trajectory.npz", record)
-    _rewrite(path, {"format_version": FORMAT_VERSION + 1, "versions": {"leastaction": "9.9"}})
+NONSENSE: dict[str, tuple[Callable[[dict[str, Any], dict[str, Any]], object], str]] = {
+    "NaN": (lambda _, a: a["x"].__setitem__(1, np.nan), "x holds numbers that are not finite"),
+    "complex": (lambda _, a: a.update(x=a["x"] + 1j), r"complex128, expected float64.*\$\.x"),
+    "single": (lambda _, a: a.update(u=a["u"].astype("f4")), "float32, expected float64"),
+    "texts": (lambda _, a: a.update(u=a["u"].astype(str)), "expected float64"),
+    "fractions of roll-outs": (
+        lambda _, a: a.update({"history.rollouts": np.full(ITERATIONS, 0.5)}),
+        "float64, expected int64",
+    ),
+    "a row less": (lambda _, a: a.update(K=a["K"][:-1]), "K has shape"),
+    "no rows": (lambda _, a: a.update(u=np.zeros(()), x=np.zeros(())), "damaged"),
+    "one dimension": (lambda _, a: a.update(u=np.zeros(3)), "contradicts itself"),
+    "no array": (lambda _, a: a.pop("K"), r"an array is missing.*\$\.K"),
+    "short history": (
+        lambda _, a: a.update({"history.cost": np.zeros(2)}),
+        "history.cost has 2 entries, expected 4",
+    ),
+    "number for a text": (lambda t, _: t["content"].update(message=3), "`str`, got `int`"),
+    "text for a number": (lambda t, _: t["content"].update(cost="1"), "`float`, got `str`"),
+    "unknown status": (lambda t, _: t["content"].update(status="FINE"), "FINE"),
+    "status of another type": (lambda t, _: t["content"].update(status=[1]), "damaged"),
+    "list for a table": (lambda t, _: t["content"].update(history=[]), "damaged"),
+    "no settings": (lambda t, _: t["content"].pop("settings"), "settings"),
+    "no content": (lambda t, _: t.pop("content"), "content"),
+    "no version": (lambda t, _: t.pop("format_version"), "format_version"),
+    "version of another type": (lambda t, _: t.update(format_version="2"), "format_version"),
+    "version 0": (lambda t, _: t.update(format_version=0), "format_version"),
+    "another format": (lambda t, _: t.update(format="leastaction song"), "format"),
+    "another kind": (lambda t, _: t.update(kind="Song"), "holds a Song, expected"),
+    "array over a table": (lambda _, a: a.update(history=np.zeros(3)), "damaged"),
+    "array over a number": (lambda _, a: a.update(cost=np.zeros(3)), "damaged"),
+}
+
+
+@pytest.mark.parametrize("case", NONSENSE)
+def test_nonsense_is_refused_by_name(result: OptimizationResult, tmp_path: Path, case: str) -> None:
+    change, message = NONSENSE[case]
+    path = save_result(tmp_path / "trajectory.npz", result)
+    rewrite(path, change)
+    with pytest.raises(ResultFileError, match=message) as caught:
+        load_result(path)
+    assert "trajectory.npz" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_other_formats_say_what_to_do(result: OptimizationResult, tmp_path: Path) -> None:
+    path = save_result(tmp_path / "trajectory.npz", result)
+    newer = {"format_version": FORMAT_VERSION + 1, "versions": {"leastaction": "9.9"}}
+    rewrite(path, lambda text, _: text.update(newer))
     with pytest.raises(ResultFileError, match=r"Upgrade leastaction.*9\.9"):
-        load_record(path)
+        load_result(path)
+    rewrite(path, lambda text, _: text.update(newer | {"format_version": 1}))
+    with pytest.raises(ResultFileError, match=r"has format 1, .*Run the optimisation again"):
+        load_result(path)
 
 
-def test_an_incomplete_or_contradictory_file(record: RunRecord, tmp_path: Path) -> None:
-    path = save_record(tmp_path / "trajectory.npz", record)
-    _rewrite(path, {}, drop="K")
-    with pytest.raises(ResultFileError, match="lacks K"):
-        load_record(path)
-    save_record(path, record)
-    _rewrite(path, {"n_dynamic": 4})
-    with pytest.raises(ResultFileError, match="contradicts itself"):
-        load_record(path)
-    save_record(path, record)
-    _rewrite(path, {}, drop="tension")
-    assert load_record(path).tension is None
+def header(shape: str, dtype: str = "<f8") -> bytes:
+    """Return the beginning of a NumPy file of that shape."""
+    text = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}".encode()
+    text += b" " * (-(len(text) + 11) % 64) + b"\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
 
 
-def test_what_cannot_be_saved_is_refused_before_writing(record: RunRecord, tmp_path: Path) -> None:
+BYTES: dict[str, bytes] = {
+    "gigantic": header("(1000000000000,)"),
+    "beyond all integers": header(f"({10**30},)"),
+    "negative": header("(-3,)"),
+    "many dimensions": header("(" + "1, " * 100 + ")") + bytes(8),
+    "nothing": header("(0, 1000000000000)", "<U0"),
+    "nested": header("(" * 300 + ")" * 300),
+    "objects": header("(1,)", "|O") + bytes(8),
+    "structures": header("(1,)", "V8") + bytes(8),
+    "no header": b"\x93NUMPY",
+    "unknown version": b"\x93NUMPY\x09\x00" + bytes(100),
+    "no array": b"hello",
+    "empty": b"",
+    "more than it says": header("(1,)") + bytes(800),
+}
+
+
+@pytest.mark.parametrize("case", BYTES)
+@pytest.mark.parametrize("name", ["x.npy", "leastaction_record.npy"])
+def test_arrays_that_cannot_be(
+    result: OptimizationResult, tmp_path: Path, case: str, name: str
+) -> None:
+    path = save_result(tmp_path / "trajectory.npz", result)
+    replace_entry(path, name, BYTES[case])
+    with pytest.raises(ResultFileError, match=r"trajectory\.npz"):
+        load_result(path)
+
+
+def replace_entry(
+    path: Path, name: str, content: bytes, *, compression: int = zipfile.ZIP_STORED
+) -> None:
+    with zipfile.ZipFile(path) as archive:
+        entries = {entry: archive.read(entry) for entry in archive.namelist()}
+    with zipfile.ZipFile(path, "w", compression) as archive:
+        for entry, old in entries.items():
+            archive.writestr(entry, content if entry == name else old)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        np.array(3),
+        np.array([["{}"]]),
+        np.array(b"{}"),
+        np.array(["a", "b"]),
+        np.array("[" * 100_000 + "]" * 100_000),
+        np.array('{"a":' * 100_000),
+        np.array("{"),
+        np.array("null"),
+        np.array("{}"),
+        np.array("\ud800"),
+    ],
+    ids=lambda text: str(text)[:8],
+)
+def test_odd_texts(result: OptimizationResult, tmp_path: Path, text: np.ndarray) -> None:
+    path = save_result(tmp_path / "trajectory.npz", result)
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    np.savez(path, **{**arrays, "leastaction_record": text})
+    with pytest.raises(ResultFileError, match=r"trajectory\.npz"):
+        load_result(path)
+
+
+def test_nothing_unfolds(result: OptimizationResult, tmp_path: Path) -> None:
+    path = save_result(tmp_path / "trajectory.npz", result)
+    # A gigabyte of zeros in a megabyte: refused by what it claims, before a byte of it is read.
+    bomb = header("(134217728,)") + bytes(2**27)
+    for compression in (zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
+        replace_entry(path, "x.npy", bomb, compression=compression)
+        with pytest.raises(ResultFileError, match="is compressed"):
+            load_result(path)
+        save_result(path, result)
+    # An entry that says it is larger than the whole file.
+    content = bytearray(path.read_bytes())
+    directory = content.index(b"PK\x01\x02")
+    for offset in (20, 24):
+        content[directory + offset : directory + offset + 4] = (2**31).to_bytes(4, "little")
+    path.write_bytes(content)
+    with pytest.raises(ResultFileError, match="claims to hold"):
+        load_result(path)
+
+
+def test_damage_anywhere_is_a_typed_error_or_none(
+    result: OptimizationResult, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    path = save_result(tmp_path / "trajectory.npz", result)
+    whole = path.read_bytes()
+    for _ in range(600):
+        content = bytearray(whole)
+        for place in rng.integers(0, len(content), size=rng.integers(1, 4)):
+            content[place] = rng.integers(256)
+        path.write_bytes(content)
+        with contextlib.suppress(ResultFileError):
+            load_result(path)
+
+
+# Writing
+
+
+def test_what_cannot_be_saved_is_refused_before_writing(
+    result: OptimizationResult, tmp_path: Path
+) -> None:
     path = tmp_path / "trajectory.npz"
-    for bad in ({"settings": {"f": object()}}, {"histories": {"step": np.array([object()])}}):
+    settings = dataclasses.replace(result.settings, method=object())
+    objects = np.array([object()])
+    for bad in (
+        dataclasses.replace(result, settings=settings),
+        dataclasses.replace(result, x=objects),
+    ):
         with pytest.raises(ArgumentError):
-            save_record(path, dataclasses.replace(record, **bad))
+            save_result(path, bad)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -164,9 +341,12 @@ def test_what_cannot_be_saved_is_refused_before_writing(record: RunRecord, tmp_p
     "failure", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")]
 )
 def test_a_write_that_breaks_off_leaves_the_old_file(
-    record: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: BaseException
+    result: OptimizationResult,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    failure: BaseException,
 ) -> None:
-    path = save_record(tmp_path / "trajectory.npz", record)
+    path = save_result(tmp_path / "trajectory.npz", result)
     before = path.read_bytes()
 
     def half_a_file(stream: Any, **arrays: Any) -> None:
@@ -175,7 +355,7 @@ def test_a_write_that_breaks_off_leaves_the_old_file(
 
     monkeypatch.setattr(np, "savez", half_a_file)
     with pytest.raises((KeyboardInterrupt, OutputError)) as caught:
-        save_record(path, dataclasses.replace(record, status="stopped"))
+        save_result(path, result)
     if isinstance(failure, OSError):
         assert "No space left on device" in str(caught.value)
     assert path.read_bytes() == before

@@ -13,7 +13,7 @@ from __future__ import annotations
 from leastaction.viz.animation import animation_page, write_animation
 from leastaction.viz.convergence import plot_convergence
 from leastaction.viz.figures import save_png
-from leastaction.viz.scene import Bone, Cord, Scene
+from leastaction.viz.scene import Bone, Cord, Scene, mechanism_scene
 from leastaction.viz.snapshots import plot_snapshots
 from leastaction.viz.strings import plot_strings
 from leastaction.viz.tracking import TrackingErrors, plot_tracking, tracking_errors
@@ -24,6 +24,7 @@ __all__ = [
     "Scene",
     "TrackingErrors",
     "animation_page",
+    "mechanism_scene",
     "plot_convergence",
     "plot_snapshots",
     "plot_strings",

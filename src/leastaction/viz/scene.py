@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
+from leastaction.mechanics import Mechanism
+
+_SLENDERNESS = 0.04  # radius of a bone that none was given for, by the mean length of the bones
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,3 +151,102 @@ class Scene:
             return np.zeros(times.size)
         own = self.t if values.size == self.t.size else 0.5 * (self.t[:-1] + self.t[1:])
         return np.interp(times, own, values)
+
+
+def mechanism_scene(
+    mechanism: Mechanism,
+    t: npt.ArrayLike,
+    q: npt.ArrayLike,
+    *,
+    bones: Sequence[Bone] | None = None,
+    cords: Sequence[Cord] = (),
+    reference: npt.ArrayLike | None = None,
+    tension: npt.ArrayLike | None = None,
+    error: npt.ArrayLike | None = None,
+    traces: Sequence[str] = (),
+    focus: str = "",
+    title: str = "leastaction",
+) -> Scene:
+    """Make a scene of a motion of any mechanism; its points are the origins of frames.
+
+    Parameters
+    ----------
+    mechanism
+        What moves.
+    t
+        Times, (N+1,), s.
+    q
+        Configurations, (N+1, nq).
+    bones
+        What is drawn between the frames; if not given, a bar from every frame to the one that carries it
+        where they are apart.
+    cords
+        Thin lines between frames, such as strings and springs.
+    reference
+        Configurations to be followed, (N+1, nq): the bones are drawn in them too, as a ghost.
+    tension
+        Tension of each cord, (N, len(cords)) or (N+1, len(cords)), N.
+    error, traces, focus, title
+        As in `Scene`.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ArgumentError
+        The arrays do not fit the mechanism or each other, or a name is no frame.
+    """
+    motion = np.asarray(q, dtype=float)
+    shown = tuple(_bars(mechanism, motion) if bones is None else bones)
+    lines: tuple[Bone | Cord, ...] = (*shown, *cords)
+    ends = [name for line in lines for name in (line.start, line.end)]
+    points = _paths(mechanism, motion, [*ends, *traces, *([focus] if focus else [])])
+    ghost = None
+    if reference is not None:
+        body = [name for bone in shown for name in (bone.start, bone.end)]
+        ghost = _paths(mechanism, np.asarray(reference, dtype=float), body)
+    pulls = None
+    if tension is not None:
+        array = np.asarray(tension, dtype=float)
+        if array.ndim != 2 or array.shape[1] != len(cords):
+            raise ArgumentError(f"tension has shape {array.shape}, expected (N, {len(cords)})")
+        pulls = {cord.name: array[:, i] for i, cord in enumerate(cords)}
+    return Scene(
+        t=np.asarray(t, dtype=float),
+        points=points,
+        bones=shown,
+        cords=tuple(cords),
+        ghost=ghost,
+        tension=pulls,
+        error=None if error is None else np.asarray(error, dtype=float),
+        traces=tuple(traces),
+        focus=focus,
+        title=title,
+    )
+
+
+def _paths(
+    mechanism: Mechanism, q: npt.NDArray[np.float64], names: Sequence[str]
+) -> dict[str, npt.NDArray[np.float64]]:
+    """Return the paths of frames by name, each (N+1, 3)."""
+    unique = list(dict.fromkeys(names))
+    positions = mechanism.positions(q, unique)
+    return {name: positions[:, i] for i, name in enumerate(unique)}
+
+
+def _bars(mechanism: Mechanism, q: npt.NDArray[np.float64]) -> list[Bone]:
+    """Return a bone from every frame to its parent, where they are apart."""
+    frames = mechanism.tree.frames
+    places = mechanism.positions(q)
+    apart = {
+        i: float(np.linalg.norm(places[:, i] - places[:, frame.parent], axis=1).max())
+        for i, frame in enumerate(frames)
+        if frame.parent >= 0
+    }
+    long = {i: length for i, length in apart.items() if length > 1e-9}
+    radius = _SLENDERNESS * float(np.mean(list(long.values()))) if long else 0.0
+    return [
+        Bone(start=frames[frames[i].parent].name, end=frames[i].name, radius=radius) for i in long
+    ]

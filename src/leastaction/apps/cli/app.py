@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import sys
-import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,18 +15,20 @@ from rich.console import Console
 
 from leastaction._version import __version__
 from leastaction.apps.cli.options import MOTION, OptimiserOptions, OutputOptions
+from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
 
 if TYPE_CHECKING:
-    from leastaction.apps.cli.job import Job
+    from leastaction.apps.marionette.tracking import TrackingRun
+    from leastaction.io.motion.motion import Motion
 
-# What a shell expects of a program ended by Ctrl-C.
-_INTERRUPTED = 130
+_NOT_PRINTED = 1
 _BAD_INPUT = 2
+_INTERRUPTED = 130  # what a shell expects of a program ended by Ctrl-C
 
 _HELP = """Mechanisms that learn to move.
 
-Takes a mechanism and a wanted motion, and finds a motion the mechanism can really make, the inputs
+Takes a mechanism and a motion to follow, and finds a motion the mechanism can really make, the inputs
 that make it, and the feedback that keeps it there.
 
 Start with: leastaction demo --out demo
@@ -63,16 +66,15 @@ def demo(
     dt
         Time step, s.
     """
-    from leastaction.apps.cli.job import Job, walk
+    from leastaction.apps.marionette.walk import walk_in_place
 
-    folder = _prepare(output)
-    motion = walk(duration=duration, dt=dt)
-    return _run(Job(motion=motion, optimiser=optimiser or OptimiserOptions()), folder, output)
+    walk = walk_in_place(duration, dt)
+    return _run(walk, optimiser, output, _prepare(output))
 
 
 @app.command
 def optimize(
-    mechanism: Literal["marionette"],
+    mechanism: Literal["marionette"],  # noqa: ARG001
     /,
     *,
     motion: Annotated[Path | None, Parameter(group=MOTION)] = None,
@@ -112,8 +114,6 @@ def optimize(
     resume
         trajectory.npz of an earlier run: go on from there, with the motion that it followed.
     """
-    from leastaction.apps.cli.job import Job, capture, earlier, walk
-
     if resume is not None and (motion is not None or mapping is not None or duration is not None):
         # The motion is in the file; a second one could contradict it.
         raise ArgumentError(
@@ -122,23 +122,25 @@ def optimize(
         )
     if mapping is not None and motion is None:
         raise ArgumentError("--mapping belongs to a motion capture file: give --motion FILE too")
-    settings = optimiser or OptimiserOptions()
-    folder = _prepare(output)
     if resume is not None:
-        return _run(earlier(resume, mechanism=mechanism, optimiser=settings), folder, output)
+        from leastaction.apps.marionette.tracking import load_run
+
+        return _run(load_run(resume), optimiser, output, _prepare(output))
     if motion is None:
-        wanted = walk(duration=10.0 if duration is None else duration, dt=dt)
-    else:
-        wanted = capture(
-            motion,
-            mapping=mapping,
-            duration=duration,
-            dt=dt,
-            start=start,
-            in_place=in_place,
-            console=Console(highlight=False),
+        from leastaction.apps.marionette.walk import walk_in_place
+
+        walk = walk_in_place(10.0 if duration is None else duration, dt)
+        return _run(walk, optimiser, output, _prepare(output))
+    from leastaction.apps.marionette.retargeting import load_motion
+
+    folder, console = _prepare(output), Console(highlight=False)
+    with console.status(f"reading {motion.name}"):
+        loaded = load_motion(
+            motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place
         )
-    return _run(Job(motion=wanted, mechanism=mechanism, optimiser=settings), folder, output)
+    console.print(loaded.summary(), markup=False)
+    # The name is enough for titles, and where a file lies is nobody's business but its owner's.
+    return _run(replace(loaded.motion, source=motion.name), optimiser, output, folder)
 
 
 @app.command
@@ -171,17 +173,18 @@ def draw(
         trajectory.npz of an earlier run.
     """
     from leastaction.apps.cli.report import write_report
-    from leastaction.io.results.files import load_record
+    from leastaction.apps.marionette.tracking import load_run
 
-    record = load_record(file)
-    report = write_report(
-        record,
-        _prepare(output),
-        trajectory=False,
-        plots=output.plots,
-        animation=output.animation,
-    )
-    Console(highlight=False).print(report.file_table())
+    run, folder, console = load_run(file), _prepare(output), Console(highlight=False)
+    with console.status("") as status:
+        report = write_report(
+            run,
+            folder,
+            plots=output.plots,
+            animation=output.animation,
+            progress=lambda name: status.update(f"writing {name}"),
+        )
+    console.print(report)
     return 0
 
 
@@ -195,68 +198,65 @@ def _prepare(output: OutputOptions) -> Path:
     return prepare_output_folder(output.out)
 
 
-def _run(job: Job, folder: Path, output: OutputOptions) -> int:
-    """Run a job and fill the folder."""
-    from leastaction.apps.cli.job import exit_code, run
-    from leastaction.apps.cli.report import TRAJECTORY, write_report
+def _run(
+    motion: Motion | TrackingRun,
+    optimiser: OptimiserOptions | None,
+    output: OutputOptions,
+    folder: Path,
+) -> int:
+    from leastaction.apps.cli import session
 
-    started = time.perf_counter()
-    console = Console(highlight=False)
-    record = run(job, console)
-    optimised = time.perf_counter()
-    with console.status("") as status:
-        report = write_report(
-            record,
-            folder,
-            plots=output.plots,
-            animation=output.animation,
-            progress=lambda name: status.update(f"writing {name}"),
-        )
-    finished = time.perf_counter()
-    console.print()
-    console.print(report.tables)
-    console.print()
-    console.print(report.file_table())
-    console.print(
-        f"\n{optimised - started:.2f} s to optimise, {finished - optimised:.2f} s to write, "
-        f"{finished - started:.2f} s in all"
+    return session.run(
+        motion,
+        optimiser=optimiser or OptimiserOptions(),
+        output=output,
+        folder=folder,
+        complain=_complain,
     )
-    if record.status in ("ITERATION_LIMIT", "INTERRUPTED"):
-        again = (
-            f"leastaction optimize {job.mechanism} --resume {folder / TRAJECTORY} --out {folder}"
-        )
-        console.print(f"Go on with: {again}", markup=False, soft_wrap=True)
-    return exit_code(record.status)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit.
 
-    Exit codes: 0 done; 1 the optimiser could not go on (what it had is written); 2 something given was
-    wrong, said in one line on the error stream; 130 interrupted.
+    Exit codes: 0 done; 1 the optimiser could not go on, or something could not be written or printed (a line
+    on the error stream says what, and where the run is); 2 something given was wrong, said in one line on the
+    error stream; 130 interrupted, or asked to end.
 
     Parameters
     ----------
     arguments
         Words after the program's name; those of this process if not given.
     """
-    errors = Console(stderr=True, highlight=False)
-    try:
-        code = app(arguments, result_action="return_value")
-    except CycloptsError as error:
-        _complain(errors, str(error), hint="Try leastaction --help")
-        code = _BAD_INPUT
-    except LeastActionError as error:
-        _complain(errors, str(error))
-        code = _BAD_INPUT
-    except KeyboardInterrupt:
-        _complain(errors, "interrupted before there was a result to keep")
-        code = _INTERRUPTED
-    sys.exit(code if isinstance(code, int) else 0)
+    with shielded_output() as output:
+        try:
+            with ending_interrupts():
+                answer = app(arguments, result_action="return_value")
+            code = answer if isinstance(answer, int) else 0
+        except CycloptsError as error:
+            _complain(str(error), hint="Try leastaction --help")
+            code = _BAD_INPUT
+        except LeastActionError as error:
+            _complain(str(error))
+            code = _BAD_INPUT
+        except MemoryError:
+            _complain(
+                "this takes more memory than there is: take a longer --dt or a shorter --duration"
+            )
+            code = _BAD_INPUT
+        except KeyboardInterrupt:
+            _complain("interrupted before there was a result to keep")
+            code = _INTERRUPTED
+        output.flush()
+        # Nobody asked for what a closed pipe (| head) did not take.
+        if output.error is not None and output.error.errno != errno.EPIPE:
+            _complain(f"the output could not be printed ({output.error.strerror})")
+            code = code or _NOT_PRINTED
+    sys.exit(code)
 
 
-def _complain(console: Console, message: str, *, hint: str = "") -> None:
+def _complain(message: str, *, hint: str = "") -> None:
     """Print an error on the error stream, in its own words."""
+    console = Console(stderr=True, highlight=False)
     console.print("[bold red]error:[/bold red] ", end="")
     console.print(message, markup=False, soft_wrap=True)
     if hint:

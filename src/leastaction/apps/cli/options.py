@@ -49,8 +49,11 @@ class OutputOptions:
         Draw convergence, tracking, strings and snapshots (PNG).
     animation
         Make the animation (HTML).
+    checkpoint
+        Seconds after which the run is kept as it stands, again and again, in case that it is cut off.
     """
 
     out: Annotated[Path, Parameter(group=OUTPUT)]
     plots: Annotated[bool, Parameter(group=OUTPUT)] = True
     animation: Annotated[bool, Parameter(group=OUTPUT)] = True
+    checkpoint: Annotated[float, Parameter(group=OUTPUT)] = 10.0

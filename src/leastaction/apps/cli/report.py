@@ -1,71 +1,47 @@
-"""Everything that one run leaves in its folder."""
+"""Everything that one run leaves in its folder beside its trajectory."""
 
 from __future__ import annotations
 
 import importlib.util
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from leastaction import models
-from leastaction.apps.cli.summary import as_text, length_names, run_summary, summary_tables
-from leastaction.apps.marionette.scene import (
-    GROUPS,
-    marionette_scene,
-    string_labels,
-    string_lengths,
-)
-from leastaction.errors import ArgumentError
-from leastaction.io.results.files import load_record, save_record
-from leastaction.io.results.record import RunRecord
+from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
+from leastaction.apps.marionette.scene import GROUPS, marionette_scene, string_label, string_lengths
+from leastaction.apps.marionette.tracking import TrackingRun, load_run
+from leastaction.apps.marionette.tracking.problem import ROOT
+from leastaction.errors import ArgumentError, OutputError
 from leastaction.numerics.files import write_text
-from leastaction.viz.animation import write_animation
-from leastaction.viz.convergence import plot_convergence
-from leastaction.viz.figures import save_png
-from leastaction.viz.snapshots import plot_snapshots
-from leastaction.viz.strings import plot_strings
-from leastaction.viz.tracking import plot_tracking
+from leastaction.viz import (
+    plot_convergence,
+    plot_snapshots,
+    plot_strings,
+    plot_tracking,
+    save_png,
+    write_animation,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from leastaction.mechanics import Mechanism
-
-TRAJECTORY = "trajectory.npz"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Report:
-    """What was written, and the tables for the terminal.
-
-    Parameters
-    ----------
-    files
-        Each file and what it shows, in the order of writing.
-    tables
-        The summary, to print.
-    """
-
-    files: tuple[tuple[Path, str], ...]
-    tables: RenderableType
-
-    def file_table(self) -> RenderableType:
-        """Return the files with their sizes, to print."""
-        table = Table(box=None, pad_edge=False, show_header=False)
-        table.add_column()
-        table.add_column(justify="right")
-        table.add_column(style="dim")
-        for path, meaning in self.files:
-            table.add_row(path.name, _size(path.stat().st_size), meaning)
-        title = Text(f"Written to {self.files[0][0].parent}", style="bold", overflow="fold")
-        return Group(title, table)
+TRAJECTORY: Final = "trajectory.npz"
+_FILES: Final = {
+    TRAJECTORY: "the run: numpy.load, load_run",
+    "summary.json": "the numbers, for programs",
+    "summary.txt": "the numbers, to read",
+    "convergence.png": "cost against iteration",
+    "tracking.png": "reference and achieved motion",
+    "strings.png": "string tensions and lengths",
+    "snapshots.png": "poses over time",
+    "animation.html": "open it in a browser",
+}
 
 
 def check_pictures() -> None:
@@ -83,84 +59,94 @@ def check_pictures() -> None:
         )
 
 
+def remove_report(folder: Path) -> None:
+    """Remove what an earlier run left beside its trajectory.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be removed.
+    """
+    for name in _FILES:
+        try:
+            if name != TRAJECTORY:
+                (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"cannot remove {folder / name}, which belongs to an earlier run: {error.strerror}"
+            ) from error
+
+
 def write_report(
-    record: RunRecord,
+    run: TrackingRun,
     folder: Path,
     *,
-    trajectory: bool = True,
     plots: bool = True,
     animation: bool = True,
     progress: Callable[[str], object] = lambda _: None,
-) -> Report:
-    """Write trajectory, summary, plots and animation of a run into a folder.
+) -> RenderableType:
+    """Write summary, plots and animation of a run into a folder.
 
     Parameters
     ----------
-    record
+    run
         The run.
     folder
         An existing folder; files of the same names are replaced, each in one step.
-    trajectory, plots, animation
+    plots, animation
         Which of them to write.
     progress
         Called with the name of each file before it is made.
 
     Returns
     -------
-    Report
-        The files and the tables.
+    RenderableType
+        The run's files in the folder with their sizes, to print.
 
     Raises
     ------
     OutputError
         A file could not be written.
     """
-    files: list[tuple[Path, str]] = []
-
-    def add(name: str, meaning: str, write: Callable[[Path], object]) -> None:
+    summary = run_summary(run)
+    scene = marionette_scene(run) if plots or animation else None
+    makers: dict[str, Callable[[Path], object]] = {
+        "summary.json": lambda path: write_text(
+            path, json.dumps(summary, indent=2, ensure_ascii=False) + "\n"
+        ),
+        "summary.txt": lambda path: write_text(path, as_text(summary_tables(summary))),
+    }
+    if plots and scene is not None:
+        figures: dict[str, Callable[[], Figure]] = {
+            "convergence.png": lambda: _convergence(run),
+            "tracking.png": lambda: _tracking(run),
+            "strings.png": lambda: plot_strings(
+                run.trajectory.t,
+                string_lengths(run),
+                run.tension,
+                [string_label(name) for name in run.mechanism.constraints],
+            ),
+            "snapshots.png": lambda: plot_snapshots(scene),
+        }
+        for name, figure in figures.items():
+            makers[name] = lambda path, figure=figure: save_png(figure(), path)  # type: ignore[misc]
+    if animation and scene is not None:
+        makers["animation.html"] = lambda path: write_animation(scene, path)
+    for name, make in makers.items():
         progress(name)
-        write(folder / name)
-        files.append((folder / name, meaning))
+        make(folder / name)
+    return _file_table(folder, [TRAJECTORY, *makers])
 
-    def draw(name: str, meaning: str, make: Callable[[], Figure]) -> None:
-        add(name, meaning, lambda path: save_png(make(), path))
 
-    if trajectory:
-        # First, because it is what cannot be made again from the others.
-        add(TRAJECTORY, "the run: load_record, numpy.load", lambda path: save_record(path, record))
-    mechanism = _puppet(record)
-    lengths = None if mechanism is None else string_lengths(mechanism, record.q)
-    summary = run_summary(record, string_lengths=lengths)
-    tables = summary_tables(summary, groups=None if mechanism is None else GROUPS)
-    text = json.dumps(summary, indent=2, ensure_ascii=False) + "\n"
-    add("summary.json", "the numbers, for programs", lambda path: write_text(path, text))
-    add("summary.txt", "the numbers, to read", lambda path: write_text(path, as_text(tables)))
-    if plots:
-        draw("convergence.png", "cost against iteration", lambda: _convergence(record))
-        if record.q_wanted is not None:
-            draw("tracking.png", "wanted and achieved motion", lambda: _tracking(record))
-        if lengths is not None and record.tension is not None:
-            pulls, spans = record.tension, lengths
-            draw(
-                "strings.png",
-                "string tensions and lengths",
-                lambda: plot_strings(record.t, spans, pulls, string_labels()),
-            )
-    if mechanism is not None and (plots or animation):
-        scene = marionette_scene(
-            mechanism,
-            record.t,
-            record.q,
-            q_wanted=record.q_wanted,
-            tension=record.tension,
-            title=f"Marionette: {record.settings.get('source') or 'motion'}",
-        )
-        if plots:
-            draw("snapshots.png", "poses over time", lambda: plot_snapshots(scene))
-        if animation:
-            meaning = "open it in a browser"
-            add("animation.html", meaning, lambda path: write_animation(scene, path))
-    return Report(files=tuple(files), tables=tables)
+def _file_table(folder: Path, names: list[str]) -> RenderableType:
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column()
+    table.add_column(justify="right")
+    table.add_column(style="dim")
+    for name in names:
+        if (folder / name).exists():
+            table.add_row(name, _size((folder / name).stat().st_size), _FILES[name])
+    return Group(Text(f"Written to {folder}", style="bold", overflow="fold"), table)
 
 
 def describe(path: Path) -> RenderableType:
@@ -171,52 +157,39 @@ def describe(path: Path) -> RenderableType:
     ResultFileError
         The file cannot be used.
     """
-    record = load_record(path)
-    mechanism = _puppet(record)
-    lengths = None if mechanism is None else string_lengths(mechanism, record.q)
-    summary = run_summary(record, string_lengths=lengths)
+    summary = run_summary(load_run(path))
     facts = Table(box=None, pad_edge=False, show_header=False)
     facts.add_column(style="dim")
     facts.add_column()
-    facts.add_row("written", record.created)
-    for name, value in record.settings.items():
+    facts.add_row("written", summary["run"]["created"])
+    for name, value in summary["settings"].items():
         facts.add_row(name.replace("_", " "), str(value))
-    facts.add_row("versions", ", ".join(f"{k} {v}" for k, v in record.versions.items()))
-    groups = None if mechanism is None else GROUPS
-    return Group(summary_tables(summary, groups=groups), "", facts)
+    facts.add_row("versions", ", ".join(f"{k} {v}" for k, v in summary["versions"].items()))
+    return Group(summary_tables(summary), "", facts)
 
 
-def _puppet(record: RunRecord) -> Mechanism | None:
-    """Return the marionette if that is what the run is of."""
-    return models.build(record.mechanism) if record.mechanism == "marionette" else None
-
-
-def _convergence(record: RunRecord) -> Figure:
-    histories = record.histories
-    final = np.atleast_1d(histories.get("final_expected_decrease", np.zeros(0)))
-    # Of an interrupted run it is not known.
-    decreases = np.append(histories["expected_decrease"], final[np.isfinite(final)])
-    settings = record.settings
-    relative = settings.get("tolerance", 0.0) * abs(float(histories["cost"][-1]))
+def _convergence(run: TrackingRun) -> Figure:
+    result, history = run.result, run.result.history
+    # Of an interrupted run the last one is not known.
+    last = [result.expected_decrease] if np.isfinite(result.expected_decrease) else []
+    relative = result.settings.tolerance * abs(result.cost)
     return plot_convergence(
-        histories["cost"],
-        decreases,
-        [str(method) for method in histories.get("method", ())],
-        tolerance=relative + settings.get("absolute_tolerance", 0.0),
+        history.cost,
+        np.append(history.expected_decrease, last),
+        history.method,
+        tolerance=relative + result.settings.absolute_tolerance,
     )
 
 
-def _tracking(record: RunRecord) -> Figure:
-    assert record.q_wanted is not None
-    nd = record.n_dynamic
-    names = record.variables[:nd]
+def _tracking(run: TrackingRun) -> Figure:
+    names = run.mechanism.dynamic
     return plot_tracking(
-        record.t,
-        record.q_wanted[:, :nd],
-        record.q[:, :nd],
+        run.trajectory.t,
+        run.motion.q,
+        run.trajectory.q[:, : len(names)],
         names,
-        lengths=length_names(names),
-        groups=GROUPS if record.mechanism == "marionette" else None,
+        lengths=ROOT,
+        groups=GROUPS,
     )
 
 

@@ -3,128 +3,104 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, Final
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from leastaction.io.results.record import RunRecord
-from leastaction.viz.tracking import tracking_errors
+from leastaction.apps.marionette.scene import GROUPS, string_label, string_lengths
+from leastaction.apps.marionette.tracking import TrackingRun
+from leastaction.numerics.arrays import Array
+from leastaction.optimal import Status
+from leastaction.viz import TrackingErrors
 
-_WIDTH = 100
+_WIDTH: Final = 100
+
+# The optimiser speaks of its arguments, the command line of its options.
+_MESSAGES: Final = {
+    Status.ITERATION_LIMIT: (
+        "The limit on iterations was reached: raise --max-iterations, or go on with --resume."
+    ),
+    Status.INTERRUPTED: "Interrupted; this is the last whole iterate. Go on with --resume.",
+    Status.STOPPED_BY_CALLBACK: "The run was cut off; this was kept on the way. Go on with --resume.",
+}
 
 
-def run_summary(record: RunRecord, *, string_lengths: np.ndarray | None = None) -> dict[str, Any]:
+def run_summary(run: TrackingRun) -> dict[str, Any]:
     """Return the numbers of a run as plain data for JSON.
-
-    Parameters
-    ----------
-    record
-        The run.
-    string_lengths
-        Lengths of the strings, (N+1, nc), m, where the constraints are strings.
 
     Returns
     -------
     dict
-        ``run``, ``cost``, ``tracking`` (errors in degrees and metres), ``strings`` and ``versions``.
+        ``run``, ``settings``, ``versions``, ``cost``, ``tracking`` (errors in degrees and metres) and
+        ``strings``.
     """
-    cost = np.atleast_1d(record.histories.get("cost", np.zeros(0)))
-    summary: dict[str, Any] = {
+    result, t = run.result, run.trajectory.t
+    cost = result.history.cost
+    return {
         "run": {
-            "mechanism": record.mechanism,
-            "status": record.status,
-            "message": record.message,
-            "created": record.created,
-            "steps": len(record.t) - 1,
-            "duration_s": float(record.t[-1] - record.t[0]),
-            "iterations": max(0, cost.size - 1),
+            "mechanism": "marionette",
+            "status": result.status.name,
+            "message": _MESSAGES.get(result.status, result.message),
+            "created": run.provenance.created,
+            "steps": len(t) - 1,
+            "duration_s": float(t[-1] - t[0]),
+            "iterations": result.iterations,
         },
-        "settings": dict(record.settings),
-        "versions": dict(record.versions),
+        "settings": {
+            "source": run.source,
+            "dt": float(t[1] - t[0]),
+            **asdict(result.settings),
+            "embedded": run.embedded,
+        },
+        "versions": dict(run.provenance.versions),
+        "cost": {"first": float(cost[0]), "last": float(cost[-1])},
+        "tracking": _tracking(run.errors),
+        "strings": {
+            name: _string(run.tension[:, i], string_lengths(run)[:, i])
+            for i, name in enumerate(run.mechanism.constraints)
+        },
     }
-    if cost.size:
-        summary["cost"] = {"first": float(cost[0]), "last": float(cost[-1])}
-    if record.q_wanted is not None:
-        summary["tracking"] = _tracking(record)
-    if record.tension is not None:
-        summary["strings"] = _strings(record, string_lengths)
-    return summary
 
 
-def _tracking(record: RunRecord) -> dict[str, Any]:
+def _tracking(errors: TrackingErrors) -> dict[str, Any]:
     """Errors of the dynamic variables."""
-    assert record.q_wanted is not None
-    nd = record.n_dynamic
-    names = record.variables[:nd]
-    errors = tracking_errors(
-        record.q_wanted[:, :nd], record.q[:, :nd], names, lengths=length_names(names)
-    )
+    columns = zip(errors.names, errors.units, errors.rms, errors.largest, strict=True)
+    variables: dict[str, dict[str, Any]] = {
+        name: {"unit": unit, "rms": float(rms), "max": float(largest)}
+        for name, unit, rms, largest in columns
+    }
     return {
         "joint_rms_deg": errors.joint_rms,
-        "joint_max_deg": max(
-            (
-                float(large)
-                for large, unit in zip(errors.largest, errors.units, strict=True)
-                if unit == "deg"
-            ),
-            default=0.0,
-        ),
-        "variables": {
-            name: {"unit": unit, "rms": float(rms), "max": float(largest)}
-            for name, unit, rms, largest in zip(
-                errors.names, errors.units, errors.rms, errors.largest, strict=True
-            )
-        },
+        "joint_max_deg": max(v["max"] for v in variables.values() if v["unit"] == "deg"),
+        "variables": variables,
     }
 
 
-def _strings(record: RunRecord, lengths: np.ndarray | None) -> dict[str, Any]:
-    """Tension and length of each string."""
-    assert record.tension is not None
-    result: dict[str, Any] = {}
-    for i, name in enumerate(record.constraints):
-        pull = record.tension[:, i]
-        result[name] = {
-            "tension_min_N": float(pull.min()),
-            "tension_mean_N": float(pull.mean()),
-            "tension_max_N": float(pull.max()),
-            "slack_percent": 100.0 * float(np.mean(pull < 0.0)),
-        }
-        if lengths is not None:
-            result[name] |= {
-                "length_min_m": float(lengths[:, i].min()),
-                "length_max_m": float(lengths[:, i].max()),
-            }
-    return result
+def _string(pull: Array, length: Array) -> dict[str, float]:
+    """Tension and length of one string."""
+    return {
+        "tension_min_N": float(pull.min()),
+        "tension_mean_N": float(pull.mean()),
+        "tension_max_N": float(pull.max()),
+        "slack_percent": 100.0 * float(np.mean(pull < 0.0)),
+        "length_min_m": float(length.min()),
+        "length_max_m": float(length.max()),
+    }
 
 
-def length_names(names: Sequence[str]) -> list[str]:
-    """Return the names of variables that are lengths, by the ending that says so."""
-    return [name for name in names if name.endswith(("_tx", "_ty", "_tz"))]
-
-
-def summary_tables(
-    summary: Mapping[str, Any], *, groups: Mapping[str, Sequence[str]] | None = None
-) -> RenderableType:
-    """Return the summary as tables for a terminal.
-
-    Parameters
-    ----------
-    summary
-        From `run_summary`.
-    groups
-        Headings and variables of the tracking table; one group without a heading if not given.
-    """
-    parts: list[RenderableType] = [_headline(summary)]
-    if tracking := summary.get("tracking"):
-        parts += ["", _tracking_table(tracking, groups or {"": list(tracking["variables"])})]
-    if strings := summary.get("strings"):
-        parts += ["", _string_table(strings)]
-    return Group(*parts)
+def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
+    """Return the summary of a run, as `run_summary` makes it, as tables for a terminal."""
+    parts = (
+        _headline(summary),
+        _tracking_table(summary["tracking"]),
+        _string_table(summary["strings"]),
+    )
+    return Group(parts[0], "", parts[1], "", parts[2])
 
 
 def as_text(renderable: RenderableType) -> str:
@@ -136,15 +112,12 @@ def as_text(renderable: RenderableType) -> str:
 
 
 def _headline(summary: Mapping[str, Any]) -> Text:
-    run = summary["run"]
-    text = Text()
-    text.append(f"{run['mechanism']}: {run['steps']} steps, {run['duration_s']:g} s", style="bold")
-    text.append(f"\nstatus {run['status']} after {run['iterations']} iterations")
-    if cost := summary.get("cost"):
-        text.append(f", cost {cost['first']:.6g} to {cost['last']:.6g}")
-    if run["message"]:
-        text.append(f"\n{run['message']}")
-    return text
+    run, cost = summary["run"], summary["cost"]
+    return Text.assemble(
+        (f"{run['mechanism']}: {run['steps']} steps, {run['duration_s']:g} s", "bold"),
+        f"\nstatus {run['status']} after {run['iterations']} iterations, "
+        f"cost {cost['first']:.6g} to {cost['last']:.6g}\n{run['message']}",
+    )
 
 
 def _titled(title: str, table: Table) -> RenderableType:
@@ -152,49 +125,40 @@ def _titled(title: str, table: Table) -> RenderableType:
     return Group(Text(title, style="bold"), table)
 
 
-def _tracking_table(
-    tracking: Mapping[str, Any], groups: Mapping[str, Sequence[str]]
-) -> RenderableType:
+def _table(*columns: str, left: int = 1) -> Table:
+    """Return an empty table, the numbers in whose columns are set flush right."""
+    table = Table(box=None, pad_edge=False)
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i < left else "right")
+    return table
+
+
+def _tracking_table(tracking: Mapping[str, Any]) -> RenderableType:
+    table = _table("", "joint", "rms", "max", left=2)
+    for heading, names in GROUPS.items():
+        for i, name in enumerate(names):
+            entry = tracking["variables"][name]
+            show = "{:.2f}°".format if entry["unit"] == "deg" else _millimetres
+            label = Text(heading if i == 0 else "", style="dim")
+            table.add_row(label, name, show(entry["rms"]), show(entry["max"]))
     title = (
         f"Tracking error: rms {tracking['joint_rms_deg']:.2f}° over all joint angles, "
         f"at most {tracking['joint_max_deg']:.2f}°"
     )
-    table = Table(box=None, pad_edge=False)
-    table.add_column("")
-    table.add_column("joint")
-    table.add_column("rms", justify="right")
-    table.add_column("max", justify="right")
-    variables = tracking["variables"]
-    for heading, names in groups.items():
-        for i, name in enumerate(name for name in names if name in variables):
-            entry = variables[name]
-            show = _degrees if entry["unit"] == "deg" else _millimetres
-            label = Text(heading if i == 0 else "", style="dim")
-            table.add_row(label, name, show(entry["rms"]), show(entry["max"]))
     return _titled(title, table)
 
 
 def _string_table(strings: Mapping[str, Any]) -> RenderableType:
-    table = Table(box=None, pad_edge=False)
-    table.add_column("string")
-    for name in ("tension min", "mean", "max", "slack", "length min", "max"):
-        table.add_column(name, justify="right")
+    table = _table("string", "tension min", "mean", "max", "slack", "length min", "max")
     for name, entry in strings.items():
         slack = entry["slack_percent"]
         table.add_row(
-            name.removesuffix("_string").replace("_", " "),
-            f"{entry['tension_min_N']:.1f} N",
-            f"{entry['tension_mean_N']:.1f} N",
-            f"{entry['tension_max_N']:.1f} N",
+            string_label(name),
+            *(f"{entry[f'tension_{kind}_N']:z.1f} N" for kind in ("min", "mean", "max")),
             Text(f"{slack:.1f} %", style="red") if slack > 0.0 else Text("never"),
-            f"{entry['length_min_m']:.3f} m" if "length_min_m" in entry else "",
-            f"{entry['length_max_m']:.3f} m" if "length_max_m" in entry else "",
+            *(f"{entry[f'length_{kind}_m']:.3f} m" for kind in ("min", "max")),
         )
     return _titled("Strings", table)
-
-
-def _degrees(value: float) -> str:
-    return f"{value:.2f}°"
 
 
 def _millimetres(value: float) -> str:

@@ -21,6 +21,8 @@ from leastaction.apps.marionette.tracking import (
     TrackingCost,
     TrackingRun,
     TrackingWeights,
+    load_run,
+    save_run,
     track,
 )
 from leastaction.apps.marionette.walk import walk_in_place
@@ -37,11 +39,13 @@ __all__ = [
     "TrackingWeights",
     "default_names",
     "load_motion",
+    "load_run",
     "map_joints",
     "marionette_scene",
     "puppet_points",
     "read_mapping",
     "retarget",
+    "save_run",
     "track",
     "walk_in_place",
 ]

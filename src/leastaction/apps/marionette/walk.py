@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from leastaction.apps.marionette.retargeting.skeleton import VARIABLES, Proportions
 from leastaction.errors import ArgumentError
-from leastaction.io.motion.motion import Motion
+from leastaction.io.motion.motion import Motion, count_steps
 from leastaction.models.marionette import REST
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +69,7 @@ def walk_in_place(
             raise ArgumentError(f"{name}: got {value!r}, expected a finite number above zero")
     if not 0.0 <= stride <= 0.6:
         raise ArgumentError(f"stride: got {stride!r}, expected 0 to 0.6 radians")
-    n_steps = round(duration / dt)
+    n_steps = count_steps(duration, dt)
     if n_steps < 1:
         raise ArgumentError(f"dt: got {dt:g} s, expected less than the duration, {duration:g} s")
     pose = dict(REST if rest is None else rest)

@@ -16,6 +16,18 @@ from leastaction.errors import ArgumentError
 FloatArray = NDArray[np.float64]
 
 _LENGTH_SUFFIXES = ("_tx", "_ty", "_tz")
+_MOST_STEPS = 1_000_000
+
+
+def count_steps(duration: float, dt: float) -> int:
+    """Return the number of steps in a duration, rounded; `ArgumentError` if no memory could hold them."""
+    steps = duration / dt
+    if not steps <= _MOST_STEPS:
+        raise ArgumentError(
+            f"duration, dt: got {duration:g} s in steps of {dt:g} s, which is {steps:.3g} steps, expected "
+            f"at most {_MOST_STEPS}. Take longer steps or a shorter duration"
+        )
+    return round(steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +150,11 @@ class Motion:
             `dt` is not positive, or `duration` is longer than the motion (see `loop`).
         """
         _positive("dt", dt, "a step in seconds")
+        if duration is not None:
+            _positive("duration", duration, "seconds")
+        n_steps = count_steps(self.duration if duration is None else duration, dt)
         if duration is None:
             n_steps = int(np.floor(self.duration / dt + 1e-9))
-        else:
-            _positive("duration", duration, "seconds")
-            n_steps = round(duration / dt)
         if n_steps < 1:
             raise ArgumentError(
                 f"dt: got {dt:g} s, longer than the motion of {duration or self.duration:g} s"
@@ -296,7 +308,7 @@ class Motion:
         """
         _positive("duration", duration, "seconds")
         step = self.duration / (self.t.size - 1)
-        n_wanted = round(duration / step)
+        n_wanted = count_steps(duration, step)
         motion = self.resample(step)
         if n_wanted <= motion.t.size - 1:
             return motion.resample(step, duration=n_wanted * step)

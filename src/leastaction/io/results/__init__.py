@@ -1,8 +1,16 @@
-"""Runs of the optimiser as files: written whole, checked when they are read."""
+"""Results of the optimiser as files: written whole, held to a schema when they are read."""
 
 from __future__ import annotations
 
-from leastaction.io.results.files import current_versions, load_record, save_record
-from leastaction.io.results.record import RunRecord
+from leastaction.io.results.record import Provenance, Record, load_record, save_record
+from leastaction.io.results.result import check_result, load_result, save_result
 
-__all__ = ["RunRecord", "current_versions", "load_record", "save_record"]
+__all__ = [
+    "Provenance",
+    "Record",
+    "check_result",
+    "load_record",
+    "load_result",
+    "save_record",
+    "save_result",
+]

@@ -1,149 +1,236 @@
-"""A finished run as plain arrays and text: what the result file holds."""
+"""Any dataclass of arrays, numbers and texts as a file, and back again.
+
+The arrays of the dataclass, and of those in it, are arrays of a NumPy archive under their dotted names, such
+as ``result.history.cost``; the rest is a JSON text. `numpy.load` reads all of it. When a file is read, msgspec
+holds it to the types of the dataclass. No pickled object is written or read.
+"""
 
 from __future__ import annotations
 
+import os
+import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from dataclasses import dataclass, fields, is_dataclass
+from datetime import UTC, datetime
+from enum import Enum
+from importlib import metadata
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any, Final, Generic, Literal, TypeVar, get_args, get_type_hints
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError
+from leastaction._version import __version__
+from leastaction.errors import ArgumentError, ResultFileError
+from leastaction.io.results.archive import read_archive, write_archive
 
-Array: TypeAlias = npt.NDArray[np.float64]
+T = TypeVar("T")
+
+FORMAT_VERSION: Final = 2
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunRecord:
-    """A finished (or stopped) optimisation, as plain arrays and text.
+@dataclass(frozen=True)
+class Provenance:
+    """When something was made, and with which programs.
 
-    Time comes first in every array; ``N`` is the number of steps. SI units and radians.
+    Attributes
+    ----------
+    created : str
+        ISO 8601.
+    versions : mapping of str to str
+        Of Python, the platform, and the packages that a result depends on.
+    """
+
+    created: str
+    versions: Mapping[str, str]
+
+    @classmethod
+    def now(cls) -> Provenance:
+        """Return the provenance of what is being made."""
+        packages = {name: metadata.version(name) for name in ("numpy", "scipy")}
+        programs = {"python": platform.python_version(), "platform": platform.platform()}
+        return cls(
+            datetime.now(UTC).isoformat(timespec="seconds"),
+            {"leastaction": __version__, **packages, **programs},
+        )
+
+
+@dataclass(frozen=True)
+class Record(Generic[T]):
+    """What a file holds.
+
+    Attributes
+    ----------
+    content : dataclass
+    provenance : Provenance
+    """
+
+    content: T
+    provenance: Provenance
+
+
+class _Format(msgspec.Struct):
+    """As much of the text as says whether the rest can be understood."""
+
+    format: Literal["leastaction run"]
+    format_version: Annotated[int, msgspec.Meta(ge=1)]
+    versions: dict[str, str]
+
+
+class _Text(_Format):
+    kind: str
+    created: str
+    content: dict[str, Any]
+
+
+def save_record(
+    path: str | os.PathLike[str],
+    content: object,
+    *,
+    provenance: Provenance | None = None,
+    arrays: Mapping[str, npt.ArrayLike] | None = None,
+) -> Path:
+    """Write a dataclass into a file; an existing file is replaced in one step.
 
     Parameters
     ----------
-    mechanism
-        Name of the mechanism.
-    variables
-        Names of the configuration variables, dynamic first, then kinematic; ``nq`` of them.
-    n_dynamic
-        How many of them are dynamic, ``nd``; ``nrho = nq - nd``.
-    inputs
-        Names of the entries of ``u``: force inputs, then the next value of each kinematic variable;
-        ``nu`` of them.
-    constraints
-        Names of the constraints; ``nc`` of them.
-    t
-        Times, (N+1,), s.
-    q
-        Configuration, (N+1, nq).
-    p
-        Momentum of the dynamic variables, (N+1, nd).
-    v
-        Velocity of the kinematic variables, (N+1, nrho).
-    u
-        Inputs, (N, nu).
-    lam
-        Constraint multipliers of each step, (N, nc).
-    x
-        State of the discrete system as the optimiser holds it, (N+1, nx): ``[q; p; v]``, and what else
-        it steers by, such as the multipliers.
-    K
-        Feedback gains, (N, nu, nx): ``u = u_k - K_k (x - x_k)``.
-    K_projection
-        Gains by which the trajectory was reached, (N, nu, nx), or None; with them a run that goes on
-        makes the iterates of one that was never stopped.
-    x_wanted, u_wanted
-        The wanted state (N+1, nx) and input (N, nu) of the cost, or None.
-    q_wanted
-        The wanted configuration, (N+1, nq), or None.
-    tension
-        Force in each constraint, (N, nc), N, positive when it pulls, or None.
-    histories
-        One entry per iteration in each: ``cost`` (first, before any step), ``expected_decrease``,
-        ``step_length``, ``method``, ...
-    settings
-        What the run was asked to do: finite numbers, texts, lists and dictionaries.
-    versions
-        Versions of the programs that made it; see `current_versions`.
-    status, message
-        How the run ended, in one word and in one sentence.
-    created
-        Time of writing, ISO 8601; filled in when empty.
+    path : path
+        The file, by custom with the ending ``.npz``. The name is used as given.
+    content : dataclass
+        Of arrays, numbers, texts, enums, lists, mappings, and dataclasses of these.
+    provenance : Provenance, optional
+        Now, if not given.
+    arrays : mapping of str to array, optional
+        More arrays, for readers other than `load_record`.
+
+    Returns
+    -------
+    Path
+        The file written.
 
     Raises
     ------
+    OutputError
+        The file could not be written; an older file of that name is untouched.
     ArgumentError
-        The shapes do not fit each other.
+        Something in it is no plain data.
     """
+    origin = provenance or Provenance.now()
+    own: dict[str, npt.ArrayLike] = {}
+    text = {
+        "format": "leastaction run",
+        "format_version": FORMAT_VERSION,
+        "versions": dict(origin.versions),
+        "kind": type(content).__name__,
+        "created": origin.created,
+        "content": _without_arrays(content, "", own),
+    }
+    try:
+        encoded = msgspec.json.encode(text).decode()
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ArgumentError(
+            f"{type(content).__name__}: only arrays, numbers, texts, lists, mappings and dataclasses of "
+            f"these can be saved ({error})"
+        ) from error
+    return write_archive(path, encoded, {**(arrays or {}), **own})
 
-    mechanism: str
-    variables: tuple[str, ...]
-    n_dynamic: int
-    inputs: tuple[str, ...]
-    constraints: tuple[str, ...]
-    t: Array
-    q: Array
-    p: Array
-    v: Array
-    u: Array
-    lam: Array
-    x: Array
-    K: Array
-    K_projection: Array | None = None
-    x_wanted: Array | None = None
-    u_wanted: Array | None = None
-    q_wanted: Array | None = None
-    tension: Array | None = None
-    histories: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    versions: Mapping[str, str] = field(default_factory=dict)
-    status: str = ""
-    message: str = ""
-    created: str = ""
 
-    def __post_init__(self) -> None:
-        """Check every shape against the names and the time grid."""
-        n, nq, nd = len(self.t) - 1, len(self.variables), self.n_dynamic
-        nu, nc, nx = len(self.inputs), len(self.constraints), self.x.shape[-1]
-        expected: dict[str, tuple[int, ...]] = {
-            "t": (n + 1,),
-            "q": (n + 1, nq),
-            "p": (n + 1, nd),
-            "v": (n + 1, nq - nd),
-            "u": (n, nu),
-            "lam": (n, nc),
-            "x": (n + 1, nx),
-            "K": (n, nu, nx),
-            "K_projection": (n, nu, nx),
-            "x_wanted": (n + 1, nx),
-            "u_wanted": (n, nu),
-            "q_wanted": (n + 1, nq),
-            "tension": (n, nc),
-        }
-        for name, shape in expected.items():
-            value = getattr(self, name)
-            if value is not None and value.shape != shape:
-                raise ArgumentError(
-                    f"{name} has shape {value.shape}, expected {shape} for {n} steps, {nq} variables ({nd} dynamic), "
-                    f"{nu} inputs and {nc} constraints"
-                )
+def load_record(path: str | os.PathLike[str], kind: type[T]) -> Record[T]:
+    """Read a dataclass from a file that `save_record` wrote.
 
-    @property
-    def rho(self) -> Array:
-        """The kinematic variables, (N+1, nrho): the last columns of ``q``."""
-        return self.q[:, self.n_dynamic :]
+    Parameters
+    ----------
+    path : path
+    kind : type
+        The dataclass.
 
-    def variable(self, name: str) -> Array:
-        """Return one configuration variable over time, (N+1,), by its name.
+    Returns
+    -------
+    Record
+        With read-only arrays.
 
-        Raises
-        ------
-        ArgumentError
-            No variable has that name.
-        """
-        if name not in self.variables:
-            raise ArgumentError(
-                f"no variable is called {name!r}; there are: {', '.join(self.variables)}"
+    Raises
+    ------
+    ResultFileError
+        The file is missing, damaged, not such a file, of another format, or holds something else than the
+        types of the dataclass allow.
+    """
+    source = Path(path)
+    archive = read_archive(source)
+    try:
+        found = msgspec.json.decode(archive.text, type=_Format)
+        if found.format_version != FORMAT_VERSION:
+            raise _unknown_format(source, found)
+        text = msgspec.json.decode(archive.text, type=_Text)
+        if text.kind != kind.__name__:
+            raise ResultFileError(
+                f"{source} holds a {text.kind}, expected a {kind.__name__}. Give the file of such a run"
             )
-        return self.q[:, self.variables.index(name)]
+        for name, array in archive.arrays.items():
+            _put(text.content, name.split("."), array)
+        _name_members(kind, text.content)
+        content = msgspec.convert(text.content, kind, dec_hook=_checked_array)
+    except ResultFileError:
+        raise
+    except (msgspec.MsgspecError, KeyError, TypeError, ValueError, RecursionError) as error:
+        raise ResultFileError(
+            f"{source} is damaged: {error}. Copy it again, or run the optimisation again"
+        ) from error
+    return Record(content, Provenance(text.created, text.versions))
+
+
+def _unknown_format(source: Path, found: _Format) -> ResultFileError:
+    maker = found.versions.get("leastaction", "another version")
+    advice = (
+        f"Upgrade leastaction (it was written by {maker})"
+        if found.format_version > FORMAT_VERSION
+        else f"Run the optimisation again (it was written by {maker}); numpy.load still reads its arrays"
+    )
+    return ResultFileError(
+        f"{source} has format {found.format_version}, this leastaction reads {FORMAT_VERSION}. {advice}"
+    )
+
+
+def _without_arrays(value: Any, name: str, arrays: dict[str, npt.ArrayLike]) -> Any:
+    """Return a value as JSON can hold it; its arrays, and numbers that JSON does not know, go to `arrays`."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, np.ndarray) or (isinstance(value, float) and not isfinite(value)):
+        arrays[name] = value
+        return None
+    if is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, Mapping):
+        prefix = f"{name}." if name else ""
+        return {key: _without_arrays(v, f"{prefix}{key}", arrays) for key, v in value.items()}
+    return value.name if isinstance(value, Enum) else value
+
+
+def _put(content: Any, path: list[str], array: npt.NDArray[Any]) -> None:
+    """Put an array where it was taken from; one that was not taken from there is left out."""
+    for part in path[:-1]:
+        content = content.get(part) if isinstance(content, dict) else None
+    if isinstance(content, dict) and path[-1] in content:
+        content[path[-1]] = array.item() if array.shape == () else array
+
+
+def _name_members(kind: Any, content: Any) -> None:
+    """Replace the names of enums' members by the members, of a dataclass and those in it."""
+    for name, hint in get_type_hints(kind).items():
+        if isinstance(content, dict) and name in content:
+            if is_dataclass(hint):
+                _name_members(hint, content[name])
+            elif isinstance(hint, type) and issubclass(hint, Enum):
+                content[name] = hint[content[name]]
+
+
+def _checked_array(kind: Any, value: Any) -> npt.NDArray[Any]:
+    """Return an array if it is of the type that the field asks for."""
+    if not isinstance(value, np.ndarray):
+        raise ValueError("an array is missing")
+    (expected,) = get_args(get_args(kind)[1])
+    if value.dtype != expected:
+        raise ValueError(f"an array of {value.dtype}, expected {np.dtype(expected)}")
+    return value

@@ -1,4 +1,4 @@
-"""The cost of tracking: distance from a wanted motion, and the acceleration of what is prescribed."""
+"""The cost of tracking: distance from a reference motion, and the acceleration of what is prescribed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class TrackingCost(QuadraticCost):
 
     Parameters
     ----------
-    x_wanted, u_wanted, Q, R
+    x_reference, u_reference, Q, R
         As in `QuadraticCost`; Q and R diagonal.
     dt : float
         Time step (s).
@@ -28,8 +28,8 @@ class TrackingCost(QuadraticCost):
 
     def __init__(
         self,
-        x_wanted: Array,
-        u_wanted: Array,
+        x_reference: Array,
+        u_reference: Array,
         *,
         Q: Array,
         R: Array,
@@ -39,7 +39,7 @@ class TrackingCost(QuadraticCost):
         rho_next: slice,
         acceleration: float,
     ) -> None:
-        super().__init__(x_wanted, u_wanted, Q=Q, R=R)
+        super().__init__(x_reference, u_reference, Q=Q, R=R)
         nx, nu = len(Q), len(R)
         count = rho.stop - rho.start
         a_x, a_u = np.zeros((count, nx)), np.zeros((count, nu))

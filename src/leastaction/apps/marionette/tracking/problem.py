@@ -1,15 +1,15 @@
-"""The tracking problem of one motion: wanted states, systems, costs, and first trajectories."""
+"""The tracking problem of one motion: reference states, systems, costs, and first trajectories."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
 from leastaction.apps.marionette.tracking.cost import TrackingCost
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
+from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import JointForce, Mechanism, MidpointVI, SimulationStatus
 from leastaction.models.marionette import STRINGS, UNHELD, hang_strings
 from leastaction.numerics.arrays import Array
@@ -18,6 +18,9 @@ from leastaction.systems import MidpointSystem
 
 ROOT = ("torso_tx", "torso_ty", "torso_tz")
 SLANT = 1.0  # m that slanted strings lean ahead
+MOST_STEPS = 100_000
+"""More steps than these would want tens of gigabytes."""
+
 _GOOD_START_ANGLE = np.deg2rad(15.0)  # largest rms error of a held joint in a first trajectory
 _GOOD_START_DISTANCE = 0.15  # m, the same for the pelvis
 # Price of a motor's square, and the iterations at that price.
@@ -35,51 +38,35 @@ _EMBEDDING = (
 _TENSION_STAGES = ((0.0, 15), (0.001, 15), (0.01, 15), (0.1, 15))
 
 
-class WantedMotion(Protocol):
-    """What `track` needs to know of a motion: times, names and one column a name."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
-
-    @property
-    def t(self) -> Array:
-        """Times (s), shape (N+1,)."""
-
-    @property
-    def q(self) -> Array:
-        """Values, shape (N+1, len(names))."""
-
-
-class Problem:
-    """The tracking problem of one motion: wanted states, systems and costs."""
+class TrackingProblem:
+    """The tracking problem of one motion."""
 
     def __init__(
         self,
         mechanism: Mechanism,
-        motion: WantedMotion,
+        motion: Motion,
         weights: TrackingWeights,
         threads: int,
         *,
         ahead: float = 0.0,
     ) -> None:
         self.mechanism, self.weights, self.threads = mechanism, weights, threads
-        self.t = np.ascontiguousarray(motion.t, dtype=np.float64)
+        self.t = motion.t
         self.body = _columns(mechanism, motion)
         self.dt = float(self.t[1] - self.t[0])
         self.integrator = MidpointVI(mechanism, threads=threads)
         self.system = MidpointSystem(self.integrator, self.t, multipliers=True)
-        self._want(ahead)
+        self._refer(ahead)
 
     def hang(self) -> tuple[Array, Array] | None:
         """Return what the puppet does under hanging strings, or None where that is no good start."""
         m = self.mechanism
         run = self.integrator.simulate(
-            self.integrator.start(self.wanted[0]), self.t, rho=self.wanted[:, m.nd :]
+            self.integrator.start(self.reference[0]), self.t, rho=self.reference[:, m.nd :]
         )
         if run.status is not SimulationStatus.COMPLETED:
             return None
-        rms = np.sqrt(np.mean((run.q - self.wanted)[:, : m.nd] ** 2, axis=0))
+        rms = np.sqrt(np.mean((run.q - self.reference)[:, : m.nd] ** 2, axis=0))
         far = [
             error > (_GOOD_START_DISTANCE if name in ROOT else _GOOD_START_ANGLE)
             for name, error in zip(m.dynamic, rms, strict=True)
@@ -87,18 +74,18 @@ class Problem:
         ]
         if any(far):
             return None
-        x = np.vstack([self.x_wanted[:1], np.hstack([run.x[1:], run.lam])])
+        x = np.vstack([self.x_reference[:1], np.hstack([run.x[1:], run.lam])])
         return x, run.u
 
-    def embed(self, say: Callable[[str], None]) -> tuple[Array, Array]:
+    def embed(self, say: Callable[[str], object]) -> tuple[Array, Array]:
         """Return a first trajectory found with motors on all joints that become ever more expensive."""
         m = self.mechanism
         motors = [JointForce(name, f"motor of {name}") for name in m.dynamic]
         helped = MidpointVI(m.with_elements(motors), threads=self.threads)
         system = MidpointSystem(helped, self.t, multipliers=True)
         x, u = (
-            self.x_wanted,
-            np.hstack([np.zeros((len(self.t) - 1, m.nd)), self.wanted[1:, m.nd :]]),
+            self.x_reference,
+            np.hstack([np.zeros((len(self.t) - 1, m.nd)), self.reference[1:, m.nd :]]),
         )
         for price, iterations in _EMBEDDING:
             result = optimize(
@@ -128,25 +115,25 @@ class Problem:
     def cost(self, tension: float, *, motor: float | None = None) -> TrackingCost:
         """Return the cost at a price of tension; with motors as further inputs if they have a price."""
         m, w = self.mechanism, self.weights
-        inertia = np.diag(m.mass_matrix(self.wanted[0]))[: m.nd]
+        inertia = np.diag(m.mass_matrix(self.reference[0]))[: m.nd]
         body = np.array(
             [w.root if n in ROOT else w.unheld if n in UNHELD else w.joint for n in m.dynamic]
         )
         rate = w.rate * np.array([w.unheld if n in UNHELD else 1.0 for n in m.dynamic]) / inertia**2
         # lam is an impulse for |p1 - p2|^2 - L^2: a newton of tension is dt / (2 L) of it.
-        lengths = self.wanted[0, [m.variables.index(s.length) for s in STRINGS]]
+        lengths = self.reference[0, [m.variables.index(s.length) for s in STRINGS]]
         pull = tension * (2.0 * lengths / self.dt) ** 2
         Q = np.concatenate([body, np.full(m.nrho, w.string), rate, np.zeros(m.nrho), pull])
         R = np.full(m.nrho, 0.01 * w.string)
-        u_wanted = self.wanted[1:, m.nd :]
+        u_reference = self.reference[1:, m.nd :]
         motors = 0
         if motor is not None:
             motors = m.nd
             R = np.concatenate([np.full(motors, motor), R])
-            u_wanted = np.hstack([np.zeros((len(u_wanted), motors)), u_wanted])
+            u_reference = np.hstack([np.zeros((len(u_reference), motors)), u_reference])
         return TrackingCost(
-            self.x_wanted,
-            u_wanted,
+            self.x_reference,
+            u_reference,
             Q=Q,
             R=R,
             dt=self.dt,
@@ -156,28 +143,28 @@ class Problem:
             acceleration=w.string_acceleration,
         )
 
-    def _want(self, ahead: float) -> None:
-        """Set the wanted configurations and states, with strings that go with the body's motion."""
+    def _refer(self, ahead: float) -> None:
+        """Set the reference configurations and states, with strings that go with the body's motion."""
         m, N = self.mechanism, len(self.t) - 1
         q = np.zeros((N + 1, m.nq))
         q[:, : m.nd] = self.body
-        self.wanted = hang_strings(m, q, ahead=ahead)
-        v = np.gradient(self.wanted, self.t, axis=0)
-        start = self.integrator.start(self.wanted[0])
+        self.reference = hang_strings(m, q, ahead=ahead)
+        v = np.gradient(self.reference, self.t, axis=0)
+        start = self.integrator.start(self.reference[0])
         x = np.zeros((N + 1, self.system.nx))
-        x[:, : m.nq] = self.wanted
+        x[:, : m.nq] = self.reference
         x[:, m.nq : m.nq + m.nd] = [
-            m.momentum(a, b)[: m.nd] for a, b in zip(self.wanted, v, strict=True)
+            m.momentum(a, b)[: m.nd] for a, b in zip(self.reference, v, strict=True)
         ]
-        x[1:, m.nq + m.nd : m.nx] = np.diff(self.wanted[:, m.nd :], axis=0) / self.dt
+        x[1:, m.nq + m.nd : m.nx] = np.diff(self.reference[:, m.nd :], axis=0) / self.dt
         x[0, : m.nx] = start.x
         x[:, m.nx :] = self._tension_at_rest()
-        self.x_wanted = x
+        self.x_reference = x
 
     def _tension_at_rest(self) -> Array:
         """Return the multipliers (nc,) with which the strings carry the puppet as it hangs at the start."""
         m = self.mechanism
-        q = hang_strings(m, self.wanted[0])
+        q = hang_strings(m, self.reference[0])
         weight = -m.core.gradient(q, np.zeros(m.nq))[0][: m.nd]
         # Statics: gravity is carried by the constraints as well as they can, with the least forces.
         columns = -m.constraint_jacobian(q)[:, : m.nd].T / self.dt
@@ -191,7 +178,7 @@ def _going_on(result: OptimizationResult) -> tuple[Array, Array]:
     return result.x, result.u
 
 
-def _columns(mechanism: Mechanism, motion: WantedMotion) -> Array:
+def _columns(mechanism: Mechanism, motion: Motion) -> Array:
     """Return the motion's columns in the order of the mechanism's dynamic variables, checked."""
     needed = {name for string in STRINGS for name in (string.x, string.y, string.length)}
     if not needed <= set(mechanism.kinematic):
@@ -205,18 +192,14 @@ def _columns(mechanism: Mechanism, motion: WantedMotion) -> Array:
             raise ArgumentError(
                 f"motion: no column for {name!r}; {closest(name, motion.names, what='columns')}"
             )
-    t = np.asarray(motion.t, dtype=np.float64)
-    q = np.asarray(motion.q, dtype=np.float64)
-    if t.ndim != 1 or len(t) < 3 or q.shape != (len(t), len(motion.names)):
+    if not 3 <= len(motion.t) <= MOST_STEPS + 1:
         raise ArgumentError(
-            f"motion: got t of shape {t.shape} and q of shape {q.shape}, expected (N+1,) and "
-            f"(N+1, {len(motion.names)}) with N >= 2"
+            f"motion: got {len(motion.t) - 1} steps, expected 2 to {MOST_STEPS}. Take a longer time step, or "
+            "a part of the motion"
         )
-    if not (np.all(np.isfinite(t)) and np.all(np.isfinite(q))):
-        raise ArgumentError("motion: times and values must be finite")
-    steps = np.diff(t)
-    if np.any(steps <= 0.0) or np.ptp(steps) > 1e-6 * steps[0]:
+    steps = np.diff(motion.t)
+    if np.ptp(steps) > 1e-6 * steps[0]:
         raise ArgumentError(
             "motion: times must increase in equal steps; use Motion.resample(dt) to make them so"
         )
-    return q[:, [motion.names.index(name) for name in mechanism.dynamic]]
+    return motion.columns(mechanism.dynamic)

@@ -1,117 +1,127 @@
-"""The main job: a marionette learns to follow a wanted motion.
+"""The main job: a marionette learns to follow a reference motion.
 
-The wanted motion gives the body's variables only. `track` guesses the strings that go with it, finds a first
+The reference gives the body's variables only. `track` guesses the strings that go with it, finds a first
 trajectory that the puppet can make, and improves it with `leastaction.optimal.optimize`.
 
-The first trajectory is what the puppet does when its strings simply hang above the wanted hooks. Where that
-goes wrong, because the motion is fast or the strings lose their grip on a stretched limb, it is found by
-*dynamic embedding* (dissertation 6.6.1): every joint gets a motor, with which any motion can be followed;
-the motors are made ever more expensive until they do nothing, and are then taken away.
+The first trajectory is what the puppet does when its strings simply hang above the hooks of the reference.
+Where that goes wrong, because the motion is fast or the strings lose their grip on a stretched limb, it is
+found by *dynamic embedding* (dissertation 6.6.1): every joint gets a motor, with which any motion can be
+followed; the motors are made ever more expensive until they do nothing, and are then taken away.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from leastaction.apps.marionette.tracking.cost import TrackingCost
-from leastaction.apps.marionette.tracking.problem import ROOT, SLANT, Problem, WantedMotion
+from leastaction.apps.marionette.tracking.problem import ROOT, SLANT, TrackingProblem
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
-from leastaction.mechanics import Mechanism
+from leastaction.io.motion.motion import Motion
+from leastaction.io.results.record import Provenance
+from leastaction.mechanics import Mechanism, Trajectory
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import OptimizationResult, optimize
+from leastaction.optimal import IterationRecord, OptimizationResult, optimize
 from leastaction.optimal.optimize import Callback
+from leastaction.viz.tracking import TrackingErrors, tracking_errors
 
-__all__ = [
-    "FORCED",
-    "GENTLE",
-    "TrackingCost",
-    "TrackingRun",
-    "TrackingWeights",
-    "WantedMotion",
-    "track",
-]
+_CHECKPOINTS_SHARE = 0.05  # of the time may go into checkpoints
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrackingRun:
-    """A motion of the marionette, and what it was asked to do.
+    """A motion of the marionette, what it was asked to do, and how it was found.
 
     Attributes
     ----------
     mechanism : Mechanism
-    t : ndarray, shape (N+1,)
-        Times (s).
-    q, p : ndarray, shape (N+1, nq) and (N+1, nd)
-        Configurations and momenta.
-    u : ndarray, shape (N, nrho)
-        Inputs: the string variables at the ends of the steps.
-    lam : ndarray, shape (N, nc)
-        Multipliers.
-    tension : ndarray, shape (N, nc)
-        String tensions (N), in the order of the constraints.
-    wanted : ndarray, shape (N+1, nq)
-        The wanted configurations, with the strings that were guessed for them.
+    source : str
+        Where the reference motion comes from, in words.
+    reference : ndarray, shape (N+1, nq)
+        The configurations to be followed, with the strings that were guessed for them.
     embedded : bool
         Whether the first trajectory was found by dynamic embedding.
+    trajectory : Trajectory
+        The motion, by names: times, configurations, momenta, multipliers.
     result : OptimizationResult
-        Of the optimiser; its states are ``[q; rho; p; v_rho; lam]``.
+        Of the optimiser, with the gains that hold the motion; its states are ``[q; rho; p; v_rho; lam]``.
+    provenance : Provenance
     """
 
     mechanism: Mechanism = field(repr=False)
-    t: Array = field(repr=False)
-    q: Array = field(repr=False)
-    p: Array = field(repr=False)
-    u: Array = field(repr=False)
-    lam: Array = field(repr=False)
-    tension: Array = field(repr=False)
-    wanted: Array = field(repr=False)
+    source: str
+    reference: Array = field(repr=False)
     embedded: bool
-    result: OptimizationResult
+    trajectory: Trajectory = field(repr=False)
+    result: OptimizationResult = field(repr=False)
+    provenance: Provenance = field(default_factory=Provenance.now)
 
-    def errors_in_degrees(self) -> dict[str, tuple[float, float]]:
-        """Return the (rms, largest) tracking error of every joint angle, in degrees, by name."""
-        error = np.rad2deg(self.q - self.wanted)
-        return {
-            name: (float(np.sqrt(np.mean(error[:, i] ** 2))), float(np.max(np.abs(error[:, i]))))
-            for i, name in enumerate(self.mechanism.dynamic)
-            if name not in ROOT
-        }
+    @property
+    def motion(self) -> Motion:
+        """The reference motion of the body."""
+        names = self.mechanism.dynamic
+        return Motion(names, self.trajectory.t, self.reference[:, : len(names)], self.source)
+
+    @property
+    def tension(self) -> Array:
+        """String tensions (N), shape (N, nc), in the order of the constraints."""
+        by_name = self.trajectory.tensions()
+        tension = np.stack([by_name[name] for name in self.mechanism.constraints], axis=1)
+        tension[0] *= 2.0  # the first impulse is that of half a step, see Trajectory.tensions
+        return tension
+
+    @property
+    def errors(self) -> TrackingErrors:
+        """How far each variable of the body is from the reference."""
+        names = self.mechanism.dynamic
+        nd = len(names)
+        return tracking_errors(
+            self.reference[:, :nd], self.trajectory.q[:, :nd], names, lengths=ROOT
+        )
 
 
 def track(
     mechanism: Mechanism,
-    motion: WantedMotion,
+    motion: Motion,
     *,
     weights: TrackingWeights | None = None,
     method: str = "auto",
     max_iterations: int = 100,
     tolerance: float | None = None,
     callback: Callback | None = None,
-    progress: Callable[[str], None] | None = None,
-    resume: OptimizationResult | None = None,
+    progress: Callable[[str], object] | None = None,
+    resume: TrackingRun | None = None,
+    checkpoint: Callable[[TrackingRun], object] | None = None,
+    checkpoint_seconds: float = 10.0,
     threads: int = 0,
 ) -> TrackingRun:
-    """Find the motion of the marionette that follows a wanted one best, with its strings and gains.
+    """Find the motion of the marionette that follows a reference best, with its strings and gains.
 
     Parameters
     ----------
     mechanism : Mechanism
         From `leastaction.models.marionette.marionette`.
-    motion : WantedMotion
-        Wanted values of all body variables, equidistant in time. It need not be possible.
+    motion : Motion
+        The reference: values of all body variables, equidistant in time. It need not be possible.
     weights : TrackingWeights, optional
         What matters how much. If not given, `GENTLE` where the hanging strings give a good first
         trajectory, else `FORCED`.
-    method, max_iterations, callback, resume
+    method, max_iterations, callback
         As in `leastaction.optimal.optimize`, for the last optimisation.
     tolerance : float, optional
         Likewise. If not given, 1e-6, or 1e-4 where the first trajectory had to be found by embedding:
         such a motion is far from what the puppet does by itself, and its last digits cost much.
     progress : callable, optional
         Called with a line of text as the search for a first trajectory goes on.
+    resume : TrackingRun, optional
+        Go on with an earlier run of the same motion. The iterates are those of a run that never stopped.
+    checkpoint : callable, optional
+        Called with the run as it stands after an iteration, to be kept in case that the program ends.
+    checkpoint_seconds : float, optional
+        Least time between two of these calls (s), and longer where they would take more than a twentieth
+        of all time; 0: after every iteration.
     threads : int, optional
         Threads for derivatives; 0: as many as there are cores.
 
@@ -126,38 +136,50 @@ def track(
     ArgumentError
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """
-    problem = Problem(mechanism, motion, weights or GENTLE, threads)
-    initial = problem.hang()
-    embedded = initial is None
+    began = time.perf_counter()
+    problem = TrackingProblem(mechanism, motion, weights or GENTLE, threads)
+    initial = problem.hang() if resume is None else None
+    embedded = initial is None if resume is None else resume.embedded
     if embedded:
-        problem = Problem(mechanism, motion, weights or FORCED, threads, ahead=SLANT)
-    if resume is not None:
-        initial = None
-    elif initial is None:
-        initial = problem.embed(progress or (lambda _: None))
-    result = optimize(  # type: ignore[call-overload]
+        problem = TrackingProblem(mechanism, motion, weights or FORCED, threads, ahead=SLANT)
+        if resume is None:
+            initial = problem.embed(progress or (lambda _: None))
+
+    def run_of(result: OptimizationResult) -> TrackingRun:
+        return TrackingRun(
+            mechanism=mechanism,
+            source=motion.source,
+            reference=problem.reference,
+            embedded=embedded,
+            trajectory=problem.system.trajectory(result.x, result.u),
+            result=result,
+        )
+
+    due = began + checkpoint_seconds
+
+    def watch(record: IterationRecord) -> object:
+        nonlocal due
+        now = time.perf_counter()
+        if checkpoint is not None and now >= due:
+            checkpoint(run_of(record.snapshot()))
+            after = time.perf_counter()
+            pause = max(checkpoint_seconds, (after - now) / _CHECKPOINTS_SHARE)
+            due = after + (pause if checkpoint_seconds > 0.0 else 0.0)
+        return callback(record) if callback is not None else None
+
+    if tolerance is None:
+        tolerance = 1e-4 if embedded else 1e-6
+    result = optimize(
         problem.system,
         problem.cost(problem.weights.tension),
         initial=initial,
-        resume=resume,
-        method=method,
+        resume=None if resume is None else resume.result,
+        method=method,  # type: ignore[arg-type]
         max_iterations=max_iterations,
-        tolerance=tolerance or (1e-4 if embedded else 1e-6),
-        callback=callback,
+        tolerance=tolerance,
+        callback=watch,
     )
-    trajectory = problem.system.trajectory(result.x, result.u)
-    named = trajectory.tensions()
-    tension = np.stack([named[name] for name in mechanism.constraints], axis=1)
-    tension[0] *= 2.0  # the first impulse is that of half a step, see Trajectory.tensions
-    return TrackingRun(
-        mechanism,
-        trajectory.t,
-        trajectory.q,
-        trajectory.p,
-        result.u,
-        trajectory.lam,
-        tension,
-        problem.wanted,
-        embedded,
-        result,
-    )
+    try:
+        return run_of(result)
+    except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
+        return run_of(result)

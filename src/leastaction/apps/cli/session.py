@@ -1,0 +1,163 @@
+"""One optimisation as the command line runs it: its iterations are shown, and what it finds is kept."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+
+from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
+from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
+from leastaction.apps.cli.shield import uninterrupted
+from leastaction.apps.cli.summary import run_summary, summary_tables
+from leastaction.apps.marionette.tracking import TrackingRun, save_run, track
+from leastaction.errors import OutputError
+from leastaction.io.motion.motion import Motion
+from leastaction.models.marionette import marionette
+from leastaction.optimal import IterationRecord, IterationTable, Status
+
+# What a shell expects of a program ended by Ctrl-C.
+INTERRUPTED = 130
+STUCK = 1
+
+Complain = Callable[[str], object]
+
+
+def run(
+    motion: Motion | TrackingRun,
+    *,
+    optimiser: OptimiserOptions,
+    output: OutputOptions,
+    folder: Path,
+    complain: Complain,
+) -> int:
+    """Follow a motion, or go on with an earlier run, and fill the folder.
+
+    Returns
+    -------
+    int
+        What the program tells the shell: 0 when there is a result to use and it is written, 130 after
+        Ctrl-C, 1 when the optimiser was stuck or something could not be written.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Ctrl-C before there was anything to keep.
+    LeastActionError
+        The problem cannot be set up, or its result cannot be written anywhere.
+    """
+    console = Console(highlight=False)
+    began = time.perf_counter()
+    kept: list[Path] = []
+    try:
+        found = _optimise(motion, optimiser, output, folder, console, kept)
+        optimised = time.perf_counter()
+        with uninterrupted():
+            kept.append(_keep(found, folder, complain))
+        console.print()
+        console.print(summary_tables(run_summary(found)))
+        console.print()
+        if kept[-1].parent != folder:
+            return STUCK
+        with console.status("") as status:
+            report = write_report(
+                found,
+                folder,
+                plots=output.plots,
+                animation=output.animation,
+                progress=lambda name: status.update(f"writing {name}"),
+            )
+    except KeyboardInterrupt:
+        if not kept:
+            raise
+        complain(
+            f"interrupted; the run as far as it went is in {kept[-1]}. Go on with: leastaction optimize "
+            f"marionette --resume {kept[-1]} --out {folder}, or draw it with: leastaction draw {kept[-1]} "
+            f"--out {folder}"
+        )
+        return INTERRUPTED
+    except OutputError as error:
+        if not kept:
+            raise
+        complain(f"{error}. The run itself is in {kept[-1]}")
+        return STUCK
+    finished = time.perf_counter()
+    console.print(report)
+    console.print(
+        f"\n{optimised - began:.2f} s to optimise, {finished - optimised:.2f} s to write, "
+        f"{finished - began:.2f} s in all"
+    )
+    if found.result.status in (Status.ITERATION_LIMIT, Status.INTERRUPTED):
+        again = f"leastaction optimize marionette --resume {folder / TRAJECTORY} --out {folder}"
+        console.print(f"Go on with: {again}", markup=False, soft_wrap=True)
+    if found.result.status is Status.INTERRUPTED:
+        return INTERRUPTED
+    usable = found.result.success or found.result.status is Status.ITERATION_LIMIT
+    return 0 if usable else STUCK
+
+
+def _optimise(
+    motion: Motion | TrackingRun,
+    optimiser: OptimiserOptions,
+    output: OutputOptions,
+    folder: Path,
+    console: Console,
+    kept: list[Path],
+) -> TrackingRun:
+    """Optimise, printing the iterations as they happen and keeping the run now and then."""
+    earlier = motion if isinstance(motion, TrackingRun) else None
+    if isinstance(motion, TrackingRun):
+        motion = motion.motion
+    console.print(
+        f"marionette follows {motion.source or 'a motion'}: {motion.t.size - 1} steps of "
+        f"{motion.t[1] - motion.t[0]:g} s, at most {optimiser.max_iterations} iterations",
+        markup=False,
+    )
+    table = IterationTable()
+
+    def checkpoint(found: TrackingRun) -> None:
+        try:
+            with uninterrupted():
+                remove_report(folder)
+                kept.append(save_run(folder / TRAJECTORY, found))
+        except OutputError as error:  # the run goes on, and is written elsewhere if it must
+            console.print(str(error), markup=False, style="dim")
+
+    with console.status("looking for a first trajectory") as spinner:
+
+        def show(record: IterationRecord) -> object:
+            spinner.stop()
+            return table(record)
+
+        return track(
+            marionette() if earlier is None else earlier.mechanism,
+            motion,
+            method=optimiser.method,
+            max_iterations=optimiser.max_iterations,
+            tolerance=optimiser.tolerance,
+            callback=show,
+            progress=lambda line: console.print(line, markup=False, style="dim"),
+            resume=earlier,
+            checkpoint=checkpoint,
+            checkpoint_seconds=output.checkpoint,
+        )
+
+
+def _keep(found: TrackingRun, folder: Path, complain: Complain) -> Path:
+    """Write a run into its folder, or else to where it can be written."""
+    try:
+        # Pictures of an earlier run would lie beside a trajectory that is not theirs.
+        remove_report(folder)
+        return save_run(folder / TRAJECTORY, found)
+    except OutputError as error:
+        for place in (Path.cwd(), Path(tempfile.gettempdir()), Path.home()):
+            with contextlib.suppress(OutputError):
+                path = save_run(place / f"leastaction-{os.getpid()}-{TRAJECTORY}", found)
+                complain(f"{error}. The run is in {path}")
+                return path
+        raise
