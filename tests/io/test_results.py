@@ -88,17 +88,18 @@ def test_a_result_comes_back_as_it_was(result: OptimizationResult, tmp_path: Pat
 def test_an_optimisation_goes_on_from_its_file(tmp_path: Path) -> None:
     A, B = np.array([[1.0, 0.1], [-0.4, 1.0]]), np.array([0.0, 0.1])
     system = FunctionSystem(
-        lambda x, u, k: A @ x + B * (u[0] + u[0] ** 3),
+        lambda x, u, k: A @ x + B * (2.0 * u[0] + np.sin(u[0])),
         nx=2,
         nu=1,
         N=20,
-        derivatives=lambda x, u, k: (A, (B * (1.0 + 3.0 * u[0] ** 2))[:, None]),
+        derivatives=lambda x, u, k: (A, (B * (2.0 + np.cos(u[0])))[:, None]),
     )
     cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[1.0, 0.1], R=[0.01])
     start = (np.array([1.0, 0.0]), np.zeros((20, 1)))
     whole = optimize(system, cost, initial=start)
     half = optimize(system, cost, initial=start, max_iterations=2)
     rest = optimize(system, cost, resume=load_result(save_result(tmp_path / "half.npz", half)))
+    assert whole.success
     assert whole.iterations > 2
     np.testing.assert_array_equal(rest.x, whole.x)
     np.testing.assert_array_equal(rest.K, whole.K)
