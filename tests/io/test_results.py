@@ -94,7 +94,7 @@ def test_an_optimisation_goes_on_from_its_file(tmp_path: Path) -> None:
         N=20,
         derivatives=lambda x, u, k: (A, (B * (2.0 + np.cos(u[0])))[:, None]),
     )
-    cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[1.0, 0.1], R=[0.01])
+    cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[1.0, 0.1], R=[1.0])
     start = (np.array([1.0, 0.0]), np.zeros((20, 1)))
     whole = optimize(system, cost, initial=start)
     half = optimize(system, cost, initial=start, max_iterations=2)

@@ -24,7 +24,7 @@ from leastaction.io.results.record import Provenance
 from leastaction.mechanics import Mechanism, Trajectory
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, optimize
-from leastaction.optimal.optimize import Callback
+from leastaction.optimal.optimize import Callback, Method
 from leastaction.viz.tracking import TrackingErrors, tracking_errors
 
 _CHECKPOINTS_SHARE = 0.05  # of the time may go into checkpoints
@@ -87,7 +87,7 @@ def track(
     motion: Motion,
     *,
     weights: TrackingWeights | None = None,
-    method: str = "auto",
+    method: Method = "auto",
     max_iterations: int = 100,
     tolerance: float | None = None,
     callback: Callback | None = None,
@@ -174,7 +174,7 @@ def track(
         problem.cost(problem.weights.tension),
         initial=initial,
         resume=None if resume is None else resume.result,
-        method=method,  # type: ignore[arg-type]
+        method=method,
         max_iterations=max_iterations,
         tolerance=tolerance,
         callback=watch,
