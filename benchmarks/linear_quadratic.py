@@ -45,7 +45,7 @@ def _marionette(case: Case, settings: Settings, size: str) -> list[Row]:
     d = integrator.linearize_arrays(given.t, x, u)
     gradient, hessian = given.cost.gradient(given.x, given.u), given.cost.hessian(x, u)
     z = np.ascontiguousarray(gradient.q)
-    H = integrator.core.curvatures(given.t, x, u, d.A, d.B, d.memo, z, False, 1)
+    H = d.curvature(z)
     common = {
         "Q": hessian.Q,
         "R": hessian.R,

@@ -84,24 +84,17 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
 def _first(integrator: MidpointVI, case: Case, x: np.ndarray, settings: Settings) -> Timing:
     """Time A, B of the whole motion, written over those of the call before as an optimisation does."""
     d = integrator.linearize_arrays(case.t, x, case.u)
-    reuse = {"A": d.A, "B": d.B, "memo": d.memo}
     return best_of(
-        lambda: integrator.linearize_arrays(case.t, x, case.u, reuse=reuse), budget=settings.budget
+        lambda: integrator.linearize_arrays(case.t, x, case.u, out=d), budget=settings.budget
     )
 
 
 def _second(integrator: MidpointVI, case: Case, x: np.ndarray, settings: Settings) -> Timing:
     """Time the contracted second order alone, with all that it takes over from the first."""
-    t, u = case.t, case.u
-    d = integrator.linearize_arrays(t, x, u)
+    d = integrator.linearize_arrays(case.t, x, case.u)
     z = np.random.default_rng(0).normal(size=(case.steps, case.mechanism.nx))
-    curvatures, threads = integrator.core.curvatures, integrator.threads
-    H = curvatures(t, x, u, d.A, d.B, d.memo, z, False, threads)
-    reuse = {"H": H}
-    return best_of(
-        lambda: curvatures(t, x, u, d.A, d.B, d.memo, z, False, threads, reuse),
-        budget=settings.budget,
-    )
+    H = d.curvature(z)
+    return best_of(lambda: d.curvature(z, out=H), budget=settings.budget)
 
 
 def _left_split(case: Case, settings: Settings) -> Row:

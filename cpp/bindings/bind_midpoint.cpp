@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "bindings/arrays.hpp"
+#include "discrete/linearization.hpp"
 #include "discrete/trajectory.hpp"
 
 using namespace nanobind::literals;
@@ -30,154 +31,130 @@ struct ParameterDerivatives {
     int steps;
 };
 
-class Midpoint {
-public:
-    Midpoint(std::shared_ptr<Mechanism> mechanism, Split split, double tolerance, int max_iterations, Solver solver)
-        : mechanism_(std::move(mechanism)), settings_{split, tolerance, max_iterations, solver} {}
+std::size_t steps_of(const In<1>& t) {
+    if (t.size() < 1) throw std::invalid_argument("t: at least one time is needed");
+    return t.size() - 1;
+}
 
-    RollOutResult roll_out(const In<1>& t, const In<1>& x0, const std::optional<In<2>>& xbar, const In<2>& ubar,
-                           const std::optional<In<3>>& K, const std::optional<In<1>>& velocity) const {
-        const Mechanism& m = *mechanism_;
-        const std::size_t N = steps_of(t), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
-        expect(x0.size(), nx, "x0");
-        expect(ubar.size(), N * nu, "ubar");
-        if (K) {
-            if (!xbar) throw std::invalid_argument("feedback gains need a nominal trajectory xbar");
-            expect(xbar->shape(0), N + 1, "xbar");
-            expect(xbar->shape(1), nx, "state in xbar");
-            expect(K->size(), N * nu * nx, "K");
-        }
-        if (velocity) expect(velocity->size(), m.n_dynamic, "velocity");
-        Out X = new_array({N + 1, nx}), U = new_array({N, nu}), lam = new_array({N, nc});
-        std::copy_n(x0.data(), nx, X.data());
-        MidpointStep step(mechanism_, settings_);
-        RollOut result;
-        {
-            nb::gil_scoped_release release;
-            result = leastaction::roll_out(step, static_cast<int>(N), t.data(), K ? xbar->data() : nullptr, ubar.data(),
-                                           K ? K->data() : nullptr, velocity ? velocity->data() : nullptr, X.data(),
-                                           U.data(), lam.data());
-        }
-        std::vector<double> residual(m.n_dynamic + nc, 0.0);
-        if (result.failure.status != StepStatus::converged) {
-            for (int i = 0; i < m.n_dynamic; ++i) residual[m.external[i]] = step.residual[i];
-            std::copy(step.residual.begin() + m.n_dynamic, step.residual.end(), residual.begin() + m.n_dynamic);
-        }
-        return {X, U, lam, result, copy_of(residual, {residual.size()})};
-    }
+std::size_t check(const Mechanism& m, const In<1>& t, const In<2>& x, const In<2>& u) {
+    const std::size_t N = steps_of(t);
+    expect(x.size(), (N + 1) * m.n_states(), "x");
+    expect(u.size(), N * m.n_controls(), "u");
+    return N;
+}
 
-    nb::dict linearize(const In<1>& t, const In<2>& x, const In<2>& u, bool multipliers, int threads,
-                       const std::optional<nb::dict>& reuse) const {
-        const Mechanism& m = *mechanism_;
-        const std::size_t N = check(t, x, u), ny = states(multipliers), nu = m.n_controls(), nc = m.n_constraints();
-        bool zeroed = true;
-        Out A = reused(reuse, "A", {N, ny, ny}, &zeroed), B = reused(reuse, "B", {N, ny, nu}, &zeroed);
-        Out lam = new_array({N, nc}), memo = reused(reuse, "memo", {N, StepMemo(m).size()}), defect = new_array({N});
-        int done = 0;
-        {
-            nb::gil_scoped_release release;
-            done = leastaction::linearize(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
-                                          multipliers, threads, A.data(), B.data(), lam.data(), memo.data(),
-                                          defect.data(), zeroed);
-        }
-        nb::dict out;
-        out["A"] = A;
-        out["B"] = B;
-        out["lam"] = lam;
-        out["memo"] = memo;
-        out["defect"] = defect;
-        out["steps"] = done;
-        return out;
+RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1>& x0, const std::optional<In<2>>& xbar,
+                            const In<2>& ubar, const std::optional<In<3>>& K, const std::optional<In<1>>& velocity) {
+    const Mechanism& m = midpoint.mechanism();
+    const std::size_t N = steps_of(t), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
+    expect(x0.size(), nx, "x0");
+    expect(ubar.size(), N * nu, "ubar");
+    if (K) {
+        if (!xbar) throw std::invalid_argument("feedback gains need a nominal trajectory xbar");
+        expect(xbar->shape(0), N + 1, "xbar");
+        expect(xbar->shape(1), nx, "state in xbar");
+        expect(K->size(), N * nu * nx, "K");
     }
+    if (velocity) expect(velocity->size(), m.n_dynamic, "velocity");
+    Out X = new_array({N + 1, nx}), U = new_array({N, nu}), lam = new_array({N, nc});
+    std::copy_n(x0.data(), nx, X.data());
+    auto step = midpoint.step();
+    RollOut result;
+    {
+        nb::gil_scoped_release release;
+        result =
+            roll_out(*step, static_cast<int>(N), t.data(), K ? xbar->data() : nullptr, ubar.data(),
+                     K ? K->data() : nullptr, velocity ? velocity->data() : nullptr, X.data(), U.data(), lam.data());
+    }
+    std::vector<double> residual(m.n_dynamic + nc, 0.0);
+    if (result.failure.status != StepStatus::converged) {
+        for (int i = 0; i < m.n_dynamic; ++i) residual[m.external[i]] = step->residual[i];
+        std::copy(step->residual.begin() + m.n_dynamic, step->residual.end(), residual.begin() + m.n_dynamic);
+        step.discard();
+    }
+    return {X, U, lam, result, copy_of(residual, {residual.size()})};
+}
 
-    Out curvatures(const In<1>& t, const In<2>& x, const In<2>& u, const In<3>& A, const In<3>& B, const In<2>& memo,
-                   const In<2>& w, bool multipliers, int threads, const std::optional<nb::dict>& reuse) const {
-        const Mechanism& m = *mechanism_;
-        const std::size_t N = check(t, x, u), ny = states(multipliers), nu = m.n_controls();
-        expect(A.size(), N * ny * ny, "A");
-        expect(B.size(), N * ny * nu, "B");
-        expect(memo.size(), N * StepMemo(m).size(), "memo");
-        expect(w.size(), N * ny, "w");
-        bool zeroed = true;
-        Out H = reused(reuse, "H", {N, ny + nu, ny + nu}, &zeroed);
-        {
-            nb::gil_scoped_release release;
-            leastaction::curvatures(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
-                                    multipliers, A.data(), B.data(), memo.data(), w.data(), threads, H.data(), zeroed);
-        }
-        return H;
-    }
+int linearize(Linearization& out, const In<1>& t, const In<2>& x, const In<2>& u, int threads) {
+    expect(check(out.integrator()->mechanism(), t, x, u), out.steps, "steps of the trajectory");
+    nb::gil_scoped_release release;
+    return out.along(t.data(), x.data(), u.data(), threads);
+}
 
-    // directions (P, n_numbers) of the elements' numbers; inertias: (parameter, builder's joint, 10 numbers m, m c, I in
-    // the joint's frame about its origin, xx yy zz xy xz yz).
-    ParameterDerivatives by_parameters(const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& directions,
-                                       const std::vector<std::tuple<int, int, std::array<double, 10>>>& inertias,
-                                       int threads) const {
-        const Mechanism& m = *mechanism_;
-        const std::size_t N = check(t, x, u), P = directions.shape(0), n = m.numbers.size();
-        const std::size_t nx = m.n_states(), nc = m.n_constraints();
-        expect(directions.shape(1), n, "direction");
-        std::vector<Parameter> parameters(P);
-        for (std::size_t k = 0; k < P; ++k) {
-            const double* row = directions.data() + k * n;
-            if (std::any_of(row, row + n, [](double d) { return d != 0.0; }))
-                parameters[k].numbers.assign(row, row + n);
-        }
-        for (const auto& [k, joint, i] : inertias) {
-            if (k < 0 || k >= static_cast<int>(P) || joint < 0 || joint >= static_cast<int>(m.joints.size()) ||
-                m.joint_of_builder[joint] >= m.n_massive)
-                throw std::invalid_argument("inertias: no such parameter, or no such joint with a mass");
-            parameters[k].inertias.push_back(
-                {m.joint_of_builder[joint], {i[0], {i[1], i[2], i[3]}, {i[4], i[5], i[6], i[7], i[8], i[9]}}});
-        }
-        Out by_x = new_array({N, nx, P}), by_lam = new_array({N, nc, P});
-        int done = 0;
-        {
-            nb::gil_scoped_release release;
-            done = differentiate_by_parameters(mechanism_, settings_, static_cast<int>(N), t.data(), x.data(), u.data(),
-                                               parameters, threads, by_x.data(), by_lam.data());
-        }
-        return {by_x, by_lam, done};
-    }
+Out curvature(const Linearization& of, const In<2>& w, bool multipliers, int threads, const std::optional<Out>& out) {
+    const std::size_t N = of.steps, n = of.nx + of.nu + (multipliers ? of.nc : 0), weights = w.shape(1);
+    expect(w.shape(0), N, "w");
+    if (weights != static_cast<std::size_t>(of.nx)) expect(weights, of.nx + of.nc, "weights");
+    if (out) expect(out->size(), N * n * n, "out");
+    Out H = out ? *out : new_array({N, n, n});
+    nb::gil_scoped_release release;
+    of.curvature(w.data(), static_cast<int>(weights), multipliers, threads, H.data());
+    return H;
+}
 
-    nb::tuple momenta(const In<1>& q1, const In<1>& q2, const In<1>& u, double dt) const {
-        const Mechanism& m = *mechanism_;
-        expect(q1.size(), m.n_variables(), "q1");
-        expect(q2.size(), m.n_variables(), "q2");
-        expect(u.size(), m.n_inputs, "u");
-        MidpointStep step(mechanism_, settings_);
-        step.q1 = to_internal(m, q1.data(), m.n_variables());
-        step.q2 = to_internal(m, q2.data(), m.n_variables());
-        step.u.assign(u.data(), u.data() + m.n_inputs);
-        std::vector<double> start(m.n_dynamic);
-        step.momenta(dt, start);
-        const std::size_t nd = m.n_dynamic;
-        Out p1 = new_array({nd}), p2 = new_array({nd});
-        for (int i = 0; i < m.n_dynamic; ++i) {
-            p1.data()[m.external[i]] = start[i];
-            p2.data()[m.external[i]] = step.p2[i];
-        }
-        return nb::make_tuple(p1, p2);
+// directions (P, n_numbers) of the elements' numbers; inertias: (parameter, builder's joint, 10 numbers m, m c, I in
+// the joint's frame about its origin, xx yy zz xy xz yz).
+ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u,
+                                   const In<2>& directions,
+                                   const std::vector<std::tuple<int, int, std::array<double, 10>>>& inertias,
+                                   int threads) {
+    const Mechanism& m = midpoint.mechanism();
+    const std::size_t N = check(m, t, x, u), P = directions.shape(0), n = m.numbers.size();
+    const std::size_t nx = m.n_states(), nc = m.n_constraints();
+    expect(directions.shape(1), n, "direction");
+    std::vector<Parameter> parameters(P);
+    for (std::size_t k = 0; k < P; ++k) {
+        const double* row = directions.data() + k * n;
+        if (std::any_of(row, row + n, [](double d) { return d != 0.0; })) parameters[k].numbers.assign(row, row + n);
     }
+    for (const auto& [k, joint, i] : inertias) {
+        if (k < 0 || k >= static_cast<int>(P) || joint < 0 || joint >= static_cast<int>(m.joints.size()) ||
+            m.joint_of_builder[joint] >= m.n_massive)
+            throw std::invalid_argument("inertias: no such parameter, or no such joint with a mass");
+        parameters[k].inertias.push_back(
+            {m.joint_of_builder[joint], {i[0], {i[1], i[2], i[3]}, {i[4], i[5], i[6], i[7], i[8], i[9]}}});
+    }
+    Out by_x = new_array({N, nx, P}), by_lam = new_array({N, nc, P});
+    nb::gil_scoped_release release;
+    const int done = differentiate_by_parameters(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(),
+                                                 parameters, threads, by_x.data(), by_lam.data());
+    return {by_x, by_lam, done};
+}
 
-private:
-    static std::size_t steps_of(const In<1>& t) {
-        if (t.size() < 1) throw std::invalid_argument("t: at least one time is needed");
-        return t.size() - 1;
+nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, const In<1>& u, double dt) {
+    const Mechanism& m = midpoint.mechanism();
+    expect(q1.size(), m.n_variables(), "q1");
+    expect(q2.size(), m.n_variables(), "q2");
+    expect(u.size(), m.n_inputs, "u");
+    auto step = midpoint.step();
+    step->q1 = to_internal(m, q1.data(), m.n_variables());
+    step->q2 = to_internal(m, q2.data(), m.n_variables());
+    step->u.assign(u.data(), u.data() + m.n_inputs);
+    std::vector<double> start(m.n_dynamic);
+    step->momenta(dt, start);
+    const std::size_t nd = m.n_dynamic;
+    Out p1 = new_array({nd}), p2 = new_array({nd});
+    for (int i = 0; i < m.n_dynamic; ++i) {
+        p1.data()[m.external[i]] = start[i];
+        p2.data()[m.external[i]] = step->p2[i];
     }
-    std::size_t states(bool multipliers) const {
-        return mechanism_->n_states() + (multipliers ? mechanism_->n_constraints() : 0);
-    }
-    std::size_t check(const In<1>& t, const In<2>& x, const In<2>& u) const {
-        const std::size_t N = steps_of(t);
-        expect(x.size(), (N + 1) * mechanism_->n_states(), "x");
-        expect(u.size(), N * mechanism_->n_controls(), "u");
-        return N;
-    }
+    return nb::make_tuple(p1, p2);
+}
 
-    std::shared_ptr<Mechanism> mechanism_;
-    MidpointSettings settings_;
-};
+// A read-only view into a linearisation, which lives as long as its views.
+using View = nb::ndarray<nb::numpy, const double, nb::c_contig>;
+template <class Shape>
+void view(nb::class_<Linearization>& type, const char* name, ZeroedArray Linearization::* array, const Shape& shape,
+          const char* meaning) {
+    type.def_prop_ro(
+        name,
+        [array, shape](nb::handle_t<Linearization> self) {
+            const auto& of = nb::cast<const Linearization&>(self);
+            const std::vector<std::size_t> sizes = shape(of);
+            return View((of.*array).data(), sizes.size(), sizes.data(), self);
+        },
+        nb::rv_policy::automatic, meaning);
+}
 
 }  // namespace
 
@@ -195,45 +172,69 @@ void bind_midpoint(nb::module_& module) {
         .value("not_finite", StepStatus::not_finite)
         .value("singular", StepStatus::singular);
     using R = RollOutResult;
-    nb::class_<R> roll_out(module, "RollOut", "Steps one after the other, up to the first that failed.");
-    array_field(roll_out, "x", &R::x, "States (N+1, nx).");
-    array_field(roll_out, "u", &R::u, "Inputs that were applied (N, nu).");
-    array_field(roll_out, "lam", &R::lam, "Multipliers (N, nc).");
-    array_field(roll_out, "residual", &R::residual,
+    nb::class_<R> rolled(module, "RollOut", "Steps one after the other, up to the first that failed.");
+    array_field(rolled, "x", &R::x, "States (N+1, nx).");
+    array_field(rolled, "u", &R::u, "Inputs that were applied (N, nu).");
+    array_field(rolled, "lam", &R::lam, "Multipliers (N, nc).");
+    array_field(rolled, "residual", &R::residual,
                 "Of the step that failed (nd + nc): dynamics in the user's order, then constraints.");
     const auto report = [&](const char* name, auto field, const char* meaning) {
-        roll_out.def_prop_ro(name, [field](const R& r) { return r.report.*field; }, meaning);
+        rolled.def_prop_ro(name, [field](const R& r) { return r.report.*field; }, meaning);
     };
     report("steps", &RollOut::steps, "How many steps succeeded.");
     report("iterations", &RollOut::iterations, "Newton iterations of all steps.");
     report("factorizations", &RollOut::factorizations, "Newton matrices of all steps.");
     report("rank_deficient", &RollOut::rank_deficient, "Whether constraints were redundant somewhere.");
-    roll_out.def_prop_ro("status", [](const R& r) { return r.report.failure.status; }, "Of the last step.");
-    roll_out.def_prop_ro(
+    rolled.def_prop_ro("status", [](const R& r) { return r.report.failure.status; }, "Of the last step.");
+    rolled.def_prop_ro(
         "failed_iterations", [](const R& r) { return r.report.failure.iterations; },
         "Newton iterations of the step that failed.");
     using P = ParameterDerivatives;
-    nb::class_<P> by_parameters(module, "ParameterDerivatives", "Derivatives of every step by parameters.");
-    array_field(by_parameters, "x", &P::x, "Of the next states (N, nx, P).");
-    array_field(by_parameters, "lam", &P::lam, "Of the multipliers (N, nc, P).");
-    by_parameters.def_ro("steps", &P::steps, "The first step that is none, or N.");
-    nb::class_<Midpoint>(module, "Midpoint", "Midpoint variational integrator of one mechanism: settings, no state.")
-        .def(nb::init<std::shared_ptr<Mechanism>, Split, double, int, Solver>(), "mechanism"_a,
-             "split"_a = Split::symmetric, "tolerance"_a = 1e-13, "max_iterations"_a = 50,
-             "solver"_a = Solver::automatic)
-        .def("roll_out", &Midpoint::roll_out, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
-             "velocity"_a.none(), "Steps from x0 over the times t under u = ubar - K (x - xbar).")
-        .def("by_parameters", &Midpoint::by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,
-             "threads"_a = 0, "Derivatives of every step by directions of the elements' numbers and of inertias.")
-        .def("momenta", &Midpoint::momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a,
-             "Momenta (p1, p2) at both ends of a segment, without constraint forces.")
-        .def("linearize", &Midpoint::linearize, "t"_a, "x"_a, "u"_a, "multipliers"_a = false, "threads"_a = 0,
-             "reuse"_a.none() = nb::none(),
-             "A and B of every step, the multipliers, and the memo that curvatures() takes. With `multipliers` these "
-             "count as further states of the next instant.")
-        .def("curvatures", &Midpoint::curvatures, "t"_a, "x"_a, "u"_a, "A"_a, "B"_a, "memo"_a, "w"_a,
-             "multipliers"_a = false, "threads"_a = 0, "reuse"_a.none() = nb::none(),
-             "Hessians by (states, u) of the next states weighted with w, of every step.");
+    nb::class_<P> slopes(module, "ParameterDerivatives", "Derivatives of every step by parameters.");
+    array_field(slopes, "x", &P::x, "Of the next states (N, nx, P).");
+    array_field(slopes, "lam", &P::lam, "Of the multipliers (N, nc, P).");
+    slopes.def_ro("steps", &P::steps, "The first step that is none, or N.");
+    nb::class_<Midpoint>(module, "Midpoint",
+                         "Midpoint variational integrator of one mechanism, for any number of threads: settings, and "
+                         "memory to work in.")
+        .def(
+            "__init__",
+            [](Midpoint* self, std::shared_ptr<Mechanism> mechanism, Split split, double tolerance, int max_iterations,
+               Solver solver) {
+                new (self) Midpoint(std::move(mechanism), {split, tolerance, max_iterations, solver});
+            },
+            "mechanism"_a, "split"_a = Split::symmetric, "tolerance"_a = 1e-13, "max_iterations"_a = 50,
+            "solver"_a = Solver::automatic)
+        .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(), "velocity"_a.none(),
+             "Steps from x0 over the times t under u = ubar - K (x - xbar).")
+        .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a, "threads"_a = 0,
+             "Derivatives of every step by directions of the elements' numbers and of inertias.")
+        .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a,
+             "Momenta (p1, p2) at both ends of a segment, without constraint forces.");
+    using L = Linearization;
+    using Sizes = std::vector<std::size_t>;
+    const auto n = [](int size) { return static_cast<std::size_t>(size); };
+    nb::class_<L> linearization(module, "Linearization",
+                                "Derivatives of every step of a trajectory; owns its memory. With `multipliers` these "
+                                "count as further states of the next instant: ny = nx + nc, else ny = nx.");
+    linearization.def(nb::init<std::shared_ptr<Midpoint>, int, bool>(), "midpoint"_a, "steps"_a, "multipliers"_a)
+        .def("along", &linearize, "t"_a, "x"_a, "u"_a, "threads"_a = 0,
+             "Linearises along a trajectory, over what was there. Returns the first step at which it is none, or N.")
+        .def("curvature", &curvature, "w"_a, "multipliers"_a = false, "threads"_a = 0, "out"_a.none() = nb::none(),
+             "Hessians by (states, u), of every step, of the next states weighted with w (N, nx), or of states and "
+             "multipliers with w (N, nx + nc); with `multipliers` these have rows and columns of zeros.");
+    view(
+        linearization, "A", &L::A, [n](const L& of) { return Sizes{n(of.steps), n(of.ny), n(of.ny)}; },
+        "Next states by states (N, ny, ny).");
+    view(
+        linearization, "B", &L::B, [n](const L& of) { return Sizes{n(of.steps), n(of.ny), n(of.nu)}; },
+        "Next states by inputs (N, ny, nu).");
+    view(
+        linearization, "lam", &L::lam, [n](const L& of) { return Sizes{n(of.steps), n(of.nc)}; },
+        "Multipliers (N, nc).");
+    view(
+        linearization, "defect", &L::defect, [n](const L& of) { return Sizes{n(of.steps)}; },
+        "How far the dynamic configuration that each step leads to is from the given one (N).");
 }
 
 }  // namespace leastaction

@@ -37,9 +37,9 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
     for (auto* a : {&q1, &q2, &q_mid_, &v_, &mu_force_}) sized(*a, nq);
-    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
+    for (auto* a : {&p1, &p2, &w_q, &w_p, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
     sized(u, nu_);
-    for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
+    for (auto* a : {&lam, &w_lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
     for (auto* a : {&residual, &residual_scale, &first_scale_, &correction_, &mu_}) sized(*a, ny);
     for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
     for (auto* a : {&dual_q_, &dual_v_, &dual_q1_}) a->resize(nq);
@@ -71,6 +71,8 @@ void MidpointStep::place_start() {
     place(mechanism_->constraint_joints, q1.data(), at1_);
     constraint_gradients(at1_, q1.data(), C1_.data());
     have_factors_ = false;
+    old_rate_ = no_contraction;
+    std::fill(root_inertia_.begin(), root_inertia_.end(), 0.0);
 }
 
 void MidpointStep::momenta(double dt, std::vector<double>& start) {

@@ -57,7 +57,8 @@ public:
     // Problem and unknowns. Before solve(): q1, p1, u, the kinematic part of q2, and guesses of the rest of q2 and lam.
     std::vector<double> q1, p1, u, q2, lam, p2;
 
-    // Calls for a new evaluation of Dh(q1); without it the last step's Dh(q2) is taken over by advance().
+    // Begins anew, from q1: nothing is carried over from steps before. Without it the last step's Dh(q2) and Newton matrix
+    // are taken over by advance().
     void place_start();
     // `known`: q2 is the solution already and only lam is sought, with differentiate() to follow; then p2 is not to the
     // last digit.
@@ -85,8 +86,8 @@ public:
     // Second derivatives by th, contracted with weights on the next state and the multipliers: the Hessian of
     // w_q.q2 + w_p.p2 + w_lam.lam into `out`, rows of ld_out. Needs Y and the columns of p1 and of shifts of P2, as
     // differentiate() leaves them, and q1, q2, u, lam.
-    void curvature(double dt, const double* w_q, const double* w_p, const double* w_lam, const std::vector<Run>& runs,
-                   double* out, int ld_out);
+    void curvature(double dt, const std::vector<Run>& runs, double* out, int ld_out);
+    std::vector<double> w_q, w_p, w_lam;
 
     // After differentiate(): derivatives of (q2, lam) and of p2 by parameters, which allocates.
     void differentiate_by(double dt, const std::vector<Parameter>& parameters);
@@ -115,7 +116,7 @@ private:
     template <class Add11, class Add12, class Add22>
     void potential_curvature(const Add11& add_11, const Add12& add_12, const Add22& add_22);
     template <class Add11, class Add12, class Add22>
-    void force_curvature(double dt, const double* w_p, const Add11& add_11, const Add12& add_12, const Add22& add_22);
+    void force_curvature(double dt, const Add11& add_11, const Add12& add_12, const Add22& add_22);
     void constraint_gradients(const Placement<double>& at, const double* q, double* C);
     bool wants_refresh(const StepReport& report, double merit, double previous);
     // A trial that overflowed must not leave its mark on the tolerance of the next.

@@ -133,8 +133,7 @@ void MidpointStep::potential_curvature(const Add11& add_11, const Add12& add_12,
 
 // Of the forces: mu.fd- + w_p.fd+ = (kappa- mu + kappa+ w_p).f at the midpoint, with q = (q1 + q2)/2, v = (q2 - q1)/dt.
 template <class Add11, class Add12, class Add22>
-void MidpointStep::force_curvature(double dt, const double* w_p, const Add11& add_11, const Add12& add_12,
-                                   const Add22& add_22) {
+void MidpointStep::force_curvature(double dt, const Add11& add_11, const Add12& add_12, const Add22& add_22) {
     const Mechanism& m = *mechanism_;
     const double km = kappa_minus(dt), kp = kappa_plus(dt);
     const int at_u = nq_ + nd_;
@@ -183,8 +182,7 @@ void MidpointStep::force_curvature(double dt, const double* w_p, const Add11& ad
 // weighted sum by p1 and by a shift of h, the Hessian is [Y; I]' W [Y; I], W the Hessian of mu.F + w_p.G by (y, th).
 // The Lagrangian's part of mu.F + w_p.G is the derivative of L along dq = dt/2 (mu + w_p), dv = w_p - mu, so W
 // comes from one dual sweep; of the constraints, -mu.Dh(q1)'lam is a derivative of h along mu.
-void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, const double* w_lam,
-                             const std::vector<Run>& runs, double* out, int ld_out) {
+void MidpointStep::curvature(double dt, const std::vector<Run>& runs, double* out, int ld_out) {
     const int ld = ld_, ny = nd_ + nc_, at_p = nq_, at_rho2 = nq_ + nd_ + nu_, at_h = n_theta_;
     std::fill(mu_.begin(), mu_.end(), 0.0);
     const auto add_row = [&](double weight, const double* row) {
@@ -243,7 +241,7 @@ void MidpointStep::curvature(double dt, const double* w_q, const double* w_p, co
         }
     });
     potential_curvature(add_11, add_12, add_22);
-    if (!mechanism_->forces.empty()) force_curvature(dt, w_p, add_11, add_12, add_22);
+    if (!mechanism_->forces.empty()) force_curvature(dt, add_11, add_12, add_22);
     place(mechanism_->constraint_joints, dual_q1_.data(), dual_at1_);
     place(mechanism_->constraint_joints, q2.data(), at2_);
     for (int c = 0; c < nc_; ++c) {

@@ -84,11 +84,11 @@ def test_derivatives_are_those_of_the_dense_solver() -> None:
     t, u = 0.01 * np.arange(3), np.zeros((2, 0))
     x = run(chain.core, "automatic", t, x0, u).x
     auto, dense = (
-        _core.Midpoint(chain.core, solver=_core.Solver[solver]).linearize(t, x, u, threads=1)
+        _core.Linearization(_core.Midpoint(chain.core, solver=_core.Solver[solver]), 2, False)
         for solver in ("automatic", "dense")
     )
-    assert auto["steps"] == 2
-    np.testing.assert_array_equal(auto["A"], dense["A"])
+    assert auto.along(t, x, u, 1) == dense.along(t, x, u, 1) == 2
+    np.testing.assert_array_equal(auto.A, dense.A)
 
 
 def test_energy_of_a_long_chain_stays_in_its_band() -> None:

@@ -151,7 +151,7 @@ def test_oracle_is_not_blind() -> None:
     assert relative(theirs(0, "left")["x"], theirs(0, "symmetric")["x"]) > 1e-6
     vi, run = ours(0, "symmetric")
     wanted = theirs(0, "symmetric")
-    A = vi.linearize(run).A[0]
+    A = vi.linearize(run).A[0].copy()
     at = np.unravel_index(np.abs(A).argmax(), A.shape)
     A[at] *= 1 + 1e-9
     assert relative(A, wanted["x"][:, : len(A)]) > FIRST

@@ -44,9 +44,10 @@ from leastaction.mechanics.description.compositions import Composition, ball, fr
 from leastaction.mechanics.description.frames import Frame, rx, ry, rz, tx, ty, tz
 from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
 from leastaction.mechanics.description.poses import pose
+from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.sensitivity import Sensitivity, StepSensitivity, momentum_by
-from leastaction.mechanics.discrete.step import Step, StepDerivatives, StepTensors
+from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory
 from leastaction.mechanics.elements import (
     BodyWrench,

@@ -17,7 +17,9 @@ newton              x          x             x
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
@@ -25,8 +27,15 @@ from leastaction.numerics.arrays import Array
 __all__ = ["Linearization", "System", "check_system", "difference"]
 
 
-class Linearization(NamedTuple):
-    """First derivatives of the dynamics along a trajectory.
+SecondOrder = Callable[[Array, Array | None], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """Derivatives of the dynamics along a trajectory: first ones, and contracted second ones for the asking.
+
+    It owns what it needs: to change the arrays afterwards that it was made along changes nothing in it. Any
+    number of threads may share it. ``A, B = linearization`` unpacks the first order.
 
     Attributes
     ----------
@@ -34,10 +43,50 @@ class Linearization(NamedTuple):
         ``df/dx`` of every step, or at every sample.
     B : ndarray (N, nx, nu)
         ``df/du`` of every step, or at every sample.
+    second : callable or None
+        ``second(z, out) -> (N, nx+nu, nx+nu)``, what `curvature` asks; `z` (N, nx). Without it the optimiser
+        asks the system's `curvatures`.
+    memory : object
+        Whatever the system writes over when this is given back to it as `out`.
     """
 
     A: Array
     B: Array
+    second: SecondOrder | None = field(default=None, repr=False)
+    memory: Any = field(default=None, repr=False)
+
+    def __iter__(self) -> Iterator[Array]:
+        """Unpack into A and B."""
+        return iter((self.A, self.B))
+
+    def curvature(self, z: Array, *, out: Array | None = None) -> Array:
+        """Return ``z . D2f`` of every step or sample, (N, nx+nu, nx+nu).
+
+        Parameters
+        ----------
+        z : ndarray (N, nx) or (N+1, nx)
+            Weights on the next state of every step, or on the rate at every sample. Or the adjoint of a
+            discrete system, whose first row weighs nothing: no step leads to the first state.
+        out : ndarray (N, nx+nu, nx+nu), optional
+            Where to write; returned.
+
+        Raises
+        ------
+        ArgumentError
+            For a wrong shape of `z`.
+        NotImplementedError
+            If there is no second order.
+        """
+        if self.second is None:
+            raise NotImplementedError(
+                "this linearization has no second order: make it as Linearization(A, B, second)"
+            )
+        N, nx = self.A.shape[:2]
+        if z.shape not in ((N, nx), (N + 1, nx)):
+            raise ArgumentError(
+                f"z: got shape {z.shape}, expected ({N}, {nx}), weights, or ({N + 1}, {nx}), an adjoint"
+            )
+        return self.second(z[-N:], out)
 
 
 def difference(x: Array, xbar: Array) -> Array:

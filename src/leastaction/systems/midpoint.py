@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
+from leastaction.errors import ArgumentError
+from leastaction.mechanics.discrete.linearization import StepDerivatives
 from leastaction.mechanics.discrete.midpoint import MidpointVI
-from leastaction.mechanics.discrete.step import StepDerivatives
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array, as_times
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.system import Linearization
-
-
-class _Linearized(NamedTuple):
-    x: Array
-    u: Array
-    derivatives: StepDerivatives
 
 
 class MidpointSystem(DiscreteSystem):
@@ -27,7 +22,7 @@ class MidpointSystem(DiscreteSystem):
     State ``x = [q; rho; p; v_rho]``, input ``u = [inputs; rho_next]``. With `multipliers` the multipliers of
     the step that led to a state are appended, ``x = [q; rho; p; v_rho; lam]``, so that a cost can weigh the
     tension of strings and other constraint forces, with exact derivatives like everything else. Whole
-    trajectories are rolled out and differentiated in the core.
+    trajectories are rolled out and differentiated in the core. Any number of threads may share one system.
 
     Parameters
     ----------
@@ -53,8 +48,6 @@ class MidpointSystem(DiscreteSystem):
         self.nx = m.nx + (m.nc if multipliers else 0)
         self.nu = m.nu + m.nrho
         self.N = len(self.t) - 1
-        # The second order starts from results of the first: those of the last trajectory are kept.
-        self._last: _Linearized | None = None
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         """Return the next state (nx,); `StepError` where the step has no solution."""
@@ -71,15 +64,12 @@ class MidpointSystem(DiscreteSystem):
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         """Return A (nx, nx) and B (nx, nu) of step k."""
-        d = self._linearize(self.t[k : k + 2], np.stack([x, self.f(x, u, k)]), u[None, :], None)
+        d = self._step(x, u, k)
         return d.A_all[0], d.B_all[0]
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
         """Return the Hessian (nx + nu, nx + nu) of ``z . f`` of step k."""
-        pair, t = np.stack([x, self.f(x, u, k)]), self.t[k : k + 2]
-        d = self._linearize(t, pair, u[None, :], None)
-        H = self.integrator.curvature_arrays(t, self._bare(pair), u[None, :], d, z[None, :])
-        return np.asarray(H[0])
+        return np.asarray(self._step(x, u, k).curvature_all(z[None, :])[0])
 
     def rollout(
         self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int
@@ -112,28 +102,19 @@ class MidpointSystem(DiscreteSystem):
         return Rollout(x, out.u[:done], done, failure)
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
-        """Return A (N, nx, nx) and B (N, nx, nu) along a trajectory."""
-        reuse: dict[str, Array] | None = None
-        if out is not None:
-            reuse = {"A": out.A, "B": out.B}
-            if self._last is not None:
-                reuse["memo"] = self._last.derivatives.memo
-        d = self._linearize(self.t, x, u, reuse)
-        self._last = _Linearized(x, u, d)
-        return Linearization(d.A_all, d.B_all)
+        """Return the derivatives along a trajectory; see `DiscreteSystem`."""
+        memory = None if out is None else out.memory
+        if not isinstance(memory, StepDerivatives | None):
+            raise ArgumentError(
+                f"out: got a linearization with the memory {type(memory).__name__}, expected one that this "
+                "system returned"
+            )
+        d = self._linearize(self.t, x, u, memory)
+        return Linearization(d.A_all, d.B_all, partial(_second, d), d)
 
     def curvatures(self, x: Array, u: Array, z: Array, out: Array | None = None) -> Array:
         """Return ``z[k+1] . D2f`` of every step, (N, nx + nu, nx + nu)."""
-        if self._last is None or self._last.x is not x or self._last.u is not u:
-            self._last = _Linearized(x, u, self._linearize(self.t, x, u, None))
-        return self.integrator.curvature_arrays(
-            self.t,
-            self._bare(x),
-            u,
-            self._last.derivatives,
-            z[1:],
-            reuse=None if out is None else {"H": out},
-        )
+        return self.linearize(x, u).curvature(z, out=out)
 
     def trajectory(self, x: Array, u: Array) -> Trajectory:
         """Return states (N+1, nx) and inputs (N, nu) of this system as a `Trajectory`, multipliers and all."""
@@ -141,11 +122,14 @@ class MidpointSystem(DiscreteSystem):
         lam = self.integrator.linearize_arrays(self.t, x, u).lam
         return self.integrator.trajectory(self.t, x, u, lam)
 
+    def _step(self, x: Array, u: Array, k: int) -> StepDerivatives:
+        return self._linearize(self.t[k : k + 2], np.stack([x, self.f(x, u, k)]), u[None, :])
+
     def _linearize(
-        self, t: Array, x: Array, u: Array, reuse: dict[str, Array] | None
+        self, t: Array, x: Array, u: Array, out: StepDerivatives | None = None
     ) -> StepDerivatives:
         return self.integrator.linearize_arrays(
-            t, self._bare(x), u, multipliers=self.multipliers, reuse=reuse
+            t, self._bare(x), u, multipliers=self.multipliers, out=out
         )
 
     def _bare(self, x: Array) -> Array:
@@ -162,3 +146,8 @@ class MidpointSystem(DiscreteSystem):
         full[0, nx:] = x0[nx:]
         full[1:, nx:] = lam
         return full
+
+
+def _second(derivatives: StepDerivatives, z: Array, out: Array | None) -> Array:
+    """Return the second order of a `Linearization`."""
+    return derivatives.curvature_all(np.ascontiguousarray(z), out)

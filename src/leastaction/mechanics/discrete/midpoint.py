@@ -9,9 +9,9 @@ for the dynamic variables of q2 and the multipliers lam; the kinematic variables
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, final
 
 import numpy as np
 import numpy.typing as npt
@@ -20,13 +20,18 @@ from leastaction import _core
 from leastaction.errors import ArgumentError, InconsistentStartError, StepError, worst_first
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.configuration.contradiction import find_contradiction
-from leastaction.mechanics.discrete.sensitivity import ParameterDifferentiation
+from leastaction.mechanics.discrete import derivatives as differentiate
+from leastaction.mechanics.discrete import sensitivity as parameters
+from leastaction.mechanics.discrete.integrator import Integrator
+from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
+from leastaction.mechanics.discrete.sensitivity import Sensitivity, StepSensitivity
 from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import (
     SimulationStatus,
     State,
     Trajectory,
     check_state,
+    state_of,
 )
 from leastaction.mechanics.elements import Distance, PathLength
 from leastaction.mechanics.mechanism.mechanism import Mechanism
@@ -45,8 +50,12 @@ _VELOCITY_TOLERANCE = 1e-6
 _CHUNK = 2000  # steps between looks at Ctrl-C
 
 
-class MidpointVI(ParameterDifferentiation):
-    """Midpoint variational integrator of one mechanism. Holds settings, no state.
+@final
+class MidpointVI(Integrator):
+    """Midpoint variational integrator of one mechanism.
+
+    It holds settings and no state: the same arguments give the same result, to the last bit, whatever was asked
+    before, and any number of threads may share it. All that computes releases Python's lock.
 
     Parameters
     ----------
@@ -236,7 +245,7 @@ class MidpointVI(ParameterDifferentiation):
         x = out.x[1]
         # The start is the end of the step before, which has told of it.
         self._watch.look(t[1:], x[None, : m.nq])
-        return Step(self._state(float(t[1]), x), out.lam[0], out.iterations)
+        return Step(state_of(m, float(t[1]), x), out.lam[0], out.iterations)
 
     def simulate(
         self,
@@ -312,7 +321,7 @@ class MidpointVI(ParameterDifferentiation):
                 begun, done = done, done + made
                 if done < stop:
                     status = SimulationStatus.STEP_FAILED
-                    last = self._state(float(times[done]), x[done])
+                    last = state_of(m, float(times[done]), x[done])
                     message = str(self.step_error(out, last, u[done, m.nu :]))
                     break
                 if progress is not None and done > begun:
@@ -356,6 +365,140 @@ class MidpointVI(ParameterDifferentiation):
             message,
             rank_deficient,
         )
+
+    # Derivatives
+
+    def linearize(
+        self,
+        trajectory: Trajectory,
+        *,
+        multipliers: bool = False,
+        out: StepDerivatives | None = None,
+    ) -> StepDerivatives:
+        """Return the exact derivatives of every step of a trajectory, in parallel over time.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Of this mechanism.
+        multipliers : bool, optional
+            Also the derivatives of the multipliers.
+        out : StepDerivatives, optional
+            Derivatives of as many steps that this integrator returned earlier and that are not needed any
+            more: they are written over and returned, and no memory is asked for.
+
+        Returns
+        -------
+        StepDerivatives
+            First derivatives, and by its `curvature` second ones.
+
+        Raises
+        ------
+        ArgumentError
+            For a trajectory of a mechanism with other variables, or an `out` that does not fit.
+        StepError
+            Where the arrays are not a trajectory of the mechanism; `out` then holds nothing of use.
+        """
+        return differentiate.linearize(self, trajectory, multipliers=multipliers, out=out)
+
+    def linearize_arrays(
+        self,
+        t: Array,
+        x: Array,
+        u: Array,
+        *,
+        multipliers: bool = False,
+        out: StepDerivatives | None = None,
+    ) -> StepDerivatives:
+        """Return the derivatives along states x (N+1, nx) and inputs u (N, nu + nrho) at times t.
+
+        The next states may be off; then the derivatives are those of the steps near them. See `linearize`.
+        """
+        return differentiate.linearize_arrays(self, t, x, u, multipliers=multipliers, out=out)
+
+    def curvature(
+        self,
+        trajectory: Trajectory,
+        derivatives: StepDerivatives,
+        z: npt.ArrayLike,
+        *,
+        z_lam: npt.ArrayLike | None = None,
+    ) -> Array:
+        """Return the contracted second derivatives of a trajectory's steps, `StepDerivatives.curvature`.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+        derivatives : StepDerivatives
+            Of the same trajectory.
+        z, z_lam : array_like, shapes (N, nx) and (N, nc)
+            Weights on the next state of each step, and on its multipliers (optional).
+
+        Raises
+        ------
+        ArgumentError
+            For wrong shapes, or derivatives of something else.
+        """
+        differentiate.check_trajectory(self, trajectory)
+        if (derivatives.steps, derivatives.mechanism.nx) != (trajectory.steps, self.mechanism.nx):
+            raise ArgumentError(
+                f"derivatives: got those of {derivatives.steps} steps of {derivatives.mechanism.nx} states, "
+                f"expected {trajectory.steps} steps of {self.mechanism.nx}; give the result of linearize() "
+                "for the same trajectory"
+            )
+        return derivatives.curvature(z, z_lam=z_lam)
+
+    def tensors(self, trajectory: Trajectory, k: int | np.integer[Any]) -> StepTensors:
+        """Return the full second derivatives of step k of a trajectory (for analysis)."""
+        return differentiate.tensors(self, trajectory, k)
+
+    def differentiate_by(self, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
+        """Return the exact first derivatives of every step by some parameters.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Of this mechanism.
+        names : sequence of str
+            Parameters, among the names of `Mechanism.parameters`.
+
+        Raises
+        ------
+        ArgumentError
+            For an unknown parameter, or a trajectory of a mechanism with other variables.
+        StepError
+            Where the arrays are not a trajectory of the mechanism.
+        """
+        return parameters.differentiate_by(self, trajectory, names)
+
+    def sensitivity(
+        self,
+        trajectory: Trajectory,
+        names: Sequence[str],
+        *,
+        v: npt.ArrayLike | None = None,
+        dx0: npt.ArrayLike | None = None,
+    ) -> Sensitivity:
+        """Return the exact derivatives of a trajectory by some parameters, its inputs held.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Of this mechanism.
+        names : sequence of str
+            Parameters, among the names of `Mechanism.parameters`.
+        v : array_like, shape (nq,), optional
+            The velocity that the trajectory started from: the momentum there depends on the masses. Without
+            it (and without `dx0`) the start is a state of its own, which depends on nothing.
+        dx0 : array_like, shape (nx, len(names)), optional
+            Derivatives of the initial state, instead of `v`.
+
+        Raises
+        ------
+        ArgumentError, StepError
+            As in `differentiate_by`; or if both v and dx0 are given.
+        """
+        return parameters.sensitivity(self, trajectory, names, v=v, dx0=dx0)
 
     # Errors
 

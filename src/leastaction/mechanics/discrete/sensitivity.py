@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD
-from leastaction.mechanics.discrete.derivatives import StepDifferentiation
+from leastaction.mechanics.discrete.derivatives import linearize
+from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.elements import Gravity
 from leastaction.mechanics.mechanism.mechanism import Mechanism
@@ -23,9 +23,6 @@ from leastaction.mechanics.mechanism.parameters import (
     inertia_slope,
 )
 from leastaction.numerics.arrays import Array, as_array
-
-if TYPE_CHECKING:
-    from leastaction.mechanics.discrete.midpoint import MidpointVI
 
 _SMALL = 10  # states up to which derivatives are accumulated for all steps at once
 
@@ -68,94 +65,61 @@ class Sensitivity:
     lam: Array
 
 
-class ParameterDifferentiation(StepDifferentiation):
-    """The derivatives by parameters that an integrator offers; see `MidpointVI`, which is one.
+def differentiate_by(
+    vi: Integrator, trajectory: Trajectory, names: Sequence[str]
+) -> StepSensitivity:
+    """Differentiate every step by parameters; see `MidpointVI.differentiate_by`."""
+    linearize(vi, trajectory, multipliers=False)  # its checks
+    return _steps_by(vi, trajectory, names)
+
+
+def sensitivity(
+    vi: Integrator,
+    trajectory: Trajectory,
+    names: Sequence[str],
+    *,
+    v: npt.ArrayLike | None,
+    dx0: npt.ArrayLike | None,
+) -> Sensitivity:
+    """Differentiate a trajectory by parameters; see `MidpointVI.sensitivity`."""
+    m = vi.mechanism
+    if v is not None and dx0 is not None:
+        raise ArgumentError("sensitivity: got both v and dx0; give one of them")
+    d = linearize(vi, trajectory, multipliers=True)
+    steps = _steps_by(vi, trajectory, names)
+    x = np.zeros((trajectory.steps + 1, m.nx, len(steps.names)))
+    if dx0 is not None:
+        x[0] = as_array(dx0, "dx0", (m.nx, len(steps.names)))
+    elif v is not None:
+        x[0, m.nq : m.nq + m.nd] = momentum_by(m, trajectory.q[0], v, names)
+    _accumulate(d.A, steps.x, x)
+    return Sensitivity(steps.names, x, d.lam_dx @ x[:-1] + steps.lam)
+
+
+def _steps_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
+    """Differentiate steps that were checked.
 
     Numbers of elements are differentiated by one dual evaluation each, inertias through the linearity of
     the Lagrangian in them, and lengths as what they are: prescribed variables that do not move.
     """
-
-    def differentiate_by(self, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
-        """Return the exact first derivatives of every step by some parameters.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Of this mechanism.
-        names : sequence of str
-            Parameters, among the names of `Mechanism.parameters`.
-
-        Raises
-        ------
-        ArgumentError
-            For an unknown parameter, or a trajectory of a mechanism with other variables.
-        StepError
-            Where the arrays are not a trajectory of the mechanism.
-        """
-        self.linearize(trajectory)  # its checks
-        return self._steps_by(trajectory, names)
-
-    def _steps_by(self, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
-        """Differentiate steps that were checked."""
-        m = self.mechanism
-        places = m.parameter_places(names)
-        x = np.zeros((trajectory.steps, m.nx, len(places)))
-        lam = np.zeros((trajectory.steps, m.nc, len(places)))
-        lengths = {name: place for name, place in places.items() if isinstance(place, Length)}
-        columns = {name: column for column, name in enumerate(places)}
-        if lengths:
-            of_lengths = _by_lengths(cast("MidpointVI", self), trajectory, lengths)
-            chosen = [columns[name] for name in lengths]
-            x[:, :, chosen], lam[:, :, chosen] = of_lengths
-        others = {name: place for name, place in places.items() if name not in lengths}
-        if others:
-            directions, inertias = _directions(m, others)
-            out = self.core.by_parameters(
-                trajectory.t, trajectory.x, trajectory.u, directions, inertias, self.threads
-            )
-            chosen = [columns[name] for name in others]
-            x[:, :, chosen], lam[:, :, chosen] = out.x, out.lam
-        return StepSensitivity(tuple(places), x, lam)
-
-    def sensitivity(
-        self,
-        trajectory: Trajectory,
-        names: Sequence[str],
-        *,
-        v: npt.ArrayLike | None = None,
-        dx0: npt.ArrayLike | None = None,
-    ) -> Sensitivity:
-        """Return the exact derivatives of a trajectory by some parameters, its inputs held.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Of this mechanism.
-        names : sequence of str
-            Parameters, among the names of `Mechanism.parameters`.
-        v : array_like, shape (nq,), optional
-            The velocity that the trajectory started from: the momentum there depends on the masses. Without
-            it (and without `dx0`) the start is a state of its own, which depends on nothing.
-        dx0 : array_like, shape (nx, len(names)), optional
-            Derivatives of the initial state, instead of `v`.
-
-        Raises
-        ------
-        ArgumentError, StepError
-            As in `differentiate_by`; or if both v and dx0 are given.
-        """
-        m = self.mechanism
-        if v is not None and dx0 is not None:
-            raise ArgumentError("sensitivity: got both v and dx0; give one of them")
-        d = self.linearize(trajectory, multipliers=True)
-        steps = self._steps_by(trajectory, names)
-        x = np.zeros((trajectory.steps + 1, m.nx, len(steps.names)))
-        if dx0 is not None:
-            x[0] = as_array(dx0, "dx0", (m.nx, len(steps.names)))
-        elif v is not None:
-            x[0, m.nq : m.nq + m.nd] = momentum_by(m, trajectory.q[0], v, names)
-        _accumulate(d.A, steps.x, x)
-        return Sensitivity(steps.names, x, d.lam_dx @ x[:-1] + steps.lam)
+    m = vi.mechanism
+    places = m.parameter_places(names)
+    x = np.zeros((trajectory.steps, m.nx, len(places)))
+    lam = np.zeros((trajectory.steps, m.nc, len(places)))
+    lengths = {name: place for name, place in places.items() if isinstance(place, Length)}
+    columns = {name: column for column, name in enumerate(places)}
+    if lengths:
+        chosen = [columns[name] for name in lengths]
+        x[:, :, chosen], lam[:, :, chosen] = _by_lengths(vi, trajectory, lengths)
+    others = {name: place for name, place in places.items() if name not in lengths}
+    if others:
+        directions, inertias = _directions(m, others)
+        out = vi.core.by_parameters(
+            trajectory.t, trajectory.x, trajectory.u, directions, inertias, vi.threads
+        )
+        chosen = [columns[name] for name in others]
+        x[:, :, chosen], lam[:, :, chosen] = out.x, out.lam
+    return StepSensitivity(tuple(places), x, lam)
 
 
 def _accumulate(A: Array, added: Array, x: Array) -> None:
@@ -255,7 +219,7 @@ def _as_variables(m: Mechanism, lengths: dict[str, Length]) -> dict[str, Length]
 
 
 def _by_lengths(
-    vi: MidpointVI, trajectory: Trajectory, lengths: dict[str, Length]
+    vi: Integrator, trajectory: Trajectory, lengths: dict[str, Length]
 ) -> tuple[Array, Array]:
     """Derivatives of the steps by lengths: those by both ends of a prescribed variable that stands still."""
     m = vi.mechanism

@@ -66,6 +66,13 @@ class State:
         return np.concatenate([self.q, self.p, self.v_rho])
 
 
+def state_of(mechanism: Mechanism, t: float, x: Array) -> State:
+    """Return a state vector (nx,) at time t as a `State`, with memory of its own."""
+    m = mechanism
+    q, p, v_rho = np.split(x.copy(), [m.nq, m.nq + m.nd])
+    return State(t, q, p, v_rho)
+
+
 def check_state(state: object) -> None:
     """Raise unless this is a `State`."""
     if not isinstance(state, State):

@@ -9,7 +9,7 @@ from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.differences import Errors, central_differences
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 
 __all__ = ["compare_discrete"]
 
@@ -87,14 +87,15 @@ def _compare_whole(
 ) -> None:
     """Hold the derivatives over the whole horizon to those of single steps."""
     N, nx = system.N, system.nx
-    A, B = system.linearize(x, u)
+    linearization = linearized(system, x, u)
+    A, B = linearization
     steps = sorted({0, N // 2, N - 1})
     singles = [system.derivatives(x[k], u[k], k) for k in steps]
     errors.note("linearize", A[steps], np.stack([A_k for A_k, _ in singles]))
     errors.note("linearize", B[steps], np.stack([B_k for _, B_k in singles]))
     if system.has_curvature:
         z = read_only(rng.standard_normal((N + 1, nx)))
-        H = system.curvatures(x, u, z)
+        H = linearization.curvature(z)
         single = np.stack([system.curvature(x[k], u[k], k, z[k + 1]) for k in steps])
         errors.note("curvatures", H[steps], single)
 

@@ -85,7 +85,8 @@ class LinearSystem(DiscreteSystem):
         out: Linearization | None = None,  # noqa: ARG002
     ) -> Linearization:
         """Return A and B; not a copy."""
-        return Linearization(self._A, self._B)
+        n = self.nx + self.nu
+        return Linearization(self._A, self._B, lambda *_: np.zeros((self.N, n, n)))
 
 
 class FunctionSystem(DiscreteSystem):

@@ -19,7 +19,7 @@ from leastaction.optimal.discrete.linear_quadratic import (
     regulate,
     sweep_forward,
 )
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
 from leastaction.optimal.line_search import Trial
 from leastaction.optimal.loop import Direction, Problem, both
 from leastaction.optimal.result import OptimizationResult, Settings
@@ -166,7 +166,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         own_gain = self._own_gain()
         dx = du = None
         if own_gain is not None:
-            dx, du = sweep_forward(*self._linearize(), model)
+            A, B = self._linearize()
+            dx, du = sweep_forward(A, B, model)
         self.feedback = model.K if own_gain is None else own_gain
         # With dx_0 = 0 the model's minimum is half of its linear part.
         slope = 2.0 * model.constant
@@ -187,16 +188,17 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
     def _linearize(self) -> Linearization:
         if self.linearization is None:
             with self.clock("linearize"):
-                self.linearization = self.system.linearize(self.x, self.u, self.old_linearization)
+                self.linearization = linearized(self.system, self.x, self.u, self.old_linearization)
             self.old_linearization = self.linearization
         return self.linearization
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
         if self.curvature is None:
+            linearization = self._linearize()
             with self.clock("lq"):
-                z = adjoint(*self._linearize(), self.gain, *gradient)
+                z = adjoint(linearization.A, linearization.B, self.gain, *gradient)
             with self.clock("curvature"):
-                self.curvature = self.system.curvatures(self.x, self.u, z, self.old_curvature)
+                self.curvature = linearization.curvature(z, out=self.old_curvature)
             self.old_curvature = self.curvature
         return self.curvature
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from leastaction.errors import StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.system import Linearization, System
 
-__all__ = ["DiscreteSystem", "Rollout"]
+__all__ = ["DiscreteSystem", "Rollout", "linearized"]
 
 
 @dataclass(frozen=True)
@@ -110,22 +112,30 @@ class DiscreteSystem(System):
         return Rollout(x, u, stop - start)
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
-        """Return A (N, nx, nx) and B (N, nx, nu) along ``x`` (N+1, nx), ``u`` (N, nu).
+        """Return the derivatives of every step along ``x`` (N+1, nx), ``u`` (N, nu).
 
         ``(x, u)`` need not be a trajectory: A, B are derivatives of f at ``(x[k], u[k])``.
 
-        `out` offers arrays of an earlier call that may be written over and returned.
+        Parameters
+        ----------
+        x, u : ndarray (N+1, nx), (N, nu)
+        out : Linearization, optional
+            An earlier result of this system that is not needed any more: its memory is used again.
         """
         if out is None:
             N, nx, nu = self.N, self.nx, self.nu
-            out = Linearization(np.empty((N, nx, nx)), np.empty((N, nx, nu)))
-        x, u = read_only(x), read_only(u)
+            A, B = np.empty((N, nx, nx)), np.empty((N, nx, nu))
+        else:
+            A, B = out
+        x, u = read_only(x.copy()), read_only(u.copy())
         for k in range(self.N):
-            out.A[k], out.B[k] = self.derivatives(x[k], u[k], k)
-        return out
+            A[k], B[k] = self.derivatives(x[k], u[k], k)
+        return Linearization(A, B, partial(_second, self, x, u))
 
     def curvatures(self, x: Array, u: Array, z: Array, out: Array | None = None) -> Array:
         """Return ``z[k+1] . D2f`` of every step, (N, nx+nu, nx+nu).
+
+        The second order of `linearize`, unless that brings one of its own.
 
         Parameters
         ----------
@@ -133,8 +143,8 @@ class DiscreteSystem(System):
             Trajectory.
         z : ndarray (N+1, nx)
             Adjoint; step k is weighted with ``z[k+1]``.
-        out : ndarray, optional
-            Array of an earlier call that may be written over and returned.
+        out : ndarray (N, nx+nu, nx+nu), optional
+            Where to write; returned.
         """
         if out is None:
             n = self.nx + self.nu
@@ -143,3 +153,19 @@ class DiscreteSystem(System):
         for k in range(self.N):
             out[k] = self.curvature(x[k], u[k], k, z[k + 1])
         return out
+
+
+def _second(system: DiscreteSystem, x: Array, u: Array, z: Array, out: Array | None) -> Array:
+    """Return the second order of a `Linearization`; z (N, nx), where an adjoint has a row more."""
+    return system.curvatures(x, u, np.concatenate([np.zeros((1, system.nx)), z]), out)
+
+
+def linearized(
+    system: DiscreteSystem, x: Array, u: Array, out: Linearization | None = None
+) -> Linearization:
+    """Return `DiscreteSystem.linearize`, complete: where it brings no second order, the system's `curvatures`."""
+    found: Any = system.linearize(x, u, out)  # a user's may be a bare pair
+    if isinstance(found, Linearization) and found.second is not None:
+        return found
+    A, B = found
+    return Linearization(A, B, partial(_second, system, x, u))

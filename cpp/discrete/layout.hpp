@@ -1,0 +1,92 @@
+// How states and inputs of the discrete system, in the user's order, lie in a step, in the internal one.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "discrete/midpoint.hpp"
+
+namespace leastaction {
+
+// Offsets of the parts of state, input and th = [q1 | p1 | u | rho2].
+struct Layout {
+    explicit Layout(const Mechanism& m, bool with_multipliers = false)
+        : m(m),
+          nd(m.n_dynamic),
+          nk(m.n_kinematic),
+          nq(nd + nk),
+          ni(m.n_inputs),
+          nx(2 * nq),
+          nu(ni + nk),
+          nc(m.n_constraints()),
+          ny(nx + (with_multipliers ? nc : 0)),
+          theta(nq + nd + nu) {}
+    const Mechanism& m;
+    int nd, nk, nq, ni, nx, nu, nc;
+    int ny;  // states, and the multipliers of the last step where they count as states
+    int theta;
+
+    void start(const double* x, const double* u, MidpointStep& step) const {
+        for (int i = 0; i < nq; ++i) step.q1[i] = x[m.external[i]];
+        for (int i = 0; i < nd; ++i) step.p1[i] = x[nq + m.external[i]];
+        input(u, step);
+    }
+    void input(const double* u, MidpointStep& step) const {
+        std::copy(u, u + ni, step.u.begin());
+        std::copy(u + ni, u + nu, step.q2.begin() + nd);
+    }
+    void state(const MidpointStep& step, double dt, double* x) const {
+        for (int i = 0; i < nd; ++i) {
+            x[m.external[i]] = step.q2[i];
+            x[nq + m.external[i]] = step.p2[i];
+        }
+        for (int i = nd; i < nq; ++i) {
+            x[i] = step.q2[i];
+            x[nq + i] = (step.q2[i] - step.q1[i]) / dt;
+        }
+    }
+    // The derivatives of a step whose end is known; false where it is no step of the mechanism.
+    bool differentiate(MidpointStep& step, const double* x, const double* u, const double* next, double dt) const {
+        start(x, u, step);
+        for (int i = 0; i < nd; ++i) step.q2[i] = next[m.external[i]];
+        std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
+        step.place_start();
+        return step.solve(dt, true).status == StepStatus::converged && step.differentiate(dt);
+    }
+    // One row over th, internal order, into rows over the states and u, user's order. Nothing depends on the velocities of
+    // the prescribed variables and the multipliers: their columns are left alone.
+    void scatter(const double* row, double* by_x, double* by_u) const {
+        if (m.same_order) {
+            std::copy(row, row + nq + nd, by_x);
+        } else {
+            for (int i = 0; i < nq; ++i) by_x[m.external[i]] = row[i];
+            for (int i = 0; i < nd; ++i) by_x[nq + m.external[i]] = row[nq + i];
+        }
+        std::copy(row + nq + nd, row + theta, by_u);
+    }
+    // The same for all of th: which entries stand where among the states and inputs.
+    std::vector<MidpointStep::Run> runs() const {
+        std::vector<MidpointStep::Run> out;
+        const auto add = [&](int first, int to) {
+            if (!out.empty() && out.back().position + out.back().length == to)
+                ++out.back().length;
+            else
+                out.push_back({first, 1, to});
+        };
+        for (int i = 0; i < nq; ++i) add(i, m.external[i]);
+        for (int i = 0; i < nd; ++i) add(nq + i, nq + m.external[i]);
+        for (int i = 0; i < nu; ++i) add(nq + nd + i, ny + i);
+        return out;
+    }
+    void gather(const double* by_x, const double* by_u, double* row) const {
+        if (m.same_order) {
+            std::copy(by_x, by_x + nq + nd, row);
+        } else {
+            for (int i = 0; i < nq; ++i) row[i] = by_x[m.external[i]];
+            for (int i = 0; i < nd; ++i) row[nq + i] = by_x[nq + m.external[i]];
+        }
+        std::copy(by_u, by_u + nu, row + nq + nd);
+    }
+};
+
+}  // namespace leastaction

@@ -1,0 +1,153 @@
+#include "discrete/linearization.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+#include "discrete/layout.hpp"
+#include "numerics/parallel.hpp"
+
+namespace leastaction {
+
+namespace {
+
+// Calls of_step(step, k) for every k, over several threads, each with a step of its own. Returns the first k at which it
+// returned false, or `steps`; a thread goes no further than its own first.
+template <class OfStep>
+int for_each_step(const Midpoint& integrator, int steps, int threads, const OfStep& of_step) {
+    std::atomic<int> first_failure{steps};
+    parallel_ranges(steps, threads, [&](int begin, int end) {
+        auto step = integrator.step();
+        for (int k = begin; k < end; ++k) {
+            if (of_step(*step, static_cast<std::size_t>(k))) continue;
+            step.discard();
+            int seen = first_failure.load();
+            while (k < seen && !first_failure.compare_exchange_weak(seen, k)) {
+            }
+            return;
+        }
+    });
+    return first_failure.load();
+}
+
+std::size_t record_size(const Layout& at) {
+    return at.nq + at.ni + at.nq + at.nc + static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
+}
+
+}  // namespace
+
+Linearization::Linearization(std::shared_ptr<const Midpoint> integrator, int steps, bool multipliers)
+    : steps(steps),
+      nx(integrator->mechanism().n_states()),
+      nc(integrator->mechanism().n_constraints()),
+      ny(nx + (multipliers ? nc : 0)),
+      nu(integrator->mechanism().n_controls()),
+      A(static_cast<std::size_t>(steps) * ny * ny),
+      B(static_cast<std::size_t>(steps) * ny * nu),
+      lam(static_cast<std::size_t>(steps) * nc),
+      defect(steps),
+      integrator_(std::move(integrator)),
+      record_size_(record_size(Layout(integrator_->mechanism()))),
+      dt_(steps),
+      records_(steps * record_size_),
+      runs_{Layout(integrator_->mechanism()).runs(), Layout(integrator_->mechanism(), true).runs()} {}
+
+template <class Carry>
+void Linearization::carry(MidpointStep& step, const Carry& carry) const {
+    const Layout at(integrator_->mechanism());
+    carry(step.q1.data(), at.nq);
+    carry(step.u.data(), at.ni);
+    carry(step.q2.data(), at.nq);
+    carry(step.lam.data(), at.nc);
+    for (int c = 0; c < at.nc; ++c) carry(&step.Y[(at.nd + c) * step.ld()], at.theta);
+    for (int i = 0; i < at.nd + at.nc; ++i) carry(step.Y.data() + i * step.ld() + at.theta, at.nc);
+    for (int i = 0; i < at.nd; ++i) carry(step.P2.data() + i * step.ld() + at.theta, at.nc);
+}
+
+int Linearization::along(const double* t, const double* X, const double* U, int threads) {
+    const Layout at(integrator_->mechanism(), ny > nx);
+    return for_each_step(*integrator_, steps, threads, [&](MidpointStep& step, std::size_t k) {
+        const double dt = t[k + 1] - t[k];
+        const double *x = X + k * nx, *u = U + k * nu, *next = x + nx;
+        if (!at.differentiate(step, x, u, next, dt)) return false;
+        dt_.data()[k] = dt;
+        double& defect_k = defect.data()[k] = 0;
+        for (int i = 0; i < at.nd; ++i) defect_k = std::max(defect_k, std::abs(step.q2[i] - next[at.m.external[i]]));
+        const int ld = step.ld();
+        double *A_k = A.data() + k * ny * ny, *B_k = B.data() + k * ny * nu;
+        for (int i = 0; i < at.nd; ++i) {
+            const int row = at.m.external[i];
+            at.scatter(&step.Y[i * ld], A_k + row * ny, B_k + row * nu);
+            at.scatter(&step.P2[i * ld], A_k + (at.nq + row) * ny, B_k + (at.nq + row) * nu);
+        }
+        for (int i = at.nd; i < at.nq; ++i) {
+            const int v = at.nq + i, input = at.ni + i - at.nd;
+            B_k[i * nu + input] = 1.0;
+            A_k[v * ny + i] = -1.0 / dt;
+            B_k[v * nu + input] = 1.0 / dt;
+        }
+        for (int row = nx; row < ny; ++row)
+            at.scatter(&step.Y[(at.nd + row - nx) * ld], A_k + row * ny, B_k + row * nu);
+        std::copy(step.lam.begin(), step.lam.end(), lam.data() + k * nc);
+        double* record = records_.data() + k * record_size_;
+        carry(step, [&](const double* from, int n) { record = std::copy_n(from, n, record); });
+        return true;
+    });
+}
+
+void Linearization::curvature(const double* W, int weights, bool multipliers, int threads, double* H) const {
+    const Layout at(integrator_->mechanism(), multipliers);
+    const std::vector<MidpointStep::Run>& runs = runs_[multipliers];
+    const int n = at.ny + nu, none = at.nq + at.nd;  // the first state that nothing depends on
+    for_each_step(*integrator_, steps, threads, [&](MidpointStep& step, std::size_t k) {
+        step.reserve_derivatives();
+        const int ld = step.ld();
+        const double *A_k = A.data() + k * ny * ny, *B_k = B.data() + k * ny * nu, *W_k = W + k * weights;
+        for (int i = 0; i < at.nd; ++i) {
+            const int row = at.m.external[i];
+            at.gather(A_k + row * ny, B_k + row * nu, &step.Y[i * ld]);
+            for (int j = 0; j < at.nd; ++j)  // of P2 only the columns of p1 are asked for
+                step.P2[i * ld + at.nq + j] = A_k[(at.nq + row) * ny + at.nq + at.m.external[j]];
+        }
+        const double* record = records_.data() + k * record_size_;
+        carry(step, [&](double* to, int size) {
+            std::copy_n(record, size, to);
+            record += size;
+        });
+        for (int i = 0; i < at.nd; ++i) {
+            step.w_q[i] = W_k[at.m.external[i]];
+            step.w_p[i] = W_k[at.nq + at.m.external[i]];
+        }
+        for (int c = 0; c < nc; ++c) step.w_lam[c] = weights > nx ? W_k[nx + c] : 0.0;
+        double* H_k = H + k * n * n;
+        for (int row = 0; row < n; ++row) std::fill_n(H_k + row * n + none, at.ny - none, 0.0);
+        std::fill_n(H_k + none * n, (at.ny - none) * n, 0.0);
+        step.curvature(dt_.data()[k], runs, H_k, n);
+        return true;
+    });
+}
+
+int differentiate_by_parameters(const Midpoint& integrator, int steps, const double* t, const double* X,
+                                const double* U, const std::vector<Parameter>& parameters, int threads, double* by_x,
+                                double* by_lam) {
+    const Layout at(integrator.mechanism());
+    const std::size_t count = parameters.size();
+    return for_each_step(integrator, steps, threads, [&](MidpointStep& step, std::size_t k) {
+        const double dt = t[k + 1] - t[k];
+        const double* now = X + k * at.nx;
+        if (!at.differentiate(step, now, U + k * at.nu, now + at.nx, dt)) return false;
+        step.differentiate_by(dt, parameters);
+        const int ld = step.ld_parameters();
+        double *x = by_x + k * at.nx * count, *lam = by_lam + k * at.nc * count;
+        std::fill_n(x, at.nx * count, 0.0);
+        for (int i = 0; i < at.nd; ++i) {
+            const int row = at.m.external[i];
+            std::copy_n(&step.Y_parameters[i * ld], count, x + row * count);
+            std::copy_n(&step.P2_parameters[i * ld], count, x + (at.nq + row) * count);
+        }
+        for (int c = 0; c < at.nc; ++c) std::copy_n(&step.Y_parameters[(at.nd + c) * ld], count, lam + c * count);
+        return true;
+    });
+}
+
+}  // namespace leastaction

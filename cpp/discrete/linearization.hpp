@@ -1,0 +1,72 @@
+// First derivatives of every step of a trajectory, and from them contracted second ones. For the next state y of a step and
+// th = (x, u)
+//
+//   A = dy/dx,   B = dy/du,   H = d2(w.y)/dth2 with weights w,
+//
+// exact, by the implicit function theorem (see midpoint.hpp). Arrays are row-major, time first, in the user's order of
+// variables: X (N+1, nx), U (N, nu), lam (N, nc), times t (N+1).
+#pragma once
+
+#include <array>
+#include <cstdlib>
+#include <memory>
+#include <new>
+#include <vector>
+
+#include "discrete/integrator.hpp"
+
+namespace leastaction {
+
+// Numbers that are zero until they are written; pages that are not cost no memory.
+class ZeroedArray {
+public:
+    explicit ZeroedArray(std::size_t size)
+        : data_(static_cast<double*>(std::calloc(size ? size : 1, sizeof(double))), &std::free) {
+        if (!data_) throw std::bad_alloc();
+    }
+    double* data() { return data_.get(); }
+    const double* data() const { return data_.get(); }
+
+private:
+    std::unique_ptr<double, void (*)(void*)> data_;
+};
+
+// Owns all that it needs, so that it stays what it is whatever becomes of the arrays that it was made from. Many threads may
+// ask for curvatures at once, while none writes by along().
+class Linearization {
+public:
+    // Of trajectories of so many steps. With `multipliers` those of a step count as further states of its end, which
+    // nothing depends on: ny = nx + nc states instead of nx.
+    Linearization(std::shared_ptr<const Midpoint> integrator, int steps, bool multipliers);
+
+    // Linearises along a trajectory, in the memory that there is. Returns the first step at which it is none, or N.
+    int along(const double* t, const double* X, const double* U, int threads);
+
+    // The Hessians by (states, u) of the next states weighted with W (N, weights), weights = nx, or nx + nc with those of
+    // the multipliers. H is (N, n, n), n = nx + nu, or ny + nu with rows and columns of zeros for the `multipliers`.
+    void curvature(const double* W, int weights, bool multipliers, int threads, double* H) const;
+
+    const std::shared_ptr<const Midpoint>& integrator() const { return integrator_; }
+    const int steps, nx, nc, ny, nu;
+    ZeroedArray A, B, lam;  // (N, ny, ny), (N, ny, nu), (N, nc)
+    ZeroedArray defect;     // (N): distance of the dynamic configuration from the next one in X
+
+private:
+    // What one step leaves for the second order, but for what A and B hold: where it was, and the derivatives of the
+    // multipliers and by shifts of the constraints.
+    template <class Carry>
+    void carry(MidpointStep& step, const Carry& carry) const;
+
+    std::shared_ptr<const Midpoint> integrator_;
+    std::size_t record_size_;
+    ZeroedArray dt_, records_;
+    std::array<std::vector<MidpointStep::Run>, 2> runs_;  // into a Hessian without and with multipliers
+};
+
+// Derivatives of the next states (N, nx, P) and the multipliers (N, nc, P) of every step by parameters, the state and the
+// input of the step held. Returns the first step at which the trajectory is not one, or N.
+int differentiate_by_parameters(const Midpoint& integrator, int steps, const double* t, const double* X,
+                                const double* U, const std::vector<Parameter>& parameters, int threads, double* by_x,
+                                double* by_lam);
+
+}  // namespace leastaction

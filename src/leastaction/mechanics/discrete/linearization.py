@@ -1,0 +1,136 @@
+"""What the linearisation of a trajectory returns: derivatives of its steps, of first and of second order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction import _core
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array
+
+
+@dataclass(frozen=True, eq=False)
+class StepDerivatives:
+    """Derivatives of every step of a trajectory: first ones, and contracted second ones for the asking.
+
+    It owns its memory: whatever becomes of the arrays that it was made from, it stays what it is, until it is
+    given up as the `out` of another call. It can be read, and asked for curvatures, by many threads at once.
+    The state of a step is ``x = [q; rho; p; v_rho]``, its input ``u = [inputs; rho_next]``; where the
+    derivatives of the multipliers were asked for, these stand after the state, ``[x; lam]``, in `A_all` and
+    `B_all`. All arrays are read-only views of its memory.
+
+    Attributes
+    ----------
+    core : Linearization of the core
+    midpoint : Midpoint of the core
+        What made it.
+    mechanism : Mechanism
+    threads : int
+        For `curvature`; 0: as many as there are cores.
+    """
+
+    core: _core.Linearization = field(repr=False)
+    midpoint: _core.Midpoint = field(repr=False)
+    mechanism: Mechanism
+    threads: int = 0
+
+    @property
+    def steps(self) -> int:
+        """Number of steps N."""
+        return len(self.core.defect)
+
+    @property
+    def A_all(self) -> Array:
+        """Next state, and multipliers, by both, shape (N, ny, ny)."""
+        return self.core.A
+
+    @property
+    def B_all(self) -> Array:
+        """Next state, and multipliers, by input, shape (N, ny, nu + nrho)."""
+        return self.core.B
+
+    @property
+    def A(self) -> Array:
+        """Next state by state, shape (N, nx, nx)."""
+        nx = self.mechanism.nx
+        return self.core.A[:, :nx, :nx]
+
+    @property
+    def B(self) -> Array:
+        """Next state by input, shape (N, nx, nu + nrho)."""
+        return self.core.B[:, : self.mechanism.nx]
+
+    @property
+    def lam(self) -> Array:
+        """Multipliers, shape (N, nc)."""
+        return self.core.lam
+
+    @property
+    def lam_dx(self) -> Array:
+        """Multipliers by state, shape (N, nc, nx); of no rows unless asked for."""
+        nx = self.mechanism.nx
+        return self.core.A[:, nx:, :nx]
+
+    @property
+    def lam_du(self) -> Array:
+        """Multipliers by input, shape (N, nc, nu + nrho); of no rows unless asked for."""
+        return self.core.B[:, self.mechanism.nx :]
+
+    @property
+    def defect(self) -> Array:
+        """How far the dynamic configuration that each step leads to is from the given one, shape (N,)."""
+        return self.core.defect
+
+    def curvature(
+        self, z: npt.ArrayLike, *, z_lam: npt.ArrayLike | None = None, out: Array | None = None
+    ) -> Array:
+        """Return the contracted second derivatives of every step.
+
+        Parameters
+        ----------
+        z : array_like, shape (N, nx)
+            Weights on the next state of each step.
+        z_lam : array_like, shape (N, nc), optional
+            Weights on the multipliers of each step.
+        out : ndarray, shape (N, nx + nu + nrho, nx + nu + nrho), optional
+            Where to write; returned.
+
+        Returns
+        -------
+        ndarray, shape (N, nx + nu + nrho, nx + nu + nrho)
+            Hessian of ``z_k . x_{k+1} + z_lam_k . lam_k`` by ``[x_k; u_k]``.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong shapes, or weights that are not finite.
+        """
+        m, N = self.mechanism, self.steps
+        weights = as_array(z, "z", (N, m.nx))
+        if z_lam is not None:
+            weights = np.hstack([weights, as_array(z_lam, "z_lam", (N, m.nc))])
+        return self.core.curvature(weights, False, self.threads, out)
+
+    def curvature_all(self, z: Array, out: Array | None = None) -> Array:
+        """Return the Hessians (N, ny + nu, ny + nu) by the states of `A_all`, weighted with z (N, ny)."""
+        more = self.core.A.shape[1] > self.mechanism.nx
+        return self.core.curvature(z, more, self.threads, out)
+
+
+@dataclass(frozen=True)
+class StepTensors:
+    """Full second derivatives of one step; output index first, then the two arguments.
+
+    Attributes
+    ----------
+    x : ndarray, shape (nx, nx + nu + nrho, nx + nu + nrho)
+        Of the next state by ``[x; u]`` twice.
+    lam : ndarray, shape (nc, nx + nu + nrho, nx + nu + nrho)
+        Of the multipliers.
+    """
+
+    x: Array = field(repr=False)
+    lam: Array = field(repr=False)
