@@ -143,6 +143,23 @@ nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, co
 
 // A read-only view into a linearisation, which lives as long as its views.
 using View = nb::ndarray<nb::numpy, const double, nb::c_contig>;
+
+nb::list saved(nb::handle_t<Linearization> self) {
+    nb::list out;
+    for (const ZeroedArray* array : nb::cast<Linearization&>(self).memory()) {
+        const std::size_t size = array->size();
+        out.append(View(array->data(), 1, &size, self));
+    }
+    return out;
+}
+
+void restore(Linearization& to, const std::vector<In<1>>& arrays) {
+    const auto memory = to.memory();
+    expect(arrays.size(), memory.size(), "arrays");
+    for (std::size_t i = 0; i < memory.size(); ++i) expect(arrays[i].size(), memory[i]->size(), "array");
+    for (std::size_t i = 0; i < memory.size(); ++i) std::copy_n(arrays[i].data(), arrays[i].size(), memory[i]->data());
+}
+
 template <class Shape>
 void view(nb::class_<Linearization>& type, const char* name, ZeroedArray Linearization::* array, const Shape& shape,
           const char* meaning) {
@@ -223,6 +240,8 @@ void bind_midpoint(nb::module_& module) {
         .def("curvature", &curvature, "w"_a, "multipliers"_a = false, "threads"_a = 0, "out"_a.none() = nb::none(),
              "Hessians by (states, u), of every step, of the next states weighted with w (N, nx), or of states and "
              "multipliers with w (N, nx + nc); with `multipliers` these have rows and columns of zeros.");
+    linearization.def("saved", &saved, "All that it holds, as flat arrays.")
+        .def("restore", &restore, "arrays"_a, "Takes over what saved() gave.");
     view(
         linearization, "A", &L::A, [n](const L& of) { return Sizes{n(of.steps), n(of.ny), n(of.ny)}; },
         "Next states by states (N, ny, ny).");

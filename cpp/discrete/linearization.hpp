@@ -21,13 +21,15 @@ namespace leastaction {
 class ZeroedArray {
 public:
     explicit ZeroedArray(std::size_t size)
-        : data_(static_cast<double*>(std::calloc(size ? size : 1, sizeof(double))), &std::free) {
+        : size_(size), data_(static_cast<double*>(std::calloc(size ? size : 1, sizeof(double))), &std::free) {
         if (!data_) throw std::bad_alloc();
     }
     double* data() { return data_.get(); }
     const double* data() const { return data_.get(); }
+    std::size_t size() const { return size_; }
 
 private:
+    std::size_t size_;
     std::unique_ptr<double, void (*)(void*)> data_;
 };
 
@@ -45,6 +47,9 @@ public:
     // The Hessians by (states, u) of the next states weighted with W (N, weights), weights = nx, or nx + nc with those of
     // the multipliers. H is (N, n, n), n = nx + nu, or ny + nu with rows and columns of zeros for the `multipliers`.
     void curvature(const double* W, int weights, bool multipliers, int threads, double* H) const;
+
+    // All that it holds, for a copy elsewhere.
+    std::array<ZeroedArray*, 6> memory() { return {&A, &B, &lam, &defect, &dt_, &records_}; }
 
     const std::shared_ptr<const Midpoint>& integrator() const { return integrator_; }
     const int steps, nx, nc, ny, nu;

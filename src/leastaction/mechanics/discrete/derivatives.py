@@ -22,7 +22,7 @@ def linearize(
     """Differentiate every step of what must be a trajectory; see `MidpointVI.linearize`."""
     check_trajectory(vi, trajectory)
     t = trajectory.t
-    d = vi.linearize_arrays(t, trajectory.x, trajectory.u, multipliers=multipliers, out=out)
+    d = linearize_arrays(vi, t, trajectory.x, trajectory.u, multipliers=multipliers, out=out)
     wrong = np.flatnonzero(d.defect > _TRAJECTORY_TOLERANCE)
     if len(wrong):
         k = int(wrong[0])
@@ -51,8 +51,8 @@ def linearize_arrays(
     m, N = vi.mechanism, len(t) - 1
     if out is None:
         core = _core.Linearization(vi.core, N, multipliers)
-        out = StepDerivatives(core, vi.core, m, vi.threads)
-    elif out.midpoint is not vi.core or out.A_all.shape[:2] != (N, m.nx + m.nc * multipliers):
+        out = StepDerivatives(core, vi)
+    elif out.integrator is not vi or out.A_all.shape[:2] != (N, m.nx + m.nc * multipliers):
         raise ArgumentError(
             f"out: got derivatives of {out.steps} steps of {out.A_all.shape[1]} states, by {out.mechanism!r}; "
             f"expected such of {N} steps of {m.nx + m.nc * multipliers} states by this integrator itself"
@@ -78,7 +78,7 @@ def tensors(vi: Integrator, trajectory: Trajectory, k: int | np.integer[Any]) ->
     if k not in steps:
         raise ArgumentError(f"k: got {k!r}, expected a step from 0 to {steps[-1]}")
     pair, step = slice(k, k + 2), slice(k, k + 1)
-    d = vi.linearize_arrays(trajectory.t[pair], trajectory.x[pair], trajectory.u[step])
+    d = linearize_arrays(vi, trajectory.t[pair], trajectory.x[pair], trajectory.u[step])
     weights = np.eye(m.nx + m.nc)
     out = np.stack([d.curvature(w[None, : m.nx], z_lam=w[None, m.nx :])[0] for w in weights])
     return StepTensors(out[: m.nx], out[m.nx :])

@@ -5,9 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from leastaction import _core
-from leastaction.mechanics.discrete.linearization import StepDerivatives
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array
 
 
 class Integrator(ABC):
@@ -28,15 +26,3 @@ class Integrator(ABC):
     @abstractmethod
     def like(self, mechanism: Mechanism) -> Integrator:
         """Return an integrator of another mechanism with the same settings."""
-
-    @abstractmethod
-    def linearize_arrays(
-        self,
-        t: Array,
-        x: Array,
-        u: Array,
-        *,
-        multipliers: bool = False,
-        out: StepDerivatives | None = None,
-    ) -> StepDerivatives:
-        """Return the derivatives along states x (N+1, nx) and inputs u (N, nu + nrho) at times t."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from leastaction import _core
+from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
 
@@ -25,17 +27,21 @@ class StepDerivatives:
     Attributes
     ----------
     core : Linearization of the core
-    midpoint : Midpoint of the core
+    integrator : Integrator
         What made it.
-    mechanism : Mechanism
-    threads : int
-        For `curvature`; 0: as many as there are cores.
     """
 
     core: _core.Linearization = field(repr=False)
-    midpoint: _core.Midpoint = field(repr=False)
-    mechanism: Mechanism
-    threads: int = 0
+    integrator: Integrator
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        more = self.A_all.shape[1] > self.mechanism.nx
+        return _restored, (self.integrator, self.steps, more, self.core.saved())
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism that makes the steps."""
+        return self.integrator.mechanism
 
     @property
     def steps(self) -> int:
@@ -112,12 +118,20 @@ class StepDerivatives:
         weights = as_array(z, "z", (N, m.nx))
         if z_lam is not None:
             weights = np.hstack([weights, as_array(z_lam, "z_lam", (N, m.nc))])
-        return self.core.curvature(weights, False, self.threads, out)
+        return self.core.curvature(weights, False, self.integrator.threads, out)
 
     def curvature_all(self, z: Array, out: Array | None = None) -> Array:
         """Return the Hessians (N, ny + nu, ny + nu) by the states of `A_all`, weighted with z (N, ny)."""
         more = self.core.A.shape[1] > self.mechanism.nx
-        return self.core.curvature(z, more, self.threads, out)
+        return self.core.curvature(z, more, self.integrator.threads, out)
+
+
+def _restored(
+    integrator: Integrator, steps: int, multipliers: bool, arrays: list[Array]
+) -> StepDerivatives:
+    core = _core.Linearization(integrator.core, steps, multipliers)
+    core.restore(arrays)
+    return StepDerivatives(core, integrator)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD
-from leastaction.mechanics.discrete.derivatives import linearize
+from leastaction.mechanics.discrete.derivatives import linearize, linearize_arrays
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.elements import Gravity
@@ -231,7 +231,7 @@ def _by_lengths(
         [trajectory.x[:, : m.nq], held, trajectory.x[:, m.nq :], np.zeros_like(held)], axis=1
     )
     u = np.concatenate([trajectory.u, held[1:]], axis=1)
-    d = vi.like(freed).linearize_arrays(trajectory.t, x, u, multipliers=True)
+    d = linearize_arrays(vi.like(freed), trajectory.t, x, u, multipliers=True)
     at_start, at_end = slice(m.nq, m.nq + count), slice(m.nu + m.nrho, m.nu + m.nrho + count)
     by_x = d.A[:, :, at_start] + d.B[:, :, at_end]
     by_lam = d.lam_dx[:, :, at_start] + d.lam_du[:, :, at_end]

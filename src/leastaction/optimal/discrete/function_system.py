@@ -85,8 +85,11 @@ class LinearSystem(DiscreteSystem):
         out: Linearization | None = None,  # noqa: ARG002
     ) -> Linearization:
         """Return A and B; not a copy."""
+        return Linearization(self._A, self._B, self._no_curvature)
+
+    def _no_curvature(self, z: Array, out: Array | None) -> Array:  # noqa: ARG002
         n = self.nx + self.nu
-        return Linearization(self._A, self._B, lambda *_: np.zeros((self.N, n, n)))
+        return np.zeros((self.N, n, n))
 
 
 class FunctionSystem(DiscreteSystem):
