@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -63,6 +64,16 @@ BROKEN: dict[str, tuple[Change, str]] = {
     "word in a frame": (word_of_last_frame("abc"), "value 5 of frame 60 is 'abc'.*finite number"),
     "NaN in a frame": (word_of_last_frame("nan"), "value 5 of frame 60 is 'nan'.*finite number"),
     "infinity in a frame": (word_of_last_frame("-inf"), "value 5 of frame 60 is '-inf'"),
+    "underscore in a number": (
+        word_of_last_frame("1_0"),
+        "value 5 of frame 60 is '1_0'.*finite number",
+    ),
+    "other digits": (word_of_last_frame("\u0661\u0662"), "value 5 of frame 60 is '\u0661\u0662'"),
+    "underscore in the frames": (replaced("Frames:", "Frames: 6_0"), "expected Frames: followed"),
+    "underscore in an offset": (
+        replaced("OFFSET", "OFFSET 0 0 1_0"),
+        "OFFSET of 'Hips' with three",
+    ),
     "a frame too many": (lambda x: [*x, x[-1]], "a row for frame 61; expected 60 frames"),
     "wrong channel count": (
         replaced("CHANNELS 3", "CHANNELS 4 Zrotation Yrotation Xrotation"),
@@ -165,6 +176,11 @@ def test_what_could_not_be_mapped_is_listed_with_guesses(tmp_path: Path) -> None
         ("[bones]\nleft_hip = 'a'\n", "has the entries bones"),
         ("[joints]\nleft_hipp = 'a'\n", "unknown role 'left_hipp'; did you mean left_hip"),
         ("[joints]\nleft_hip = 3\n", "role left_hip is 3; expected a joint name"),
+        ("[joints]\nleft_hip = [3]\n", r"role left_hip is \[3\]; expected a joint name"),
+        ("joints = 3\n", r"no table \[joints\]"),
+        ("[joints]\nleft_hip = " + "[" * 5000 + "]" * 5000, "is no TOML"),
+        ("[joints]\nleft_hip = " + "1" * 5000, "is no TOML"),
+        ("# " + "x" * 1_000_000, "expected a joint mapping file of at most"),
     ],
 )
 def test_a_broken_mapping_file(tmp_path: Path, text: str, message: str) -> None:
@@ -195,6 +211,48 @@ def test_a_mapping_that_does_not_fit(tmp_path: Path, text: str, message: str) ->
     path.write_text("[joints]\n" + text)
     with pytest.raises(MotionFileError, match=message):
         load_motion(bvh, mapping=path)
+
+
+def skeleton(joints: int) -> str:
+    """Return a BVH file of a hip with so many joints on it, each with an end."""
+    limb = """JOINT {0}
+{{
+OFFSET 1 0 0
+CHANNELS 1 Xrotation
+End Site
+{{
+OFFSET 1 0 0
+}}
+}}
+"""
+    head = "HIERARCHY\nROOT hips\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n"
+    row = " ".join(["0"] * (joints + 1)) + "\n"
+    limbs = "".join(limb.format(f"joint{i}") for i in range(joints))
+    return f"{head}{limbs}}}\nMOTION\nFrames: 2\nFrame Time: 0.01\n{row}{row}"
+
+
+def test_reading_takes_time_in_proportion_to_the_joints(tmp_path: Path) -> None:
+    def seconds(joints: int) -> float:
+        path = tmp_path / f"{joints}.bvh"
+        path.write_text(skeleton(joints), encoding="ascii")
+        times = []
+        for _ in range(3):
+            began = time.process_time()
+            assert len(read_bvh(path).joints) == 2 * joints + 1
+            times.append(time.process_time() - began)
+        return min(times)
+
+    # Ten times the joints: a hundred times the time, were it quadratic.
+    assert seconds(5000) < 30.0 * seconds(500)
+
+
+def test_a_skeleton_of_many_joints_is_refused_in_few_words(tmp_path: Path) -> None:
+    path = tmp_path / "many.bvh"
+    path.write_text(skeleton(5000), encoding="ascii")
+    with pytest.raises(MotionFileError, match="could not be found by their names") as caught:
+        map_joints(read_bvh(path))
+    assert "and 4801 more." in str(caught.value)
+    assert len(str(caught.value)) < 10_000
 
 
 def test_captures_without_direction(tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ CHANNEL_NAMES = (
     "Yrotation",
     "Zrotation",
 )
+_MOST_BYTES = 2**30
 _CHANNEL_BY_LOWER = {name.lower(): name for name in CHANNEL_NAMES}
 
 
@@ -55,7 +56,9 @@ def read_bvh(path: str | PathLike[str]) -> Capture:
     """
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        with path.open("rb") as file:
+            content = file.read(_MOST_BYTES + 1)
+        text = content.decode("utf-8-sig")
     except OSError as error:
         raise MotionFileError(
             f"{path}: cannot be read ({error.strerror or error}); "
@@ -66,6 +69,10 @@ def read_bvh(path: str | PathLike[str]) -> Capture:
             f"{path}: holds bytes that are no text; expected a BVH motion capture file, which is "
             "text. Export the motion as BVH."
         ) from error
+    if len(content) > _MOST_BYTES:
+        raise MotionFileError(
+            f"{path}: is larger than {_MOST_BYTES} bytes; expected a BVH motion capture file. Cut it."
+        )
     return _Reader(path, text).read()
 
 
@@ -78,6 +85,7 @@ class _Reader:
         self.row = 0  # index of the next unread line of the motion table
         self.line = 0  # line being looked at, from 1, for messages
         self.joints: list[Joint] = []
+        self.declared: dict[str, int] = {}  # the line of every joint, by its name
 
     def fail(self, found: str, expected: str) -> NoReturn:
         raise MotionFileError(
@@ -155,12 +163,11 @@ class _Reader:
         name = " ".join(words[1:])
         if not name:
             self.fail(f"{words[0]} without a name", f"{words[0]} and the joint's name")
-        for joint in self.joints:
-            if joint.name == name:
-                self.fail(
-                    f"a second joint called {name!r} (the first is at line {joint.line})",
-                    "every joint to have a name of its own",
-                )
+        if name in self.declared:
+            self.fail(
+                f"a second joint called {name!r} (the first is at line {self.declared[name]})",
+                "every joint to have a name of its own",
+            )
         return name
 
     def read_joint(self, tokens: Iterator[tuple[int, list[str]]], parent: int, name: str) -> int:
@@ -186,20 +193,23 @@ class _Reader:
                 )
         if len(set(channels)) != len(channels):
             self.fail(f"joint {name!r} lists a channel twice", "each channel once")
-        self.joints.append(Joint(name, parent, offset, channels, line))
+        return self.add(Joint(name, parent, offset, channels, line))
+
+    def add(self, joint: Joint) -> int:
+        self.joints.append(joint)
+        self.declared[joint.name] = joint.line
         return len(self.joints) - 1
 
     def read_end_site(
         self, tokens: Iterator[tuple[int, list[str]]], parent: int, line: int
     ) -> None:
         name = f"{self.joints[parent].name}_end"
-        taken = {joint.name for joint in self.joints}
-        while name in taken:
+        while name in self.declared:
             name += "_"
         self.expect_brace(tokens, "{", name)
         offset = self.read_offset(tokens, name)
         self.expect_brace(tokens, "}", name)
-        self.joints.append(Joint(name, parent, offset, (), line))
+        self.add(Joint(name, parent, offset, (), line))
 
     def expect_brace(self, tokens: Iterator[tuple[int, list[str]]], brace: str, name: str) -> None:
         _, words = self.following(tokens, f"{brace} of {name!r}")
@@ -267,7 +277,12 @@ class _Reader:
 
 
 def _number(word: str) -> float:
-    """The number that `word` spells, NaN if it spells none (the caller refuses NaN)."""
+    """The number that `word` spells, NaN if it spells none (the caller refuses NaN).
+
+    Python's float() knows more numbers than other programs do, such as 1_0 and those in other digits.
+    """
+    if "_" in word or not word.isascii():
+        return float("nan")
     try:
         return float(word)
     except ValueError:

@@ -12,6 +12,7 @@ A mapping file takes precedence over the built-in names, role by role.
 from __future__ import annotations
 
 import re
+import reprlib
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -29,6 +30,9 @@ from leastaction.io.motion.capture import Capture
 ROLES: tuple[str, ...] = tuple(f"{side}_{joint}" for side, limb in LIMBS for joint in CHAINS[limb])
 
 JointNames = Mapping[str, tuple[str, ...]]
+
+_MOST_BYTES = 1_000_000
+_MOST_NAMES = 200  # of a skeleton that a message lists or guesses among
 
 
 def default_names() -> JointNames:
@@ -56,12 +60,20 @@ def read_mapping(path: str | PathLike[str]) -> JointNames:
     """
     path = Path(path)
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            content = file.read(_MOST_BYTES + 1)
+        if len(content) > _MOST_BYTES:
+            raise MotionFileError(
+                f"{path}: is too large, expected a joint mapping file of at most {_MOST_BYTES} bytes"
+            )
+        table = tomllib.loads(content.decode("utf-8"))
+    except MotionFileError:
+        raise
     except OSError as error:
         raise MotionFileError(
             f"{path}: cannot be read ({error.strerror or error}); expected a joint mapping file"
         ) from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise MotionFileError(
             f"{path}: is no TOML ({error}); expected a joint mapping file such as\n{_example()}"
         ) from error
@@ -143,14 +155,19 @@ def _check_tree(capture: Capture, found: Mapping[str, int]) -> None:
 def _missing_message(
     capture: Capture, found: Mapping[str, int], missing: Mapping[str, tuple[str, ...]]
 ) -> str:
-    free = [name for name in capture.joint_names if capture.index(name) not in found.values()]
+    taken = {capture.names[index] for index in found.values()}
+    names = capture.joint_names[:_MOST_NAMES]
+    more = len(capture.joint_names) - len(names)
+    free = [name for name in names if name not in taken]
     lines = [f"{capture.path}: these joints could not be found by their names:"]
     for role, candidates in missing.items():
         tried = ", ".join(candidates[:4]) + (", ..." if len(candidates) > 4 else "")
         near = _close(role, candidates, free)
         hint = f"; perhaps {' or '.join(repr(name) for name in near)}" if near else ""
         lines.append(f"  {role}: looked for {tried}{hint}")
-    lines.append("The file's joints are: " + ", ".join(capture.joint_names) + ".")
+    lines.append(
+        "The file's joints are: " + ", ".join(names) + (f" and {more} more." if more else ".")
+    )
     lines.append("Say which is which in a mapping file (--mapping FILE), such as:")
     lines.append(_example(capture, found, missing, free))
     return "\n".join(lines)
@@ -212,12 +229,12 @@ def _checked_names(joints: object, where: str) -> JointNames:
             near = get_close_matches(role, ROLES, n=1)
             hint = f"did you mean {near[0]}? " if near else ""
             raise MotionFileError(
-                f"{where}: unknown role {role!r}; {hint}The roles are: {', '.join(ROLES)}"
+                f"{where}: unknown role {reprlib.repr(role)}; {hint}The roles are: {', '.join(ROLES)}"
             )
         listed = [value] if isinstance(value, str) else value
         if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):
             raise MotionFileError(
-                f"{where}: role {role} is {value!r}; expected a joint name or a list of them"
+                f"{where}: role {role} is {reprlib.repr(value)}; expected a joint name or a list of them"
             )
         names[role] = tuple(listed)
     return names
