@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.errors import LeastActionError
+from leastaction.errors import DynamicsError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.signals import PrescribedMotion, WholeInput, motion_at
 from leastaction.mechanics.continuous.stabilisation import ConstraintLost, Projection, project
@@ -41,10 +41,11 @@ class Equations:
         self.law = law
         self.motion = motion
         self.projection = projection if self.mechanism.nc else None
-        self.start = -np.inf
-        """Where the interval between jumps of the inputs begins that is being integrated (s)."""
-        self.cause: str | None = None
-        """Why the last evaluation that failed did."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the end of a step is moved: onto a prescribed motion, or onto the constraints."""
+        return self.motion is not None or self.projection is not None
 
     def __getstate__(self) -> dict[str, object]:
         # A trajectory goes to another process with the mechanism; what is compiled is made anew there.
@@ -69,9 +70,9 @@ class Equations:
         x[m.nd : m.nq], x[m.nq + m.nd :] = value, velocity
         return x
 
-    def input(self, t: float, x: Array, start: float | None = None) -> Array:
-        """Return ``[inputs; rho_a]`` at a time and a state; `start` as in `InputLaw.value`."""
-        u = self.law.value(t, x, self.start if start is None else start)
+    def input(self, t: float, x: Array) -> Array:
+        """Return ``[inputs; rho_a]`` at a time and a state; after the jump where the inputs jump."""
+        u = self.law.value(t, x)
         if self.motion is None:
             return u
         names = self.mechanism.kinematic
@@ -83,10 +84,6 @@ class Equations:
         )
         return np.concatenate([u, acceleration])
 
-    def input_at(self, t: float, x: Array) -> Array:
-        """Return ``[inputs; rho_a]`` at a time and a state; after the jump where the inputs jump."""
-        return self.input(t, x, t)
-
     def solve(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Return the accelerations (nq,) and the multipliers (nc,) at a state and an input."""
         m = self.mechanism
@@ -94,37 +91,24 @@ class Equations:
         return np.concatenate([out.a, u[m.nu :]]), out.lam
 
     def rate(self, t: float, x: Array) -> Array:
-        """Return dx/dt; not finite where there is none, and then `cause` says why."""
+        """Return dx/dt; `DynamicsError` where there is none."""
         m = self.mechanism
-        nothing = np.full(2 * m.nq, np.nan)
         if not np.all(np.isfinite(x)):
-            # What came before this says more.
-            self.cause = self.cause or "the state is not finite"
-            return nothing
+            raise DynamicsError("the state is not finite", t=t, variable=None)
         x = self.state(t, x)
         u = self.input(t, x)
         if not np.all(np.isfinite(u)):
             names = [*m.inputs, *(f"acceleration of {name}" for name in m.kinematic)]
             bad = names[int(np.argmax(~np.isfinite(u)))]
-            self.cause = f"the input {bad!r} is not finite"
-            return nothing
+            raise DynamicsError(f"the input {bad!r} is not finite", t=t, variable=None)
         # The core itself: all is checked, and the checks of a call by hand would take longer than it.
         out = self.dynamics.core.accelerations(
             x[None, : m.nq], x[None, m.nq :], u[None, : m.nu], u[None, m.nu :], 1
         )
         if out["points"] < 1:
-            self.cause = self._why(t, x, u)
-            return nothing
-        return np.concatenate([x[m.nq :], out["a"][0], u[m.nu :]])
-
-    def _why(self, t: float, x: Array, u: Array) -> str:
-        """Return why there are no accelerations at a state and an input."""
-        m = self.mechanism
-        try:
             self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.nu], u[m.nu :], t)
-        except LeastActionError as error:
-            return str(error)
-        return "the equations of motion have no solution"
+            raise DynamicsError("the equations of motion have no solution", t=t, variable=None)
+        return np.concatenate([x[m.nq :], out["a"][0], u[m.nu :]])
 
     def jacobian(self, t: float, x: Array) -> Array:
         """Return the derivative of the rate by x, (nx, nx), exact but for laws that give no derivative."""

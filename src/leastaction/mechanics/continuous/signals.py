@@ -145,8 +145,8 @@ class InputLaw:
         breaks: Array = self.times[1:-1][jumps]
         return breaks
 
-    def value(self, t: float, x: Array, start: float) -> Array:
-        """Return the input (n,); `start` is where the interval between jumps begins that t belongs to."""
+    def value(self, t: float, x: Array) -> Array:
+        """Return the input (n,); after the jump where it jumps."""
         if self.function is not None:
             given = self.function(t, x)
             array = np.asarray(given)
@@ -157,7 +157,7 @@ class InputLaw:
         if len(self.rows) == 1:
             return np.asarray(self.rows[0])
         if self.held:
-            k = int(np.searchsorted(self.times, start, side="right")) - 1
+            k = int(np.searchsorted(self.times, t, side="right")) - 1
             return np.asarray(self.rows[min(max(k, 0), len(self.rows) - 1)])
         k = min(max(int(np.searchsorted(self.times, t, side="right")) - 1, 0), len(self.times) - 2)
         part = (t - self.times[k]) / (self.times[k + 1] - self.times[k])
@@ -175,13 +175,13 @@ class InputLaw:
         if callable(derivative):
             given = derivative(t, x)
             return as_array(given, f"{self.what}.jacobian({t:g}, x)", (self.n, len(x)))
-        here = self.value(t, x, t)
+        here = self.value(t, x)
         result = np.empty((self.n, len(x)))
         for i, entry in enumerate(x):
             step = 1e-7 * max(1.0, abs(float(entry)))
             beside = x.copy()
             beside[i] += step
-            result[:, i] = (self.value(t, beside, t) - here) / (beside[i] - entry)
+            result[:, i] = (self.value(t, beside) - here) / (beside[i] - entry)
         return result
 
 
@@ -196,11 +196,11 @@ class WholeInput:
         """Times (s) inside at which one of the parts jumps, increasing."""
         return np.unique(np.concatenate([part.breaks for part in self.parts]))
 
-    def value(self, t: float, x: Array, start: float) -> Array:
+    def value(self, t: float, x: Array) -> Array:
         """Return u (nu + nrho,)."""
         if len(self.parts) == 1:
-            return self.parts[0].value(t, x, start)
-        return np.concatenate([part.value(t, x, start) for part in self.parts])
+            return self.parts[0].value(t, x)
+        return np.concatenate([part.value(t, x) for part in self.parts])
 
     def jacobian(self, t: float, x: Array) -> Array | None:
         """Return its derivative by the state (nu + nrho, nx); None for zero."""

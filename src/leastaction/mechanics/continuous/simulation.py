@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ from leastaction.errors import ArgumentError, LeastActionError, closest
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.equations import Equations
 from leastaction.mechanics.continuous.events import Event, EventRecord, watch
-from leastaction.mechanics.continuous.integration import METHODS, Integration, Progress
+from leastaction.mechanics.continuous.integration import Progress
 from leastaction.mechanics.continuous.signals import (
     ContinuousSignal,
     InputLaw,
@@ -37,6 +38,7 @@ from leastaction.mechanics.continuous.trajectory import (
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
+from leastaction.numerics.ode import SOLVERS, March
 
 _SHOWN = 8  # variables of a state that a message lists
 
@@ -57,6 +59,7 @@ def simulate(
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
+    max_seconds: float | None = None,
     events: Mapping[str, Event | Callable[[float, Array], float] | str] | None = None,
     constraints: str | Projection | Baumgarte = "project",
     dense_output: bool = True,
@@ -97,6 +100,8 @@ def simulate(
         Largest and first step (s).
     max_steps : int, optional
         Steps of the solver after which a simulation counts as failed; no limit if not given.
+    max_seconds : float, optional
+        Wall time (s) after which it does.
     events : mapping of str to Event, callable or str, optional
         Functions of time and state whose zeros are looked for, by name; see `Event`.
     constraints : {"project", "baumgarte", "none"}, Projection or Baumgarte, optional
@@ -142,6 +147,7 @@ def simulate(
         check_start_consistent(m, x0[: m.nq], x0[m.nq :])
     watched = watch(events or {}, m)
     options = _options(m, method, rtol, atol, max_step, first_step, float(times[-1] - times[0]))
+    seconds = None if max_seconds is None else as_number(max_seconds, "max_seconds", above=0.0)
     limit = None if max_steps is None else as_count(max_steps, "max_steps", 1)
     if isinstance(handling, Baumgarte):
         dynamics = ContinuousDynamics(
@@ -150,12 +156,23 @@ def simulate(
     law = _law(m, inputs, rho_a, u, motion, times)
     projection = handling if isinstance(handling, Projection) else None
     equations = Equations(dynamics, law, motion, projection)
-    done = Progress([float(times[0])], [x0])
+    march = March(
+        equations.rate,
+        float(times[0]),
+        float(times[-1]),
+        x0,
+        solver=method,
+        jacobian=equations.jacobian,
+        hold=equations.hold if equations.holds else None,
+        jumps=law.breaks.tolist(),
+        max_steps=limit,
+        max_seconds=seconds,
+        **options,
+    )
+    done = Progress(equations, times, watched, march, dense_output)
     status, message = IntegrationStatus.COMPLETED, f"completed, to t = {times[-1]:g} s"
     try:
-        Integration(equations, method, options, watched, dense_output, limit).run(
-            times, x0, done, progress
-        )
+        done.run(progress)
     except KeyboardInterrupt:
         status = IntegrationStatus.INTERRUPTED
         message = f"interrupted at t = {done.reached:.6g} s of {times[-1]:g} s"
@@ -236,11 +253,11 @@ def _options(
     max_step: float | None,
     first_step: float | None,
     span: float,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Return the options of the solver, checked."""
-    if method not in METHODS:
+    if method not in SOLVERS:
         raise ArgumentError(
-            f"method: unknown {method!r}; {closest(method, METHODS, what='methods')}"
+            f"method: unknown {method!r}; {closest(method, SOLVERS, what='methods')}"
         )
     # Below 100 eps SciPy would raise it with a warning.
     least = 100.0 * float(np.finfo(float).eps)
@@ -249,7 +266,7 @@ def _options(
     absolute = as_array(atol, "atol", (m.nx,) if shape_of(atol) else ())
     if np.any(absolute <= 0.0):
         raise ArgumentError(f"atol: got {atol!r}, expected positive numbers")
-    options: dict[str, object] = {"rtol": float(rtol), "atol": absolute[()]}
+    options: dict[str, Any] = {"rtol": float(rtol), "atol": absolute[()]}
     for name, value in (("max_step", max_step), ("first_step", first_step)):
         if value is None:
             continue
@@ -276,7 +293,7 @@ def _result(
     if t[-1] < done.reached:
         t, x = [*t, done.reached], [*x, done.state]
     at, states = np.array(t), np.array(x)
-    u = np.array([equations.input_at(*pair) for pair in zip(t, x, strict=True)])
+    u = np.array([equations.input(*pair) for pair in zip(t, x, strict=True)])
     a = np.full((len(t), m.nq), np.nan)
     lam = np.full((len(t), m.nc), np.nan)
     for k, state in enumerate(x):
@@ -293,11 +310,11 @@ def _result(
         lam,
         status,
         message,
-        done.drift(m.constraints),
+        done.drift,
         records,
-        done.effort,
+        done.counts,
         DenseOutput(done.pieces, equations.hold, done.x[0]) if dense_output else None,
-        equations.input_at,
+        equations.input,
     )
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.continuous.events import EventRecord
-from leastaction.mechanics.continuous.integration import Effort
+from leastaction.mechanics.continuous.integration import SolverCounts
 from leastaction.mechanics.continuous.stabilisation import Drift
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
@@ -82,7 +82,7 @@ class ContinuousTrajectory:
         How far it was from each constraint.
     events : mapping of str to EventRecord
         When each event took place.
-    effort : Effort
+    effort : SolverCounts
         What it took.
     """
 
@@ -97,7 +97,7 @@ class ContinuousTrajectory:
     message: str = "completed"
     drift: Mapping[str, Drift] = field(default_factory=dict, repr=False)
     events: Mapping[str, EventRecord] = field(default_factory=dict, repr=False)
-    effort: Effort = field(default=Effort(0, 0, 0), repr=False)
+    effort: SolverCounts = field(default=SolverCounts(0, 0, 0), repr=False)
     dense: Callable[[float], Array] | None = field(default=None, repr=False)
     law: Callable[[float, Array], Array] | None = field(default=None, repr=False)
 

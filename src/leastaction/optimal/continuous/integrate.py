@@ -1,30 +1,18 @@
-"""Initial-value problems by SciPy's adaptive integrators, step by step, with dense output.
-
-Stepping is done here and not by ``solve_ivp``, so that an integration can be given up in the middle, ends
-with a reason instead of a warning, and starts anew where its equation jumps.
-"""
+"""Solutions of initial-value problems as functions of time, on the mesh of the integrator's steps."""
 
 from __future__ import annotations
 
-import importlib
-import itertools
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_count, as_number
+from leastaction.numerics.ode import SOLVERS, IntegrationFailed, Interpolant, March
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
 
-__all__ = ["Accuracy", "Integration", "integrate", "segments"]
-
-# Those whose state is left as it was by a step that ends in an exception.
-_EXPLICIT = ("DOP853", "RK45", "RK23")
-
-SOLVERS = ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA")
+__all__ = ["Accuracy", "Integration", "integrate"]
 
 
 @dataclass(frozen=True)
@@ -100,13 +88,6 @@ class Integration:
         return self.mesh.fit(self.values, shape)
 
 
-def segments(t0: float, tf: float, jumps: Sequence[float]) -> list[float]:
-    """Return t0, the jumps between, and tf, in increasing order."""
-    least = 1e-12 * (abs(t0) + abs(tf))
-    inner = sorted({float(t) for t in jumps if t0 + least < t < tf - least})
-    return [t0, *inner, tf]
-
-
 def integrate(
     fun: Callable[[float, Array], Array],
     t0: float,
@@ -123,8 +104,7 @@ def integrate(
     Parameters
     ----------
     fun : callable
-        An `ArithmeticError`, or an error of this package other than an `ArgumentError`, ends the
-        integration with that reason.
+        As of `March`.
     t0, tf : float
         Times (s).
     y0 : ndarray (size,)
@@ -137,92 +117,35 @@ def integrate(
     check : callable, optional
         ``check(t, y)`` after every step; a string ends the integration with that reason.
     """
-    stops = segments(min(t0, tf), max(t0, tf), jumps)
-    if tf < t0:
-        stops.reverse()
-    # SciPy's integrators take most of a second to import: only those pay who integrate.
-    method = getattr(importlib.import_module("scipy.integrate"), accuracy.solver)
-    pieces: list[tuple[float, float, Any]] = []
-    y, reached = y0, t0
-    steps, failure = 0, None
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for begin, end in itertools.pairwise(stops):
-            inside = _kept_inside(fun, min(begin, end), max(begin, end))
-            try:
-                solver = method(
-                    inside,
-                    begin,
-                    y,
-                    end,
-                    rtol=accuracy.rtol,
-                    atol=accuracy.atol if atol is None else atol,
-                )
-                while solver.status == "running":
-                    reason = _step(solver, shortest=1e-9 * abs(tf - t0))
-                    if solver.status == "failed":
-                        failure = (
-                            f"the integrator gave up, {str(reason).rstrip('.').lower()}: the "
-                            "solution escapes there, or has no rate beyond"
-                        )
-                        break
-                    steps += 1
-                    y, reached = solver.y, float(solver.t)
-                    pieces.append((float(solver.t_old), reached, solver.dense_output()))
-                    if check is not None:
-                        failure = check(reached, y)
-                    if failure is None and not math.isfinite(float(np.sum(y))):
-                        failure = "the solution is not finite"
-                    if failure is None and steps >= accuracy.max_steps:
-                        failure = f"{steps} steps were not enough (max_steps)"
-                    if failure is not None:
-                        break
-            except ArgumentError:
-                raise
-            except (LeastActionError, ArithmeticError) as error:
-                failure = str(error)
-            except ValueError as error:
-                # SciPy's way to say that the right-hand side is not finite, in its stiff integrators.
-                if "finite" not in str(error) and "infs or NaNs" not in str(error):
-                    raise
-                failure = f"the integrator gave up, {error}"
+    march = March(
+        fun,
+        t0,
+        tf,
+        y0,
+        solver=accuracy.solver,
+        rtol=accuracy.rtol,
+        atol=accuracy.atol if atol is None else atol,
+        jumps=jumps,
+        max_steps=accuracy.max_steps,
+    )
+    pieces: list[Interpolant] = []
+    failure = None
+    try:
+        for step in march:
+            pieces.append(step.interpolant())
+            failure = check(step.end, step.y) if check is not None else None
             if failure is not None:
                 break
+    except IntegrationFailed as failed:
+        failure = str(failed)
     if failure is not None:
-        failure = f"t = {reached:.6g} s: {failure}"
+        failure = f"t = {march.t:.6g} s: {failure}"
     breaks, values = _sampled(pieces, t0, y0, backwards=tf < t0, wanted=failure is None)
-    return Integration(y, reached, steps, failure, breaks, values)
-
-
-def _step(solver: Any, shortest: float) -> str | None:
-    """Make a step, a shorter one where the equation has no value within it.
-
-    A trial step may well look further ahead than the solution goes.
-    """
-    while True:
-        try:
-            message: str | None = solver.step()
-        except ArgumentError:
-            raise
-        except (LeastActionError, ArithmeticError):
-            if type(solver).__name__ not in _EXPLICIT:
-                raise
-            solver.h_abs *= 0.2
-            if solver.h_abs < shortest:
-                raise
-        else:
-            return message
-
-
-def _kept_inside(
-    fun: Callable[[float, Array], Array], low: float, high: float
-) -> Callable[[float, Array], Array]:
-    """Return fun that sees times strictly between the ends, where it may jump."""
-    low, high = math.nextafter(low, high), math.nextafter(high, low)
-    return lambda t, y: fun(low if t < low else high if t > high else t, y)
+    return Integration(march.y, march.t, march.steps, failure, breaks, values)
 
 
 def _sampled(
-    pieces: list[tuple[float, float, Any]],
+    pieces: list[Interpolant],
     t0: float,
     y0: Array,
     *,
@@ -233,9 +156,9 @@ def _sampled(
         return np.array([t0]), np.empty((0, y0.size))
     if backwards:
         pieces = pieces[::-1]
-    ends = [max(old, new) for old, new, _ in pieces]
-    breaks = np.array([min(pieces[0][:2]), *ends])
+    first = pieces[0]
+    breaks = np.array([min(first.start, first.end), *(max(p.start, p.end) for p in pieces)])
     mesh = Mesh(breaks)
     points = mesh.t.reshape(len(pieces), -1)
-    values = [dense(t).T for (_, _, dense), t in zip(pieces, points, strict=True)]
+    values = [piece(t).T for piece, t in zip(pieces, points, strict=True)]
     return breaks, np.concatenate(values)

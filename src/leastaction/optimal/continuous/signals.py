@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
-from leastaction.optimal.continuous.integrate import segments
+from leastaction.numerics.ode import segments
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
 
 __all__ = ["Signal", "SignalLike", "as_horizon", "first_mesh"]

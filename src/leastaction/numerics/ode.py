@@ -1,0 +1,327 @@
+"""Initial-value problems by SciPy's adaptive solvers, step by step: the one place that drives them.
+
+`scipy.integrate.solve_ivp` knows no projection between steps, cannot be given up in the middle, and warns where a
+reason is wanted. So the solvers are driven here, through what they document:
+
+- **Projection.** The solver integrates z where the solution is ``y = z + c``, with c constant over a step. To move y
+  onto a manifold changes c. Nothing that a solver keeps of its past (differences, derivatives, factorisations) sees a
+  shift, so multistep methods keep their order and implicit ones their matrices, as they would not after a restart.
+- **Jumps.** Integration starts anew where the equation jumps, and the equation sees times strictly between two jumps,
+  and before the end of all.
+- **Failures.** Where the equation has no value the solver sees NaN, which it takes for a step that was too long; when
+  no step is short enough, the reason is the one that the equation gave.
+"""
+
+from __future__ import annotations
+
+import importlib
+import itertools
+import math
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.numerics.arrays import Array, read_only
+
+__all__ = ["IMPLICIT", "SOLVERS", "IntegrationFailed", "Interpolant", "March", "Step", "segments"]
+
+SOLVERS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
+"""SciPy's solvers by name."""
+
+IMPLICIT = ("Radau", "BDF", "LSODA")
+"""Those that take a Jacobian, for stiff equations."""
+
+
+class IntegrationFailed(LeastActionError):
+    """An integration that cannot go on; its message is the reason, and the `March` says how far it came."""
+
+
+class Interpolant:
+    """The solution over one step, bent so that it ends where the projection put the step's end.
+
+    The bend ``s^2 (3 - 2 s)`` of the projection's change, s from 0 to 1, leaves the slopes at both ends, and
+    is of the size of the step's error.
+
+    Parameters
+    ----------
+    solution : callable
+        SciPy's dense output, without shift and bend.
+    start, end : float
+        Of the step (s).
+    shift, change : ndarray (n,)
+        What is added, and the projection's change at the end; None for none.
+    """
+
+    __slots__ = ("change", "end", "shift", "solution", "start")
+
+    def __init__(
+        self,
+        solution: Callable[[Any], Any],
+        start: float,
+        end: float,
+        shift: Array | None = None,
+        change: Array | None = None,
+    ) -> None:
+        self.solution = solution
+        self.start, self.end = start, end
+        self.shift, self.change = shift, change
+
+    def __call__(self, t: Any) -> Array:
+        """Return the solution (n,) at a time, or (n, m) at times (m,)."""
+        values = np.asarray(self.solution(t))
+        column = (slice(None),) + (None,) * (values.ndim - 1)
+        if self.shift is not None:
+            values = values + self.shift[column]
+        if self.change is not None:
+            s = (np.asarray(t) - self.start) / (self.end - self.start)
+            values = values + self.change[column] * (s**2 * (3.0 - 2.0 * s))
+        return values
+
+
+class Step:
+    """An accepted step, as a `March` gives it; its interpolant is to be asked for before the next step.
+
+    Attributes
+    ----------
+    start, end : float
+        Times (s).
+    raw, y : ndarray (n,)
+        The solution at the end, before and after it was held.
+    """
+
+    __slots__ = ("_interpolate", "end", "raw", "start", "y")
+
+    def __init__(
+        self, start: float, end: float, raw: Array, y: Array, interpolate: Callable[[], Interpolant]
+    ) -> None:
+        self.start, self.end = start, end
+        self.raw, self.y = raw, y
+        self._interpolate = interpolate
+
+    def interpolant(self) -> Interpolant:
+        """Return the solution over the step."""
+        return self._interpolate()
+
+
+class March:
+    """One integration of ``y' = fun(t, y)`` from t0 to tf, forwards or backwards: iterate over its steps.
+
+    The iteration ends at tf, and by `IntegrationFailed` where it cannot go on; it may be left at any step. The counts
+    and the last state are right whenever it ends. Not for several threads.
+
+    Parameters
+    ----------
+    fun : callable
+        ``fun(t, y) -> (n,)``. An `ArithmeticError`, an error of this package other than an `ArgumentError`, or what
+        is not finite says that there is no value.
+    t0, tf : float
+        Times (s).
+    y0 : ndarray (n,)
+        Initial value.
+    solver : str
+        One of `SOLVERS`.
+    rtol, atol : float, or ndarray (n,) for the latter
+        Error of one step that is allowed, ``atol + rtol |y|``.
+    jacobian : callable, optional
+        ``jacobian(t, y) -> (n, n)``, for those of `IMPLICIT`.
+    hold : callable, optional
+        ``hold(t, y) -> y`` moves the end of every step where it belongs, such as onto constraints; an error of this
+        package ends the integration.
+    jumps : sequence of float
+        Times where `fun` jumps.
+    first_step, max_step : float, optional
+        Sizes (s).
+    max_steps : int, optional
+        Steps after which it has failed.
+    max_seconds : float, optional
+        Wall time (s) after which it has failed.
+
+    Attributes
+    ----------
+    t, y : float, ndarray (n,)
+        The last time that was reached, and the solution there.
+    steps, evaluations, jacobians : int
+        Steps accepted, and evaluations of `fun` and `jacobian`.
+    """
+
+    def __init__(
+        self,
+        fun: Callable[[float, Array], Array],
+        t0: float,
+        tf: float,
+        y0: Array,
+        *,
+        solver: str,
+        rtol: float,
+        atol: float | Array,
+        jacobian: Callable[[float, Array], Array] | None = None,
+        hold: Callable[[float, Array], Array] | None = None,
+        jumps: Sequence[float] = (),
+        first_step: float | None = None,
+        max_step: float | None = None,
+        max_steps: int | None = None,
+        max_seconds: float | None = None,
+    ) -> None:
+        self.t, self.y = float(t0), np.asarray(y0, dtype=np.float64)
+        self.steps = self.evaluations = self.jacobians = 0
+        self._fun, self._jacobian, self._hold = fun, jacobian, hold
+        self._stops = segments(min(t0, tf), max(t0, tf), jumps)
+        if tf < t0:
+            self._stops.reverse()
+        self._solver = solver
+        self._options: dict[str, Any] = {"rtol": rtol, "atol": atol}
+        if max_step is not None:
+            self._options["max_step"] = max_step
+        self._size = first_step
+        self._max_steps = max_steps
+        self._deadline = None if max_seconds is None else time.monotonic() + max_seconds
+        self._cause: str | None = None
+        self._theirs: ValueError | None = None
+
+    def __iter__(self) -> Iterator[Step]:
+        """Make the steps."""
+        # Only those who integrate pay for the import, of most of a second.
+        kind = getattr(importlib.import_module("scipy.integrate"), self._solver)
+        for begin, end in itertools.pairwise(self._stops):
+            yield from self._segment(kind, begin, end)
+
+    def _segment(self, kind: Any, begin: float, end: float) -> Iterator[Step]:
+        """Integrate from one jump to the next."""
+        low, high = min(begin, end), math.nextafter(max(begin, end), -math.inf)
+        if low > min(self._stops[0], self._stops[-1]):
+            low = math.nextafter(low, math.inf)
+        shift = np.zeros(self.y.size)
+
+        def within(t: float) -> float:
+            return low if t < low else high if t > high else t
+
+        def rate(t: float, z: Array) -> Array:
+            self.evaluations += 1
+            return self._asked(
+                self._fun, within(t), z if self._hold is None else z + shift, (z.size,)
+            )
+
+        def slope(t: float, z: Array) -> Array:
+            self.jacobians += 1
+            assert self._jacobian is not None
+            return self._asked(self._jacobian, within(t), z + shift, (z.size, z.size))
+
+        options = dict(self._options)
+        if self._size is not None:
+            # A segment begins with the step that the one before had come to.
+            options["first_step"] = min(self._size, abs(end - begin))
+        if self._jacobian is not None and self._solver in IMPLICIT:
+            options["jac"] = slope
+        self._cause = None
+        with np.errstate(all="ignore"):
+            if not np.isfinite(rate(begin, self.y)).all():
+                raise IntegrationFailed(self._why("the equations have no value there"))
+            solver = self._guarded(lambda: kind(rate, begin, self.y.copy(), end, **options))
+        whole = False
+        while solver.status == "running":
+            self._step(solver)
+            start, t, raw = float(solver.t_old), float(solver.t), solver.y + shift
+            if not np.isfinite(raw).all():
+                raise IntegrationFailed(self._why("the state is not finite"))
+            y = raw if self._hold is None else self._held(t, raw)
+            change = None if y is raw or np.array_equal(y, raw) else y - raw
+            self.steps += 1
+            self.t, self.y = t, y
+            if t != end or not whole:
+                self._size, whole = float(solver.step_size), True
+            past = shift.copy() if shift.any() else None
+
+            def interpolate(
+                start: float = start,
+                t: float = t,
+                past: Array | None = past,
+                change: Array | None = change,
+            ) -> Interpolant:
+                return Interpolant(solver.dense_output(), start, t, past, change)
+
+            yield Step(start, t, raw, y, interpolate)
+            if change is not None:
+                shift += change
+                if hasattr(solver, "f"):
+                    # One-step methods begin a step with the slope that ended the one before.
+                    with np.errstate(all="ignore"):
+                        solver.f = rate(t, solver.y)
+            self._check_limits(t)
+
+    def _step(self, solver: Any) -> None:
+        self._cause = None
+        with np.errstate(all="ignore"):
+            if self._solver == "LSODA":
+                # It says why it fails by a warning.
+                with warnings.catch_warnings(record=True) as told:
+                    warnings.simplefilter("always")
+                    message = self._guarded(solver.step)
+                message = "; ".join(str(w.message) for w in told) or message
+            else:
+                message = self._guarded(solver.step)
+        if solver.status == "failed":
+            raise IntegrationFailed(self._why(_gave_up(message)))
+
+    def _asked(
+        self,
+        function: Callable[[float, Array], Array],
+        t: float,
+        y: Array,
+        shape: tuple[int, ...],
+    ) -> Array:
+        """Return the value of one of the user's functions, NaN where there is none."""
+        try:
+            return function(t, read_only(y))
+        except ValueError as error:
+            self._theirs = error
+            raise
+        except (LeastActionError, ArithmeticError) as error:
+            # The first reason within a step says more than what follows from it.
+            self._cause = self._cause or str(error)
+            return np.full(shape, np.nan)
+
+    def _guarded(self, call: Callable[[], Any]) -> Any:
+        try:
+            return call()
+        except (ValueError, np.linalg.LinAlgError) as error:
+            if error is self._theirs:
+                raise
+            # A Jacobian that is not finite, or a matrix of it that has no inverse.
+            raise IntegrationFailed(self._why(_gave_up(error))) from None
+
+    def _why(self, otherwise: str) -> str:
+        """Return what the equations said of their last failure, or something else if they said nothing."""
+        return self._cause or otherwise
+
+    def _held(self, t: float, y: Array) -> Array:
+        assert self._hold is not None
+        try:
+            return self._hold(t, y)
+        except ArgumentError:
+            raise
+        except LeastActionError as lost:
+            raise IntegrationFailed(str(lost)) from None
+
+    def _check_limits(self, t: float) -> None:
+        if t == self._stops[-1]:
+            return
+        if self.steps == self._max_steps:
+            raise IntegrationFailed(f"it took {self.steps} steps, as many as max_steps allows")
+        if self._deadline is not None and time.monotonic() > self._deadline:
+            raise IntegrationFailed("it took as long as max_seconds allows")
+
+
+def segments(t0: float, tf: float, jumps: Sequence[float]) -> list[float]:
+    """Return t0, the jumps between, and tf, in increasing order."""
+    least = 1e-12 * (abs(t0) + abs(tf))
+    inner = sorted({float(t) for t in jumps if t0 + least < t < tf - least})
+    return [t0, *inner, tf]
+
+
+def _gave_up(message: object) -> str:
+    reason = str(message or "without a reason").rstrip(".")
+    return f"the solver gave up, {reason[:1].lower()}{reason[1:]}"
