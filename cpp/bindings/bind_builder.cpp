@@ -46,6 +46,8 @@ void bind_coordinates(nb::class_<MechanismBuilder>& builder) {
         .def("variables_coordinate", &MechanismBuilder::combination, "variables"_a, "factors"_a,
              "Sum of variables times factors (slots).")
         .def("path_coordinate", &MechanismBuilder::path, "points"_a, "Length of a string over points.")
+        .def("offset_coordinate", &MechanismBuilder::offset, "coordinate"_a, "slot"_a = -1, "variable"_a = -1,
+             "A coordinate less a number, a variable, or both.")
         .def(
             "component_coordinate",
             [](MechanismBuilder& b, int point1, int point2, int direction) {

@@ -128,43 +128,7 @@ void Coincidence::evaluate_on(const Placement<T>& at, const T*, Order order, Loc
     support_joints_.fold(order, out);
 }
 
-CoordinateConstraint::CoordinateConstraint(std::shared_ptr<const ConfigurationFunction> coordinate, int slot,
-                                           int variable)
-    : coordinate_(std::move(coordinate)), slot_(slot), variable_(variable), index_(-1) {
-    support_ = coordinate_->support();
-    joints_ = coordinate_->joints();
-    if (variable < 0) return;
-    const auto found = std::find(support_.begin(), support_.end(), variable);
-    index_ = static_cast<int>(found - support_.begin());
-    if (found == support_.end()) support_.push_back(variable);
-}
-
-template <class T>
-void CoordinateConstraint::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
-    coordinate_->evaluate(at, q, order, out);
-    T held{};
-    if (slot_ >= 0) held += at.number(slot_);
-    if (variable_ >= 0) held += q[variable_];
-    out.value -= held;
-    if constexpr (std::is_same_v<T, double>) out.scale = std::max(out.scale, std::abs(held));
-    if (order == Order::value || variable_ < 0) return;
-    const std::size_t inner = coordinate_->support().size(), m = support_.size();
-    if (m > inner) {
-        out.gradient.push_back(T{});
-        if (order == Order::hessian) {
-            out.hessian.resize(m * m);
-            for (std::size_t i = inner; i-- > 0;) {  // widen the rows, from the last
-                for (std::size_t j = inner; j-- > 0;) out.hessian[i * m + j] = out.hessian[i * inner + j];
-                out.hessian[i * m + inner] = T{};
-            }
-            std::fill_n(&out.hessian[inner * m], m, T{});
-        }
-    }
-    out.gradient[index_] -= T(1.0);
-}
-
 LEASTACTION_ON_ANY_SCALAR(Distance);
 LEASTACTION_ON_ANY_SCALAR(Coincidence);
-LEASTACTION_ON_ANY_SCALAR(CoordinateConstraint);
 
 }  // namespace leastaction

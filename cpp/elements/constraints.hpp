@@ -73,18 +73,4 @@ private:
     Vec3<double> direction_;
 };
 
-// A coordinate held at a number, or at the value of a variable: h = s(q) - number - q[variable]; either may be missing (-1).
-class CoordinateConstraint final : public OnAnyScalar<CoordinateConstraint> {
-public:
-    CoordinateConstraint(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, int variable);
-
-    template <class T>
-    void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
-
-private:
-    std::shared_ptr<const ConfigurationFunction> coordinate_;
-    int slot_, variable_;
-    int index_;  // of the variable in the support
-};
-
 }  // namespace leastaction

@@ -158,6 +158,40 @@ void PathLength::evaluate_on(const Placement<T>& at, const T*, Order order, Loca
     support_joints_.fold(order, out);
 }
 
+OffsetCoordinate::OffsetCoordinate(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, int variable)
+    : coordinate_(std::move(coordinate)), slot_(slot), variable_(variable), index_(-1) {
+    support_ = coordinate_->support();
+    joints_ = coordinate_->joints();
+    if (variable < 0) return;
+    const auto found = std::find(support_.begin(), support_.end(), variable);
+    index_ = static_cast<int>(found - support_.begin());
+    if (found == support_.end()) support_.push_back(variable);
+}
+
+template <class T>
+void OffsetCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
+    coordinate_->evaluate(at, q, order, out);
+    T offset{};
+    if (slot_ >= 0) offset += at.number(slot_);
+    if (variable_ >= 0) offset += q[variable_];
+    out.value -= offset;
+    if constexpr (std::is_same_v<T, double>) out.scale = std::max(out.scale, std::abs(offset));
+    if (order == Order::value || variable_ < 0) return;
+    const std::size_t inner = coordinate_->support().size(), m = support_.size();
+    if (m > inner) {
+        out.gradient.push_back(T{});
+        if (order == Order::hessian) {
+            out.hessian.resize(m * m);
+            for (std::size_t i = inner; i-- > 0;) {  // widen the rows, from the last
+                for (std::size_t j = inner; j-- > 0;) out.hessian[i * m + j] = out.hessian[i * inner + j];
+                out.hessian[i * m + inner] = T{};
+            }
+            std::fill_n(&out.hessian[inner * m], m, T{});
+        }
+    }
+    out.gradient[index_] -= T(1.0);
+}
+
 LocalCoordinate::LocalCoordinate(const Constants& constants, std::vector<int> points, std::vector<int> directions,
                                  std::vector<int> variables, std::shared_ptr<const LocalFunction> function)
     : points_(std::move(points)),
@@ -283,6 +317,7 @@ void TapeFunction::evaluate(const Placement<HyperDual>& at, const HyperDual* z, 
 
 LEASTACTION_ON_ANY_SCALAR(Combination);
 LEASTACTION_ON_ANY_SCALAR(PathLength);
+LEASTACTION_ON_ANY_SCALAR(OffsetCoordinate);
 LEASTACTION_ON_ANY_SCALAR(LocalCoordinate);
 
 }  // namespace leastaction

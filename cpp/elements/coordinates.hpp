@@ -41,6 +41,21 @@ private:
     std::vector<std::vector<End>> pieces_;
 };
 
+// A coordinate less a number and the value of a variable: s(q) - number - q[variable]; either may be missing (-1). A constraint
+// that holds a coordinate, or the stretch of a spring whose rest is a variable.
+class OffsetCoordinate final : public OnAnyScalar<OffsetCoordinate> {
+public:
+    OffsetCoordinate(std::shared_ptr<const ConfigurationFunction> coordinate, int slot, int variable);
+
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+
+private:
+    std::shared_ptr<const ConfigurationFunction> coordinate_;
+    int slot_, variable_;
+    int index_;  // of the variable in the support
+};
+
 // A function of places and directions in the world and of configuration variables, z = [points | directions | variables]. It
 // states its value, gradient and Hessian by z; the chain rule is done here.
 class LocalFunction {

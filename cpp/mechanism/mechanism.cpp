@@ -147,7 +147,7 @@ int MechanismBuilder::add_number(double value) {
 void MechanismBuilder::set_number(int slot, double value) { numbers_[check_slot(slot)] = value; }
 void MechanismBuilder::set_gravity(const Vec3<double>& g) { gravity_ = g; }
 
-int MechanismBuilder::add_coordinate(Maker<ConfigurationFunction> maker) {
+int MechanismBuilder::add_coordinate(Maker maker) {
     coordinates_.push_back(std::move(maker));
     return static_cast<int>(coordinates_.size()) - 1;
 }
@@ -156,7 +156,7 @@ int MechanismBuilder::combination(std::vector<int> variables, std::vector<int> f
         throw std::invalid_argument("one factor for each of at least one variable is needed");
     for (const int variable : variables) check_variable(variable);
     for (const int slot : factor_slots) check_slot(slot);
-    return add_coordinate([variables, factor_slots](const Mechanism& m) {
+    return add_coordinate([variables, factor_slots](const Mechanism& m, const Coordinates&) {
         std::vector<int> internal;
         for (const int variable : variables) internal.push_back(m.internal[variable]);
         return std::make_shared<Combination>(internal, factor_slots);
@@ -165,7 +165,8 @@ int MechanismBuilder::combination(std::vector<int> variables, std::vector<int> f
 int MechanismBuilder::path(std::vector<int> points) {
     if (points.size() < 2) throw std::invalid_argument("a path needs two points at least");
     for (const int point : points) check_point(point);
-    return add_coordinate([points](const Mechanism& m) { return std::make_shared<PathLength>(m, points); });
+    return add_coordinate(
+        [points](const Mechanism& m, const Coordinates&) { return std::make_shared<PathLength>(m, points); });
 }
 int MechanismBuilder::local(std::vector<int> points, std::vector<int> directions, std::vector<int> variables,
                             std::shared_ptr<const LocalFunction> function) {
@@ -174,10 +175,18 @@ int MechanismBuilder::local(std::vector<int> points, std::vector<int> directions
     for (const int direction : directions)
         if (direction < 0 || direction >= static_cast<int>(directions_.size()))
             throw std::invalid_argument("no direction " + std::to_string(direction));
-    return add_coordinate([=](const Mechanism& m) {
+    return add_coordinate([=](const Mechanism& m, const Coordinates&) {
         std::vector<int> internal;
         for (const int variable : variables) internal.push_back(m.internal[variable]);
         return std::make_shared<LocalCoordinate>(m, points, directions, internal, function);
+    });
+}
+int MechanismBuilder::offset(int coordinate, int slot, int variable) {
+    check_coordinate(coordinate);
+    if (slot >= 0) check_slot(slot);
+    if (variable >= 0) check_variable(variable);
+    return add_coordinate([=](const Mechanism& m, const Coordinates& made) {
+        return std::make_shared<OffsetCoordinate>(made[coordinate], slot, variable < 0 ? -1 : m.internal[variable]);
     });
 }
 int MechanismBuilder::add_law(std::shared_ptr<const Law> law) {
@@ -203,13 +212,8 @@ void MechanismBuilder::add_coincidence(int point1, int point2, const Vec3<double
     });
 }
 void MechanismBuilder::add_constraint(int coordinate, int slot, int variable) {
-    check_coordinate(coordinate);
-    if (slot >= 0) check_slot(slot);
-    if (variable >= 0) check_variable(variable);
-    constraints_.push_back([=](const Mechanism& m, const Coordinates& coordinates) {
-        return std::make_shared<CoordinateConstraint>(coordinates[coordinate], slot,
-                                                      variable < 0 ? -1 : m.internal[variable]);
-    });
+    const int held = offset(coordinate, slot, variable);
+    constraints_.push_back([held](const Mechanism&, const Coordinates& coordinates) { return coordinates[held]; });
 }
 void MechanismBuilder::add_potential(int coordinate, int law) {
     check_coordinate(coordinate);
@@ -374,7 +378,7 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
     }
 
     Coordinates coordinates;
-    for (const auto& make : coordinates_) coordinates.push_back(make(*m));
+    for (const auto& make : coordinates_) coordinates.push_back(make(*m, coordinates));
     for (const auto& make : constraints_) m->constraints.push_back(make(*m, coordinates));
     for (const auto& make : potentials_) m->potentials.push_back(make(*m, coordinates));
     for (const auto& make : forces_) m->forces.push_back(make(*m, coordinates));

@@ -112,6 +112,7 @@ public:
     int path(std::vector<int> points);
     int local(std::vector<int> points, std::vector<int> directions, std::vector<int> variables,
               std::shared_ptr<const LocalFunction> function);
+    int offset(int coordinate, int slot, int variable);  // a coordinate less a number, a variable, or both
     int add_law(std::shared_ptr<const Law> law);
 
     int add_distance(int point1, int point2, double length, int variable);  // slot of the length, or -1
@@ -135,16 +136,15 @@ public:
     std::shared_ptr<const Law> law(int index) const;
 
 private:
-    // Elements are made when the order of joints and variables is settled.
-    template <class Element>
-    using Maker = std::function<std::shared_ptr<const Element>(const Mechanism&)>;
+    // Elements are made when the order of joints and variables is settled, from the coordinates made before.
     using Coordinates = std::vector<std::shared_ptr<const ConfigurationFunction>>;
+    using Maker = std::function<std::shared_ptr<const ConfigurationFunction>(const Mechanism&, const Coordinates&)>;
 
     int check_joint(int joint) const;
     int check_variable(int variable) const;
     int check_point(int point) const;
     int check_coordinate(int coordinate) const;
-    int add_coordinate(Maker<ConfigurationFunction> maker);
+    int add_coordinate(Maker maker);
 
     void set_numbers(Mechanism& m) const;
     std::vector<int> joint_order(Mechanism& m) const;
@@ -158,9 +158,7 @@ private:
     std::vector<Point> points_, directions_;
     std::vector<double> numbers_;
     std::vector<std::shared_ptr<const Law>> laws_;
-    std::vector<Maker<ConfigurationFunction>> coordinates_;
-    std::vector<std::function<std::shared_ptr<const ConfigurationFunction>(const Mechanism&, const Coordinates&)>>
-        constraints_, potentials_;
+    std::vector<Maker> coordinates_, constraints_, potentials_;
     std::vector<std::function<std::shared_ptr<const GeneralizedForce>(const Mechanism&, const Coordinates&)>> forces_;
     std::vector<std::pair<int, int>> damping_, joint_forces_;
 };

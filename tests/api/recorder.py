@@ -99,6 +99,10 @@ class Recorder:
         assert len(variables) == len(factor_slots) > 0
         return self.scalar("sum", tuple(variables), self.at(factor_slots))
 
+    def offset_coordinate(self, coordinate, slot=-1, variable=-1):
+        number = None if slot < 0 else self.numbers[slot]
+        return self.scalar("offset", self.scalars[coordinate], number, variable)
+
     def path_coordinate(self, points):
         assert isinstance(points, list)
         assert all(0 <= point < len(self.points) for point in points)

@@ -115,6 +115,20 @@ FIELDS = {
         "nothing": (lambda: la.PrescribedPath("bob"), "no coordinate.*x=, y=, z="),
         "number": (lambda: la.PrescribedPath("bob", y=1.0), "y, a kinematic variable.*1.0"),
     },
+    "JointForce": {
+        "list": (lambda: la.JointForce(["x"], "u"), r"variable.*mapping.*\['x'\]"),
+        "zero factor": (lambda: la.JointForce({"x": 0.0}, "u"), "'x' is zero.*leave"),
+        "input": (lambda: la.JointForce("x", 3), "input.*3"),
+    },
+    "Motor": {
+        "axis": (lambda: la.Motor("cart", "arm", "u", axis="w"), "axis.*'w'.*'x', 'y'"),
+        "gain": (lambda: la.Motor("cart", "arm", "u", gain=0), "gain.*zero.*input does nothing"),
+        "itself": (lambda: la.Motor("arm", "arm", "u", name="m"), "'m'.*both ends.*'arm'"),
+    },
+    "LinearMotor": {
+        "gain": (lambda: la.LinearMotor("cart", "bob", "u", gain=NAN), "gain.*nan"),
+        "input": (lambda: la.LinearMotor("cart", "bob", ""), "input.*not empty"),
+    },
     "NonlinearDamping": {
         "a number": (lambda: la.NonlinearDamping("x", 1.0), "list.*1.0"),
         "none": (lambda: la.NonlinearDamping("x", ()), "one to eight"),
@@ -174,10 +188,12 @@ MISFITS = {
     "LinearSpring": {
         "one body": (lambda: la.LinearSpring("arm", "bob", 1.0, name="s"), "'s': no variable moves"),
         "together": (lambda: la.LinearSpring("arm", "cart", 1, length=1), "every configuration.*choose"),
+        "own": (lambda: la.LinearSpring("trolley", "bob", 1, length="rail"), "length 'rail' is also"),
     },
     "JointSpring": {
         "unknown": (lambda: la.JointSpring("tetha", 1.0), "unknown variable 'tetha'.*mean 'theta'"),
         "frame": (lambda: la.JointSpring({"x": 1, "cart": 1}, 1.0), "unknown variable 'cart'"),
+        "own": (lambda: la.JointSpring({"x": 1, "theta": 1}, 1.0, rest="x"), "rest 'x' is also"),
     },
     "TorsionalSpring": {
         "slides": (lambda: la.TorsionalSpring("world", "cart", 1), "no variable turns 'world'"),
@@ -211,11 +227,25 @@ MISFITS = {
     "Coupling": {
         "kinematic": (lambda: la.Coupling({"rail": 1.0}), "no dynamic variable is among 'rail'"),
         "unknown": (lambda: la.Coupling({"y": 1.0, "x": 1.0}), "unknown variable 'y'"),
+        "dynamic": (lambda: la.Coupling({"x": 1.0}, offset="theta"), "'theta' is a dynamic.*kinematic one"),
     },
     "PrescribedPath": {
         "dynamic": (lambda: la.PrescribedPath("bob", x="theta"), "'theta' is a dynamic"),
         "own": (lambda: la.PrescribedPath("wheel", x="rail"), "x 'rail' is also"),
         "prescribed": (lambda: la.PrescribedPath("hook", y="path"), "no dynamic variable moves 'hook'"),
+    },
+    "JointForce": {
+        "kinematic": (lambda: la.JointForce("rail", "u"), "'rail' is a kinematic.*dynamic one"),
+        "only kinematic": (lambda: la.JointForce({"rail": 2.0}, "u"), "no dynamic variable is among"),
+        "unknown": (lambda: la.JointForce({"x": 1.0, "y": 1.0}, "u"), "unknown variable 'y'"),
+    },
+    "Motor": {
+        "slides": (lambda: la.Motor("world", "cart", "u"), "no dynamic variable turns 'world'"),
+        "unknown": (lambda: la.Motor("world", "masts", "u"), "mean 'mast'"),
+    },
+    "LinearMotor": {
+        "prescribed": (lambda: la.LinearMotor("post", "hook", "u"), "no dynamic variable moves 'post'"),
+        "together": (lambda: la.LinearMotor("cart", "arm", "u"), "'cart' and 'arm' coincide"),
     },
     "NonlinearDamping": {
         "kinematic": (lambda: la.NonlinearDamping("rail", (1.0,)), "'rail' is a kinematic.*dynamic"),
@@ -277,7 +307,7 @@ def test_every_message_starts_with_the_type(table):
 
 def test_every_element_type_is_here():
     families = {"Element", "Potential", "Force", "Constraint", "Wrench"}
-    elsewhere = {"Distance", "PointToPoint", "JointForce"}
+    elsewhere = {"Distance", "PointToPoint"}
     users_own = ("expression", "python_function")
     types = {
         name
@@ -305,8 +335,10 @@ rotations = st.sampled_from([np.eye(3), np.eye(2), -np.eye(3), np.full((3, 3), N
 sound = {
     **dict.fromkeys(("frame", "frame1", "frame2", "plane", "line"), names),
     **dict.fromkeys(("frames",), paths),
-    **dict.fromkeys(("variable", "x", "y", "z", "input"), variables),
+    **dict.fromkeys(("x", "y", "z", "input"), variables),
+    "variable": sums,
     **dict.fromkeys(("on", "factors"), st.one_of(sums, paths)),
+    **dict.fromkeys(("rest", "offset"), st.one_of(plain, st.sampled_from(["wish", "rail", "x"]))),
     **dict.fromkeys(("axis", "normal", "direction", "vector", "wind"), directions),
     **dict.fromkeys(("force_length", "force_velocity"), st.just(CURVE)),
     "force": st.one_of(triples, plain, st.just(CURVE)),

@@ -232,6 +232,46 @@ def linear_spring_of_no_length(p: Plant) -> list[Element]:
     return [la.LinearSpring(p.left, p.post, stiffness=p.number(5.0, 20.0))]
 
 
+@case("potential", "LinearSpring")
+def linear_spring_of_variable_length(p: Plant) -> list[Element]:
+    """By variables that are prescribed: of the spring alone, of a frame too; by one that is free."""
+    p.values["slack"] = 0.6 * p.length(p.left, p.right)
+    return [
+        la.LinearSpring(p.left, p.right, stiffness=p.number(5.0, 20.0), length="slack"),
+        la.LinearSpring(p.left, "world", stiffness=p.number(5.0, 20.0), length="s"),
+        la.LinearSpring(p.post, "world", stiffness=p.number(5.0, 20.0), length="b"),
+    ]
+
+
+@case("potential", "JointSpring", flat=(3,))
+def joint_spring_of_variable_rest(p: Plant) -> list[Element]:
+    p.values["wish"] = 0.3
+    return [
+        la.JointSpring("b", stiffness=p.number(5.0, 20.0), rest="c"),
+        la.JointSpring({"a": 1.5, "r": -0.7}, stiffness=p.number(5.0, 20.0), rest="wish"),
+    ]
+
+
+@case("potential", "TorsionalSpring")
+def torsional_spring_of_variable_rest(p: Plant) -> list[Element]:
+    p.values["wish"] = -0.4
+    return [
+        la.TorsionalSpring(p.left, "world", stiffness=p.number(1.0, 3.0), rest="s"),
+        la.TorsionalSpring(p.right, p.post, stiffness=p.number(1.0, 3.0), axis="x", rest="wish"),
+    ]
+
+
+@case("potential", "ElasticString")
+def elastic_string_of_variable_length(p: Plant) -> list[Element]:
+    path, rope = [p.left, p.post, p.middle], [p.left, "world", p.right]
+    p.values["reel"] = 0.9 * p.length(*path)
+    p.values["wound"] = 0.7 * p.length(*rope)
+    return [
+        la.ElasticString(path, stiffness=p.number(5.0, 20.0), length="reel", smoothing=0.1),
+        la.ElasticString(rope, stiffness=9.0, length="wound", tension_only=False),
+    ]
+
+
 @case("potential", "JointSpring", flat=(3,))
 def joint_spring(p: Plant) -> list[Element]:
     return [
@@ -365,6 +405,13 @@ def coupling(p: Plant) -> list[Element]:
     return [la.Coupling(factors, offset=sum(f * p.values[n] for n, f in factors.items()))]
 
 
+@case("constraint", "Coupling", flat=(2, 3))
+def coupling_to_a_variable(p: Plant) -> list[Element]:
+    factors = {"a": 1.5, "c": -2.0, "r": 0.5}
+    p.values["total"] = sum(f * p.values[n] for n, f in factors.items())
+    return [la.Coupling(factors, offset="total")]
+
+
 @case("constraint", "PrescribedPath", apart=True)
 def prescribed_path(p: Plant) -> list[Element]:
     p.values["there_x"], _, p.values["there_z"] = (float(c) for c in p.origin(p.right))
@@ -386,6 +433,31 @@ def damping(p: Plant) -> list[Element]:
 @case("force", "JointForce", flat=(2,))
 def joint_force(p: Plant) -> list[Element]:
     return [la.JointForce("b", input="m"), la.JointForce("e", input="n"), la.JointForce("f", "m")]
+
+
+@case("force", "JointForce", flat=(2,))
+def joint_force_on_a_sum(p: Plant) -> list[Element]:
+    return [
+        la.JointForce({"a": 0.5, "b": 0.5}, input="m"),
+        la.JointForce({"c": 1.3, "r": -0.4, "b": 0.2}, input="n"),
+        la.JointForce("b", input="m"),
+    ]
+
+
+@case("force", "Motor")
+def motor(p: Plant) -> list[Element]:
+    return [
+        la.Motor(p.left, p.right, input="m", gain=p.number(0.5, 2.0)),
+        la.Motor("world", p.right, input="n", axis=p.three()),
+    ]
+
+
+@case("force", "LinearMotor")
+def linear_motor(p: Plant) -> list[Element]:
+    return [
+        la.LinearMotor(p.left, p.right, input="m", gain=p.number(0.5, 2.0)),
+        la.LinearMotor(p.post, p.middle, input="n"),
+    ]
 
 
 @case("force", "NonlinearDamping")

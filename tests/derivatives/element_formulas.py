@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from leastaction.mechanics.elements import reading
+from leastaction.mechanics.elements import directions
 
 if TYPE_CHECKING:
     from oracles.mechanism_oracle import Place
@@ -79,7 +79,7 @@ def axis_vector(axis: Any) -> np.ndarray:
 def triad(axis: Any) -> list[np.ndarray]:
     """Return the axis and the two axes after it; for numbers, which two is the package's choice."""
     if not isinstance(axis, str):
-        return list(reading.triad(axis))
+        return list(directions.triad(axis))
     i = "xyz".index(axis)
     return [np.eye(3)[(i + k) % 3] for k in range(3)]
 
@@ -179,24 +179,32 @@ def inverse_square_gravity(place: Place, e: Any) -> Array:
     return -e.strength / path_length(place, (e.frame1, e.frame2))
 
 
+def value_of(place: Place, given: float | str) -> Array | float:
+    """Return a number, or the value of the variable of that name."""
+    return place[given] if isinstance(given, str) else given
+
+
 def linear_spring(place: Place, e: Any) -> Array:
     apart = place.origin(e.frame1) - place.origin(e.frame2)
     if e.length == 0.0:
         return 0.5 * e.stiffness * apart @ apart
-    return 0.5 * e.stiffness * (norm(apart) - e.length) ** 2
+    return 0.5 * e.stiffness * (norm(apart) - value_of(place, e.length)) ** 2
 
 
 def joint_spring(place: Place, e: Any) -> Array:
-    return 0.5 * e.stiffness * (combination(place, e.variable) - e.rest) ** 2
+    return 0.5 * e.stiffness * (combination(place, e.variable) - value_of(place, e.rest)) ** 2
 
 
-def torsional_spring(place: Place, e: Any) -> Array:
+def turned(place: Place, e: Any) -> Array:
     """phi = atan2((a x e) . d, e . d), e the first axis after a in frame1 and d the same vector of frame2"""
     a, across, _ = triad(e.axis)
     R1, R2 = place.rotation(e.frame1), place.rotation(e.frame2)
     d = R2 @ across
-    angle = jnp.arctan2((R1 @ np.cross(a, across)) @ d, (R1 @ across) @ d)
-    return 0.5 * e.stiffness * (angle - e.rest) ** 2
+    return jnp.arctan2((R1 @ np.cross(a, across)) @ d, (R1 @ across) @ d)
+
+
+def torsional_spring(place: Place, e: Any) -> Array:
+    return 0.5 * e.stiffness * (turned(place, e) - value_of(place, e.rest)) ** 2
 
 
 def nonlinear_spring(place: Place, e: Any) -> Array:
@@ -207,7 +215,7 @@ def nonlinear_spring(place: Place, e: Any) -> Array:
 
 
 def elastic_string(place: Place, e: Any) -> Array:
-    stretch = path_length(place, e.frames) - e.length
+    stretch = path_length(place, e.frames) - value_of(place, e.length)
     if e.tension_only:
         stretch = e.smoothing * jax.nn.softplus(stretch / e.smoothing)
     return 0.5 * e.stiffness * stretch**2
@@ -222,8 +230,7 @@ def expression_potential(place: Place, e: Any) -> Array:
 
 def distance(place: Place, e: Any) -> list[Array]:
     apart = place.origin(e.frame1) - place.origin(e.frame2)
-    length = place[e.length] if isinstance(e.length, str) else e.length
-    return [apart @ apart - length**2]
+    return [apart @ apart - value_of(place, e.length) ** 2]
 
 
 def point_to_point(place: Place, e: Any) -> list[Array]:
@@ -232,13 +239,11 @@ def point_to_point(place: Place, e: Any) -> list[Array]:
 
 
 def path_length_held(place: Place, e: Any) -> list[Array]:
-    return [
-        path_length(place, e.frames) - (place[e.length] if isinstance(e.length, str) else e.length)
-    ]
+    return [path_length(place, e.frames) - value_of(place, e.length)]
 
 
 def coupling(place: Place, e: Any) -> list[Array]:
-    return [combination(place, e.factors) - e.offset]
+    return [combination(place, e.factors) - value_of(place, e.offset)]
 
 
 def point_on_plane(place: Place, e: Any) -> list[Array]:
@@ -297,7 +302,19 @@ def damping(motion: Motion, e: Any) -> Array:
 
 
 def joint_force(motion: Motion, e: Any) -> Array:
-    return motion.only(e.variable, motion.u[e.input])
+    """f_i = factor_i u"""
+    return motion.work(lambda place: combination(place, e.variable), motion.u[e.input])
+
+
+def motor(motion: Motion, e: Any) -> Array:
+    """f_i = gain u dphi/dq_i"""
+    return motion.work(lambda place: turned(place, e), e.gain * motion.u[e.input])
+
+
+def linear_motor(motion: Motion, e: Any) -> Array:
+    """f_i = gain u ds/dq_i"""
+    push = e.gain * motion.u[e.input]
+    return motion.work(lambda place: path_length(place, (e.frame1, e.frame2)), push)
 
 
 def nonlinear_damping(motion: Motion, e: Any) -> Array:
@@ -413,6 +430,8 @@ CONSTRAINTS: dict[str, Callable[[Place, Any], list[Array]]] = {
 FORCES: dict[str, Callable[[Motion, Any], Array]] = {
     "Damping": damping,
     "JointForce": joint_force,
+    "Motor": motor,
+    "LinearMotor": linear_motor,
     "NonlinearDamping": nonlinear_damping,
     "CoulombFriction": coulomb_friction,
     "LinearDamper": linear_damper,

@@ -6,7 +6,6 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
-from leastaction.mechanics.elements import PythonConstraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous import ContinuousSystem
@@ -37,7 +36,7 @@ class MechanismSystem(ContinuousSystem):
         self.mechanism = m
         self.nx, self.nu = 2 * m.nq, m.nu + m.nrho
         self.has_curvature = not any(
-            isinstance(element, PythonConstraint) for element in m.elements.values()
+            element.equations and element.highest_order < 4 for element in m.elements.values()
         )
 
     def f(self, x: Array, u: Array, t: float) -> Array:

@@ -23,7 +23,6 @@ from leastaction.mechanics.continuous.acceleration import (
     Accelerations,
     AccelerationTensors,
 )
-from leastaction.mechanics.elements import PythonConstraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, shape_of
 
@@ -284,10 +283,10 @@ class ContinuousDynamics:
 
     def _check_orders(self) -> None:
         for name, element in self.mechanism.elements.items():
-            if isinstance(element, PythonConstraint):
+            if element.equations and element.highest_order < 4:
                 raise ArgumentError(
                     f"{name}: second derivatives in continuous time need the fourth order of every constraint, and a "
-                    "PythonConstraint gives the third; use an ExpressionConstraint, or first derivatives"
+                    f"{type(element).__name__} gives the third; use an ExpressionConstraint, or first derivatives"
                 )
 
 

@@ -33,7 +33,6 @@ from leastaction.mechanics.discrete.trajectory import (
     check_state,
     state_of,
 )
-from leastaction.mechanics.elements import Distance, PathLength
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_time_step, as_times
@@ -536,13 +535,14 @@ class MidpointVI(Integrator):
         """Complain about a prescribed distance that is not positive: it has no direction to pull in."""
         m = self.mechanism
         for name, element in m.elements.items():
-            if not (isinstance(element, Distance | PathLength) and isinstance(element.length, str)):
+            variable = element.length_variable
+            if variable is None:
                 continue
-            lengths = q[:, m.variables.index(element.length)]
+            lengths = q[:, m.variables.index(variable)]
             if np.any(lengths <= 0.0):
                 k = int(np.argmax(lengths <= 0.0))
                 raise ArgumentError(
-                    f"{name}: its length {element.length!r} is {lengths[k]:.6g} m at t = {t[k]:.6g} s, "
+                    f"{name}: its length {variable!r} is {lengths[k]:.6g} m at t = {t[k]:.6g} s, "
                     "expected a positive one, as a string of zero length has no direction to pull in"
                 )
 

@@ -13,7 +13,6 @@ from leastaction.mechanics.description.tree import WORLD
 from leastaction.mechanics.discrete.derivatives import linearize, linearize_arrays
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.mechanics.elements import Gravity
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.parameters import (
     BodyNumber,
@@ -201,7 +200,7 @@ def _refuse_partial_gravity(m: Mechanism, name: str, place: BodyNumber) -> None:
         return
     frame = m.tree.frames[place.frame].name
     for label, element in m.elements.items():
-        if isinstance(element, Gravity) and element.frames is not None and frame in element.frames:
+        if frame in element.weighed:
             raise ArgumentError(
                 f"the parameter {name!r} also sets the weight that {label!r} gives to {frame!r} alone; "
                 "derivatives by it are for gravity on all masses, or for none"

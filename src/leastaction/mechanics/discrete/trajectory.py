@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.elements import Distance, PathLength
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
 
@@ -228,16 +227,11 @@ class Trajectory:
         tension, is half of what follows.
         """
         m, dt = self.mechanism, np.diff(self.t)
-        order = {name: index for index, name in enumerate(m.variables)}
-        result: dict[str, Array] = {}
-        for name, element in m.elements.items():
-            if isinstance(element, Distance):
-                length: Any = (
-                    self.q[:-1, order[element.length]]
-                    if isinstance(element.length, str)
-                    else float(element.length)
-                )
-                result[name] = 2.0 * length * self[name] / dt
-            elif isinstance(element, PathLength):
-                result[name] = self[name] / dt
-        return result
+        start = dict(zip(m.variables, self.q[:-1].T, strict=True))
+        impulse = dict(zip(m.constraints, self.lam.T, strict=True))
+        tensions = {
+            name: element.tension(impulse[name], dt, start)
+            for name, element in m.elements.items()
+            if name in impulse
+        }
+        return {name: tension for name, tension in tensions.items() if tension is not None}

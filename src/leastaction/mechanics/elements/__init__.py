@@ -5,10 +5,9 @@ Every element is a small frozen object with one interface, `Element`; `Mechanism
 
 from __future__ import annotations
 
-from leastaction.mechanics.elements.base import Context, Element, Uses
-from leastaction.mechanics.elements.builder import Builder
+from leastaction.mechanics.elements.base import Constraint, Element, Force, Potential
+from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.constraints.distances import (
-    Constraint,
     Coupling,
     Distance,
     PathLength,
@@ -20,6 +19,7 @@ from leastaction.mechanics.elements.constraints.guides import (
     PrescribedPath,
 )
 from leastaction.mechanics.elements.constraints.loops import FixedOrientation, HingeLoop
+from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.custom.expression import (
     ExpressionConstraint,
     ExpressionForce,
@@ -32,6 +32,7 @@ from leastaction.mechanics.elements.custom.python_function import (
     PythonFunction,
     PythonPotential,
 )
+from leastaction.mechanics.elements.fields import Uses
 from leastaction.mechanics.elements.forces.damping import (
     CoulombFriction,
     Damping,
@@ -39,7 +40,7 @@ from leastaction.mechanics.elements.forces.damping import (
     NonlinearDamping,
 )
 from leastaction.mechanics.elements.forces.drag import Drag
-from leastaction.mechanics.elements.forces.joint_forces import Force, JointForce
+from leastaction.mechanics.elements.forces.motors import JointForce, LinearMotor, Motor
 from leastaction.mechanics.elements.forces.tendons import TendonForce
 from leastaction.mechanics.elements.forces.wrenches import (
     BodyWrench,
@@ -47,24 +48,18 @@ from leastaction.mechanics.elements.forces.wrenches import (
     SpatialWrench,
     Wrench,
 )
-from leastaction.mechanics.elements.potentials.gravity import (
-    Gravity,
-    InverseSquareGravity,
-    Potential,
-)
-from leastaction.mechanics.elements.potentials.nonlinear_springs import (
-    ElasticString,
-    NonlinearSpring,
-)
+from leastaction.mechanics.elements.potentials.gravity import Gravity, InverseSquareGravity
 from leastaction.mechanics.elements.potentials.springs import (
+    ElasticString,
     JointSpring,
     LinearSpring,
+    NonlinearSpring,
     TorsionalSpring,
 )
 
 __all__ = [
     "BodyWrench",
-    "Builder",
+    "Compiler",
     "Constraint",
     "Context",
     "CoulombFriction",
@@ -87,7 +82,9 @@ __all__ = [
     "JointForce",
     "JointSpring",
     "LinearDamper",
+    "LinearMotor",
     "LinearSpring",
+    "Motor",
     "NonlinearDamping",
     "NonlinearSpring",
     "PathLength",

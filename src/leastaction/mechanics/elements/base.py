@@ -1,199 +1,35 @@
-"""The interface of every element, and what an element may ask about its mechanism.
+"""What an element is, in one place.
 
-An element states which names it uses (`Element.uses`), checks itself against the mechanism
-(`Element.check`) and adds itself to the core (`Element.add_to`). A new type is a frozen dataclass that
-derives from one of the families (`Potential`, `Force`, `Constraint`) and fills in these three; nothing
-else has to know of it.
+An element is a frozen dataclass whose fields say what they are (`leastaction.mechanics.elements.fields`),
+with the words that it is described by and one method, `Element.add_to`, which states its formula to the
+core: most are a scalar coordinate with a law around it. Checks, names, parameters and text follow from the
+fields, here. A new type derives from `Potential`, `Force` or `Constraint`; nothing else has to know of it.
 """
 
 from __future__ import annotations
 
 import abc
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from itertools import pairwise
-from typing import Any
-
-import numpy as np
-import numpy.typing as npt
+from typing import Any, ClassVar
 
 from leastaction.errors import DescriptionError, closest
-from leastaction.mechanics.description.poses import exponential
-from leastaction.mechanics.description.tree import WORLD, Tree, TreeFrame
-from leastaction.mechanics.elements.builder import Builder as Builder
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.context import Context
+from leastaction.mechanics.elements.fields import Frame, Kind, Uses
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import check_name
 
-# Distance of two points, relative to the lengths that it sums, below which it is rounding.
-ROUNDING = 1e-12
 
-
-@dataclass(frozen=True)
-class Uses:
-    """The names that an element uses, by kind; inputs and kinematic variables may be new with it.
-
-    ``variables`` are known variables of either kind.
-    """
-
-    frames: tuple[str, ...] = ()
-    dynamic: tuple[str, ...] = ()
-    kinematic: tuple[str, ...] = ()
-    variables: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Context:
-    """The mechanism as an element sees it while it is checked and compiled.
-
-    Attributes
-    ----------
-    tree : Tree
-        Frames and joints.
-    dynamic, kinematic, inputs : tuple of str
-        Names in their final order.
-    frames : mapping of str to int
-        Index of every frame in ``tree.frames``.
-    parameters : dict of str to int
-        Slots of the numbers that were added, by names such as ``"spring.stiffness"``.
-    owners : dict of str to (str, str)
-        Unique name of the element that each of them belongs to, and its name there.
-    element : str or None
-        Unique name of the element that is being added.
-    """
-
-    tree: Tree
-    dynamic: tuple[str, ...]
-    kinematic: tuple[str, ...]
-    inputs: tuple[str, ...]
-    frames: Mapping[str, int]
-    parameters: dict[str, int] = field(default_factory=dict)
-    owners: dict[str, tuple[str, str]] = field(default_factory=dict)
-    element: str | None = None
-    _points: dict[str, int] = field(default_factory=dict)
-    _directions: dict[tuple[int, bytes], int] = field(default_factory=dict)
-    _constants: dict[float, int] = field(default_factory=dict)
-
-    def within(self, element: str) -> Context:
-        """Return the same context, shared, while the element of that unique name is added."""
-        return replace(self, element=element)
-
-    @property
-    def world(self) -> str:
-        """Name of the world frame."""
-        return self.tree.frames[0].name
-
-    def variable(self, name: str) -> int:
-        """Index of a configuration variable in q: dynamic first, then kinematic."""
-        if name in self.dynamic:
-            return self.dynamic.index(name)
-        return len(self.dynamic) + self.kinematic.index(name)
-
-    def input(self, name: str) -> int:
-        """Index of an input in u."""
-        return self.inputs.index(name)
-
-    def placed(self, frame: str) -> TreeFrame:
-        """Return a frame of the tree: its joint, and its pose there."""
-        return self.tree.frames[self.frames[frame]]
-
-    def point(self, builder: Builder, frame: str) -> int:
-        """Index of the core's point at a frame's origin; made when first asked for."""
-        if frame not in self._points:
-            placed = self.placed(frame)
-            offset = np.ascontiguousarray(placed.pose[:3, 3])
-            self._points[frame] = builder.add_point(placed.joint, offset)
-        return self._points[frame]
-
-    def direction(self, builder: Builder, frame: str, vector: npt.ArrayLike) -> int:
-        """Index of the core's direction for a vector (3,) in the axes of a frame; made once."""
-        placed = self.placed(frame)
-        turned = placed.pose[:3, :3] @ np.asarray(vector, dtype=np.float64)
-        key = (placed.joint, turned.tobytes())
-        if key not in self._directions:
-            self._directions[key] = builder.add_direction(placed.joint, turned)
-        return self._directions[key]
-
-    def parameter(self, builder: Builder, element: Element, field: str, value: float) -> int:
-        """Add a number of an element as the parameter ``"element.field"``; return its slot."""
-        return self.record(element, field, builder.add_number(float(value)))
-
-    def record(self, element: Element, field: str, slot: int) -> int:
-        """Record a slot that the builder gave to a number of an element; return it."""
-        owner = self.element or element.name or element.default_name
-        name = f"{owner}.{field}"
-        if name in self.parameters:
-            other, _ = self.owners[name]
-            raise DescriptionError(
-                f"{element.label}: its parameter {name!r} is also one of the element {other!r}; give one of "
-                "them another name="
-            )
-        self.parameters[name], self.owners[name] = slot, (owner, field)
-        return slot
-
-    def constant(self, builder: Builder, value: float) -> int:
-        """Slot of a number that is not a parameter, such as the 1 of a factor left out; made once."""
-        if value not in self._constants:
-            self._constants[value] = builder.add_number(value)
-        return self._constants[value]
-
-    def moving(self, *frames: str, turning: bool = False) -> tuple[str, ...]:
-        """The variables that move (or turn) consecutive frames relative to each other, in the order of q.
-
-        For a single frame, relative to the world.
-        """
-        path = frames if len(frames) > 1 else (self.world, *frames)
-        joints: set[int] = set()
-        for frame1, frame2 in pairwise(path):
-            joints |= set(self._above(frame1)) ^ set(self._above(frame2))
-        found = {
-            name
-            for joint in (self.tree.joints[index] for index in joints)
-            if not turning or joint.twist[3:].any()
-            for name in joint.variables
-        }
-        return tuple(name for name in self.dynamic + self.kinematic if name in found)
-
-    def always_together(self, frame1: str, frame2: str) -> bool:
-        """Whether the origins of two frames coincide in every configuration.
-
-        Two configurations of no special shape tell: what holds at both holds everywhere.
-        """
-        common = set(self._above(frame1)) & set(self._above(frame2))
-        names = self.dynamic + self.kinematic
-        for values in np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(names))):
-            at = dict(zip(names, values, strict=True))
-            # Lengths near the largest double may overflow; they are not together then.
-            with np.errstate(over="ignore", invalid="ignore"):
-                (first, reach1), (second, reach2) = (
-                    self._origin(frame, common, at) for frame in (frame1, frame2)
-                )
-                apart = float(np.abs(first - second).max())
-            if not apart <= ROUNDING * (reach1 + reach2) < np.inf:
-                return False
-        return True
-
-    def _origin(
-        self, frame: str, common: set[int], values: Mapping[str, float]
-    ) -> tuple[Array, float]:
-        """Origin of a frame (3,) before the nearest of the common joints, and the lengths it sums."""
-        placed = self.placed(frame)
-        origin, joint = placed.pose[:3, 3], placed.joint
-        reach = float(np.abs(origin).max())
-        while joint != WORLD and joint not in common:
-            spec = self.tree.joints[joint]
-            coordinate = spec.coordinate.offset + sum(
-                f * values[name] for name, f in spec.coordinate.terms
-            )
-            motion = spec.pose @ exponential(spec.twist, coordinate)
-            origin = motion[:3, :3] @ origin + motion[:3, 3]
-            reach += float(np.abs(spec.pose[:3, 3]).max() + np.abs(motion[:3, 3]).max())
-            joint = spec.parent
-        return origin, reach
-
-    def _above(self, frame: str) -> tuple[int, ...]:
-        joint = self.placed(frame).joint
-        return () if joint == WORLD else self.tree.ancestors(joint)
+@cache
+def _declared(cls: type[Element]) -> tuple[tuple[str, Kind, bool], ...]:
+    """Name and kind of every field of a type that has one, and whether it may be None."""
+    return tuple(
+        (f.name, f.metadata["kind"], f.default is None) for f in fields(cls) if "kind" in f.metadata
+    )
 
 
 @dataclass(frozen=True)
@@ -204,33 +40,78 @@ class Element(abc.ABC):
     ----------
     name : str or None
         Name of the element, unique in the mechanism; made from the type and what it acts on if None.
+
+    Notes
+    -----
+    A type declares: ``called``, the first part of the name that is made; ``reads``, the words of `describe`,
+    with fields in braces; ``task``, what the frames that it names must be able to do, which is to turn where
+    ``turning``; ``needs_dynamic``, whether a dynamic variable must be able to; ``highest_order``, to which
+    order the core can differentiate it.
     """
 
     name: str | None = field(default=None, kw_only=True)
 
+    called: ClassVar[str]
+    reads: ClassVar[str]
+    task: ClassVar[str] = ""
+    turning: ClassVar[bool] = False
+    needs_dynamic: ClassVar[bool] = False
+    highest_order: ClassVar[int] = 4
+
     def __post_init__(self) -> None:
         if self.name is not None:
             check_name(self.name, f"the name of a {type(self).__name__}")
+        for name, kind, optional in _declared(type(self)):
+            value = getattr(self, name)
+            if value is not None or not optional:
+                object.__setattr__(self, name, kind.read(value, f"{self.title}: {name}"))
+        if len(self._ends) == 2 and self._ends[0] == self._ends[1]:
+            raise DescriptionError(
+                f"{self.label}: both ends are the frame {self._ends[0]!r}; give two different frames"
+            )
+
+    def _held(self) -> Iterator[tuple[str, Kind, Any]]:
+        """Name, kind and value of every declared field that is not left out."""
+        for name, kind, _ in _declared(type(self)):
+            value = getattr(self, name)
+            if value is not None:
+                yield name, kind, value
+
+    # What the fields say
 
     @property
-    def unique(self) -> bool:
-        """Whether a mechanism may hold only one such element."""
-        return False
-
-    @property
-    @abc.abstractmethod
     def uses(self) -> Uses:
         """The names that the element uses."""
+        return sum((kind.uses(value) for _, kind, value in self._held()), Uses())
 
     @property
-    @abc.abstractmethod
+    def numbers(self) -> dict[str, float]:
+        """The numbers of the fields, by name; those that the core is given are parameters."""
+        found: dict[str, float] = {}
+        for name, kind, value in self._held():
+            found.update(kind.numbers(name, value))
+        return found
+
+    def with_number(self, parameter: str, value: float) -> Element | None:
+        """Return the element with another value of a parameter; None if that is not one of its fields.
+
+        Raises
+        ------
+        DescriptionError
+            If the element cannot have that value.
+        """
+        for name, kind, held in self._held():
+            if parameter in kind.numbers(name, held):
+                changed: dict[str, Any] = {name: kind.with_number(name, held, parameter, value)}
+                return replace(self, **changed)
+        return None
+
+    @property
     def default_name(self) -> str:
         """The name if none is given; numbered by the mechanism where several elements share it."""
-
-    @property
-    def equations(self) -> tuple[str, ...]:
-        """Suffixes of the scalar constraint equations that the element adds; ("",) for a single one."""
-        return ()
+        on = dict.fromkeys(n for _, kind, value in self._held() for n in kind.acts_on(value))
+        on = on or dict.fromkeys(self.uses.frames + self.uses.variables)
+        return f"{self.called}({', '.join(on)})" if on else self.called
 
     @property
     def title(self) -> str:
@@ -243,65 +124,149 @@ class Element(abc.ABC):
         """The element for messages, such as ``Distance 'string'``."""
         return f"{type(self).__name__} {self.name or self.default_name!r}"
 
-    @abc.abstractmethod
     def describe(self) -> str:
         """Return the values of the element in a few words, for the printed mechanism."""
+        return self.reads.format(**{name: kind.show(value) for name, kind, value in self._held()})
+
+    # What it answers about itself
+
+    @property
+    def unique(self) -> bool:
+        """Whether a mechanism may hold only one such element."""
+        return False
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """Suffixes of the scalar constraint equations that the element adds; ("",) for a single one."""
+        return ()
+
+    @property
+    def strings(self) -> tuple[tuple[str, ...], ...]:
+        """Paths of frames whose length it is made of, so that no piece of them may be zero."""
+        held = tuple(self._held())
+        ends = tuple(value for _, kind, value in held if isinstance(kind, Frame) and kind.end)
+        paths = tuple(path for _, kind, value in held for path in kind.strings(value))
+        return (*paths, ends) if ends else paths
+
+    @property
+    def length_variable(self) -> str | None:
+        """The variable that prescribes the length of a string, which must stay positive."""
+        return None
+
+    @property
+    def weighed(self) -> tuple[str, ...]:
+        """Frames whose mass it took over from their bodies as a number of its own."""
+        return ()
+
+    def tension(
+        self,
+        impulse: Array,
+        dt: Array,
+        start: Mapping[str, Array],
+    ) -> Array | None:
+        """Return the tension of a string (N) from its multiplier; None if the element is no string.
+
+        Parameters
+        ----------
+        impulse : ndarray, shape (N,)
+            Multiplier of its equation over steps of length ``dt`` (N,).
+        start : mapping of str to ndarray, shape (N,)
+            Configuration variables at the start of each step.
+        """
+        return None
+
+    # What it asks of the mechanism, and does to it
 
     def check(self, context: Context) -> None:
         """Raise a `DescriptionError` if the element does not fit the mechanism.
 
-        Checks that every name is known and of the right kind; types with more to check extend it.
+        Checks that every name is known and of the right kind, that something moves what the element acts along, and
+        that no string has a piece of no length; types with more to check extend it.
         """
-        uses = self.uses
-        self._known(uses.frames, tuple(context.frames), "frame", "frames")
-        variables = context.dynamic + context.kinematic
-        kinds = (
-            (uses.dynamic, context.dynamic, "dynamic", context.kinematic, "kinematic"),
-            (uses.kinematic, context.kinematic, "kinematic", context.dynamic, "dynamic"),
-        )
-        for names, right, wanted, wrong, other in kinds:
-            for name in names:
-                if name in wrong:
-                    raise DescriptionError(
-                        f"{self.label}: {name!r} is a {other} variable where a {wanted} one is needed; "
-                        f"{closest(None, right, what=f'{wanted} variables')}"
-                    )
-            self._known(names, variables, "variable", "variables")
-        self._known(uses.variables, variables, "variable", "variables")
-        self._known(uses.inputs, context.inputs, "input", "inputs")
-
-    def with_number(self, parameter: str, value: float) -> Element | None:
-        """Return the element with another value of a parameter; None if that is not one of its fields.
-
-        Raises
-        ------
-        DescriptionError
-            If the element cannot have that value.
-        """
-        numbers = {f.name for f in fields(self) if isinstance(getattr(self, f.name), float | int)}
-        changed: dict[str, Any] = {parameter: value}
-        return replace(self, **changed) if parameter in numbers else None
+        self._check_names(context)
+        movers: set[str] = set()
+        ends, turns = self._ends, "turns" if self.turning else "moves"
+        if ends:
+            what = " relative to ".join(map(repr, ends))
+            other = "other frames" if len(ends) > 1 else "another frame"
+            why = (
+                f"{turns} {what}, so nothing can {self.task}; remove the element or choose {other}"
+            )
+            movers |= self.check_moved(context, context.moving(*ends, turning=self.turning), why)
+        for _, kind, value in self._held():
+            moved = kind.movers(value, context)
+            if moved is not None:
+                movers |= self.check_moved(context, *moved)
+        for first, second in (piece for string in self.strings for piece in pairwise(string)):
+            if context.always_together(first, second):
+                raise DescriptionError(
+                    f"{self.label}: the origins of {first!r} and {second!r} coincide in every configuration, "
+                    "and a distance of zero has no direction to act in; choose other frames"
+                )
+        for name, kind, value in self._held():
+            uses = kind.uses(value)
+            if not movers.isdisjoint(uses.kinematic + uses.either):
+                raise DescriptionError(
+                    f"{self.label}: {name} {value!r} is also a variable that moves what the element acts on; "
+                    "give it a variable of its own"
+                )
 
     @abc.abstractmethod
-    def add_to(self, builder: Builder, context: Context) -> None:
+    def add_to(self, core: Compiler) -> None:
         """Add the element to the core's mechanism. Called after `check`, in the order of the elements."""
 
-    def check_moved(self, context: Context, movers: Iterable[str], why: str) -> None:
-        """Raise a `DescriptionError` if no variable is among the movers, with the end of the sentence.
+    def check_moved(self, context: Context, movers: AbstractSet[str], why: str) -> AbstractSet[str]:
+        """Return the movers; raise a `DescriptionError` with the end of the sentence if there are none."""
+        if not movers or (self.needs_dynamic and context.is_dynamic.isdisjoint(movers)):
+            kind = "dynamic variable" if self.needs_dynamic else "variable"
+            raise DescriptionError(f"{self.label}: no {kind} {why}")
+        return movers
 
-        Constraints ask for a dynamic one.
-        """
-        if not any(mover in context.dynamic + context.kinematic for mover in movers):
-            raise DescriptionError(f"{self.label}: no variable {why}")
+    @property
+    def _ends(self) -> tuple[str, ...]:
+        """The frames that fields name one by one."""
+        return tuple(value for _, kind, value in self._held() if isinstance(kind, Frame))
 
-    def check_some_dynamic(self, context: Context, movers: Iterable[str], why: str) -> None:
-        """Raise a `DescriptionError` with the reason if none of the variables is dynamic."""
-        if not set(movers) & set(context.dynamic):
-            raise DescriptionError(f"{self.label}: {why}")
+    def _check_names(self, context: Context) -> None:
+        uses = self.uses
+        kinds: tuple[tuple[tuple[str, ...], Collection[str], str], ...] = (
+            (uses.frames, context.frames, "frame"),
+            (uses.dynamic + uses.kinematic + uses.variables, context.variables, "variable"),
+            (uses.inputs, context.inputs, "input"),
+        )
+        for needed, wrong, kind, other in (
+            (uses.dynamic, context.kinematic, "dynamic", "kinematic"),
+            (uses.kinematic, context.dynamic, "kinematic", "dynamic"),
+        ):
+            for name in needed:
+                if name in wrong:
+                    right = getattr(context, kind)
+                    raise DescriptionError(
+                        f"{self.label}: {name!r} is a {other} variable where a {kind} one is needed; "
+                        f"{closest(None, right, what=f'{kind} variables')}"
+                    )
+        for names, known, kind in kinds:
+            for name in names:
+                if name not in known:
+                    raise DescriptionError(
+                        f"{self.label}: unknown {kind} {name!r}; {closest(name, tuple(known), what=f'{kind}s')}"
+                    )
 
-    def _known(self, names: Sequence[str], known: Sequence[str], kind: str, kinds: str) -> None:
-        for name in names:
-            if name not in known:
-                raise DescriptionError(
-                    f"{self.label}: unknown {kind} {name!r}; {closest(name, known, what=kinds)}"
-                )
+
+class Potential(Element):
+    """Base of the elements that add to the potential energy."""
+
+
+class Force(Element):
+    """Base of the elements that exert a force."""
+
+
+class Constraint(Element):
+    """Base of the elements that add constraint equations; adds a single one unless it says otherwise."""
+
+    needs_dynamic = True
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """One equation, with the name of the element."""
+        return ("",)

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from leastaction import _core
 from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.description.masses import check_structure
 from leastaction.mechanics.description.tree import Tree
-from leastaction.mechanics.elements import Builder, Context, Element
+from leastaction.mechanics.elements import Compiler, Context, Element
 
 
 @dataclass(frozen=True)
@@ -69,31 +70,30 @@ class Plan:
         return replace(self, tree=tree, elements=elements, numbers=rest)
 
     def context(self) -> Context:
-        """Return a fresh context; it remembers the points of one builder, so each builder needs its own."""
-        frames = {frame.name: index for index, frame in enumerate(self.tree.frames)}
-        return Context(self.tree, self.dynamic, self.kinematic, self.inputs, frames)
+        """Return the mechanism as its elements see it."""
+        return Context(self.tree, self.dynamic, self.kinematic, self.inputs)
 
-    def emit(self, builder: Builder) -> Context:
+    def emit(self, builder: _core.MechanismBuilder) -> Compiler:
         """Make the calls that build this mechanism, joints first, then bodies, then elements.
 
         Returns
         -------
-        Context
+        Compiler
             It holds the slots of the elements' numbers by name, in ``parameters``, and whose they are.
         """
-        context = self.context()
+        core = Compiler(builder, self.context())
         for joint in self.tree.joints:
             (name, factor), *more = joint.coordinate.terms
             index = builder.add_joint(
                 joint.parent,
                 joint.pose,
                 joint.twist,
-                context.variable(name),
+                core.variable(name),
                 factor,
                 joint.coordinate.offset,
             )
             for name, factor in more:
-                builder.couple_joint(index, context.variable(name), factor)
+                builder.couple_joint(index, core.variable(name), factor)
         for joint_index, body, pose in self.tree.bodies():
             rotation, origin = pose[:3, :3], pose[:3, 3]
             # What overflows is refused with the inertia that it makes.
@@ -106,10 +106,10 @@ class Plan:
                     np.ascontiguousarray((inertia + inertia.T) / 2.0),
                 )
         for name, element in self.elements.items():
-            element.add_to(builder, context.within(name))
+            element.add_to(core.within(name, element.label, element.numbers))
         for name, value in self.numbers.items():
-            builder.set_number(context.parameters[name], value)
-        return context
+            builder.set_number(core.parameters[name], value)
+        return core
 
 
 def plan(
@@ -156,7 +156,8 @@ def plan(
                 f"elements: expected elements such as Gravity() or Distance(...), got {element!r}"
             )
     uses = [element.uses for element in elements]
-    new = [name for use in uses for name in use.kinematic if name not in tree.dynamic]
+    known = set(tree.dynamic)
+    new = [name for use in uses for name in use.kinematic + use.either if name not in known]
     named = _named(elements)
     result = Plan(
         tree=tree,

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.elements.along import Pair
-from leastaction.mechanics.elements.base import Builder, Context, Uses
-from leastaction.mechanics.elements.constraints.distances import Constraint, refuse_own_variable
-from leastaction.mechanics.elements.reading import Direction, direction, show, triad, vector
-from leastaction.numerics.names import check_name
+from leastaction.mechanics.elements.base import Constraint
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.directions import Direction, triad, vector
+from leastaction.mechanics.elements.fields import AXIS, FRAME, KINEMATIC
 
 
 @dataclass(frozen=True)
-class PointOnPlane(Pair, Constraint):
+class PointOnPlane(Constraint):
     """Keep the origin of a frame on a plane of another: ``h = n . (p_plane - p_frame)``.
 
     Parameters
@@ -33,42 +32,21 @@ class PointOnPlane(Pair, Constraint):
         If both are the same frame or the normal is none.
     """
 
-    plane: str
-    frame: str
-    normal: Direction = "z"
+    plane: str = field(metadata=FRAME)
+    frame: str = field(metadata=FRAME)
+    normal: Direction = field(default="z", metadata=AXIS)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "normal", direction(self.normal, f"{self.title}: normal"))
+    called = "point_on_plane"
+    reads = "{frame} on the plane of {plane} across {normal}"
+    task = "keep the point on the plane"
 
-    @property
-    def ends(self) -> tuple[str, str]:
-        """The two frames."""
-        return self.plane, self.frame
-
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"point_on_plane({self.plane}, {self.frame})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{self.frame} on the plane of {self.plane} across {show(self.normal)}"
-
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_movable(context, "keep the point on the plane")
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        normal = context.direction(builder, self.plane, vector(self.normal))
-        first, second = self.points(builder, context)
-        builder.add_constraint(builder.component_coordinate(first, second, normal))
+    def add_to(self, core: Compiler) -> None:
+        normal = vector(self.normal)
+        core.constraint(core.component(self.plane, self.frame, self.plane, normal))
 
 
 @dataclass(frozen=True)
-class PointOnLine(Pair, Constraint):
+class PointOnLine(Constraint):
     """Keep the origin of a frame on a line of another: ``h_i = e_i . (p_line - p_frame)`` (m).
 
     Two equations, ``name.across1`` and ``name.across2``, along unit vectors across the line that are
@@ -95,45 +73,21 @@ class PointOnLine(Pair, Constraint):
     then does without it.
     """
 
-    line: str
-    frame: str
-    direction: Direction = "x"
+    line: str = field(metadata=FRAME)
+    frame: str = field(metadata=FRAME)
+    direction: Direction = field(default="x", metadata=AXIS)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        checked = direction(self.direction, f"{self.title}: direction")
-        object.__setattr__(self, "direction", checked)
-
-    @property
-    def ends(self) -> tuple[str, str]:
-        """The two frames."""
-        return self.line, self.frame
+    called = "point_on_line"
+    reads = "{frame} on the line of {line} along {direction}"
+    task = "keep the point on the line"
 
     @property
     def equations(self) -> tuple[str, ...]:
-        """Two equations across the line."""
         return (".across1", ".across2")
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"point_on_line({self.line}, {self.frame})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{self.frame} on the line of {self.line} along {show(self.direction)}"
-
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_movable(context, "keep the point on the line")
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        first, second = self.points(builder, context)
+    def add_to(self, core: Compiler) -> None:
         for across in triad(self.direction)[1:]:
-            along = context.direction(builder, self.line, across)
-            builder.add_constraint(builder.component_coordinate(first, second, along))
+            core.constraint(core.component(self.line, self.frame, self.line, across))
 
 
 @dataclass(frozen=True)
@@ -158,17 +112,16 @@ class PrescribedPath(Constraint):
         If no coordinate is prescribed, or one by a variable that moves the frame itself.
     """
 
-    frame: str
-    x: str | None = None
-    y: str | None = None
-    z: str | None = None
+    frame: str = field(metadata=FRAME)
+    x: str | None = field(default=None, metadata=KINEMATIC)
+    y: str | None = field(default=None, metadata=KINEMATIC)
+    z: str | None = field(default=None, metadata=KINEMATIC)
+
+    called = "prescribed_path"
+    task = "follow the path"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_name(self.frame, f"{self.title}: frame")
-        for axis in "xyz":
-            if getattr(self, axis) is not None:
-                check_name(getattr(self, axis), f"{self.title}: {axis}, a kinematic variable")
         if not self.prescribed:
             raise DescriptionError(
                 f"{self.label}: no coordinate is prescribed; give one of x=, y=, z= the name of a kinematic "
@@ -182,43 +135,16 @@ class PrescribedPath(Constraint):
         return {axis: name for axis, name in given.items() if name is not None}
 
     @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(frames=(self.frame,), kinematic=tuple(dict.fromkeys(self.prescribed.values())))
-
-    @property
     def equations(self) -> tuple[str, ...]:
-        """One equation a prescribed axis."""
         return tuple(f".{axis}" for axis in self.prescribed)
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"prescribed_path({self.frame})"
-
     def describe(self) -> str:
-        """Return the values in a few words."""
         return (
             f"{self.frame} at {', '.join(f'{a} = {name}' for a, name in self.prescribed.items())}"
         )
 
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_moved(
-            context,
-            context.moving(self.frame),
-            f"moves {self.frame!r}, so nothing can follow the path; remove the "
-            "constraint or choose another frame",
-        )
+    def add_to(self, core: Compiler) -> None:
+        world = core.context.world
         for axis, name in self.prescribed.items():
-            refuse_own_variable(self, name, context, (self.frame,), axis)
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        point = context.point(builder, self.frame)
-        origin = context.point(builder, context.world)
-        for axis, name in self.prescribed.items():
-            along = context.direction(builder, context.world, vector(axis))
-            coordinate = builder.component_coordinate(point, origin, along)
-            builder.add_constraint(coordinate, -1, context.variable(name))
+            coordinate = core.component(self.frame, world, world, vector(axis))
+            core.constraint(coordinate, axis, name)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.mechanics.elements.along import FramePair
-from leastaction.mechanics.elements.base import Builder, Context
-from leastaction.mechanics.elements.constraints.distances import Constraint
-from leastaction.mechanics.elements.reading import Direction, direction, flag, rotation, show, triad
+from leastaction.mechanics.elements.base import Constraint
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.directions import Direction, triad
+from leastaction.mechanics.elements.fields import AXIS, FLAG, FRAME, ROTATION
 
 
 @dataclass(frozen=True)
-class HingeLoop(FramePair, Constraint):
+class HingeLoop(Constraint):
     """Close a loop by a hinge: two frames share their origin and an axis, about which they turn freely.
 
     In space these are five equations: the origins coincide along the axes of the world (``name.x``,
@@ -52,53 +52,37 @@ class HingeLoop(FramePair, Constraint):
     The axes may close opposed, too: ``a`` and the axis of frame2 are parallel, in one sense or the other.
     """
 
-    axis: Direction = "z"
-    planar: bool = False
+    frame1: str = field(metadata=FRAME)
+    frame2: str = field(metadata=FRAME)
+    axis: Direction = field(default="z", metadata=AXIS)
+    planar: bool = field(default=False, metadata=FLAG)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "axis", direction(self.axis, f"{self.title}: axis"))
-        object.__setattr__(self, "planar", flag(self.planar, f"{self.title}: planar"))
+    called = "hinge"
+    reads = "{frame1} on {frame2} about {axis}"
+    task = "close the loop"
 
     @property
     def equations(self) -> tuple[str, ...]:
-        """Five equations, or two in a plane."""
         return (".across1", ".across2") if self.planar else (".x", ".y", ".z", ".tilt1", ".tilt2")
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"hinge({self.frame1}, {self.frame2})"
-
     def describe(self) -> str:
-        """Return the values in a few words."""
-        plane = ", planar" if self.planar else ""
-        return f"{self.frame1} on {self.frame2} about {show(self.axis)}{plane}"
+        return super().describe() + (", planar" if self.planar else "")
 
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_movable(context, "close the loop")
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        first, second = self.points(builder, context)
+    def add_to(self, core: Compiler) -> None:
         along, *across = triad(self.axis)
         if self.planar:
             for side in across:
-                held = context.direction(builder, self.frame1, side)
-                builder.add_constraint(builder.component_coordinate(first, second, held))
+                core.constraint(core.component(self.frame1, self.frame2, self.frame1, side))
             return
+        first, second = core.point(self.frame1), core.point(self.frame2)
         for axis in np.eye(3):
-            builder.add_coincidence(first, second, axis.copy())
-        hinge = context.direction(builder, self.frame1, along)
+            core.builder.add_coincidence(first, second, axis.copy())
         for side in across:
-            other = context.direction(builder, self.frame2, side)
-            builder.add_constraint(builder.product_coordinate(hinge, other))
+            core.constraint(core.product(self.frame1, along, self.frame2, side))
 
 
 @dataclass(frozen=True)
-class FixedOrientation(FramePair, Constraint):
+class FixedOrientation(Constraint):
     """Hold the attitude of one frame relative to another; the origins stay free.
 
     With the axes e of frame1 and d of frame2 after the wanted rotation was taken back, the three
@@ -124,39 +108,25 @@ class FixedOrientation(FramePair, Constraint):
     attitude stays there; an assembly from a rough guess should start nearer to it than to those.
     """
 
-    rotation: npt.ArrayLike | None = None
+    frame1: str = field(metadata=FRAME)
+    frame2: str = field(metadata=FRAME)
+    rotation: npt.ArrayLike | None = field(default=None, metadata=ROTATION)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.rotation is not None:
-            rows = rotation(self.rotation, f"{self.title}: rotation")
-            object.__setattr__(self, "rotation", rows)
+    called = "fixed_orientation"
+    task = "hold the attitude"
+    turning = True
 
     @property
     def equations(self) -> tuple[str, ...]:
-        """One equation a rotation."""
         return (".x", ".y", ".z")
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"fixed_orientation({self.frame1}, {self.frame2})"
-
     def describe(self) -> str:
-        """Return the values in a few words."""
         how = "turned like" if self.rotation is None else "at a fixed rotation from"
         return f"{self.frame2} {how} {self.frame1}"
 
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_movable(context, "hold the attitude", turning=True)
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        wanted = np.eye(3) if self.rotation is None else np.asarray(self.rotation, dtype=np.float64)
+    def add_to(self, core: Compiler) -> None:
+        axes = np.eye(3)
+        wanted = axes if self.rotation is None else np.asarray(self.rotation, dtype=np.float64)
         # At the wanted attitude, row i of the rotation is axis i of frame1 in the axes of frame2.
         for first, second in ((1, 2), (2, 0), (0, 1)):
-            e = context.direction(builder, self.frame1, np.eye(3)[first])
-            d = context.direction(builder, self.frame2, wanted[second])
-            builder.add_constraint(builder.product_coordinate(e, d))
+            core.constraint(core.product(self.frame1, axes[first], self.frame2, wanted[second]))

@@ -5,16 +5,15 @@ See `leastaction.mechanics.expressions.terms` for what expressions are made of.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from leastaction.mechanics.elements.base import Context, Uses
-from leastaction.mechanics.elements.builder import Builder
-from leastaction.mechanics.elements.constraints.distances import Constraint
-from leastaction.mechanics.elements.forces.joint_forces import Force
-from leastaction.mechanics.elements.potentials.gravity import Potential
+from leastaction.mechanics.elements.base import Constraint, Force, Potential
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.context import Context
+from leastaction.mechanics.elements.fields import Uses
 from leastaction.mechanics.expressions.terms import compile_expression, compile_force
 
 if TYPE_CHECKING:
@@ -41,6 +40,8 @@ class ExpressionPotential(Potential):
 
     expression: sympy.Expr
 
+    called = "potential"
+
     def __post_init__(self) -> None:
         super().__post_init__()
         _ = self.compiled  # so that an expression that cannot be compiled is an error here
@@ -52,22 +53,14 @@ class ExpressionPotential(Potential):
 
     @property
     def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
         return Uses(frames=self.compiled.frames, variables=self.compiled.variables)
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"potential({_names(self.uses)})"
-
     def describe(self) -> str:
-        """Return the values in a few words."""
         return _brief(self.expression)
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        slots = _slots(self, self.compiled.parameters, builder, context)
-        builder.add_potential(_coordinate(self.compiled, slots, builder, context))
+    def add_to(self, core: Compiler) -> None:
+        slots = {name: core.parameter(name, value) for name, value in self.compiled.parameters}
+        core.potential(_coordinate(self.compiled, slots, core))
 
 
 @dataclass(frozen=True)
@@ -89,6 +82,8 @@ class ExpressionConstraint(Constraint):
 
     expression: sympy.Expr
 
+    called = "constraint"
+
     def __post_init__(self) -> None:
         super().__post_init__()
         _ = self.compiled  # so that an expression that cannot be compiled is an error here
@@ -100,32 +95,23 @@ class ExpressionConstraint(Constraint):
 
     @property
     def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
         return Uses(frames=self.compiled.frames, variables=self.compiled.variables)
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"constraint({_names(self.uses)})"
-
     def describe(self) -> str:
-        """Return the values in a few words."""
         return f"{_brief(self.expression)} = 0"
 
     def check(self, context: Context) -> None:
-        """Check names, and that something can keep the constraint; see `Element.check`."""
         super().check(context)
-        self.check_some_dynamic(
+        self.check_moved(
             context,
-            movers(self.compiled.frames, self.compiled.variables, context),
-            "no dynamic variable changes the expression, so nothing can keep it at zero; remove the "
-            "constraint or use other frames and variables",
+            context.behind(self.compiled.frames, self.compiled.variables),
+            "changes the expression, so nothing can keep it at zero; remove the constraint or use other "
+            "frames and variables",
         )
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        slots = _slots(self, self.compiled.parameters, builder, context)
-        builder.add_constraint(_coordinate(self.compiled, slots, builder, context))
+    def add_to(self, core: Compiler) -> None:
+        slots = {name: core.parameter(name, value) for name, value in self.compiled.parameters}
+        core.constraint(_coordinate(self.compiled, slots, core))
 
 
 @dataclass(frozen=True)
@@ -150,6 +136,9 @@ class ExpressionForce(Force):
     expression: sympy.Expr | float
     along: str | sympy.Expr
 
+    called = "force"
+    needs_dynamic = True
+
     def __post_init__(self) -> None:
         super().__post_init__()
         _ = self.compiled  # so that an expression that cannot be compiled is an error here
@@ -161,80 +150,46 @@ class ExpressionForce(Force):
 
     @property
     def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        parts = self.compiled.coordinates
-        return Uses(
-            frames=tuple(dict.fromkeys(frame for part in parts for frame in part.frames)),
-            variables=tuple(dict.fromkeys(name for part in parts for name in part.variables)),
-            inputs=self.compiled.inputs,
-        )
+        parts = [Uses(part.frames, variables=part.variables) for part in self.compiled.coordinates]
+        return sum(parts, Uses(inputs=self.compiled.inputs))
 
     @property
     def default_name(self) -> str:
-        """The name if none is given."""
-        return f"force({self.along if isinstance(self.along, str) else _names(self.uses)})"
+        return f"force({self.along})" if isinstance(self.along, str) else super().default_name
 
     def describe(self) -> str:
-        """Return the values in a few words."""
         return f"{_brief(self.expression)} along {_brief(self.along)}"
 
     def check(self, context: Context) -> None:
-        """Check names, and that the force acts on something; see `Element.check`."""
         super().check(context)
         first = self.compiled.coordinates[0]
-        self.check_some_dynamic(
+        self.check_moved(
             context,
-            movers(first.frames, first.variables, context),
-            f"no dynamic variable changes {_brief(self.along)}, so a force along it does nothing; choose "
-            "another one",
+            context.behind(first.frames, first.variables),
+            f"changes {_brief(self.along)}, so a force along it does nothing; choose another one",
         )
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
+    def add_to(self, core: Compiler) -> None:
         force = self.compiled
-        named = dict.fromkeys(force.parameters)
+        named = dict(force.parameters)
         for part in force.coordinates:
-            named.update(dict.fromkeys(part.parameters))
-        slots = _slots(self, named, builder, context)
-        builder.add_tape_force(
-            [_coordinate(part, slots, builder, context) for part in force.coordinates],
-            [context.input(name) for name in force.inputs],
-            force.code.tape(),
-            [slots[name] for name, _ in force.parameters],
-        )
+            named.update(part.parameters)
+        slots = {name: core.parameter(name, value) for name, value in named.items()}
+        coordinates = [_coordinate(part, slots, core) for part in force.coordinates]
+        own = [slots[name] for name, _ in force.parameters]
+        core.tape_force(coordinates, force.inputs, force.code.tape(), own)
 
 
-def movers(frames: Iterable[str], variables: Iterable[str], context: Context) -> set[str]:
-    """Return the variables that something of these frames and variables may depend on."""
-    return {*variables, *(name for frame in frames for name in context.moving(frame))}
-
-
-def _slots(
-    element: ExpressionPotential | ExpressionConstraint | ExpressionForce,
-    parameters: Iterable[tuple[str, float]],
-    builder: Builder,
-    context: Context,
-) -> dict[str, int]:
-    return {name: context.parameter(builder, element, name, value) for name, value in parameters}
-
-
-def _coordinate(
-    compiled: CompiledExpression, slots: dict[str, int], builder: Builder, context: Context
-) -> int:
-    variables = [context.variable(name) for name in compiled.variables]
+def _coordinate(compiled: CompiledExpression, slots: Mapping[str, int], core: Compiler) -> int:
     if compiled.is_variable:
-        return builder.variables_coordinate(variables, [context.constant(builder, 1.0)])
-    return builder.tape_coordinate(
-        [context.point(builder, frame) for frame in compiled.points],
-        [context.direction(builder, frame, vector) for frame, vector in compiled.directions],
-        variables,
+        return core.sum(compiled.variables[0])
+    return core.builder.tape_coordinate(
+        [core.point(frame) for frame in compiled.points],
+        [core.direction(frame, vector) for frame, vector in compiled.directions],
+        [core.variable(name) for name in compiled.variables],
         compiled.code.tape(),
         [slots[name] for name, _ in compiled.parameters],
     )
-
-
-def _names(uses: Uses) -> str:
-    return ", ".join((*uses.frames, *uses.variables))
 
 
 def _brief(expression: object) -> str:

@@ -7,7 +7,7 @@ times faster. Hold a new class to its own definition with `check_derivatives`.
 from __future__ import annotations
 
 import abc
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,14 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, DescriptionError
-from leastaction.mechanics.elements.base import Context, Uses
-from leastaction.mechanics.elements.builder import Builder
-from leastaction.mechanics.elements.constraints.distances import Constraint
-from leastaction.mechanics.elements.custom.expression import movers
-from leastaction.mechanics.elements.forces.joint_forces import Force
-from leastaction.mechanics.elements.potentials.gravity import Potential
+from leastaction.mechanics.elements.base import Constraint, Force, Potential
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.context import Context
+from leastaction.mechanics.elements.fields import INPUT, Kind, Metadata, Names, Uses, number
 from leastaction.mechanics.expressions.terms import unit_vector
-from leastaction.numerics.arrays import as_number
 from leastaction.numerics.names import check_name
 
 Direction = tuple[str, str | Sequence[float]]
@@ -36,7 +33,7 @@ class PythonFunction(abc.ABC):
     them with NumPy's functions, without `abs`, `arctan2`, `real`, `conj` or comparisons of z. The third order is the
     complex-step derivative of the Hessian, exact to rounding.
 
-    Nothing may change between calls with the same z.
+    Nothing may change between calls with the same z, which is read-only.
     """
 
     @abc.abstractmethod
@@ -60,6 +57,7 @@ class _Called:
     title: str
 
     def __call__(self, z: npt.NDArray[Any], order: int) -> tuple[Any, Any, Any]:
+        z.setflags(write=False)  # what one method did to it, the next would see
         value = self.array("value", z, ())
         gradient = self.array("gradient", z, (z.size,)) if order >= 1 else None
         hessian = self.array("hessian", z, (z.size, z.size)) if order >= 2 else None
@@ -78,6 +76,62 @@ class _Called:
                 "it must be real there"
             )
         return np.asarray(result, dtype=z.dtype, order="C")
+
+
+@dataclass(frozen=True)
+class _Function(Kind):
+    """An object with the methods of a `PythonFunction`."""
+
+    def read(self, value: Any, what: str) -> Any:
+        title = what.rpartition(":")[0]
+        missing = [
+            method
+            for method in ("value", "gradient", "hessian")
+            if not callable(getattr(value, method, None))
+        ]
+        if missing or isinstance(value, type):
+            lacks = (
+                f"has no method {missing[0]!r}" if missing else "is a class; make an object of it"
+            )
+            raise DescriptionError(
+                f"{title}: expected an object with value(z), gradient(z) and hessian(z), such as a "
+                f"PythonFunction, but {value!r} {lacks}"
+            )
+        return value
+
+    def show(self, value: Any) -> str:
+        return f"{type(value).__name__} in Python"
+
+
+@dataclass(frozen=True)
+class _Directions(Kind):
+    """Pairs of a frame and a vector in its axes, which is brought to length one."""
+
+    def read(self, value: Any, what: str) -> tuple[tuple[str, tuple[float, ...]], ...]:
+        if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
+            raise DescriptionError(f"{what}: expected a list, got {value!r} alone; write [...]")
+        directions = []
+        entry: Any
+        for entry in value:
+            if not isinstance(entry, (tuple, list)) or len(entry) != 2:
+                raise DescriptionError(
+                    f"{what}: expected pairs of a frame and a vector, got {entry!r}"
+                )
+            frame = check_name(entry[0], f"{what}: the frame")
+            directions.append((frame, unit_vector(frame, entry[1])))
+        return tuple(directions)
+
+    def uses(self, value: Any) -> Uses:
+        return Uses(frames=self.acts_on(value))
+
+    def acts_on(self, value: Any) -> tuple[str, ...]:
+        return tuple(frame for frame, _ in value)
+
+
+_FUNCTION: Metadata = {"kind": _Function()}
+_POINTS: Metadata = {"kind": Names("frames")}
+_DIRECTIONS: Metadata = {"kind": _Directions()}
+_VARIABLES: Metadata = {"kind": Names("variables")}
 
 
 @dataclass(frozen=True)
@@ -102,32 +156,20 @@ class PythonPotential(Potential):
         If the function lacks a method, or z would be empty.
     """
 
-    function: PythonFunction
-    points: Sequence[str] = field(default=(), kw_only=True)
-    directions: Sequence[Direction] = field(default=(), kw_only=True)
-    variables: Sequence[str] = field(default=(), kw_only=True)
+    function: PythonFunction = field(metadata=_FUNCTION)
+    points: Sequence[str] = field(default=(), kw_only=True, metadata=_POINTS)
+    directions: Sequence[Direction] = field(default=(), kw_only=True, metadata=_DIRECTIONS)
+    variables: Sequence[str] = field(default=(), kw_only=True, metadata=_VARIABLES)
+
+    called = "potential"
+    reads = "{function}"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _settle(self)
+        _check_arguments(self)
 
-    @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(frames=_frames(self), variables=tuple(self.variables))
-
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"potential({', '.join((*_frames(self), *self.variables))})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{type(self.function).__name__} in Python"
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        builder.add_potential(_coordinate(self, builder, context))
+    def add_to(self, core: Compiler) -> None:
+        core.potential(_coordinate(self, core))
 
 
 @dataclass(frozen=True)
@@ -148,42 +190,30 @@ class PythonConstraint(Constraint):
         If the function lacks a method, z would be empty, or no dynamic variable changes it.
     """
 
-    function: PythonFunction
-    points: Sequence[str] = field(default=(), kw_only=True)
-    directions: Sequence[Direction] = field(default=(), kw_only=True)
-    variables: Sequence[str] = field(default=(), kw_only=True)
+    function: PythonFunction = field(metadata=_FUNCTION)
+    points: Sequence[str] = field(default=(), kw_only=True, metadata=_POINTS)
+    directions: Sequence[Direction] = field(default=(), kw_only=True, metadata=_DIRECTIONS)
+    variables: Sequence[str] = field(default=(), kw_only=True, metadata=_VARIABLES)
+
+    called = "constraint"
+    reads = "{function} = 0"
+    highest_order = 3
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _settle(self)
-
-    @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(frames=_frames(self), variables=tuple(self.variables))
-
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"constraint({', '.join((*_frames(self), *self.variables))})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{type(self.function).__name__} in Python = 0"
+        _check_arguments(self)
 
     def check(self, context: Context) -> None:
-        """Check names, and that something can keep the constraint; see `Element.check`."""
         super().check(context)
-        self.check_some_dynamic(
+        self.check_moved(
             context,
-            movers(_frames(self), self.variables, context),
-            "no dynamic variable changes the points, directions and variables, so nothing can keep the "
-            "function at zero; remove the constraint or use others",
+            context.behind(self.uses.frames, self.uses.variables),
+            "changes the points, directions and variables, so nothing can keep the function at zero; remove "
+            "the constraint or use others",
         )
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        builder.add_constraint(_coordinate(self, builder, context))
+    def add_to(self, core: Compiler) -> None:
+        core.constraint(_coordinate(self, core))
 
 
 @dataclass(frozen=True)
@@ -211,103 +241,47 @@ class PythonForce(Force):
         If the function lacks a method, z would be empty, or no dynamic variable changes it.
     """
 
-    function: PythonFunction
-    input: str
-    gain: float = field(default=1.0, kw_only=True)
-    points: Sequence[str] = field(default=(), kw_only=True)
-    directions: Sequence[Direction] = field(default=(), kw_only=True)
-    variables: Sequence[str] = field(default=(), kw_only=True)
+    function: PythonFunction = field(metadata=_FUNCTION)
+    input: str = field(metadata=INPUT)
+    gain: float = field(default=1.0, kw_only=True, metadata=number())
+    points: Sequence[str] = field(default=(), kw_only=True, metadata=_POINTS)
+    directions: Sequence[Direction] = field(default=(), kw_only=True, metadata=_DIRECTIONS)
+    variables: Sequence[str] = field(default=(), kw_only=True, metadata=_VARIABLES)
+
+    called = "force"
+    reads = "{gain} {input} along {function}"
+    needs_dynamic = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_name(self.input, f"{self.title}: input")
-        gain = as_number(self.gain, f"{self.title}: gain", error=DescriptionError)
-        object.__setattr__(self, "gain", gain)
-        _settle(self)
-
-    @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(frames=_frames(self), variables=tuple(self.variables), inputs=(self.input,))
-
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"force({', '.join((*_frames(self), *self.variables))})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{self.gain:g} {self.input} along {type(self.function).__name__} in Python"
+        _check_arguments(self)
 
     def check(self, context: Context) -> None:
-        """Check names, and that the force acts on something; see `Element.check`."""
         super().check(context)
-        self.check_some_dynamic(
+        self.check_moved(
             context,
-            movers(_frames(self), self.variables, context),
-            "no dynamic variable changes the points, directions and variables, so the force does nothing; "
-            "use others",
+            context.behind(self.uses.frames, self.uses.variables),
+            "changes the points, directions and variables, so the force does nothing; use others",
         )
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        slot = context.parameter(builder, self, "gain", self.gain)
-        builder.add_force(_coordinate(self, builder, context), slot, context.input(self.input))
+    def add_to(self, core: Compiler) -> None:
+        core.force(_coordinate(self, core), "gain", self.input)
 
 
 _AnyPython = PythonPotential | PythonConstraint | PythonForce
 
 
-def _settle(element: _AnyPython) -> None:
-    """Check the fields of an element and make tuples of them."""
-    missing = [
-        method
-        for method in ("value", "gradient", "hessian")
-        if not callable(getattr(element.function, method, None))
-    ]
-    if missing or isinstance(element.function, type):
-        lacks = f"has no method {missing[0]!r}" if missing else "is a class; make an object of it"
-        raise DescriptionError(
-            f"{element.title}: expected an object with value(z), gradient(z) and hessian(z), such as a "
-            f"PythonFunction, but {element.function!r} {lacks}"
-        )
-    for what in ("points", "directions", "variables"):
-        given: object = getattr(element, what)
-        if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
-            raise DescriptionError(
-                f"{element.title}: {what}: expected a list, got {given!r} alone; write [...]"
-            )
-    names = {
-        what: tuple(check_name(name, f"{element.title}: {what}") for name in getattr(element, what))
-        for what in ("points", "variables")
-    }
-    directions = []
-    entry: Any
-    for entry in element.directions:
-        if not isinstance(entry, (tuple, list)) or len(entry) != 2:
-            raise DescriptionError(
-                f"{element.title}: directions: expected pairs of a frame and a vector, got {entry!r}"
-            )
-        frame = check_name(entry[0], f"{element.title}: directions: the frame")
-        directions.append((frame, unit_vector(frame, entry[1])))
-    if not (names["points"] or directions or names["variables"]):
+def _check_arguments(element: _AnyPython) -> None:
+    if not (element.points or element.directions or element.variables):
         raise DescriptionError(
             f"{element.title}: the function has nothing to depend on; give points=, directions= or variables="
         )
-    object.__setattr__(element, "points", names["points"])
-    object.__setattr__(element, "variables", names["variables"])
-    object.__setattr__(element, "directions", tuple(directions))
 
 
-def _frames(element: _AnyPython) -> tuple[str, ...]:
-    return tuple(dict.fromkeys([*element.points, *(frame for frame, _ in element.directions)]))
-
-
-def _coordinate(element: _AnyPython, builder: Builder, context: Context) -> int:
-    called: Callable[..., Any] = _Called(element.function, element.label)
-    return builder.python_coordinate(
-        [context.point(builder, frame) for frame in element.points],
-        [context.direction(builder, frame, vector) for frame, vector in element.directions],
-        [context.variable(name) for name in element.variables],
-        called,
+def _coordinate(element: _AnyPython, core: Compiler) -> int:
+    return core.builder.python_coordinate(
+        [core.point(frame) for frame in element.points],
+        [core.direction(frame, vector) for frame, vector in element.directions],
+        [core.variable(name) for name in element.variables],
+        _Called(element.function, element.label),
     )

@@ -3,14 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.elements.along import FramePair
-from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
-from leastaction.mechanics.elements.forces.joint_forces import Force
-from leastaction.mechanics.elements.reading import Factors, number, positive
+from leastaction.mechanics.elements.base import Force
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.fields import (
+    DYNAMIC,
+    END,
+    Factors,
+    Kind,
+    Number,
+    Uses,
+    positive,
+)
 from leastaction.numerics.names import check_name
+
+_COEFFICIENT = Number(lambda c: c >= 0.0, "zero or more", "as damping opposes the motion")
+
+
+@dataclass(frozen=True)
+class _Coefficients(Kind):
+    """A coefficient for every dynamic variable, or some by name."""
+
+    def read(self, value: object, what: str) -> float | Factors:
+        if not isinstance(value, Mapping):
+            return _COEFFICIENT.read(value, f"{what}: the coefficient of every variable")
+        named = Factors()
+        for name, given in value.items():
+            check_name(name, f"{what}: a variable's name")
+            named[name] = _COEFFICIENT.read(given, f"{what}: the coefficient of {name}")
+        return named
+
+    def uses(self, value: float | Factors) -> Uses:
+        return Uses(dynamic=tuple(value)) if isinstance(value, Mapping) else Uses()
 
 
 @dataclass(frozen=True)
@@ -35,27 +61,22 @@ class Damping(Force):
     The parameters are ``"damping.<variable>"``.
     """
 
-    coefficients: float | Mapping[str, float]
-    default: float = 0.0
+    coefficients: float | Mapping[str, float] = field(metadata={"kind": _Coefficients()})
+    default: float = field(default=0.0, metadata={"kind": _COEFFICIENT})
+
+    called = "damping"
 
     def __post_init__(self) -> None:
+        one = self.coefficients
+        if not isinstance(one, Mapping) and self.default != 0.0:
+            raise DescriptionError(
+                f"{self.title}: default: got {self.default!r} together with one coefficient for every "
+                "variable; give a mapping of names to coefficients, or leave it out"
+            )
         super().__post_init__()
-        if isinstance(self.coefficients, Mapping):
-            named = {
-                check_name(name, f"{self.title}: a variable's name"): self._coefficient(value, name)
-                for name, value in self.coefficients.items()
-            }
-            object.__setattr__(self, "coefficients", Factors(named))
-            object.__setattr__(self, "default", self._coefficient(self.default, "the others"))
-        else:
-            value = self._coefficient(self.coefficients, "every variable")
-            if self.default != 0.0:
-                raise DescriptionError(
-                    f"{self.title}: default: got {self.default!r} together with one coefficient for every "
-                    "variable; give a mapping of names to coefficients, or leave it out"
-                )
-            object.__setattr__(self, "coefficients", Factors({}))
-            object.__setattr__(self, "default", value)
+        if not isinstance(self.coefficients, Mapping):
+            object.__setattr__(self, "default", self.coefficients)
+            object.__setattr__(self, "coefficients", Factors())
 
     @property
     def named(self) -> Mapping[str, float]:
@@ -63,71 +84,59 @@ class Damping(Force):
         assert isinstance(self.coefficients, Mapping)
         return self.coefficients
 
-    @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(dynamic=tuple(self.named))
-
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return "damping"
-
     def describe(self) -> str:
-        """Return the values in a few words."""
         parts = [f"{name} {value:g}" for name, value in self.named.items()]
         if self.default or not parts:
             parts.append(f"{'others' if parts else 'every dynamic variable'} {self.default:g}")
         return ", ".join(parts)
 
-    def with_number(self, parameter: str, value: float) -> Element | None:
-        """Return the element with another value of a parameter; see `Element.with_number`."""
+    def with_number(self, parameter: str, value: float) -> Damping:
         return replace(self, coefficients={**self.named, parameter: value})
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        for index, name in enumerate(context.dynamic):
+    def add_to(self, core: Compiler) -> None:
+        for index, name in enumerate(core.context.dynamic):
             # A zero that was written is a parameter; one that was left out is no damping.
             if name in self.named or self.default != 0.0:
-                slot = builder.add_damping(index, self.named.get(name, self.default))
-                context.record(self, name, slot)
-
-    def _coefficient(self, value: object, name: str) -> float:
-        what = f"{self.title}: the coefficient of {name}"
-        return positive(value, what, "as damping opposes the motion", zero=True)
+                c = self.named.get(name, self.default)
+                core.record(name, core.builder.add_damping(index, c))
 
 
-@dataclass(frozen=True)
-class OnVariable(Force):
-    """Base of the forces on one dynamic variable that depend on its velocity.
-
-    Parameters
-    ----------
-    variable : str
-        The dynamic variable.
-    name : str, optional
-    """
-
-    variable: str
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_name(self.variable, f"{self.title}: variable")
-
-    @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(dynamic=(self.variable,))
-
-    def oppose(self, builder: Builder, context: Context, kind: str, slots: Sequence[int]) -> None:
-        """Add the force ``-law(v)`` of a kind with its numbers."""
-        one, minus = context.constant(builder, 1.0), context.constant(builder, -1.0)
-        coordinate = builder.variables_coordinate([context.variable(self.variable)], [one])
-        builder.add_force(coordinate, minus, -1, -1, builder.law(kind, slots))
+def _oppose(core: Compiler, variable: str, law: int) -> None:
+    """Add the force ``-law(v)`` on a variable."""
+    core.force(core.sum(variable), -1.0, by_rate=law)
 
 
 @dataclass(frozen=True)
-class NonlinearDamping(OnVariable):
+class _OddPowers(Kind):
+    """The coefficients c1, c3, ... of odd powers; the last is positive."""
+
+    def read(self, value: object, what: str) -> tuple[float, ...]:
+        text = isinstance(value, (str, bytes))
+        if text or not isinstance(value, Sequence) or not 1 <= len(value) <= 8:
+            raise DescriptionError(
+                f"{what}: expected a list of one to eight numbers c1, c3, c5, ..., got {value!r}"
+            )
+        last = Number(lambda c: c > 0.0, "a positive number", "as the last one opposes fast motion")
+        kinds = [Number()] * (len(value) - 1) + [last]
+        return tuple(
+            kind.read(c, f"{what}: c{2 * i + 1}")
+            for i, (kind, c) in enumerate(zip(kinds, value, strict=True))
+        )
+
+    def numbers(self, field: str, value: Sequence[float]) -> dict[str, float]:
+        return {f"c{2 * i + 1}": c for i, c in enumerate(value)}
+
+    def with_number(
+        self, field: str, value: Sequence[float], parameter: str, number: float
+    ) -> tuple[float, ...]:
+        return tuple({**self.numbers(field, value), parameter: number}.values())
+
+    def show(self, value: Sequence[float]) -> str:
+        return ", ".join(f"{name} {c:g}" for name, c in self.numbers("", value).items())
+
+
+@dataclass(frozen=True)
+class NonlinearDamping(Force):
     """Damping by odd powers of the velocity: ``f = -(c1 v + c3 v^3 + c5 v^5 + ...)``.
 
     Parameters
@@ -149,50 +158,19 @@ class NonlinearDamping(OnVariable):
     The parameters are ``"nonlinear_damping.c1"`` and so on.
     """
 
-    coefficients: Sequence[float]
+    variable: str = field(metadata=DYNAMIC)
+    coefficients: Sequence[float] = field(metadata={"kind": _OddPowers()})
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        what = f"{self.title}: coefficients"
-        given: object = self.coefficients
-        text = isinstance(given, (str, bytes))
-        if text or not isinstance(given, Sequence) or not 1 <= len(given) <= 8:
-            raise DescriptionError(
-                f"{what}: expected a list of one to eight numbers c1, c3, c5, ..., got {given!r}"
-            )
-        values = tuple(number(value, f"{what}: c{2 * i + 1}") for i, value in enumerate(given))
-        positive(
-            values[-1], f"{what}: c{2 * len(values) - 1}", "as the last one opposes fast motion"
-        )
-        object.__setattr__(self, "coefficients", values)
+    called = "nonlinear_damping"
+    reads = "{variable}, {coefficients}"
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"nonlinear_damping({self.variable})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        terms = [f"c{2 * i + 1} {value:g}" for i, value in enumerate(self.coefficients)]
-        return f"{self.variable}, {', '.join(terms)}"
-
-    def with_number(self, parameter: str, value: float) -> Element | None:
-        """Return the element with another value of a parameter; see `Element.with_number`."""
-        values = list(self.coefficients)
-        values[int(parameter.removeprefix("c")) // 2] = value
-        return replace(self, coefficients=tuple(values))
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        slots = []
-        for i, value in enumerate(self.coefficients):
-            slots.append(context.constant(builder, 0.0))
-            slots.append(context.parameter(builder, self, f"c{2 * i + 1}", value))
-        self.oppose(builder, context, "polynomial", slots)
+    def add_to(self, core: Compiler) -> None:
+        powers = [c for name in self.numbers for c in (0.0, name)]
+        _oppose(core, self.variable, core.law("polynomial", *powers))
 
 
 @dataclass(frozen=True)
-class CoulombFriction(OnVariable):
+class CoulombFriction(Force):
     """Dry friction, smoothed: ``f = -F tanh(v / v0)``.
 
     Parameters
@@ -216,38 +194,19 @@ class CoulombFriction(OnVariable):
     The smaller the speed, the stiffer the equations: a step should not change v by much more than v0.
     """
 
-    force: float
-    speed: float
+    variable: str = field(metadata=DYNAMIC)
+    force: float = field(metadata=positive("as friction opposes the motion"))
+    speed: float = field(metadata=positive("the velocity over which the friction turns round"))
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        force = positive(self.force, f"{self.title}: force", "as friction opposes the motion")
-        speed = positive(
-            self.speed, f"{self.title}: speed", "the velocity over which the friction turns round"
-        )
-        object.__setattr__(self, "force", force)
-        object.__setattr__(self, "speed", speed)
+    called = "friction"
+    reads = "{variable}, {force} beyond a speed of {speed}"
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"friction({self.variable})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{self.variable}, {self.force:g} beyond a speed of {self.speed:g}"
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        slots = [
-            context.parameter(builder, self, "force", self.force),
-            context.parameter(builder, self, "speed", self.speed),
-        ]
-        self.oppose(builder, context, "tanh", slots)
+    def add_to(self, core: Compiler) -> None:
+        _oppose(core, self.variable, core.law("tanh", "force", "speed"))
 
 
 @dataclass(frozen=True)
-class LinearDamper(FramePair, Force):
+class LinearDamper(Force):
     """A damper between two frames: ``f_i = -c sdot ds/dq_i`` with ``s = |p1 - p2|``.
 
     Parameters
@@ -264,32 +223,14 @@ class LinearDamper(FramePair, Force):
         If both ends are the same frame or the coefficient is not positive.
     """
 
-    coefficient: float
+    frame1: str = field(metadata=END)
+    frame2: str = field(metadata=END)
+    coefficient: float = field(metadata=positive("as a damper opposes the motion", unit="N s/m"))
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        value = positive(
-            self.coefficient, f"{self.title}: coefficient", "as a damper opposes the motion"
-        )
-        object.__setattr__(self, "coefficient", value)
+    called = "damper"
+    reads = "{frame1} to {frame2}, {coefficient}"
+    task = "give way to the damper"
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"damper({self.frame1}, {self.frame2})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{self.frame1} to {self.frame2}, {self.coefficient:g} N s/m"
-
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_distance(context, "give way to the damper")
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        slot = context.parameter(builder, self, "coefficient", self.coefficient)
-        coordinate = builder.path_coordinate(list(self.points(builder, context)))
-        minus = context.constant(builder, -1.0)
-        builder.add_force(coordinate, minus, -1, -1, builder.law("linear", [slot]))
+    def add_to(self, core: Compiler) -> None:
+        length = core.path((self.frame1, self.frame2))
+        core.force(length, -1.0, by_rate=core.law("linear", "coefficient"))

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from leastaction.errors import DescriptionError
-from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
-from leastaction.mechanics.elements.forces.joint_forces import Force
-from leastaction.mechanics.elements.reading import number, positive, three
+from leastaction import _core
+from leastaction.mechanics.elements.base import Force
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.fields import FRAME, VECTOR, number, positive
 from leastaction.mechanics.expressions.tapes import TapeWriter, dot
-from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)
@@ -48,91 +46,39 @@ class Drag(Force):
     ``"drag.wind.x"``, ``"drag.wind.y"``, ``"drag.wind.z"``.
     """
 
-    frame: str
-    coefficient: float
-    exponent: float = 2.0
-    wind: Sequence[float] = (0.0, 0.0, 0.0)
-    smoothing: float = 1e-3
+    frame: str = field(metadata=FRAME)
+    coefficient: float = field(metadata=positive("as drag opposes the motion"))
+    exponent: float = field(
+        default=2.0,
+        metadata=number(lambda n: n >= 1.0, "1 (viscous) or more", "such as 2 for air"),
+    )
+    wind: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=VECTOR)
+    smoothing: float = field(
+        default=1e-3, metadata=positive("the speed under which the drag is viscous", unit="m/s")
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        title = self.title
-        check_name(self.frame, f"{title}: frame")
-        coefficient = positive(
-            self.coefficient, f"{title}: coefficient", "as drag opposes the motion"
-        )
-        exponent = number(self.exponent, f"{title}: exponent")
-        if exponent < 1.0:
-            raise DescriptionError(
-                f"{title}: exponent: got {exponent:g}, expected 1 (viscous) or more, such as 2 for air"
-            )
-        smoothing = positive(
-            self.smoothing, f"{title}: smoothing", "the speed under which the drag is viscous"
-        )
-        object.__setattr__(self, "coefficient", coefficient)
-        object.__setattr__(self, "exponent", exponent)
-        object.__setattr__(self, "wind", three(self.wind, f"{title}: wind"))
-        object.__setattr__(self, "smoothing", smoothing)
-
-    @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(frames=(self.frame,))
-
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"drag({self.frame})"
+    called = "drag"
+    reads = "{frame}, coefficient {coefficient}, exponent {exponent}"
+    task = "follow the drag"
 
     def describe(self) -> str:
-        """Return the values in a few words."""
         wind = f", wind ({', '.join(f'{w:g}' for w in self.wind)}) m/s" if any(self.wind) else ""
-        return f"{self.frame}, coefficient {self.coefficient:g}, exponent {self.exponent:g}{wind}"
+        return super().describe() + wind
 
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_moved(
-            context,
-            context.moving(self.frame),
-            f"moves {self.frame!r}, so drag on it does nothing; remove it or choose another frame",
-        )
-
-    def with_number(self, parameter: str, value: float) -> Element | None:
-        """Return the element with another value of a parameter; see `Element.with_number`."""
-        axis = parameter.removeprefix("wind.")
-        if axis == parameter:
-            return super().with_number(parameter, value)
-        wind = {**dict(zip("xyz", self.wind, strict=True)), axis: value}
-        return replace(self, wind=tuple(wind.values()))
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        point = context.point(builder, self.frame)
-        origin = context.point(builder, context.world)
-        place = [
-            builder.component_coordinate(
-                point, origin, context.direction(builder, context.world, axis)
-            )
-            for axis in np.eye(3)
-        ]
-        numbers = [
-            context.parameter(builder, self, field, getattr(self, field))
-            for field in ("coefficient", "exponent", "smoothing")
-        ]
-        wind = [
-            context.parameter(builder, self, f"wind.{axis}", value)
-            for axis, value in zip("xyz", self.wind, strict=True)
-        ]
+    def add_to(self, core: Compiler) -> None:
+        world = core.context.world
+        place = [core.component(self.frame, world, world, axis) for axis in np.eye(3)]
+        numbers = [core.slot(name) for name in ("coefficient", "exponent", "smoothing")]
+        wind = [core.slot(f"wind.{axis}") for axis in "xyz"]
         tape = _drag_along_the_first()
         for axis in range(3):
             # The same tape for every component: the one it acts along comes first.
             turn = [axis, (axis + 1) % 3, (axis + 2) % 3]
             slots = [*numbers, *(wind[i] for i in turn)]
-            builder.add_tape_force([place[i] for i in turn], [], tape, slots)
+            core.tape_force([place[i] for i in turn], [], tape, slots)
 
 
-def _drag_along_the_first() -> Any:
+def _drag_along_the_first() -> _core.Tape:
     """Return the component of the drag along the first of three axes, as a tape.
 
     Inputs: three places, their rates, coefficient, exponent, smoothing, the wind along the three axes.

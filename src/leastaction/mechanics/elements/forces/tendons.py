@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from leastaction.errors import DescriptionError
-from leastaction.mechanics.elements.along import Along, Path
-from leastaction.mechanics.elements.base import Builder, Context, Uses
-from leastaction.mechanics.elements.forces.joint_forces import Force
-from leastaction.mechanics.elements.reading import number, read_curve
+from leastaction.mechanics.elements.base import Force
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.fields import CURVE, INPUT, PATH, not_zero
 from leastaction.numerics.curve import Curve
-from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)
-class TendonForce(Along, Force):
+class TendonForce(Force):
     """The tension of a string over via-points: ``f_i = -gain u fl(s) fv(sdot) ds/dq_i``.
 
     The length s is that of the straight pieces through the frames; a positive tension shortens it.
@@ -46,45 +43,17 @@ class TendonForce(Along, Force):
     must not meet, where the string has no direction.
     """
 
-    frames: Sequence[str]
-    input: str
-    gain: float = 1.0
-    force_length: Curve | None = None
-    force_velocity: Curve | None = None
+    frames: Sequence[str] = field(metadata=PATH)
+    input: str = field(metadata=INPUT)
+    gain: float = field(default=1.0, metadata=not_zero("as else the input does nothing"))
+    force_length: Curve | None = field(default=None, metadata=CURVE)
+    force_velocity: Curve | None = field(default=None, metadata=CURVE)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        title = self.title
-        object.__setattr__(self, "frames", Path.read(self.frames, f"{title}: frames"))
-        check_name(self.input, f"{title}: input")
-        gain = number(self.gain, f"{title}: gain")
-        if gain == 0.0:
-            raise DescriptionError(
-                f"{title}: gain: got zero, so the input does nothing; give a number that is not"
-            )
-        object.__setattr__(self, "gain", gain)
-        for field in ("force_length", "force_velocity"):
-            if getattr(self, field) is not None:
-                read_curve(getattr(self, field), f"{title}: {field}")
-
-    @property
-    def scalar(self) -> Path:
-        """What the tendon pulls along."""
-        return Path(tuple(self.frames))
-
-    @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(frames=tuple(self.frames), inputs=(self.input,))
-
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"tendon({self.scalar.names})"
+    called = "tendon"
+    reads = "{input} along {frames}"
 
     def describe(self) -> str:
-        """Return the values in a few words."""
-        parts = [f"{self.input} along {self.scalar}"]
+        parts = [super().describe()]
         if self.gain != 1.0:
             parts.append(f"gain {self.gain:g}")
         if self.force_length is not None:
@@ -93,19 +62,9 @@ class TendonForce(Along, Force):
             parts.append("force by velocity")
         return ", ".join(parts)
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        minus, one = context.constant(builder, -1.0), context.constant(builder, 1.0)
+    def add_to(self, core: Compiler) -> None:
         # The sign goes into the first factor, so that the gain is what the user gave.
-        if self.force_length is None:
-            by_length = builder.law("polynomial", [minus])
-        else:
-            curve = self.force_length
-            by_length = builder.piecewise_law(curve.breaks, curve.coefficients, minus)
-        by_velocity = -1
-        if self.force_velocity is not None:
-            curve = self.force_velocity
-            by_velocity = builder.piecewise_law(curve.breaks, curve.coefficients, one)
-        gain = context.parameter(builder, self, "gain", self.gain)
-        coordinate = self.coordinate(builder, context)
-        builder.add_force(coordinate, gain, context.input(self.input), by_length, by_velocity)
+        fl, fv = self.force_length, self.force_velocity
+        pull = core.law("polynomial", -1.0) if fl is None else core.curve(fl, core.slot(-1.0))
+        by_velocity = -1 if fv is None else core.curve(fv, core.slot(1.0))
+        core.force(core.path(self.frames), "gain", self.input, pull, by_velocity)

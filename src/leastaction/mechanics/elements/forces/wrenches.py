@@ -3,18 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
-from leastaction.mechanics.elements.forces.joint_forces import Force
-from leastaction.mechanics.elements.reading import number
+from leastaction.mechanics.elements.base import Force
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.fields import FRAME, Kind, Number, Uses
 from leastaction.numerics.names import check_name
 
-_COMPONENTS = ("fx", "fy", "fz", "tx", "ty", "tz")
+_Three = tuple[float | str, ...]
+
+
+@dataclass(frozen=True)
+class _Components(Kind):
+    """Three components, each a number or the name of an input; the parameters are called by a letter."""
+
+    letter: str
+    unit: str
+
+    def read(self, value: Any, what: str) -> _Three:
+        if (
+            isinstance(value, (str, bytes))
+            or not isinstance(value, (Sequence, np.ndarray))
+            or getattr(value, "ndim", 1) == 0
+            or len(value) != 3
+        ):
+            raise DescriptionError(
+                f"{what}: expected three components along x, y and z, each a number or the name of an input, "
+                f"got {value!r}"
+            )
+        return tuple(
+            check_name(c, f"{what}: {axis}")
+            if isinstance(c, str)
+            else Number().read(c, f"{what}: {axis}")
+            for axis, c in zip("xyz", value, strict=True)
+        )
+
+    def uses(self, value: _Three) -> Uses:
+        return Uses(inputs=tuple(c for c in value if isinstance(c, str)))
+
+    def numbers(self, field: str, value: _Three) -> dict[str, float]:
+        return {n: c for n, c in self.named(value).items() if not isinstance(c, str)}
+
+    def named(self, value: _Three) -> dict[str, float | str]:
+        """The components by name."""
+        return {f"{self.letter}{axis}": c for axis, c in zip("xyz", value, strict=True)}
+
+    def with_number(self, field: str, value: _Three, parameter: str, number: float) -> _Three:
+        return tuple({**self.named(value), parameter: number}.values())
+
+    def show(self, value: _Three) -> str:
+        shown = ", ".join(c if isinstance(c, str) else f"{c:g}" for c in value)
+        return f"({shown}) {self.unit}"
+
+
+_FORCE, _TORQUE = _Components("f", "N"), _Components("t", "N m")
 
 
 @dataclass(frozen=True)
@@ -43,94 +89,50 @@ class Wrench(Force):
     ``"wrench.tx"``, ``"wrench.ty"``, ``"wrench.tz"``.
     """
 
-    frame: str
-    force: Sequence[float | str] | None = None
-    torque: Sequence[float | str] | None = None
+    frame: str = field(metadata=FRAME)
+    force: Sequence[float | str] | None = field(default=None, metadata={"kind": _FORCE})
+    torque: Sequence[float | str] | None = field(default=None, metadata={"kind": _TORQUE})
 
     kind: ClassVar[str]
+    task = "follow the wrench"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_name(self.frame, f"{self.title}: frame")
         if self.force is None and self.torque is None:
             raise DescriptionError(
                 f"{self.label}: neither a force nor a torque is given; give force= or torque="
             )
-        for field in ("force", "torque"):
-            if getattr(self, field) is not None:
-                object.__setattr__(self, field, self._three(field))
 
     @property
     def components(self) -> dict[str, float | str]:
         """The six components by name: numbers or inputs."""
         zero = (0.0, 0.0, 0.0)
-        values = (*(self.force or zero), *(self.torque or zero))
-        return dict(zip(_COMPONENTS, values, strict=True))
+        return _FORCE.named(tuple(self.force or zero)) | _TORQUE.named(tuple(self.torque or zero))
 
     @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        inputs = [value for value in self.components.values() if isinstance(value, str)]
-        return Uses(frames=(self.frame,), inputs=tuple(dict.fromkeys(inputs)))
+    def numbers(self) -> dict[str, float]:
+        return {n: c for n, c in self.components.items() if not isinstance(c, str)}
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"{self.kind}_wrench({self.frame})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        parts = []
-        for field, unit in (("force", "N"), ("torque", "N m")):
-            values = getattr(self, field)
-            if values is not None:
-                shown = ", ".join(v if isinstance(v, str) else f"{v:g}" for v in values)
-                parts.append(f"{field} ({shown}) {unit}")
-        return f"{self.frame}, {', '.join(parts)}"
-
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_moved(
-            context,
-            context.moving(self.frame),
-            f"moves {self.frame!r}, so the wrench does nothing; remove it or choose another frame",
-        )
-
-    def with_number(self, parameter: str, value: float) -> Element | None:
-        """Return the element with another value of a parameter; see `Element.with_number`."""
+    def with_number(self, parameter: str, value: float) -> Wrench:
         values = list({**self.components, parameter: value}.values())
         return replace(self, force=values[:3], torque=values[3:])
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
+    def describe(self) -> str:
+        parts = [self.frame]
+        if self.force is not None:
+            parts.append(f"force {_FORCE.show(tuple(self.force))}")
+        if self.torque is not None:
+            parts.append(f"torque {_TORQUE.show(tuple(self.torque))}")
+        return ", ".join(parts)
+
+    def add_to(self, core: Compiler) -> None:
         slots, inputs = [], []
         for name, value in self.components.items():
-            given = isinstance(value, str)
-            inputs.append(context.input(value) if isinstance(value, str) else -1)
-            slots.append(-1 if given else context.parameter(builder, self, name, float(value)))
-        placed = context.placed(self.frame)
+            inputs.append(core.input(value) if isinstance(value, str) else -1)
+            slots.append(-1 if isinstance(value, str) else core.slot(name))
+        placed = core.context.placed(self.frame)
         pose = np.ascontiguousarray(placed.pose)
-        builder.add_wrench(self.kind, placed.joint, pose, slots, inputs)
-
-    def _three(self, field: str) -> tuple[float | str, ...]:
-        given, what = getattr(self, field), f"{self.title}: {field}"
-        if (
-            isinstance(given, (str, bytes))
-            or not isinstance(given, (Sequence, np.ndarray))
-            or getattr(given, "ndim", 1) == 0
-            or len(given) != 3
-        ):
-            raise DescriptionError(
-                f"{what}: expected three components along x, y and z, each a number or the name of an input, "
-                f"got {given!r}"
-            )
-        return tuple(
-            check_name(value, f"{what}: {axis}")
-            if isinstance(value, str)
-            else number(value, f"{what}: {axis}")
-            for axis, value in zip("xyz", given, strict=True)
-        )
+        core.builder.add_wrench(self.kind, placed.joint, pose, slots, inputs)
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,8 @@ class BodyWrench(Wrench):
     Jacobian times the wrench. Parameters, errors and names of the components: see `Wrench`.
     """
 
-    kind: ClassVar[str] = "body"
+    kind = "body"
+    called = "body_wrench"
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,8 @@ class HybridWrench(Wrench):
     components: see `Wrench`.
     """
 
-    kind: ClassVar[str] = "hybrid"
+    kind = "hybrid"
+    called = "hybrid_wrench"
 
 
 @dataclass(frozen=True)
@@ -163,4 +167,5 @@ class SpatialWrench(Wrench):
     times the wrench. Parameters, errors and names of the components: see `Wrench`.
     """
 
-    kind: ClassVar[str] = "spatial"
+    kind = "spatial"
+    called = "spatial_wrench"

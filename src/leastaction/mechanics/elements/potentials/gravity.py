@@ -1,24 +1,34 @@
-"""Potential energies: terms of V in L = T - V. Those of springs are in `springs`."""
+"""Gravity: uniform, and with the inverse square of a distance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.description.bodies import Body
-from leastaction.mechanics.elements.along import FramePair
-from leastaction.mechanics.elements.base import Builder, Context, Element, Uses
-from leastaction.mechanics.elements.reading import number, three
+from leastaction.mechanics.elements.base import Potential
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.context import Context
+from leastaction.mechanics.elements.fields import END, VECTOR, Names, not_zero
 from leastaction.mechanics.expressions.tapes import TapeWriter
-from leastaction.numerics.names import check_name
 
 
 @dataclass(frozen=True)
-class Potential(Element):
-    """Base of the elements that add to the potential energy."""
+class _Heavy(Names):
+    """Frames with a mass, each once."""
+
+    def read(self, value: object, what: str) -> tuple[str, ...]:
+        if isinstance(value, str) or not isinstance(value, Sequence) or not value:
+            raise DescriptionError(
+                f"{what}: expected a list of frames, got {value!r}; leave it out for gravity on every mass"
+            )
+        names = super().read(value, what)
+        if len(set(names)) < len(names):
+            raise DescriptionError(f"{what}: {list(names)} names a frame twice")
+        return names
 
 
 @dataclass(frozen=True)
@@ -45,47 +55,24 @@ class Gravity(Potential):
     ``"gravity.mass.<frame>"`` (kg): the sum over the frame's bodies, at their centre of mass.
     """
 
-    vector: Sequence[float] = (0.0, 0.0, -9.81)
-    frames: Sequence[str] | None = None
+    vector: Sequence[float] = field(default=(0.0, 0.0, -9.81), metadata=VECTOR)
+    frames: Sequence[str] | None = field(default=None, metadata={"kind": _Heavy("frames")})
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "vector", three(self.vector, f"{self.title}: vector"))
-        if self.frames is None:
-            return
-        given: object = self.frames
-        if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-            raise DescriptionError(
-                f"{self.title}: frames: expected a list of frames, got {given!r}; leave it out for "
-                "gravity on every mass"
-            )
-        names = tuple(check_name(frame, f"{self.title}: frames") for frame in given)
-        if len(set(names)) < len(names):
-            raise DescriptionError(f"{self.title}: frames: {list(names)} names a frame twice")
-        object.__setattr__(self, "frames", names)
+    called = "gravity"
+    reads = "{vector} m/s^2"
 
     @property
     def unique(self) -> bool:
-        """Gravity on every mass exists once."""
         return self.frames is None
 
     @property
-    def uses(self) -> Uses:
-        """The names that the element uses; see `Element.uses`."""
-        return Uses(frames=tuple(self.frames or ()))
-
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return "gravity" if self.frames is None else f"gravity({', '.join(self.frames)})"
+    def weighed(self) -> tuple[str, ...]:
+        return tuple(self.frames or ())
 
     def describe(self) -> str:
-        """Return the values in a few words."""
-        where = "" if self.frames is None else f" on {', '.join(self.frames)}"
-        return f"({', '.join(f'{value:g}' for value in self.vector)}) m/s^2{where}"
+        return super().describe() + (f" on {', '.join(self.frames)}" if self.frames else "")
 
     def check(self, context: Context) -> None:
-        """Check names, and that every frame carries a mass; see `Element.check`."""
         super().check(context)
         for frame in self.frames or ():
             if _mass(_bodies(context, frame)) == 0.0:
@@ -95,25 +82,23 @@ class Gravity(Potential):
                     f"{closest(None, heavy, what='frames with a mass')}"
                 )
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
+    def add_to(self, core: Compiler) -> None:
         g = np.array(self.vector)
         if self.frames is None:
-            builder.set_gravity(g)
+            core.builder.set_gravity(g)
             return
-        origin = context.point(builder, context.world)
-        upwards = context.direction(builder, context.world, -g)
+        world = core.context.world
+        origin, upwards = core.point(world), core.direction(world, -g)
         for frame in self.frames:
-            bodies = _bodies(context, frame)
+            bodies, placed = _bodies(core.context, frame), core.context.placed(frame)
             mass = _mass(bodies)
             com = sum((body.mass * body.com for body in bodies), np.zeros(3)) / mass
-            placed = context.placed(frame)
-            offset = placed.pose[:3, :3] @ com + placed.pose[:3, 3]
-            height = builder.component_coordinate(
-                builder.add_point(placed.joint, offset), origin, upwards
+            centre = core.builder.add_point(
+                placed.joint, placed.pose[:3, :3] @ com + placed.pose[:3, 3]
             )
-            slot = context.parameter(builder, self, f"mass.{frame}", mass)
-            builder.add_potential(height, builder.law("linear", [slot]))
+            height = core.builder.component_coordinate(centre, origin, upwards)
+            slot = core.parameter(f"mass.{frame}", mass)
+            core.potential(height, core.builder.law("linear", [slot]))
 
 
 def _bodies(context: Context, frame: str) -> tuple[Body, ...]:
@@ -126,7 +111,7 @@ def _mass(bodies: Sequence[Body]) -> float:
 
 
 @dataclass(frozen=True)
-class InverseSquareGravity(FramePair, Potential):
+class InverseSquareGravity(Potential):
     """Attraction between two frames with the inverse square of their distance: ``V = -k / |p1 - p2|``.
 
     Newton's law of gravity with ``k = G m1 m2``, Coulomb's law of charges with ``k = -q1 q2 / (4 pi eps0)``.
@@ -145,37 +130,16 @@ class InverseSquareGravity(FramePair, Potential):
         If both are the same frame or the strength is zero or not finite.
     """
 
-    strength: float
+    frame1: str = field(metadata=END)
+    frame2: str = field(metadata=END)
+    strength: float = field(metadata=not_zero("so that something acts", unit="N m^2"))
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        strength = number(self.strength, f"{self.title}: strength")
-        if strength == 0.0:
-            raise DescriptionError(
-                f"{self.title}: strength: got zero, so nothing acts; give a number that is not, or remove it"
-            )
-        object.__setattr__(self, "strength", strength)
+    called = "inverse_square_gravity"
+    reads = "{frame1} to {frame2}, {strength}"
+    task = "follow the attraction"
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"inverse_square_gravity({self.frame1}, {self.frame2})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{self.frame1} to {self.frame2}, {self.strength:g} N m^2"
-
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_distance(context, "follow the attraction")
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
+    def add_to(self, core: Compiler) -> None:
         tape = TapeWriter(2)
         distance, k = tape.inputs
-        slot = context.parameter(builder, self, "strength", self.strength)
-        builder.add_potential(
-            builder.path_coordinate(list(self.points(builder, context))),
-            builder.tape_law(tape.end(-(k / distance)), [slot]),
-        )
+        law = core.builder.tape_law(tape.end(-(k / distance)), [core.slot("strength")])
+        core.potential(core.path((self.frame1, self.frame2)), law)

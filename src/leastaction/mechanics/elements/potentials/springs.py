@@ -1,30 +1,35 @@
-"""Linear springs: quadratic energies of a variable, a length or an angle."""
+"""Springs: energies of a variable, a length or an angle."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.elements.along import Along, FramePair, Sum, with_factor
-from leastaction.mechanics.elements.base import Builder, Context, Element
-from leastaction.mechanics.elements.potentials.gravity import Potential
-from leastaction.mechanics.elements.reading import (
+from leastaction.mechanics.elements.base import Element, Potential
+from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.directions import Direction
+from leastaction.mechanics.elements.fields import (
+    AXIS,
+    CURVE,
+    END,
+    FLAG,
+    FRAME,
+    PATH,
     PULLS_BACK,
-    Direction,
-    direction,
+    SUM,
+    SUM_OR_PATH,
+    not_negative,
     number,
     positive,
-    show,
-    triad,
 )
-from leastaction.mechanics.expressions.tapes import TapeWriter, dot
+from leastaction.numerics.curve import Curve
 
 
 @dataclass(frozen=True)
-class JointSpring(Along, Potential):
+class JointSpring(Potential):
     """A spring on a configuration variable, or on a sum of some: ``V = k/2 (s - s0)^2``.
 
     Parameters
@@ -33,8 +38,9 @@ class JointSpring(Along, Potential):
         The variable s, or the factors of the sum ``s = sum of factor q``.
     stiffness : float
         The stiffness k (N/m or N m/rad).
-    rest : float, optional
-        Value s0 of s at which the spring is slack (m or rad).
+    rest : float or str, optional
+        Value s0 of s at which the spring is slack (m or rad), or the name of the variable that is it. A name
+        that no frame uses is a new kinematic variable.
     name : str, optional
 
     Raises
@@ -43,48 +49,20 @@ class JointSpring(Along, Potential):
         If the stiffness is not positive, a factor is zero, or a number is not finite.
     """
 
-    variable: str | Mapping[str, float]
-    stiffness: float
-    rest: float = 0.0
+    variable: str | Mapping[str, float] = field(metadata=SUM)
+    stiffness: float = field(metadata=positive(PULLS_BACK))
+    rest: float | str = field(default=0.0, metadata=number(variable="either"))
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        title = self.title
-        object.__setattr__(self, "variable", Sum.read(self.variable, f"{title}: variable"))
-        stiffness = positive(self.stiffness, f"{title}: stiffness", PULLS_BACK)
-        object.__setattr__(self, "stiffness", stiffness)
-        object.__setattr__(self, "rest", number(self.rest, f"{title}: rest"))
+    called = "joint_spring"
+    reads = "{variable}, stiffness {stiffness}, rest {rest}"
 
-    @property
-    def scalar(self) -> Sum:
-        """What the spring acts along."""
-        return Sum.of(self.variable)
-
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"joint_spring({self.scalar.names})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{self.scalar}, stiffness {self.stiffness:g}, rest {self.rest:g}"
-
-    def with_number(self, parameter: str, value: float) -> Element | None:
-        """Return the element with another value of a parameter; see `Element.with_number`."""
-        changed = with_factor(self, "variable", parameter, value)
-        return super().with_number(parameter, value) if changed is None else changed
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        slots = [
-            context.parameter(builder, self, "stiffness", self.stiffness),
-            context.parameter(builder, self, "rest", self.rest),
-        ]
-        builder.add_potential(self.coordinate(builder, context), builder.law("spring", slots))
+    def add_to(self, core: Compiler) -> None:
+        s, rest = core.less(core.sum(self.variable), "rest", self.rest)
+        core.potential(s, core.law("spring", "stiffness", rest))
 
 
 @dataclass(frozen=True)
-class LinearSpring(FramePair, Potential):
+class LinearSpring(Potential):
     """A spring between two frames: ``V = k/2 (|p1 - p2| - L)^2``.
 
     Parameters
@@ -93,8 +71,9 @@ class LinearSpring(FramePair, Potential):
         The frames whose origins are the ends.
     stiffness : float
         The stiffness k (N/m).
-    length : float, optional
-        Length L of the slack spring (m).
+    length : float or str, optional
+        Length L of the slack spring (m), or the name of the variable that is it. A name that no frame uses
+        is a new kinematic variable.
     name : str, optional
 
     Raises
@@ -109,35 +88,22 @@ class LinearSpring(FramePair, Potential):
     ``"spring.length"``.
     """
 
-    stiffness: float
-    length: float = 0.0
+    frame1: str = field(metadata=END)
+    frame2: str = field(metadata=END)
+    stiffness: float = field(metadata=positive(PULLS_BACK, unit="N/m"))
+    length: float | str = field(
+        default=0.0, metadata=not_negative("in metres", unit="m", variable="either")
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        stiffness = positive(self.stiffness, f"{self.title}: stiffness", PULLS_BACK)
-        length = positive(self.length, f"{self.title}: length", "in metres", zero=True)
-        object.__setattr__(self, "stiffness", stiffness)
-        object.__setattr__(self, "length", length)
+    called = "spring"
+    reads = "{frame1} to {frame2}, {stiffness}, length {length}"
+    task = "give way to the spring"
 
     @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"spring({self.frame1}, {self.frame2})"
-
-    def describe(self) -> str:
-        """Return the values in a few words."""
-        return f"{self.frame1} to {self.frame2}, {self.stiffness:g} N/m, length {self.length:g} m"
-
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        if self.length > 0.0:
-            self.check_distance(context, "give way to the spring")
-        else:
-            self.check_movable(context, "give way to the spring")
+    def strings(self) -> tuple[tuple[str, ...], ...]:
+        return () if self.length == 0.0 else super().strings
 
     def with_number(self, parameter: str, value: float) -> Element | None:
-        """Return the element with another value of a parameter; see `Element.with_number`."""
         if parameter == "length" and value == 0.0:
             raise DescriptionError(
                 f"{self.label}: length: got 0, but a spring that was described with a length keeps one; "
@@ -145,23 +111,19 @@ class LinearSpring(FramePair, Potential):
             )
         return super().with_number(parameter, value)
 
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        first, second = self.points(builder, context)
-        stiffness = context.parameter(builder, self, "stiffness", self.stiffness)
-        if self.length > 0.0:
-            length = context.parameter(builder, self, "length", self.length)
-            law = builder.law("spring", [stiffness, length])
-            builder.add_potential(builder.path_coordinate([first, second]), law)
+    def add_to(self, core: Compiler) -> None:
+        ends = (self.frame1, self.frame2)
+        if self.length != 0.0:
+            s, length = core.less(core.path(ends), "length", self.length)
+            core.potential(s, core.law("spring", "stiffness", length))
             return
-        law = builder.law("spring", [stiffness, context.constant(builder, 0.0)])
+        law = core.law("spring", "stiffness", 0.0)
         for axis in np.eye(3):
-            along = context.direction(builder, context.world, axis)
-            builder.add_potential(builder.component_coordinate(first, second, along), law)
+            core.potential(core.component(*ends, core.context.world, axis), law)
 
 
 @dataclass(frozen=True)
-class TorsionalSpring(FramePair, Potential):
+class TorsionalSpring(Potential):
     """A spring against the turning of one frame relative to another: ``V = k/2 (phi - phi0)^2``.
 
     The angle is that of frame2 about an axis a of frame1: with e fixed across the axis in frame1, and
@@ -175,8 +137,9 @@ class TorsionalSpring(FramePair, Potential):
         The stiffness k (N m/rad).
     axis : str or array_like, shape (3,), optional
         Axis in frame1: ``"x"``, ``"y"``, ``"z"`` or three numbers.
-    rest : float, optional
-        Angle phi0 of the slack spring (rad), between -pi and pi.
+    rest : float or str, optional
+        Angle phi0 of the slack spring (rad), between -pi and pi, or the name of the variable that is it. A
+        name that no frame uses is a new kinematic variable.
     name : str, optional
 
     Raises
@@ -192,56 +155,119 @@ class TorsionalSpring(FramePair, Potential):
     the axis; it is not determined where d is along the axis.
     """
 
-    stiffness: float
-    axis: Direction = "z"
-    rest: float = 0.0
+    frame1: str = field(metadata=FRAME)
+    frame2: str = field(metadata=FRAME)
+    stiffness: float = field(metadata=positive(PULLS_BACK, unit="N m/rad"))
+    axis: Direction = field(default="z", metadata=AXIS)
+    rest: float | str = field(
+        default=0.0,
+        metadata=number(
+            lambda angle: abs(angle) < np.pi,
+            "an angle in (-pi, pi)",
+            "where the spring's angle lies; use JointSpring for joints that turn further",
+            unit="rad",
+            variable="either",
+        ),
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        title = self.title
-        stiffness = positive(self.stiffness, f"{title}: stiffness", PULLS_BACK)
-        rest = number(self.rest, f"{title}: rest")
-        if abs(rest) >= np.pi:
-            raise DescriptionError(
-                f"{title}: rest: got {rest:g} rad, expected an angle in (-pi, pi), where the spring's angle "
-                "lies; use JointSpring for joints that turn further"
-            )
-        object.__setattr__(self, "stiffness", stiffness)
-        object.__setattr__(self, "axis", direction(self.axis, f"{title}: axis"))
-        object.__setattr__(self, "rest", rest)
+    called = "torsional_spring"
+    reads = "{frame1} to {frame2} about {axis}, {stiffness}, rest {rest}"
+    task = "give way to the spring"
+    turning = True
 
-    @property
-    def default_name(self) -> str:
-        """The name if none is given."""
-        return f"torsional_spring({self.frame1}, {self.frame2})"
+    def add_to(self, core: Compiler) -> None:
+        s, rest = core.less(core.angle(self.frame1, self.frame2, self.axis), "rest", self.rest)
+        core.potential(s, core.law("spring", "stiffness", rest))
+
+
+@dataclass(frozen=True)
+class NonlinearSpring(Potential):
+    """A spring whose force is a smooth curve: ``V(s) = integral of F``, so that it drives with ``-F(s)``.
+
+    Parameters
+    ----------
+    on : str, mapping of str to float, or sequence of str
+        What s is: a configuration variable, a sum of some by their factors, or the length of the path
+        through the origins of two frames or more.
+    force : Curve
+        The force F at s (N or N m), positive where the spring drives s down: for a length, a tension.
+    name : str, optional
+
+    Raises
+    ------
+    DescriptionError
+        If ``on`` is none of these or the force no `Curve`.
+
+    Notes
+    -----
+    The parameter ``"spring.scale"`` multiplies the curve; it is 1.
+    """
+
+    on: str | Mapping[str, float] | Sequence[str] = field(metadata=SUM_OR_PATH)
+    force: Curve = field(metadata=CURVE)
+
+    called = "nonlinear_spring"
+    reads = "{on}, force {force}"
+
+    def add_to(self, core: Compiler) -> None:
+        scale = core.parameter("scale", 1.0)
+        core.potential(core.along(self.on), core.curve(self.force.integral(), scale))
+
+
+@dataclass(frozen=True)
+class ElasticString(Potential):
+    """An elastic string through the origins of frames, the ends and the via-points, of length s.
+
+    Both ways it is a spring, ``V = k/2 (s - L)^2``; with tension only, ``V = k/2 r^2`` with the smooth
+    stretch ``r = e log(1 + exp((s - L)/e))``, which is ``s - L`` where taut and nearly zero where slack.
+
+    Parameters
+    ----------
+    frames : sequence of str
+        Two frames or more, in the order of the string.
+    stiffness : float
+        The stiffness k of the whole string (N/m).
+    length : float or str
+        Its slack length L (m), or the name of the variable that is it. A name that no frame uses is a new
+        kinematic variable.
+    tension_only : bool, optional
+        Whether it goes slack when shorter than its length.
+    smoothing : float, optional
+        The length e over which it does (m): at ``s = L`` the stretch is ``e log 2``.
+    name : str, optional
+
+    Raises
+    ------
+    DescriptionError
+        If there are fewer than two frames, one follows itself, or a number is not positive.
+
+    Notes
+    -----
+    Consecutive frames must not meet, where the string has no direction. A small ``smoothing`` makes a
+    sharp corner, which Newton's method and the step must resolve.
+    """
+
+    frames: Sequence[str] = field(metadata=PATH)
+    stiffness: float = field(metadata=positive(PULLS_BACK, unit="N/m"))
+    length: float | str = field(metadata=positive("in metres", unit="m", variable="either"))
+    tension_only: bool = field(default=True, metadata=FLAG)
+    smoothing: float = field(
+        default=1e-3,
+        metadata=positive(
+            "the length over which the string gets taut; tension_only=False has no corner", unit="m"
+        ),
+    )
+
+    called = "elastic_string"
+    reads = "{frames}, {stiffness}, length {length}"
 
     def describe(self) -> str:
-        """Return the values in a few words."""
-        return (
-            f"{self.frame1} to {self.frame2} about {show(self.axis)}, {self.stiffness:g} N m/rad, "
-            f"rest {self.rest:g} rad"
-        )
+        return f"{super().describe()}, {'tension only' if self.tension_only else 'both ways'}"
 
-    def check(self, context: Context) -> None:
-        """Check names, and that the element can do its work; see `Element.check`."""
-        super().check(context)
-        self.check_movable(context, "give way to the spring", turning=True)
-
-    def add_to(self, builder: Builder, context: Context) -> None:
-        """Add the element to the core; see `Element.add_to`."""
-        _, e, f = triad(self.axis)
-        directions = [
-            context.direction(builder, self.frame1, e),
-            context.direction(builder, self.frame1, f),
-            context.direction(builder, self.frame2, e),
-        ]
-        tape = TapeWriter(9)
-        across1, across2, turned = tape.inputs[:3], tape.inputs[3:6], tape.inputs[6:]
-        sine, cosine = dot(across2, turned), dot(across1, turned)
-        angle = tape.end(tape.apply("atan2", sine, cosine))
-        slots = [
-            context.parameter(builder, self, "stiffness", self.stiffness),
-            context.parameter(builder, self, "rest", self.rest),
-        ]
-        coordinate = builder.tape_coordinate([], directions, [], angle, [])
-        builder.add_potential(coordinate, builder.law("spring", slots))
+    def add_to(self, core: Compiler) -> None:
+        s, length = core.less(core.path(self.frames), "length", self.length)
+        if self.tension_only:
+            law = core.law("taut", "stiffness", length, "smoothing")
+        else:
+            law = core.law("spring", "stiffness", length)
+        core.potential(s, law)

@@ -1,0 +1,214 @@
+"""From elements to the core: coordinates, laws, and what is made of them.
+
+Everything that is added is an index from then on: points, directions, coordinates (scalar functions s(q)),
+laws (functions of one number), and slots, the places of numbers. All numbers of elements live in one vector
+of the mechanism, so that they can change without another compilation; those that have a name are its parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction import _core
+from leastaction.errors import DescriptionError
+from leastaction.mechanics.elements.context import Context
+from leastaction.mechanics.elements.directions import Direction, triad
+from leastaction.mechanics.expressions.tapes import TapeWriter, dot
+from leastaction.numerics.curve import Curve
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """Adds one element after the other to the core's builder.
+
+    Attributes
+    ----------
+    builder : leastaction._core.MechanismBuilder
+    context : Context
+        Names and frames.
+    parameters : dict of str to int
+        Slots of the numbers that have a name, such as ``"spring.stiffness"``.
+    owners : dict of str to (str, str)
+        Unique name of the element that each of them belongs to, and its name there.
+    element, label : str
+        Unique name of the element that is being added, and how messages call it.
+    numbers : mapping of str to float
+        The numbers that its fields hold.
+    """
+
+    builder: _core.MechanismBuilder
+    context: Context
+    parameters: dict[str, int] = field(default_factory=dict)
+    owners: dict[str, tuple[str, str]] = field(default_factory=dict)
+    element: str = ""
+    label: str = ""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    _points: dict[str, int] = field(default_factory=dict)
+    _directions: dict[tuple[int, bytes], int] = field(default_factory=dict)
+    _constants: dict[float, int] = field(default_factory=dict)
+
+    def within(self, element: str, label: str, numbers: Mapping[str, float]) -> Compiler:
+        """Return the same compiler, shared, while an element is added."""
+        return replace(self, element=element, label=label, numbers=numbers)
+
+    # Numbers
+
+    def slot(self, number: str | float) -> int:
+        """Slot of a number of the fields, by the name of its parameter; of a plain one, made once."""
+        if isinstance(number, str):
+            known = self.parameters.get(f"{self.element}.{number}")
+            return self.parameter(number, self.numbers[number]) if known is None else known
+        if number not in self._constants:
+            self._constants[number] = self.builder.add_number(number)
+        return self._constants[number]
+
+    def parameter(self, name: str, value: float) -> int:
+        """Add a number as the parameter ``"element.name"``; return its slot."""
+        return self.record(name, self.builder.add_number(float(value)))
+
+    def record(self, name: str, slot: int) -> int:
+        """Record a slot that the builder gave to a number of the element; return it."""
+        full = f"{self.element}.{name}"
+        if full in self.parameters:
+            raise DescriptionError(
+                f"{self.label}: its parameter {full!r} is also one of the element {self.owners[full][0]!r}; "
+                "give one of them another name="
+            )
+        self.parameters[full], self.owners[full] = slot, (self.element, name)
+        return slot
+
+    # What stands in the world
+
+    def variable(self, name: str) -> int:
+        """Index of a configuration variable."""
+        return self.context.variables[name]
+
+    def input(self, name: str) -> int:
+        """Index of an input."""
+        return self.context.inputs.index(name)
+
+    def point(self, frame: str) -> int:
+        """Index of the point at a frame's origin, made once."""
+        if frame not in self._points:
+            placed = self.context.placed(frame)
+            offset = np.ascontiguousarray(placed.pose[:3, 3])
+            self._points[frame] = self.builder.add_point(placed.joint, offset)
+        return self._points[frame]
+
+    def direction(self, frame: str, vector: npt.ArrayLike) -> int:
+        """Index of a vector (3,) in the axes of a frame, made once."""
+        placed = self.context.placed(frame)
+        turned = placed.pose[:3, :3] @ np.asarray(vector, dtype=np.float64)
+        key = (placed.joint, turned.tobytes())
+        if key not in self._directions:
+            self._directions[key] = self.builder.add_direction(placed.joint, turned)
+        return self._directions[key]
+
+    # Coordinates
+
+    def sum(self, given: str | Mapping[str, float]) -> int:
+        """Add a variable, or the sum of some by factors, which are parameters."""
+        factors = [given] if isinstance(given, str) else list(given)
+        slots = [self.slot(1.0 if isinstance(given, str) else f"factors.{n}") for n in factors]
+        return self.builder.variables_coordinate([self.variable(n) for n in factors], slots)
+
+    def path(self, frames: Sequence[str]) -> int:
+        """Add the length of the straight pieces through the origins of frames (m)."""
+        return self.builder.path_coordinate([self.point(frame) for frame in frames])
+
+    def along(self, given: str | Mapping[str, float] | Sequence[str]) -> int:
+        """Add what a field of the kind `SumOrPath` holds."""
+        return self.sum(given) if isinstance(given, (str, Mapping)) else self.path(given)
+
+    def component(self, frame1: str, frame2: str, carrier: str, vector: npt.ArrayLike) -> int:
+        """Add ``e . (p1 - p2)`` with a vector e in the axes of a third frame."""
+        direction = self.direction(carrier, vector)
+        return self.builder.component_coordinate(self.point(frame1), self.point(frame2), direction)
+
+    def product(
+        self, frame1: str, vector1: npt.ArrayLike, frame2: str, vector2: npt.ArrayLike
+    ) -> int:
+        """Add ``e . d`` with e fixed in one frame and d in the other."""
+        e, d = self.direction(frame1, vector1), self.direction(frame2, vector2)
+        return self.builder.product_coordinate(e, d)
+
+    def angle(self, frame1: str, frame2: str, axis: Direction) -> int:
+        """Add the angle of frame2 about an axis a of frame1 (rad): ``atan2((a x e) . d, e . d)``.
+
+        e is across the axis in frame1, d the same vector of frame2.
+        """
+        _, e, f = triad(axis)
+        directions = [
+            self.direction(frame1, e),
+            self.direction(frame1, f),
+            self.direction(frame2, e),
+        ]
+        tape = TapeWriter(9)
+        across1, across2, turned = tape.inputs[:3], tape.inputs[3:6], tape.inputs[6:]
+        angle = tape.apply("atan2", dot(across2, turned), dot(across1, turned))
+        return self.builder.tape_coordinate([], directions, [], tape.end(angle), [])
+
+    def less(self, coordinate: int, name: str, given: float | str) -> tuple[int, str | float]:
+        """Prepare a coordinate for a law of ``s - given``, where a field holds a number or a variable.
+
+        Returns the coordinate, less the variable if it is one, and what is left to the law to subtract.
+        """
+        if isinstance(given, str):
+            return self.builder.offset_coordinate(coordinate, variable=self.variable(given)), 0.0
+        return coordinate, name
+
+    # Laws
+
+    def law(self, kind: str, *numbers: str | float) -> int:
+        """Add a law of a known kind with its numbers.
+
+        ``linear`` (k): k x. ``spring`` (k, x0): k/2 (x - x0)^2. ``polynomial`` (c0, c1, ...).
+        ``inverse`` (c): c/x. ``tanh`` (m, e): m tanh(x/e). ``taut`` (k, x0, e): k/2 of the square of
+        ``e log(1 + exp((x - x0)/e))``.
+        """
+        return self.builder.law(kind, [self.slot(number) for number in numbers])
+
+    def curve(self, curve: Curve, scale: int) -> int:
+        """Add a curve times the number in a slot."""
+        return self.builder.piecewise_law(curve.breaks, curve.coefficients, scale)
+
+    # Elements
+
+    def potential(self, coordinate: int, law: int = -1) -> None:
+        """Add ``V = law(s)``, or s itself."""
+        self.builder.add_potential(coordinate, law)
+
+    def constraint(self, coordinate: int, name: str = "", given: float | str | None = None) -> None:
+        """Add ``h = s``, less what a field holds: a number or a variable."""
+        if given is None:
+            self.builder.add_constraint(coordinate)
+        elif isinstance(given, str):
+            self.builder.add_constraint(coordinate, variable=self.variable(given))
+        else:
+            self.builder.add_constraint(coordinate, self.slot(name))
+
+    def force(
+        self,
+        coordinate: int,
+        gain: str | float,
+        input_: str | None = None,
+        by_place: int = -1,
+        by_rate: int = -1,
+    ) -> None:
+        """Add ``f_i = F ds/dq_i`` with ``F = gain u by_place(s) by_rate(sdot)``, without what is not given."""
+        index = -1 if input_ is None else self.input(input_)
+        self.builder.add_force(coordinate, self.slot(gain), index, by_place, by_rate)
+
+    def tape_force(
+        self, coordinates: Sequence[int], inputs: Sequence[str], tape: Any, slots: Sequence[int]
+    ) -> None:
+        """Add ``f_i = F ds/dq_i`` along the first of some coordinates.
+
+        F is a tape of all of them, all their rates, the inputs, then the numbers.
+        """
+        self.builder.add_tape_force(coordinates, [self.input(n) for n in inputs], tape, slots)
