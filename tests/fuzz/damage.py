@@ -277,8 +277,10 @@ EXPRESSION = _expressions()
 
 FIELDS: dict[str, Bad] = {
     **dict.fromkeys(("frame", "frame1", "frame2", "plane", "line", "variable"), NAME),
-    **dict.fromkeys(("stiffness", "coefficient", "speed", "smoothing", "length"), POSITIVE),
-    **dict.fromkeys(("exponent", "strength", "rest", "offset", "gain"), NUMBER),
+    **dict.fromkeys(("stiffness", "coefficient", "speed", "smoothing"), POSITIVE),
+    "length": but(POSITIVE, "1"),
+    **dict.fromkeys(("exponent", "strength", "gain"), NUMBER),
+    **dict.fromkeys(("rest", "offset"), but(NUMBER, "1")),
     **dict.fromkeys(("frames", "points", "variables"), NAMES),
     **dict.fromkeys(("axis", "normal", "direction", "vector", "wind"), VECTOR),
     **dict.fromkeys(("force_length", "force_velocity"), CURVE),
@@ -302,11 +304,10 @@ OWN: dict[tuple[str, str], Bad] = {
     ("NonlinearSpring", "force"): CURVE,
     ("NonlinearSpring", "on"): [*FACTORS, *but(NAMES, "tip1")],
     ("JointSpring", "variable"): FACTORS,
+    ("JointForce", "variable"): FACTORS,
     ("NonlinearDamping", "coefficients"): COEFFICIENTS,
     ("Damping", "coefficients"): DAMPING,
     ("Damping", "default"): POSITIVE,
-    ("Distance", "length"): but(POSITIVE, "1"),
-    ("PathLength", "length"): but(POSITIVE, "1"),
 }
 
 

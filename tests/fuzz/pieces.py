@@ -94,6 +94,10 @@ class Fit:
             return self.d.number(0.5, 2.5)
         return self.prescribed(*frames)
 
+    def rest(self) -> Any:
+        """Draw a number, or the name of a new kinematic variable."""
+        return self.d.number(-0.5, 0.5) if self.d.chance(75) else "wish"
+
     def prescribed(self, *frames: str) -> str:
         moving = {n for spot in self.named if spot.name in frames for n in spot.prescribed}
         free = [name for name in self.wood.kinematic if name not in moving]
@@ -196,19 +200,20 @@ ELEMENTS: dict[str, Callable[[Draw, Fit], dict[str, Any]]] = {
     "Gravity": gravity,
     "InverseSquareGravity": lambda d, f: {**_ends(f), "strength": d.number(0.1, 2.0)},
     "LinearSpring": lambda d, f: {
-        **_ends(f), "stiffness": d.number(0.5, 9.0), **({"length": d.number(0.0, 1.0)} if d.chance(60) else {})
+        **(e := _ends(f)), "stiffness": d.number(0.5, 9.0),
+        **({"length": f.length(*e.values())} if d.chance(60) else {}),
     },
     "JointSpring": lambda d, f: {
-        "variable": f.sum() if d.chance(50) else f.dynamic(), "stiffness": d.number(0.5, 9.0), "rest": d.number(-1, 1)
+        "variable": f.sum() if d.chance(50) else f.dynamic(), "stiffness": d.number(0.5, 9.0), "rest": f.rest()
     },
     "TorsionalSpring": lambda d, f: {
-        **_ends(f, True), "stiffness": d.number(0.5, 9.0), "axis": f.direction(), "rest": d.number(-1, 1)
+        **_ends(f, True), "stiffness": d.number(0.5, 9.0), "axis": f.direction(), "rest": f.rest()
     },
     "NonlinearSpring": lambda d, f: {
         "on": d.pick([f.dynamic, f.sum, f.path])(), "force": d.pick(CURVES)
     },
     "ElasticString": lambda d, f: {
-        "frames": f.path(), "stiffness": d.number(0.5, 9.0), "length": d.number(0.2, 2.0),
+        "frames": (p := f.path()), "stiffness": d.number(0.5, 9.0), "length": f.length(*p),
         **({"tension_only": False} if d.chance(30) else {"smoothing": d.number(0.01, 0.1)}),
     },
     "Distance": lambda d, f: (lambda e: {**e, "length": f.length(*e.values())})(_ends(f)),
@@ -224,10 +229,12 @@ ELEMENTS: dict[str, Callable[[Draw, Fit], dict[str, Any]]] = {
     "FixedOrientation": lambda d, f: {
         **_ends(f, True), **({"rotation": d.rotation()} if d.chance(50) else {})
     },
-    "Coupling": lambda d, f: {"factors": f.sum(), "offset": d.number(-0.5, 0.5)},
+    "Coupling": lambda d, f: {"factors": f.sum(), "offset": f.rest()},
     "PrescribedPath": prescribed_path,
     "Damping": damping,
-    "JointForce": lambda d, f: {"variable": f.dynamic(), "input": d.pick(INPUTS)},
+    "JointForce": lambda d, f: {"variable": f.sum() if d.chance(30) else f.dynamic(), "input": d.pick(INPUTS)},
+    "Motor": lambda d, f: {**_ends(f, True), "input": d.pick(INPUTS), "axis": f.direction()},
+    "LinearMotor": lambda d, f: {**_ends(f), "input": d.pick(INPUTS), "gain": d.number(0.5, 2.0)},
     "NonlinearDamping": lambda d, f: {
         "variable": f.dynamic(), "coefficients": [d.number(0.1, 1.0) for _ in range(1 + d.below(3))]
     },
