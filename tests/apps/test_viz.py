@@ -17,6 +17,7 @@ import pytest
 
 from leastaction import viz
 from leastaction.errors import ArgumentError, OutputError
+from leastaction.models.four_bars import at_angle, four_bars
 from leastaction.viz import Bone, Cord, Scene
 
 N = 60
@@ -197,6 +198,34 @@ def test_animation_is_thinned_to_fifty_a_second() -> None:
     assert len(kept) == 101
     assert (kept[0], kept[-1]) == (0.0, 2.0)
     np.testing.assert_allclose(np.diff(kept), 0.02, atol=1e-6)
+
+
+def test_a_scene_of_any_mechanism() -> None:
+    mechanism = four_bars(1)
+    q = np.array([at_angle(mechanism, angle, 0.0)[0] for angle in np.linspace(0.5, 1.5, 11)])
+    t = np.linspace(0.0, 1.0, 11)
+    made = viz.mechanism_scene(mechanism, t, q, reference=q + 0.1, title="Four bars")
+    # A bar wherever a frame is apart from the one that carries it, and none where it only turns.
+    assert {(bone.start, bone.end) for bone in made.bones} == {
+        ("rz(crank0)", "B0"),
+        ("rz(coupler0)", "C0"),
+        ("world", "A1"),
+        ("rz(crank1)", "B1"),
+    }
+    np.testing.assert_allclose(made.points["B0"], mechanism.positions(q, ["B0"])[:, 0])
+    assert made.ghost is not None
+    np.testing.assert_allclose(made.ghost["C0"], mechanism.positions(q + 0.1, ["C0"])[:, 0])
+    assert len(_data(viz.animation_page(made))["bones"]) == 4
+    cord = Cord(name="spring", start="B0", end="A1")
+    pulled = viz.mechanism_scene(
+        mechanism, t, q, bones=(), cords=[cord], tension=np.ones((10, 1)), focus="C0"
+    )
+    assert pulled.tension is not None
+    assert set(pulled.points) == {"B0", "A1", "C0"}
+    with pytest.raises(ArgumentError, match=r"tension has shape \(10,\), expected \(N, 1\)"):
+        viz.mechanism_scene(mechanism, t, q, cords=[cord], tension=np.ones(10))
+    with pytest.raises(ArgumentError, match="elbow"):
+        viz.mechanism_scene(mechanism, t, q, focus="elbow")
 
 
 def test_scene_refuses_what_does_not_fit(scene: Scene) -> None:

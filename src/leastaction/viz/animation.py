@@ -28,7 +28,7 @@ def animation_page(scene: Scene, *, azimuth: float = 50.0) -> str:
     """Return an HTML page that plays a scene in any browser, straight from the disk.
 
     The page turns with the mouse, zooms with the wheel, plays, pauses, slows down and scrubs; it
-    shows the mechanism, its cords coloured by tension (slack ones dashed), the wanted pose as a
+    shows the mechanism, its cords coloured by tension (slack ones dashed), the reference pose as a
     translucent ghost, the paths of chosen points, the time and the tracking error. Appending
     ``#t=2.5`` to its address opens it paused at 2.5 s; ``theme=dark`` and ``yaw=90`` work the same
     way.

@@ -90,7 +90,7 @@ def plot_convergence(
         markersize=6,
         markerfacecolor="white",
         markeredgecolor=GREY,
-        label="start",
+        label="start" if decreases.size < costs.size else "start, end",
         zorder=2,
     )
     for name in dict.fromkeys(methods):
@@ -107,11 +107,11 @@ def plot_convergence(
         bottom.axhline(tolerance, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)))
         bottom.annotate(
             f"stop below {tolerance:.0e}",
-            (1.0, tolerance),
+            (0.0, tolerance),
             xycoords=("axes fraction", "data"),
             textcoords="offset points",
-            xytext=(-2, 3),
-            ha="right",
+            xytext=(4, 3),
+            ha="left",
             fontsize=8,
             color=GREY,
         )

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, ParamSpec
+from typing import TYPE_CHECKING, Any, Final, Literal, ParamSpec
 
 import numpy as np
 import numpy.typing as npt
@@ -86,12 +86,14 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return wrapper
 
 
-def new_figure(width: float, height: float) -> Figure:
+def new_figure(
+    width: float, height: float, *, layout: Literal["constrained"] | None = "constrained"
+) -> Figure:
     """Return an empty figure of this size in inches, tied to no display and no global state."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
@@ -131,13 +133,9 @@ def panel_grid(
     width_ratios
         Widths of the columns relative to each other.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     width = margins.left + columns * panel[0] + (columns - 1) * margins.across + margins.right
     height = margins.top + rows * panel[1] + (rows - 1) * margins.down + margins.bottom
-    figure = Figure(figsize=(width, height))
-    FigureCanvasAgg(figure)
+    figure = new_figure(width, height, layout=None)
     panels = figure.subplots(
         rows,
         columns,
@@ -163,10 +161,18 @@ def heading(figure: Figure, text: str) -> None:
 
 
 def at_least(axes: Axes, span: float) -> None:
-    """Widen the y range to ``span`` about its middle, so that noise does not fill the panel."""
+    """Widen the y range to ``span`` about its middle, so that noise does not fill the panel.
+
+    The middle is a round number where that leaves all in sight, so that neighbours have the same ticks.
+    """
     low, high = axes.get_ylim()
     if high - low < span:
         middle = 0.5 * (low + high)
+        tick = 0.25 * span
+        if (
+            rounded := tick * round(middle / tick)
+        ) - 0.5 * span <= low and high <= rounded + 0.5 * span:
+            middle = rounded
         axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
 
 
@@ -194,5 +200,5 @@ def save_png(figure: Figure, path: str | os.PathLike[str], *, dpi: float = 150.0
     """
     buffer = io.BytesIO()
     with _style():
-        figure.savefig(buffer, format="png", dpi=dpi)
+        figure.savefig(buffer, format="png", dpi=dpi, pil_kwargs={"compress_level": 3})
     return write_bytes(path, buffer.getvalue())

@@ -61,7 +61,7 @@ class Scene:
     bones, cords
         What is drawn between the points.
     ghost
-        Positions of the wanted pose, under the same names, for as many points as are known; bones
+        Positions of the reference pose, under the same names, for as many points as are known; bones
         whose two points are in it are drawn a second time, translucent.
     tension
         Tension of each cord by its name, (N,) or (N+1,), N; negative is slack.

@@ -23,6 +23,7 @@ _PALE_GREEN: Final = "#A6DCCB"
 _WOOD_EDGE: Final = "#7A5532"
 _LOW: Final = (0.32, 0.48, 0.64)
 _HIGH: Final = (0.90, 0.62, 0.0)
+_DASHES: Final = (0, (3, 2))
 
 
 @styled
@@ -36,7 +37,7 @@ def plot_snapshots(
     ceiling: float | None = None,
     title: str = "",
 ) -> Figure:
-    """Draw several poses side by side, each with its cords and the wanted pose behind it.
+    """Draw several poses side by side, each with its cords and the reference pose behind it.
 
     Parameters
     ----------
@@ -64,22 +65,18 @@ def plot_snapshots(
     ArgumentError
         There is no pose to draw, or a time lies outside the scene.
     """
-    wanted_times = np.atleast_1d(
+    moments = np.atleast_1d(
         np.linspace(scene.t[0], scene.t[-1], max(count, 0))
         if times is None
         else np.asarray(times, dtype=float)
     )
-    if (
-        wanted_times.size == 0
-        or wanted_times.min() < scene.t[0]
-        or wanted_times.max() > scene.t[-1]
-    ):
+    if moments.size == 0 or moments.min() < scene.t[0] or moments.max() > scene.t[-1]:
         raise ArgumentError(
             f"the poses must be at one or more times in {scene.t[0]:g} to {scene.t[-1]:g} s, "
-            f"got {wanted_times.tolist()}"
+            f"got {moments.tolist()}"
         )
     view = _view(math.radians(azimuth), math.radians(elevation))
-    index = [int(np.abs(scene.t - time).argmin()) for time in wanted_times]
+    index = [int(np.abs(scene.t - time).argmin()) for time in moments]
     poses = [_flatten(scene, scene.points, k, view) for k in index]
     ghosts = [_flatten(scene, scene.ghost or {}, k, view) for k in index]
     floor = scene.floor * view[1][2]
@@ -97,7 +94,7 @@ def plot_snapshots(
         1,
         1,
         panel=(11.9, height * inches),
-        margins=Margins(left=0.05, right=0.05, top=room, bottom=0.05),
+        margins=Margins(left=0.05, right=0.05, top=room, bottom=0.3),
     )
     axes = panels[0][0]
     axes.set_axis_off()
@@ -117,9 +114,28 @@ def plot_snapshots(
             _draw_cord(axes, *ends, place, pull, strongest, known=known)
         label = f"{scene.t[k]:.2f} s"
         axes.text(i * pitch, bottom - 2.0 * margin, label, ha="center", va="center", color=INK)
+    _legend(figure, scene, strongest)
     if title:
         heading(figure, title)
     return figure
+
+
+def _legend(figure: Figure, scene: Scene, strongest: float) -> None:
+    """Say under the poses what the colours mean."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries: list[Patch | Line2D] = []
+    if scene.ghost:
+        entries.append(Patch(facecolor=_PALE_GREEN, edgecolor="none", label="reference"))
+    if scene.tension:
+        entries += [
+            Line2D([], [], color=_LOW, linewidth=0.8, label="tension 0 N"),
+            Line2D([], [], color=_HIGH, linewidth=1.8, label=f"{strongest:.3g} N"),
+            Line2D([], [], color=PURPLE, linewidth=0.8, linestyle=_DASHES, label="slack"),
+        ]
+    if entries:
+        figure.legend(handles=entries, loc="lower center", ncols=len(entries), borderaxespad=0.3)
 
 
 def _view(azimuth: float, elevation: float) -> npt.NDArray[np.float64]:
@@ -171,14 +187,14 @@ def _draw_pose(
     *,
     ghost: Mapping[str, npt.NDArray[np.float64]],
 ) -> None:
-    """Draw the wanted pose as one flat shape and the bones from the farthest to the nearest."""
+    """Draw the reference pose as one flat shape and the bones from the farthest to the nearest."""
     from matplotlib.patches import Polygon
 
     for bone in scene.bones:
         if bone.start in ghost and bone.end in ghost:
             # An opaque pale green, so that overlapping limbs do not darken each other.
             outline = _capsule(ghost[bone.start], ghost[bone.end], 1.1 * bone.radius, place)
-            axes.add_patch(Polygon(outline, facecolor=_PALE_GREEN, edgecolor="none", zorder=1))
+            axes.add_artist(Polygon(outline, facecolor=_PALE_GREEN, edgecolor="none", zorder=1))
     depth = {bone: float(pose[bone.start][2] + pose[bone.end][2]) for bone in scene.bones}
     near, far = max(depth.values(), default=0.0), min(depth.values(), default=0.0)
     for i, bone in enumerate(sorted(scene.bones, key=depth.__getitem__)):
@@ -187,7 +203,7 @@ def _draw_pose(
         colour = _between(_WOOD_NEAR, _WOOD_FAR, share)
         patch = Polygon(outline, facecolor=colour, edgecolor=_WOOD_EDGE, linewidth=0.6)
         patch.set_zorder(3.0 + i / (len(depth) + 1))
-        axes.add_patch(patch)
+        axes.add_artist(patch)  # not add_patch, which looks for new limits each time
 
 
 def _capsule(
@@ -232,7 +248,7 @@ def _draw_cord(
         (start[1], end[1]),
         color=colour,
         linewidth=0.8 + 1.0 * share,
-        linestyle=(0, (3, 2)) if slack else "-",
+        linestyle=_DASHES if slack else "-",
         zorder=5,
     )
     axes.plot(end[0] + place, end[1], "o", color=colour, markersize=2.5, zorder=5)

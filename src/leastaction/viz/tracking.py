@@ -1,4 +1,4 @@
-"""Wanted and achieved motion, joint by joint, and the error of each as numbers."""
+"""Reference and achieved motion, joint by joint, and the error of each as numbers."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _COLUMNS: Final = 4
 # Smallest range of a panel, so that a joint that hardly moves looks like one.
 _SPAN_DEGREES: Final = 10.0
 _SPAN_METRES: Final = 0.1
-_MARGINS: Final = Margins(left=1.1, across=0.7, down=0.38)
+_MARGINS: Final = Margins(left=1.2, across=0.85, down=0.38)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingErrors:
-    """How far each variable is from what was wanted.
+    """How far each variable is from its reference.
 
     Parameters
     ----------
@@ -60,17 +60,13 @@ class TrackingErrors:
 
 
 def _checked(
-    wanted: npt.ArrayLike, got: npt.ArrayLike, names: Sequence[str], lengths: Sequence[str]
+    reference: npt.ArrayLike, achieved: npt.ArrayLike, names: Sequence[str], lengths: Sequence[str]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
     """Return both motions in degrees and metres and which columns are angles."""
-    wanted_array, got_array = np.asarray(wanted, dtype=float), np.asarray(got, dtype=float)
-    if (
-        got_array.ndim != 2
-        or wanted_array.shape != got_array.shape
-        or got_array.shape[1] != len(names)
-    ):
+    one, other = np.asarray(reference, dtype=float), np.asarray(achieved, dtype=float)
+    if other.ndim != 2 or one.shape != other.shape or other.shape[1] != len(names):
         raise ArgumentError(
-            f"wanted {wanted_array.shape} and got {got_array.shape} must both be (N+1, {len(names)}): "
+            f"reference {one.shape} and achieved {other.shape} must both be (N+1, {len(names)}): "
             "one column per name"
         )
     if unknown := [name for name in lengths if name not in names]:
@@ -79,17 +75,21 @@ def _checked(
         )
     angle = np.array([name not in lengths for name in names], dtype=bool)
     scale = np.where(angle, 180.0 / math.pi, 1.0)
-    return wanted_array * scale, got_array * scale, angle
+    return one * scale, other * scale, angle
 
 
 def tracking_errors(
-    wanted: npt.ArrayLike, got: npt.ArrayLike, names: Sequence[str], *, lengths: Sequence[str] = ()
+    reference: npt.ArrayLike,
+    achieved: npt.ArrayLike,
+    names: Sequence[str],
+    *,
+    lengths: Sequence[str] = (),
 ) -> TrackingErrors:
     """Measure the tracking error of each variable.
 
     Parameters
     ----------
-    wanted, got
+    reference, achieved
         The two motions, (N+1, n), rad or m.
     names
         Names of the columns.
@@ -106,8 +106,8 @@ def tracking_errors(
     ArgumentError
         The shapes and names do not fit.
     """
-    wanted_array, got_array, angle = _checked(wanted, got, names, lengths)
-    error = got_array - wanted_array
+    one, other, angle = _checked(reference, achieved, names, lengths)
+    error = other - one
     squares = error[:, angle] ** 2
     over_time = np.sqrt(squares.mean(axis=1)) if angle.any() else np.zeros(len(error))
     return TrackingErrors(
@@ -123,21 +123,21 @@ def tracking_errors(
 @styled
 def plot_tracking(
     t: npt.ArrayLike,
-    wanted: npt.ArrayLike,
-    got: npt.ArrayLike,
+    reference: npt.ArrayLike,
+    achieved: npt.ArrayLike,
     names: Sequence[str],
     *,
     lengths: Sequence[str] = (),
     groups: Mapping[str, Sequence[str]] | None = None,
     title: str = "Tracking",
 ) -> Figure:
-    """Draw wanted and achieved motion as small panels, one per variable.
+    """Draw reference and achieved motion as small panels, one per variable.
 
     Parameters
     ----------
     t
         Times, (N+1,), s.
-    wanted, got
+    reference, achieved
         The two motions, (N+1, n), rad or m; angles are drawn in degrees.
     names
         Names of the columns.
@@ -161,12 +161,10 @@ def plot_tracking(
         The shapes and names do not fit, or a group names an unknown variable.
     """
     times = np.asarray(t, dtype=float)
-    wanted_array, got_array, angle = _checked(wanted, got, names, lengths)
-    if times.shape != (len(got_array),):
-        raise ArgumentError(
-            f"t has shape {times.shape}, expected ({len(got_array)},) as the motions"
-        )
-    errors = tracking_errors(wanted, got, names, lengths=lengths)
+    one, other, angle = _checked(reference, achieved, names, lengths)
+    if times.shape != (len(other),):
+        raise ArgumentError(f"t has shape {times.shape}, expected ({len(other)},) as the motions")
+    errors = tracking_errors(reference, achieved, names, lengths=lengths)
     rows = _rows(groups if groups is not None else {"": names}, names)
     columns = max(len(row) for _, row in rows)
 
@@ -176,22 +174,19 @@ def plot_tracking(
             axes.set_axis_off()
         for name, axes in zip(row, line, strict=False):
             i = list(names).index(name)
-            axes.plot(
-                times, wanted_array[:, i], color=ORANGE, linewidth=2.6, alpha=0.9, label="wanted"
-            )
-            axes.plot(times, got_array[:, i], color=BLUE, linewidth=1.1, label="achieved")
-            unit = "°" if angle[i] else " m"
+            axes.plot(times, one[:, i], color=ORANGE, linewidth=2.6, alpha=0.9, label="reference")
+            axes.plot(times, other[:, i], color=BLUE, linewidth=1.1, label="achieved")
             at_least(axes, _SPAN_DEGREES if angle[i] else _SPAN_METRES)
             axes.set_title(name, fontweight="bold")
             axes.set_title(
-                f"rms {errors.rms[i]:.2f}{unit}" if angle[i] else f"rms {errors.rms[i]:.4f} m",
+                f"rms {errors.rms[i]:.2f}°" if angle[i] else f"rms {errors.rms[i]:.4f} m",
                 loc="right",
             )
             axes.yaxis.set_major_formatter("{x:g}°" if angle[i] else "{x:g} m")
             axes.yaxis.get_major_locator().set_params(nbins=4)
             axes.margins(x=0.0)
         if label:
-            place = -0.95 / 2.1, 0.5
+            place = -1.05 / 2.1, 0.5
             style = {"rotation": 90, "fontweight": "bold", "ha": "center", "va": "center"}
             line[0].text(*place, label, transform=line[0].transAxes, **style)
     _time_labels(panels, rows)

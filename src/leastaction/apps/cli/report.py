@@ -126,7 +126,7 @@ def write_report(
                 run.tension,
                 [string_label(name) for name in run.mechanism.constraints],
             ),
-            "snapshots.png": lambda: plot_snapshots(scene),
+            "snapshots.png": lambda: plot_snapshots(scene, title=scene.title),
         }
         for name, figure in figures.items():
             makers[name] = lambda path, figure=figure: save_png(figure(), path)  # type: ignore[misc]
