@@ -99,7 +99,7 @@ def certify(given: Given, x: np.ndarray, u: np.ndarray) -> Certificate:
     """Hold a trajectory to the conditions of a local minimum."""
     system, cost = given.system, given.cost
     linear = system.linearize(x, u)
-    A, B = linear[0], linear[1]
+    A, B = linear
     gradient, hessian = cost.gradient(x, u), cost.hessian(x, u)
     K = solve_linear_quadratic(A, B, Q=hessian.Q, R=hessian.R, Q_final=hessian.Q_final).K
     z = adjoint(A, B, K, *gradient)

@@ -304,12 +304,12 @@ def test_a_trial_is_given_up_once_it_is_past_its_bound(system):
     direction = problem.direction("newton", problem.minimise_model("newton", 1.0), 1.0)
     whole = problem.simulate(direction, 1.0, np.inf)
     refused = problem.simulate(direction, 1.0, 0.5 * whole.cost)
-    assert "past its bound" in refused
-    time = float(refused.split("t = ")[1].split(" s")[0])
+    assert "past its bound" in refused.reason
+    time = float(refused.reason.split("t = ")[1].split(" s")[0])
     assert 0.0 < time < 0.9 * T
     problem.cost.nonnegative = False
     refused = problem.simulate(direction, 1.0, 0.5 * whole.cost)
-    assert "where at most" in refused
+    assert "where at most" in refused.reason
 
 
 def test_the_size_of_the_cost_does_not_matter(system):

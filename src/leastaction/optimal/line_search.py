@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-__all__ = ["LineSearch", "Step", "Trial", "rounding_of"]
+__all__ = ["LineSearch", "Refusal", "Step", "Trial", "rounding_of"]
 
 Iterate = TypeVar("Iterate")
 
@@ -35,6 +35,31 @@ class Trial(Generic[Iterate]):
 
 
 @dataclass(frozen=True)
+class Refusal:
+    """Why a step length was refused.
+
+    Attributes
+    ----------
+    reason : str
+        In words.
+    step : int or None
+        The step of time at which the roll-out ended; None if it came to the end.
+    cost : float
+        What the trajectory costs at least; NaN if that is not known.
+    failed : bool
+        Whether the roll-out could not be made to its end.
+    hopeless : bool
+        Whether shorter steps along this direction would be refused too.
+    """
+
+    reason: str
+    step: int | None = None
+    cost: float = np.nan
+    failed: bool = False
+    hopeless: bool = False
+
+
+@dataclass(frozen=True)
 class Step(Generic[Iterate]):
     """An accepted step, or the failure to find one.
 
@@ -46,26 +71,26 @@ class Step(Generic[Iterate]):
         Step length; 0 if no step was accepted.
     rollouts : int
         Roll-outs tried.
-    failure : str
-        Why the last trial was refused; empty if it was accepted.
+    refusal : Refusal or None
+        The last trial that was refused; None if the first was accepted.
     """
 
     trial: Trial[Iterate] | None
     length: float
     rollouts: int
-    failure: str
+    refusal: Refusal | None
 
 
 @dataclass(frozen=True)
 class LineSearch:
-    """Backtracking until ``g(xi + s dxi) <= h(xi) + alpha s Dg . dxi``.
+    """Backtracking until ``g(xi + s dxi) <= h(xi) + alpha (s Dg . dxi + s^2 bend / 2)``.
 
     Attributes
     ----------
     alpha : float
-        Fraction of the linear decrease that is asked for.
+        Fraction of the expected decrease that is asked for.
     beta : float
-        Factor from one trial to the next.
+        Largest factor from one trial to the next. The parabola through what is known may say less.
     """
 
     alpha: float
@@ -73,11 +98,12 @@ class LineSearch:
 
     def __call__(
         self,
-        simulate: Callable[[float, float], Trial[Iterate] | str],
+        simulate: Callable[[float, float], Trial[Iterate] | Refusal],
         *,
         value: float,
         noise: float,
         slope: float,
+        bend: float = 0.0,
         max_backtracks: int,
     ) -> Step[Iterate]:
         """Search from a trajectory, with this many shorter steps at most.
@@ -91,15 +117,28 @@ class LineSearch:
             Cost of the trajectory, and what that may be off.
         slope : float
             ``Dg . dxi``.
+        bend : float
+            The second derivative along the direction, if it is negative and to be followed for that.
         max_backtracks : int
             Shorter steps to be tried.
         """
         length = 1.0
-        failure = ""
+        refusal = None
         for trial in range(max_backtracks + 1):
-            outcome = simulate(length, value + self.alpha * length * slope + noise)
+            expected = length * slope + 0.5 * length**2 * bend
+            outcome = simulate(length, value + self.alpha * expected + noise)
             if isinstance(outcome, Trial):
-                return Step(outcome, length, trial + 1, "")
-            failure = outcome
-            length *= self.beta
-        return Step(None, 0.0, max_backtracks + 1, failure)
+                return Step(outcome, length, trial + 1, refusal)
+            refusal = outcome
+            if outcome.hopeless:
+                break
+            length *= self._factor(outcome.cost - value, length * slope)
+        return Step(None, 0.0, trial + 1, refusal)
+
+    def _factor(self, rise: float, linear: float) -> float:
+        """Return where the parabola through the refused trial has its minimum, within limits."""
+        if not np.isfinite(rise):
+            return self.beta
+        least = 0.4 * self.beta
+        parabola = -0.5 * linear / max(rise - linear, 1e-300)
+        return float(np.clip(parabola, least, self.beta))

@@ -18,7 +18,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.line_search import LineSearch, Step, Trial, rounding_of
+from leastaction.optimal.line_search import LineSearch, Refusal, Step, Trial, rounding_of
 from leastaction.optimal.result import (
     HistoryBuilder,
     IterationRecord,
@@ -35,8 +35,19 @@ Callback = Callable[[IterationRecord], object]
 # Methods in the order in which they replace one another when a direction cannot be followed.
 _CHAIN = ("newton", "quasi-newton", "steepest")
 
-# Less of the dynamics' curvature than this is not worth having.
+# Shorter steps that are tried along a direction which another one can replace.
+_BACKTRACKS = {"newton": 4, "quasi-newton": 6, "negative-curvature": 8}
+_BACKTRACKS_SHIFTED = 2
+
+# Levenberg-Marquardt's weights: the least and the largest, and the factor between them.
+_LEAST_SHIFT, _LARGEST_SHIFT, _MORE_SHIFT = 1e-3, 1e9, 10.0
+
+# A model without a minimum is tried again with this part of its curvature; less than the least is not worth having.
+_LESS_CURVATURE = 0.35
 _LEAST_CURVATURE = 1.0 / 128.0
+
+# A quadratic tail is foretold from steps whose model was right to this part of the decrease.
+_FORETOLD = 0.01
 
 
 class Clock:
@@ -85,11 +96,17 @@ class Direction:
         ``Dg . dxi``, negative.
     curvature_scale : float
         The part of the dynamics' curvature in the model; 0 for the methods without curvature.
+    shift : float
+        What its model adds to the weights of all deviations.
+    bend : float
+        The second derivative along it, if it is negative and the direction is followed for that; else 0.
     """
 
     method: str
     slope: float
     curvature_scale: float
+    shift: float = 0.0
+    bend: float = 0.0
 
 
 M = TypeVar("M", bound=Model)
@@ -109,6 +126,10 @@ class Problem(ABC, Generic[M, D, I]):
     """Roll-outs made so far, other than those of line searches."""
     has_curvature: bool
     """Whether Newton's method is available."""
+    tells_saddles: bool = False
+    """Whether Newton's undamped model can be trusted to tell a minimum from a saddle."""
+    note: str = ""
+    """What is to be said of where it starts."""
     patience: int = 1
     """Steps in a row that lower the cost by no more than its noise, after which it is at its minimum."""
 
@@ -129,15 +150,25 @@ class Problem(ABC, Generic[M, D, I]):
         """Begin where an earlier run ended."""
 
     @abstractmethod
-    def minimise_model(self, method: str, scale: float) -> M:
-        """Return the minimum of a method's quadratic model, with a part of the dynamics' curvature."""
+    def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> M:
+        """Return the minimum of a method's quadratic model, with a part of the dynamics' curvature.
+
+        The shift is added to the weights of all deviations.
+        """
 
     @abstractmethod
-    def direction(self, method: str, model: M, scale: float) -> D:
+    def direction(self, method: str, model: M, scale: float, shift: float = 0.0) -> D:
         """Return the direction of a model that has a minimum."""
 
+    def negative_curvature(self, scale: float) -> D | None:  # noqa: ARG002
+        """Return a direction of negative curvature, where the undamped Newton model has one.
+
+        The model with this part of the curvature has a minimum.
+        """
+        return None
+
     @abstractmethod
-    def simulate(self, direction: D, length: float, bound: float) -> Trial[I] | str:
+    def simulate(self, direction: D, length: float, bound: float) -> Trial[I] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
 
     @abstractmethod
@@ -206,7 +237,7 @@ class Loop(Generic[M, D, I]):
         try:
             outcome = None
             if not self.history.cost:
-                outcome = self._tell("start", None, None, "")
+                outcome = self._tell(None, None, np.nan, self.problem.note)
             while outcome is None:
                 outcome = self._advance()
         except KeyboardInterrupt:
@@ -217,38 +248,66 @@ class Loop(Generic[M, D, I]):
 
     def _advance(self) -> _Outcome | None:
         """Make one iteration; the outcome if it was the last."""
-        value = self.problem.value
-        note = ""
+        notes: list[str] = []
         expected = np.nan
-        for method in self._methods():
-            try:
-                direction = self._direction(method)
-            except LeastActionError as error:
-                return _Outcome(Status.DERIVATIVES_FAILED, str(error))
-            if isinstance(direction, str):
-                note = f"{method}: {direction}"
-                self._note_failure(method)
-                continue
-            expected = -direction.slope
-            goal = self.settings.tolerance * abs(value) + self.settings.absolute_tolerance
-            if expected <= goal:
-                return _Outcome(Status.CONVERGED, expected=expected)
-            if self.history.iterations >= self.limit:
-                return _Outcome(Status.ITERATION_LIMIT, expected=expected)
-            step = self._search(direction)
-            self.searched += step.rollouts
-            if step.trial is not None:
-                return self._accept(direction, step, step.trial, note)
-            note = f"{direction.method}: no step was short enough, {step.failure}"
-            self._note_failure(method)
-        if np.isnan(expected):
-            return _Outcome(Status.NO_DIRECTION, note)
-        stalled = expected < max(1e-10 * abs(value), self.problem.noise)
-        return _Outcome(Status.STALLED if stalled else Status.LINE_SEARCH_FAILED, note, expected)
+        refusal = None
+        try:
+            for direction in self._directions(notes):
+                expected = -direction.slope
+                if self.history.iterations >= self.limit:
+                    return _Outcome(Status.ITERATION_LIMIT, expected=expected)
+                step = self._search(direction)
+                self.searched += step.rollouts
+                if step.trial is not None:
+                    return self._accept(direction, step, step.trial, "; ".join(notes))
+                refusal = step.refusal
+                assert refusal is not None
+                notes.append(f"{direction.method}: no step was short enough, {refusal.reason}")
+                self._note_failure(direction.method)
+                if direction.bend < 0.0:
+                    return self._not_down(expected, refusal)
+                if refusal.hopeless:
+                    break
+        except _Found as found:
+            return found.outcome
+        except LeastActionError as error:
+            return _Outcome(Status.DERIVATIVES_FAILED, str(error))
+        if refusal is None:
+            return _Outcome(Status.NO_DIRECTION, "; ".join(notes))
+        if expected < max(1e-10 * abs(self.problem.value), self.problem.noise):
+            return _Outcome(Status.STALLED, notes[-1], expected)
+        return _Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected)
 
-    def _note_failure(self, method: str) -> None:
-        if method == "newton":
-            self.schedule = self.schedule.after_failure()
+    # ---- Where to go ----------------------------------------------------------------------------
+
+    def _directions(self, notes: list[str]) -> Iterator[D]:
+        """Yield one direction after the other, for as long as they cannot be followed.
+
+        First those of the methods, each of which is simpler than the one before; then, of the automatic choice,
+        ever shorter ones (Levenberg-Marquardt). Raises `_Found` at a minimum.
+        """
+        automatic = self.settings.method == "auto"
+        shift = self.schedule.shift
+        while shift < _LARGEST_SHIFT:
+            searched = False
+            for method in self._methods():
+                if method == "steepest" and automatic and (searched or shift > 0.0):
+                    break
+                direction = self._direction(method, shift)
+                if isinstance(direction, str):
+                    notes.append(f"{method}: {direction}")
+                    self._note_failure(method)
+                    continue
+                if -direction.slope <= self._goal():
+                    if shift > self.schedule.shift:
+                        return  # So short a step leads nowhere.
+                    direction = self._confirm(direction)
+                searched = True
+                self.schedule = replace(self.schedule, shift=shift)
+                yield direction
+            if not automatic or (shift == 0.0 and not searched):
+                return
+            shift = max(_MORE_SHIFT * shift, _LEAST_SHIFT)
 
     def _methods(self) -> tuple[str, ...]:
         """Return the methods for this iteration: each replaces the one before if that fails."""
@@ -258,26 +317,92 @@ class Loop(Generic[M, D, I]):
             first = "newton" if newton else "quasi-newton"
         return _CHAIN[_CHAIN.index(first) :]
 
-    def _direction(self, method: str) -> D | str:
+    def _direction(self, method: str, shift: float) -> D | str:
         """Return the direction of a method, or why there is none.
 
         Newton's model gets as much of the dynamics' curvature as leaves it a minimum.
         """
         scale = self.schedule.scale if method == "newton" else 0.0
-        model = self.problem.minimise_model(method, scale)
+        model = self.problem.minimise_model(method, scale, shift)
         while not model.definite and scale > _LEAST_CURVATURE:
-            scale *= 0.5
-            model = self.problem.minimise_model(method, scale)
+            scale *= _LESS_CURVATURE
+            self.schedule = self.schedule.after_indefinite(scale)
+            model = self.problem.minimise_model(method, scale, shift)
         if not model.definite:
             return f"the model has no minimum, {model.message}"
-        name = f"{method}-damped" if 0.0 < scale < 1.0 else method
-        return self.problem.direction(name, model, scale)
+        damped = "-damped" if 0.0 < scale < 1.0 else ""
+        shifted = "-shifted" if shift > 0.0 else ""
+        return self.problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
+
+    def _note_failure(self, method: str) -> None:
+        if method.startswith("newton"):
+            self.schedule = self.schedule.after_failure()
+
+    # ---- Whether it is a minimum ----------------------------------------------------------------
+
+    def _goal(self) -> float:
+        """Return the expected decrease that is small enough."""
+        settings = self.settings
+        return settings.tolerance * abs(self.problem.value) + settings.absolute_tolerance
+
+    def _confirm(self, direction: D) -> D:
+        """Return a direction along which the cost still falls, where a model expects no more of its own.
+
+        Damped and shifted models have a minimum at a saddle too: only the undamped second derivative tells.
+        Raises `_Found` if there is nowhere to go.
+        """
+        problem = self.problem
+        expected = -direction.slope
+        converged = _Found(_Outcome(Status.CONVERGED, expected=expected))
+        self.schedule = replace(self.schedule, shift=0.0)
+        if not problem.tells_saddles or (direction.curvature_scale == 1.0 > direction.shift):
+            raise converged
+        model = problem.minimise_model("newton", 1.0)
+        goes_on = self.settings.method in ("auto", "newton")
+        if model.definite:
+            newton = problem.direction("newton", model, 1.0)
+            if -newton.slope <= self._goal() or not goes_on:
+                raise converged
+            return newton
+        scale = 0.0 if direction.shift > 0.0 else direction.curvature_scale
+        down = problem.negative_curvature(scale) if goes_on else None
+        if down is None:
+            raise _Found(_Outcome(Status.SADDLE, model.message, expected))
+        return down
+
+    def _not_down(self, expected: float, refusal: Refusal) -> _Outcome:
+        """Return how it ends where the cost does not fall along a direction of negative curvature."""
+        if refusal.failed:
+            return _Outcome(
+                Status.SADDLE, f"The search along it ended: {refusal.reason}.", expected
+            )
+        return _Outcome(
+            Status.CONVERGED,
+            "The second derivative of the system has it fall along a direction in which it rises: hold it to "
+            "check_derivatives.",
+            expected,
+        )
+
+    def _foretold(self, expected: float, agreement: float) -> _Outcome | None:
+        """Return that it has converged where the next step can be foretold to be too short to matter.
+
+        The expected decrease of full Newton steps is squared, but for a factor, by each of them.
+        """
+        before = self.schedule
+        following = expected**3 / before.expected**2 if before.full else np.inf
+        if abs(agreement - 1.0) < _FORETOLD and following <= _FORETOLD * self._goal():
+            return _Outcome(Status.CONVERGED, expected=following)
+        return None
+
+    # ---- Steps ----------------------------------------------------------------------------------
 
     def _search(self, direction: D) -> Step[I]:
         backtracks = self.settings.max_backtracks
-        if direction.method.startswith("newton"):
-            # A simpler method takes over, so very short steps are not worth their roll-outs.
-            backtracks = min(backtracks, 4)
+        name = direction.method
+        if name != "steepest" and self.settings.method in ("auto", "newton"):
+            # Another direction takes over, so very short steps are not worth their roll-outs.
+            most = _BACKTRACKS.get(name.removesuffix("-damped"), _BACKTRACKS_SHIFTED)
+            backtracks = min(backtracks, most)
         problem = self.problem
         with problem.clock("rollout"):
             return self.line_search(
@@ -285,36 +410,66 @@ class Loop(Generic[M, D, I]):
                 value=problem.value,
                 noise=problem.noise,
                 slope=direction.slope,
+                bend=direction.bend,
                 max_backtracks=backtracks,
             )
 
     def _accept(self, direction: D, step: Step[I], trial: Trial[I], note: str) -> _Outcome | None:
-        decrease = self.problem.value - trial.cost
-        self.still = self.still + 1 if decrease <= self.problem.noise else 0
-        stalled = self.still >= self.problem.patience
-        agreement = decrease / (-0.5 * direction.slope)
-        self.schedule = self.schedule.after_step(direction.curvature_scale, agreement)
-        self.problem.accept(direction, trial)
-        outcome = self._tell(direction.method, direction, step, note)
-        return outcome or (_Outcome(Status.STALLED, expected=-direction.slope) if stalled else None)
+        problem = self.problem
+        decrease, expected = problem.value - trial.cost, -direction.slope
+        agreement = decrease / max(0.5 * expected, 1e-300)
+        self.still = self.still + 1 if decrease <= problem.noise else 0
+        outcome = (
+            _Outcome(Status.STALLED, expected=expected) if self.still >= problem.patience else None
+        )
+        if direction.curvature_scale == step.length == 1.0 and direction.method == "newton":
+            outcome = outcome or self._foretold(expected, agreement)
+        self.schedule = self.schedule.after_step(
+            direction.method,
+            direction.curvature_scale,
+            step.length,
+            agreement,
+            expected,
+            trial.cost,
+        )
+        problem.accept(direction, trial)
+        return self._tell(direction, step, decrease, note) or outcome
 
     def _tell(
-        self, method: str, direction: D | None, step: Step[I] | None, note: str
+        self, direction: D | None, step: Step[I] | None, decrease: float, note: str
     ) -> _Outcome | None:
-        x, u = self.problem.arrays()
+        """Tell the history and the callback of an iteration, or of where it all starts."""
+        problem = self.problem
+        x, u = problem.arrays()
+        told: dict[str, Any] = {
+            "iteration": self.history.iterations,
+            "method": "start",
+            "expected_decrease": np.nan,
+            "step_length": np.nan,
+            "rollouts": problem.rollouts,
+            "curvature_scale": 0.0,
+        }
+        if direction is not None and step is not None:
+            cut = None if step.refusal is None else step.refusal.step
+            told = {
+                "iteration": self.history.iterations + 1,
+                "method": direction.method,
+                "expected_decrease": -direction.slope,
+                "step_length": step.length,
+                "rollouts": step.rollouts,
+                "curvature_scale": direction.curvature_scale,
+                "shift": direction.shift,
+                "cut_at": -1 if cut is None else cut,
+            }
         record = IterationRecord(
-            iteration=self.history.iterations + (step is not None),
-            method=method,
-            cost=self.problem.value,
-            expected_decrease=np.nan if direction is None else -direction.slope,
-            step_length=np.nan if step is None else step.length,
-            rollouts=self.problem.rollouts if step is None else step.rollouts,
-            curvature_scale=0.0 if direction is None else direction.curvature_scale,
+            cost=problem.value,
+            decrease=decrease,
             note=note,
-            seconds=self.problem.clock.seconds,
+            seconds=problem.clock.seconds,
             x=x,
             u=u,
             snapshot=self._snapshot,
+            **told,
         )
         self.history.add(record)
         if self.callback is not None and self.callback(record):
@@ -352,3 +507,11 @@ class _Outcome:
     status: Status
     detail: str = ""
     expected: float = np.nan
+
+
+class _Found(Exception):
+    """The search for a direction has come to an end of the optimisation."""
+
+    def __init__(self, outcome: _Outcome) -> None:
+        super().__init__(outcome.detail)
+        self.outcome = outcome

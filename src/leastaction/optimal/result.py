@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,17 @@ __all__ = [
     "Settings",
     "Status",
 ]
+
+
+# Factor by which the part of the curvature grows from one good step to the next, and how fast that recovers.
+_LEAST_GROWTH, _LARGEST_GROWTH, _RECOVERY = 1.1, 2.0, 1.05
+
+# An expected decrease that falls to this part of the one before is that of an end near a minimum; to the second,
+# if it is less than the third of the cost.
+_ARRIVING = 0.1, 0.5, 1e-3
+
+# Less of a shift than this is none, less of the curvature is tried only after more failed.
+_LEAST_SHIFT, _LEAST_SCALE = 1e-3, 1.0 / 64.0
 
 
 class Status(Enum):
@@ -39,6 +51,11 @@ class Status(Enum):
         "No step along any descent direction lowered the cost. Hold the derivatives to "
         "check_derivatives; if they are right, the system may have no next state close by "
         "(see the message): try a smaller time step or another initial trajectory."
+    )
+    SADDLE = (
+        "The cost does not change to first order, but it has no minimum here: it falls along a direction of "
+        "negative curvature that could not be followed. Start from another trajectory (inputs that differ a "
+        "little break a symmetry), or use method='auto'."
     )
     NO_DIRECTION = (
         "No quadratic model had a minimum. Give the cost a positive definite weight on every input."
@@ -71,7 +88,8 @@ class IterationRecord:
         1 for the first step; 0 for the trajectory that the optimisation starts from.
     method : str
         The model whose direction was followed: "newton", "newton-damped" (with a part of the dynamics'
-        curvature), "quasi-newton", "steepest"; "start" for iteration 0.
+        curvature), "quasi-newton", "steepest"; "-shifted" behind it, where weights were added to the model
+        (Levenberg-Marquardt); "negative-curvature" for the way down from a saddle; "start" for iteration 0.
     cost : float
         Cost after the iteration.
     expected_decrease : float
@@ -91,6 +109,14 @@ class IterationRecord:
     snapshot : callable
         Returns the result of a run that ended here, to be kept: `optimize` with ``resume`` goes on from
         it as this run does. To be called before the callback returns.
+    decrease : float
+        By how much the cost fell. Half of the expected decrease is what a quadratic model promises for a
+        full step. NaN for iteration 0.
+    shift : float
+        What was added to the weights of all deviations, in units of their mean; 0 where that was not needed.
+    cut_at : int
+        The step of time at which the last trial that was refused ended; -1 if none was, or if its cost was known
+        only at the end.
     """
 
     iteration: int
@@ -105,6 +131,9 @@ class IterationRecord:
     x: Array
     u: Array
     snapshot: Callable[[], OptimizationResult] = field(repr=False, compare=False)
+    decrease: float = np.nan
+    shift: float = 0.0
+    cut_at: int = -1
 
 
 @dataclass(frozen=True)
@@ -115,9 +144,9 @@ class OptimizationHistory:
     ----------
     cost : ndarray (iterations + 1,)
         Cost of every iterate, the first one included.
-    expected_decrease, step_length, curvature_scale, seconds : ndarray (iterations,)
+    expected_decrease, decrease, step_length, curvature_scale, shift, seconds : ndarray (iterations,)
         As in `IterationRecord`; seconds since the start of the run that made the iteration.
-    rollouts : ndarray of int (iterations,)
+    rollouts, cut_at : ndarray of int (iterations,)
         As in `IterationRecord`.
     method : tuple of str (iterations,)
         As in `IterationRecord`.
@@ -125,20 +154,23 @@ class OptimizationHistory:
 
     cost: Array
     expected_decrease: Array
+    decrease: Array
     step_length: Array
     rollouts: np.ndarray[tuple[int], np.dtype[np.int64]]
     curvature_scale: Array
+    shift: Array
+    cut_at: np.ndarray[tuple[int], np.dtype[np.int64]]
     method: tuple[str, ...]
     seconds: Array
 
 
 @dataclass(frozen=True)
 class NewtonSchedule:
-    """When the automatic choice of method tries Newton's.
+    """What the choice of a direction remembers from one iteration to the next.
 
-    It begins with quasi-Newton, whose model holds far from the minimum too, stays with it while it
-    foretells the decrease of the cost, and then tries Newton's. While that fails, it waits for ever
-    more iterations until it tries again.
+    The automatic choice begins with quasi-Newton, whose model holds far from the minimum too, stays with
+    it while it foretells the decrease of the cost, and then tries Newton's. While that fails, it waits for
+    ever more iterations until it tries again.
 
     Attributes
     ----------
@@ -147,88 +179,124 @@ class NewtonSchedule:
     failures : int
         How often it failed since it last worked.
     scale : float
-        The part of the curvature that is tried first: more than was good for the last step, because
-        every model that turns out to have no minimum costs time.
+        The part of the curvature that is tried first.
+    growth : float
+        Factor by which that part grows after a step that went well. Every model that turns out to have no
+        minimum costs time, so it is the smaller the more often that happened.
+    shift : float
+        What is added to the weights of every deviation where nothing else lowers the cost
+        (Levenberg-Marquardt); 0 while that is not needed.
+    expected : float
+        Expected decrease of the last step; NaN before the first.
+    full : bool
+        Whether that was a full step of Newton's method.
     """
 
     wait: int = 1
     failures: int = 0
     scale: float = 1.0
+    growth: float = 2.0
+    shift: float = 0.0
+    expected: float = np.nan
+    full: bool = False
 
     def after_failure(self) -> NewtonSchedule:
         """Return the schedule after a Newton direction that could not be followed."""
         # One more than the wait, for the iteration that is still to be made by another method.
-        return NewtonSchedule(min(2**self.failures, 8) + 1, self.failures + 1, self.scale)
+        wait = min(2**self.failures, 8) + 1
+        scale = max(self.scale, _LEAST_SCALE)
+        return replace(self, wait=wait, failures=self.failures + 1, scale=scale)
 
-    def after_step(self, curvature_scale: float, agreement: float) -> NewtonSchedule:
+    def after_indefinite(self, scale: float) -> NewtonSchedule:
+        """Return the schedule after a Newton model that had no minimum; this part is tried next."""
+        return replace(self, scale=scale, growth=max(self.growth**0.5, _LEAST_GROWTH))
+
+    def after_step(
+        self,
+        method: str,
+        curvature_scale: float,
+        length: float,
+        agreement: float,
+        expected: float,
+        value: float,
+    ) -> NewtonSchedule:
         """Return the schedule after an accepted step.
 
         Parameters
         ----------
+        method : str
+            Whose direction it followed.
         curvature_scale : float
             The part of the dynamics' curvature in its model.
+        length : float
+            Its length.
         agreement : float
             Decrease of the cost, relative to the decrease of the model over its full step.
+        expected, value : float
+            Expected decrease, and the cost.
         """
+        shift = self.shift * (0.1 if length == 1.0 else 1.0)
+        new = replace(
+            self,
+            shift=0.0 if shift < _LEAST_SHIFT else shift,
+            expected=expected,
+            full=method == "newton" and length == 1.0,
+        )
+        if method == "negative-curvature":
+            return replace(new, shift=0.0)
         if curvature_scale > 0.0:
-            return NewtonSchedule(0, 0, min(1.0, 4.0 * curvature_scale))
+            fast, falling, little = _ARRIVING
+            part = falling if expected < little * abs(value) else fast
+            arriving = expected < part * self.expected
+            return replace(
+                new,
+                wait=0,
+                failures=0,
+                scale=1.0 if arriving else min(1.0, self.growth * curvature_scale),
+                growth=min(_LARGEST_GROWTH, self.growth * _RECOVERY),
+            )
         # A quasi-Newton model that is off by a share s of the true curvature is off by s in the
         # decrease too, and the expected decrease falls by s^2 with every step: good enough if s < 0.1.
         least = 1 if abs(agreement - 1.0) < 0.1 else 0
-        return NewtonSchedule(max(self.wait - 1, least), self.failures, self.scale)
+        return replace(new, wait=max(self.wait - 1, least))
 
 
 class HistoryBuilder:
     """Collects the records of the iterations, after those of an earlier run."""
 
+    _COLUMNS = tuple(f.name for f in fields(OptimizationHistory) if f.name != "cost")
+
     def __init__(self, earlier: OptimizationHistory | None = None) -> None:
-        self.cost: list[float] = [] if earlier is None else list(earlier.cost)
-        self._steps: list[tuple[float, float, int, float, str, float]] = []
+        self.cost: list[float] = []
+        self._columns: dict[str, list[Any]] = {name: [] for name in self._COLUMNS}
         if earlier is not None:
-            self._steps = list(
-                zip(
-                    earlier.expected_decrease.tolist(),
-                    earlier.step_length.tolist(),
-                    earlier.rollouts.tolist(),
-                    earlier.curvature_scale.tolist(),
-                    earlier.method,
-                    earlier.seconds.tolist(),
-                    strict=True,
-                )
-            )
+            self.cost = earlier.cost.tolist()
+            self._columns = {name: list(getattr(earlier, name)) for name in self._COLUMNS}
 
     @property
     def iterations(self) -> int:
         """Number of iterations so far."""
-        return len(self._steps)
+        return len(self._columns["method"])
 
     def add(self, record: IterationRecord) -> None:
         """Add a record; iteration 0 has a cost and nothing else."""
         self.cost.append(record.cost)
-        if record.iteration == 0:
-            return
-        self._steps.append(
-            (
-                record.expected_decrease,
-                record.step_length,
-                record.rollouts,
-                record.curvature_scale,
-                record.method,
-                record.seconds,
-            )
-        )
+        if record.iteration > 0:
+            for name, column in self._columns.items():
+                column.append(getattr(record, name))
 
     def build(self) -> OptimizationHistory:
         """Return the arrays."""
-        columns = list(zip(*self._steps, strict=True)) or [()] * 6
+        integers = ("rollouts", "cut_at")
+        arrays: dict[str, Any] = {
+            name: np.array(column, dtype=np.int64 if name in integers else np.float64)
+            for name, column in self._columns.items()
+            if name != "method"
+        }
         return OptimizationHistory(
             cost=np.array(self.cost, dtype=np.float64),
-            expected_decrease=np.array(columns[0], dtype=np.float64),
-            step_length=np.array(columns[1], dtype=np.float64),
-            rollouts=np.array(columns[2], dtype=np.int64),
-            curvature_scale=np.array(columns[3], dtype=np.float64),
-            method=tuple(columns[4]),
-            seconds=np.array(columns[5], dtype=np.float64),
+            method=tuple(self._columns["method"]),
+            **arrays,
         )
 
 

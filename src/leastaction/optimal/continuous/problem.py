@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ from leastaction.optimal.continuous.riccati import (
 from leastaction.optimal.continuous.signals import SignalLike, as_horizon
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
-from leastaction.optimal.line_search import Trial, rounding_of
+from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.loop import Direction, Problem, both
 from leastaction.optimal.result import OptimizationResult, Settings
 
@@ -56,7 +56,7 @@ class ContinuousDirection(Direction):
         ``[K (row by row); C]`` in one vector.
     """
 
-    feedback: PiecewisePolynomial
+    feedback: PiecewisePolynomial = field(kw_only=True)
 
 
 class ContinuousProblem(
@@ -212,18 +212,24 @@ class ContinuousProblem(
 
     # ---- Directions -----------------------------------------------------------------------------
 
-    def minimise_model(self, method: str, scale: float) -> ContinuousLinearQuadraticSolution:
+    def minimise_model(
+        self, method: str, scale: float, shift: float = 0.0
+    ) -> ContinuousLinearQuadraticSolution:
         """Return the solution of a method's model."""
         if self.own_regulator and self.feedback is None:
             self.gain = self.feedback = self._solve_regulator().feedback
-        if method != "quasi-newton":
-            return self._solve(method, scale)
+        if method != "quasi-newton" or shift > 0.0:
+            return self._solve(method, scale, shift)
         if self.quasi_newton is None:
             self.quasi_newton = self._solve(method, scale)
         return self.quasi_newton
 
     def direction(
-        self, method: str, model: ContinuousLinearQuadraticSolution, scale: float
+        self,
+        method: str,
+        model: ContinuousLinearQuadraticSolution,
+        scale: float,
+        shift: float = 0.0,
     ) -> ContinuousDirection:
         """Return the direction of a model that has a minimum."""
         feedback = model.feedback
@@ -232,7 +238,7 @@ class ContinuousProblem(
         else:
             self.feedback = feedback
         # With dx(t0) = 0 the model's minimum is half of its linear part.
-        return ContinuousDirection(method, 2.0 * model.constant, scale, feedback)
+        return ContinuousDirection(method, 2.0 * model.constant, scale, shift, feedback=feedback)
 
     def _with_own_gain(self, model: ContinuousLinearQuadraticSolution) -> PiecewisePolynomial:
         """Return the projection's own gains, with the feedforward that follows the direction.
@@ -270,7 +276,9 @@ class ContinuousProblem(
         mesh, values = approximate(law, Mesh(own.breaks), self.accuracy.sampling, least)
         return mesh.fit(values, (values.shape[1],))
 
-    def _solve(self, method: str, scale: float) -> ContinuousLinearQuadraticSolution:
+    def _solve(
+        self, method: str, scale: float, shift: float = 0.0
+    ) -> ContinuousLinearQuadraticSolution:
         model = self._model()
         samples, Q_final = model.samples, model.Q_final
         nx = samples.B.shape[1]
@@ -284,6 +292,12 @@ class ContinuousProblem(
                 R=samples.R + H[:, nx:, nx:],
                 S=samples.S + H[:, :nx, nx:],
             )
+        if shift > 0.0:
+            nu = self.system.nu
+            samples = samples._replace(
+                Q=samples.Q + shift * np.eye(nx), R=samples.R + shift * np.eye(nu)
+            )
+            Q_final = Q_final + shift * np.eye(nx)
         with self.clock("lq"):
             return solve_samples(
                 model.mesh,
@@ -346,7 +360,7 @@ class ContinuousProblem(
 
     def simulate(
         self, direction: ContinuousDirection, length: float, bound: float
-    ) -> Trial[DenseTrajectory] | str:
+    ) -> Trial[DenseTrajectory] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
         rollout = roll_out(
             self.system,
@@ -358,10 +372,13 @@ class ContinuousProblem(
             bound=bound,
         )
         if rollout.trajectory is None:
-            return f"the roll-out ended at {rollout.failure}"
+            return Refusal(f"the roll-out ended at {rollout.failure}", failed=True)
         # Not "cost > bound": a NaN is refused.
         if not rollout.cost <= bound:
-            return f"a cost of {rollout.cost:.10g}, where at most {bound:.10g} was wanted"
+            return Refusal(
+                f"a cost of {rollout.cost:.10g}, where at most {bound:.10g} was wanted",
+                cost=rollout.cost,
+            )
         return Trial(rollout.trajectory, rollout.cost)
 
     def accept(self, direction: ContinuousDirection, trial: Trial[DenseTrajectory]) -> None:

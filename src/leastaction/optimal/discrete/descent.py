@@ -30,10 +30,11 @@ from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
     solve_linear_quadratic,
+    sweep_forward,
 )
 from leastaction.optimal.system import Linearization
 
-__all__ = ["minimise_model"]
+__all__ = ["escape", "minimise_model", "shifted"]
 
 
 def minimise_model(
@@ -80,3 +81,99 @@ def minimise_model(
         q_final=q_final,
         workspace=workspace,
     )
+
+
+def shifted(hessian: CostHessian, shift: float) -> CostHessian:
+    """Return the Hessian with a multiple of the identity added to all weights.
+
+    The multiple is measured in the mean of the weights of the stages.
+    """
+    amount = 0.5 * shift * (_mean(hessian.Q) + _mean(hessian.R))
+    return CostHessian(
+        _add(hessian.Q, amount), _add(hessian.R, amount), hessian.S, _add(hessian.Q_final, amount)
+    )
+
+
+def _mean(weight: Array) -> float:
+    """Return the mean of a weight's diagonal."""
+    if weight.ndim == 1 or weight.shape[-1] == 1:
+        return float(np.mean(np.abs(weight)))
+    return float(np.mean(np.abs(np.diagonal(weight, axis1=-2, axis2=-1))))
+
+
+def _add(weight: Array, amount: float) -> Array:
+    if weight.ndim == 1 or (weight.ndim == 3 and weight.shape[2] == 1):
+        return weight + amount
+    result: Array = weight + amount * np.eye(weight.shape[-1])
+    return result
+
+
+def escape(
+    linearization: Linearization,
+    gradient: CostGradient,
+    hessian: CostHessian,
+    curvature: Array,
+    workspace: Workspace,
+    scale: float,
+) -> tuple[Array, Array, Array, float, float] | None:
+    """Return a direction of negative curvature, the gains to follow it with, its slope and curvature.
+
+    Between the part of the curvature that leaves the model a minimum and the whole of it there is one at which
+    the model is flat along some direction: the exact second derivative is negative along it. It is found by
+    inverse iteration with models that come close.
+    """
+    A, B = linearization
+    Q, R, S, Q_final = hessian
+
+    def solve(scale: float, du: Array) -> LinearQuadraticSolution:
+        return solve_linear_quadratic(
+            A, B, Q=Q, R=R, S=S, H=curvature, H_scale=scale, r=-du, Q_final=Q_final, workspace=workspace
+        )  # fmt: skip
+
+    du = np.random.default_rng(0).normal(size=B.shape[::2])
+    low, high = scale, 1.0
+    best = None
+    for solved in range(60):
+        if best is not None and solved >= 8:
+            break
+        trial = 0.5 * (low + high)
+        model = solve(trial, du)
+        if not model.definite:
+            high = trial
+            continue
+        low = trial
+        dx, du = sweep_forward(A, B, model)
+        size = float(np.sqrt(np.sum(du**2)))
+        dx, du = dx / size, du / size
+        bend = _along(hessian, curvature, dx, du)
+        if bend < 0.0:
+            slope = float(
+                np.sum(gradient.q * dx[:-1]) + np.sum(gradient.r * du) + gradient.q_final @ dx[-1]
+            )
+            sign = -1.0 if slope > 0.0 else 1.0
+            best = sign * dx, sign * du, model.K.copy(), sign * slope, bend
+    return best
+
+
+def _along(hessian: CostHessian, curvature: Array, dx: Array, du: Array) -> float:
+    """Return the second derivative of the cost along a direction."""
+    dxu = np.hstack([dx[:-1], du])
+    total = float(np.einsum("ki,kij,kj->", dxu, curvature, dxu))
+    total += float(
+        np.sum(_times(hessian.Q, dx[:-1]) * dx[:-1]) + np.sum(_times(hessian.R, du) * du)
+    )
+    total += float(_times(hessian.Q_final, dx[-1:])[0] @ dx[-1])
+    if hessian.S is not None:
+        total += 2.0 * float(np.sum(dx[:-1] * np.einsum("...ij,...j->...i", hessian.S, du)))
+    return total
+
+
+def _times(weight: Array, d: Array) -> Array:
+    """Return a weight of any of the shapes of a `CostHessian` times each row of d."""
+    if weight.ndim == 1:
+        result: Array = d * weight
+    elif weight.ndim == 3 and weight.shape[2] == 1:
+        result = d * weight[:, :, 0]
+    else:
+        result = np.einsum("...ij,...j->...i", weight, d)
+    return result

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.discrete.cost import Cost, CostGradient
-from leastaction.optimal.discrete.descent import minimise_model
+from leastaction.optimal.discrete.descent import escape, minimise_model, shifted
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
@@ -19,13 +20,17 @@ from leastaction.optimal.discrete.linear_quadratic import (
     regulate,
     sweep_forward,
 )
+from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
-from leastaction.optimal.line_search import Trial
+from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Direction, Problem, both
 from leastaction.optimal.result import OptimizationResult, Settings
 from leastaction.optimal.system import Linearization
 
 __all__ = ["DiscreteDirection", "DiscreteProblem"]
+
+# A projection of a curve that costs so much more than its inputs alone has lost the curve.
+_DEAR = 10.0
 
 
 class _Iterate(NamedTuple):
@@ -52,8 +57,8 @@ class DiscreteDirection(Direction):
         The direction, if the projection has gains of its own.
     """
 
-    gain: Array
-    C: Array
+    gain: Array = field(kw_only=True)
+    C: Array = field(kw_only=True)
     dx: Array | None = None
     du: Array | None = None
 
@@ -78,7 +83,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         super().__init__()
         self.system = system
         self.cost = cost
-        self.has_curvature = system.has_curvature
+        self.has_curvature = self.tells_saddles = system.has_curvature
         self.chunk = settings.chunk
 
         # The current iterate, and the gains of the projection that led to it.
@@ -112,21 +117,64 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         if x.ndim == 1:
             x = self._project(np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx))).x
         self.x, self.u = x, u
-        self.quasi_newton = self._solve("quasi-newton", self.held)
-        self.gain = self.quasi_newton.K
-        if not self.quasi_newton.definite:
-            self.gain = regulate(*self._linearize())
-        projected = self._project(x, u, self.gain)
-        # A trajectory is its own projection; then what was computed along it stays valid.
-        if float(np.abs(projected.x - x).max()) > 1e-8 * (1.0 + float(np.abs(x).max())):
-            self.x, self.u = projected.x, projected.u
-            self.forget()
+        self._project_curve()
         self.value = self.cost.value(self.x, self.u)
         if not np.isfinite(self.value):
             raise ArgumentError(
                 f"initial: the cost of the initial trajectory is {self.value}, expected a finite "
                 "number. Look at the cost's weights and wanted motion."
             )
+
+    def _project_curve(self) -> None:
+        """Put a trajectory in the place of the curve where the iterate is to be.
+
+        A trajectory is its own projection, and what was computed along it stays valid. Of a curve that is none,
+        the gains of the cost's regulator may lead far away or nowhere: then the cheapest of several projections
+        is taken.
+        """
+        x, u = self.x, self.u
+        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        found: list[tuple[float, Rollout, Array]] = []
+        failure = ""
+
+        def follow(choose: Callable[[], Array]) -> None:
+            nonlocal failure
+            try:
+                gain = choose()
+                projected = self._project(x, u, gain)
+            except LeastActionError as error:
+                failure = failure or str(error)
+                return
+            with np.errstate(over="ignore", invalid="ignore"):
+                value = self.cost.value(projected.x, projected.u)
+            found.append((value if np.isfinite(value) else np.inf, projected, gain))
+
+        def regulator() -> Array:
+            self.quasi_newton = self._solve("quasi-newton", self.held)
+            return (
+                self.quasi_newton.K if self.quasi_newton.definite else regulate(*self._linearize())
+            )
+
+        follow(regulator)
+        if found and float(np.abs(found[0][1].x - x).max()) <= 1e-8 * (
+            1.0 + float(np.abs(x).max())
+        ):
+            self.gain = found[0][2]
+            return
+        self.forget()
+        follow(lambda: np.zeros((N, nu, nx)))
+        if not found or found[0][0] > _DEAR * found[-1][0]:
+            # The regulator above may not even exist where the curve's next states are no ends of steps.
+            along = linearize_along_curve(self.system, x, u)
+            Q, R, _, Q_final = self.cost.hessian(x, u)
+            follow(lambda: regulate(*along, Q=Q, R=R, Q_final=Q_final))
+            follow(lambda: regulate(*along))
+        elif found:
+            del found[1:]
+        if not found:
+            raise ArgumentError(failure)
+        _, projected, self.gain = min(found, key=lambda each: each[0])
+        self.x, self.u = projected.x, projected.u
 
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
@@ -152,15 +200,17 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
     # ---- Directions -----------------------------------------------------------------------------
 
-    def minimise_model(self, method: str, scale: float) -> LinearQuadraticSolution:
+    def minimise_model(
+        self, method: str, scale: float, shift: float = 0.0
+    ) -> LinearQuadraticSolution:
         """Return the solution of a method's model."""
         self._own_gain()
-        if method == "quasi-newton" and self.quasi_newton is not None:
+        if method == "quasi-newton" and shift == 0.0 and self.quasi_newton is not None:
             return self.quasi_newton
-        return self._solve(method, self.free, scale)
+        return self._solve(method, self.free, scale, shift)
 
     def direction(
-        self, method: str, model: LinearQuadraticSolution, scale: float
+        self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
     ) -> DiscreteDirection:
         """Return the direction of a model that has a minimum."""
         own_gain = self._own_gain()
@@ -171,13 +221,46 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         self.feedback = model.K if own_gain is None else own_gain
         # With dx_0 = 0 the model's minimum is half of its linear part.
         slope = 2.0 * model.constant
-        return DiscreteDirection(method, slope, scale, self.feedback, model.C, dx, du)
+        return DiscreteDirection(
+            method, slope, scale, shift, gain=self.feedback, C=model.C, dx=dx, du=du
+        )
+
+    def negative_curvature(self, scale: float) -> DiscreteDirection | None:
+        """Return a direction of negative curvature, where the undamped Newton model has one."""
+        gradient = self.cost.gradient(self.x, self.u)
+        found = escape(
+            self._linearize(),
+            gradient,
+            self.cost.hessian(self.x, self.u),
+            self._curvature_along(gradient),
+            self.free,
+            scale,
+        )
+        if found is None:
+            return None
+        dx, du, gain, slope, bend = found
+        # A step that is expected to lower the cost by a tenth, but goes no further than a model may hold.
+        length = np.sqrt(0.2 * abs(self.value) / -bend)
+        reach = np.abs(dx).max(axis=0) / (1.0 + np.abs(self.x).max(axis=0))
+        length = min(length, 0.3 / float(reach.max()))
+        return DiscreteDirection(
+            "negative-curvature",
+            length * slope,
+            1.0,
+            bend=length**2 * bend,
+            gain=gain,
+            C=du,
+            dx=length * dx,
+            du=length * du,
+        )
 
     def _solve(
-        self, method: str, workspace: Workspace, scale: float = 0.0
+        self, method: str, workspace: Workspace, scale: float = 0.0, shift: float = 0.0
     ) -> LinearQuadraticSolution:
         gradient = self.cost.gradient(self.x, self.u)
         hessian = self.cost.hessian(self.x, self.u)
+        if shift > 0.0:
+            hessian = shifted(hessian, shift)
         linearization = self._linearize()
         curvature = self._curvature_along(gradient) if method == "newton" else None
         with self.clock("lq"):
@@ -219,7 +302,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
     def simulate(
         self, direction: DiscreteDirection, length: float, bound: float
-    ) -> Trial[_Iterate] | str:
+    ) -> Trial[_Iterate] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
         system, cost = self.system, self.cost
         xbar, ubar = direction.curve(self.x, self.u, length)
@@ -230,21 +313,26 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
             stop = min(start + self.chunk, system.N)
             part = system.rollout(x[start], xbar, ubar, direction.gain, start, stop)
             if not part.complete:
-                return f"the roll-out failed: {part.failure}"
+                k = start + part.steps_done
+                return Refusal(f"the roll-out failed: {part.failure}", k, failed=True)
             x[start + 1 : stop + 1] = part.x[1:]
             u[start:stop] = part.u
             with np.errstate(over="ignore", invalid="ignore"):
                 stage_values[start:stop] = cost.stage_values(x[start:stop], u[start:stop], start)
-                spent = float(np.sum(stage_values[:stop]))
-            if not np.isfinite(spent):
-                return f"the cost is not finite by step {stop}"
-            if cost.nonnegative and spent > bound:
-                return f"the cost was past its bound by step {stop}"
+                spent = np.cumsum(stage_values[:stop])
+            if not np.isfinite(spent[-1]):
+                k = int(np.argmin(np.isfinite(spent)))
+                return Refusal(f"the cost is not finite by step {k}", k)
+            if cost.nonnegative and spent[-1] > bound:
+                k = int(np.searchsorted(spent, bound, side="right"))
+                return Refusal(f"the cost was past its bound by step {k}", k)
         with np.errstate(over="ignore", invalid="ignore"):
             total = float(np.sum(stage_values)) + cost.final_value(x[-1])
         # Not "total > bound": a NaN is refused.
         if not total <= bound:
-            return f"a cost of {total:.10g}, where at most {bound:.10g} was wanted"
+            return Refusal(
+                f"a cost of {total:.10g}, where at most {bound:.10g} was wanted", cost=total
+            )
         return Trial(_Iterate(x, u), total)
 
     def accept(self, direction: DiscreteDirection, trial: Trial[_Iterate]) -> None:

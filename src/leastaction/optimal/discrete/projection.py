@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.system import Linearization
 
-__all__ = ["Projection"]
+__all__ = ["Projection", "linearize_along_curve"]
 
 
 class Projection:
@@ -55,3 +55,28 @@ class Projection:
             du[k] = dubar[k] - self.K[k] @ (dx[k] - dxbar[k])
             dx[k + 1] = A[k] @ dx[k] + B[k] @ du[k]
         return dx, du
+
+
+def linearize_along_curve(system: DiscreteSystem, x: Array, u: Array) -> Linearization:
+    """Return A and B of every step from the states and inputs of a curve that is no trajectory.
+
+    The end of each step is its own, not the curve's next state. A step that cannot be made takes what the one
+    before it has, for gains that are good enough to follow the curve somehow.
+    """
+    N, nx, nu = system.N, system.nx, system.nu
+    A, B = np.empty((N, nx, nx)), np.empty((N, nx, nu))
+    made = np.zeros(N, dtype=bool)
+    for k in range(N):
+        try:
+            A[k], B[k] = system.derivatives(x[k], u[k], k)
+            made[k] = np.isfinite(A[k]).all() and np.isfinite(B[k]).all()
+        except (LeastActionError, ArithmeticError):
+            continue
+    if not made.any():
+        A[:], B[:] = np.eye(nx), 0.0
+    else:
+        # The last step that could be made, or the first one for those before it.
+        source = np.maximum.accumulate(np.where(made, np.arange(N), -1))
+        source[source < 0] = int(np.argmax(made))
+        A, B = A[source], B[source]
+    return Linearization(A, B)
