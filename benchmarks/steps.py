@@ -93,8 +93,7 @@ def _second(integrator: MidpointVI, case: Case, x: np.ndarray, settings: Setting
     """Time the contracted second order alone, with all that it takes over from the first."""
     d = integrator.linearize_arrays(case.t, x, case.u)
     z = np.random.default_rng(0).normal(size=(case.steps, case.mechanism.nx))
-    H = d.curvature(z)
-    return best_of(lambda: d.curvature(z, out=H), budget=settings.budget)
+    return best_of(lambda: d.curvature(z), budget=settings.budget)
 
 
 def _left_split(case: Case, settings: Settings) -> Row:

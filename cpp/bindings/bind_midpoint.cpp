@@ -81,15 +81,23 @@ int linearize(Linearization& out, const In<1>& t, const In<2>& x, const In<2>& u
     return out.along(t.data(), x.data(), u.data(), threads);
 }
 
-Out curvature(const Linearization& of, const In<2>& w, bool multipliers, int threads, const std::optional<Out>& out) {
+// A read-only array in memory of the core's.
+using View = nb::ndarray<nb::numpy, const double, nb::c_contig>;
+
+View curvature(const Linearization& of, const In<2>& w, bool multipliers, int threads) {
     const std::size_t N = of.steps, n = of.nx + of.nu + (multipliers ? of.nc : 0), weights = w.shape(1);
     expect(w.shape(0), N, "w");
     if (weights != static_cast<std::size_t>(of.nx)) expect(weights, of.nx + of.nc, "weights");
-    if (out) expect(out->size(), N * n * n, "out");
-    Out H = out ? *out : new_array({N, n, n});
-    nb::gil_scoped_release release;
-    of.curvature(w.data(), static_cast<int>(weights), multipliers, threads, H.data());
-    return H;
+    using Memory = std::shared_ptr<const ZeroedArray>;
+    std::unique_ptr<Memory> H;
+    {
+        nb::gil_scoped_release release;
+        H = std::make_unique<Memory>(of.curvature(w.data(), static_cast<int>(weights), multipliers, threads));
+    }
+    const double* data = (*H)->data();
+    nb::capsule owner(H.get(), [](void* p) noexcept { delete static_cast<Memory*>(p); });
+    H.release();
+    return View(data, {N, n, n}, owner);
 }
 
 // directions (P, n_numbers) of the elements' numbers; inertias: (parameter, builder's joint, 10 numbers m, m c, I in
@@ -141,9 +149,6 @@ nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, co
     return nb::make_tuple(p1, p2);
 }
 
-// A read-only view into a linearisation, which lives as long as its views.
-using View = nb::ndarray<nb::numpy, const double, nb::c_contig>;
-
 nb::list saved(nb::handle_t<Linearization> self) {
     nb::list out;
     for (const ZeroedArray* array : nb::cast<Linearization&>(self).memory()) {
@@ -160,6 +165,7 @@ void restore(Linearization& to, const std::vector<In<1>>& arrays) {
     for (std::size_t i = 0; i < memory.size(); ++i) std::copy_n(arrays[i].data(), arrays[i].size(), memory[i]->data());
 }
 
+// A field of a linearisation, which lives as long as its views.
 template <class Shape>
 void view(nb::class_<Linearization>& type, const char* name, ZeroedArray Linearization::* array, const Shape& shape,
           const char* meaning) {
@@ -237,7 +243,7 @@ void bind_midpoint(nb::module_& module) {
     linearization.def(nb::init<std::shared_ptr<Midpoint>, int, bool>(), "midpoint"_a, "steps"_a, "multipliers"_a)
         .def("along", &linearize, "t"_a, "x"_a, "u"_a, "threads"_a = 0,
              "Linearises along a trajectory, over what was there. Returns the first step at which it is none, or N.")
-        .def("curvature", &curvature, "w"_a, "multipliers"_a = false, "threads"_a = 0, "out"_a.none() = nb::none(),
+        .def("curvature", &curvature, "w"_a, "multipliers"_a = false, "threads"_a = 0,
              "Hessians by (states, u), of every step, of the next states weighted with w (N, nx), or of states and "
              "multipliers with w (N, nx + nc); with `multipliers` these have rows and columns of zeros.");
     linearization.def("saved", &saved, "All that it holds, as flat arrays.")

@@ -95,10 +95,28 @@ int Linearization::along(const double* t, const double* X, const double* U, int 
     });
 }
 
-void Linearization::curvature(const double* W, int weights, bool multipliers, int threads, double* H) const {
+std::shared_ptr<ZeroedArray> Linearization::hessians(bool multipliers) const {
+    const std::size_t n = nx + nu + (multipliers ? nc : 0);
+    const std::lock_guard lock(given_lock_);
+    auto& [newest, other] = given_[multipliers];
+    if (newest.use_count() == 1) {
+        std::atomic_thread_fence(std::memory_order_acquire);
+    } else {
+        newest.swap(other);
+        if (newest.use_count() == 1)
+            std::atomic_thread_fence(std::memory_order_acquire);
+        else
+            newest = std::make_shared<ZeroedArray>(steps * n * n);
+    }
+    return newest;
+}
+
+std::shared_ptr<const ZeroedArray> Linearization::curvature(const double* W, int weights, bool multipliers,
+                                                            int threads) const {
     const Layout at(integrator_->mechanism(), multipliers);
     const std::vector<MidpointStep::Run>& runs = runs_[multipliers];
-    const int n = at.ny + nu, none = at.nq + at.nd;  // the first state that nothing depends on
+    const int n = at.ny + nu;
+    const std::shared_ptr<ZeroedArray> H = hessians(multipliers);
     for_each_step(*integrator_, steps, threads, [&](MidpointStep& step, std::size_t k) {
         step.reserve_derivatives();
         const int ld = step.ld();
@@ -119,12 +137,10 @@ void Linearization::curvature(const double* W, int weights, bool multipliers, in
             step.w_p[i] = W_k[at.nq + at.m.external[i]];
         }
         for (int c = 0; c < nc; ++c) step.w_lam[c] = weights > nx ? W_k[nx + c] : 0.0;
-        double* H_k = H + k * n * n;
-        for (int row = 0; row < n; ++row) std::fill_n(H_k + row * n + none, at.ny - none, 0.0);
-        std::fill_n(H_k + none * n, (at.ny - none) * n, 0.0);
-        step.curvature(dt_.data()[k], runs, H_k, n);
+        step.curvature(dt_.data()[k], runs, H->data() + k * n * n, n);
         return true;
     });
+    return H;
 }
 
 int differentiate_by_parameters(const Midpoint& integrator, int steps, const double* t, const double* X,

@@ -10,6 +10,7 @@
 #include <array>
 #include <cstdlib>
 #include <memory>
+#include <mutex>
 #include <new>
 #include <vector>
 
@@ -45,8 +46,10 @@ public:
     int along(const double* t, const double* X, const double* U, int threads);
 
     // The Hessians by (states, u) of the next states weighted with W (N, weights), weights = nx, or nx + nc with those of
-    // the multipliers. H is (N, n, n), n = nx + nu, or ny + nu with rows and columns of zeros for the `multipliers`.
-    void curvature(const double* W, int weights, bool multipliers, int threads, double* H) const;
+    // the multipliers: (N, n, n), n = nx + nu, or ny + nu with rows and columns of zeros for the `multipliers`. In memory
+    // that it gave away before, as soon as nobody holds that any more: large results that are made again and again need
+    // not be mapped into memory each time, and keep their zeros.
+    std::shared_ptr<const ZeroedArray> curvature(const double* W, int weights, bool multipliers, int threads) const;
 
     // All that it holds, for a copy elsewhere.
     std::array<ZeroedArray*, 6> memory() { return {&A, &B, &lam, &defect, &dt_, &records_}; }
@@ -57,6 +60,7 @@ public:
     ZeroedArray defect;     // (N): distance of the dynamic configuration from the next one in X
 
 private:
+    std::shared_ptr<ZeroedArray> hessians(bool multipliers) const;
     // What one step leaves for the second order, but for what A and B hold: where it was, and the derivatives of the
     // multipliers and by shifts of the constraints.
     template <class Carry>
@@ -66,6 +70,8 @@ private:
     std::size_t record_size_;
     ZeroedArray dt_, records_;
     std::array<std::vector<MidpointStep::Run>, 2> runs_;  // into a Hessian without and with multipliers
+    mutable std::mutex given_lock_;
+    mutable std::array<std::array<std::shared_ptr<ZeroedArray>, 2>, 2> given_;  // the last Hessians of either kind
 };
 
 // Derivatives of the next states (N, nx, P) and the multipliers (N, nc, P) of every step by parameters, the state and the

@@ -41,6 +41,13 @@ for name, build in MODELS.items():
         system, x, u = systems[steps]
         return lambda: system.linearize(x, u)
 
+    def linearized_again(steps):
+        # As an optimisation or a predictive controller does.
+        system, x, u = systems[steps]
+        z = np.ones((steps, system.nx))
+        memory = system.linearize(x, u)
+        return lambda: system.linearize(x, u, out=memory).curvature(z)
+
     dynamics = ContinuousDynamics(mechanism, threads=1)
 
     def samples(question, steps):
@@ -52,6 +59,7 @@ for name, build in MODELS.items():
         "simulate": lambda steps: lambda: simulated(steps),
         "rollout": rolled_out,
         "linearize": linearized,
+        "linearize again, second order": linearized_again,
         "accelerations": lambda steps: samples(dynamics.accelerations, steps),
         "accelerations' derivatives": lambda steps: samples(dynamics.linearize, steps),
     }.items():

@@ -21,13 +21,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 
 __all__ = ["Linearization", "System", "check_system", "difference"]
 
 
-SecondOrder = Callable[[Array, Array | None], Array]
+SecondOrder = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +46,8 @@ class Linearization:
     B : ndarray (N, nx, nu)
         ``df/du`` of every step, or at every sample.
     second : callable or None
-        ``second(z, out) -> (N, nx+nu, nx+nu)``, what `curvature` asks; `z` (N, nx). Without it the optimiser
-        asks the system's `curvatures`.
+        ``second(z) -> (N, nx+nu, nx+nu)``, what `curvature` asks; `z` (N, nx). Without it the optimiser asks
+        the system's `curvatures`.
     memory : object
         Whatever the system writes over when this is given back to it as `out`.
     """
@@ -59,7 +61,7 @@ class Linearization:
         """Unpack into A and B."""
         return iter((self.A, self.B))
 
-    def curvature(self, z: Array, *, out: Array | None = None) -> Array:
+    def curvature(self, z: Array) -> Array:
         """Return ``z . D2f`` of every step or sample, (N, nx+nu, nx+nu).
 
         Parameters
@@ -67,8 +69,6 @@ class Linearization:
         z : ndarray (N, nx) or (N+1, nx)
             Weights on the next state of every step, or on the rate at every sample. Or the adjoint of a
             discrete system, whose first row weighs nothing: no step leads to the first state.
-        out : ndarray (N, nx+nu, nx+nu), optional
-            Where to write; returned.
 
         Raises
         ------
@@ -86,7 +86,7 @@ class Linearization:
             raise ArgumentError(
                 f"z: got shape {z.shape}, expected ({N}, {nx}), weights, or ({N + 1}, {nx}), an adjoint"
             )
-        return self.second(z[-N:], out)
+        return self.second(np.ascontiguousarray(z[-N:]))
 
 
 def difference(x: Array, xbar: Array) -> Array:

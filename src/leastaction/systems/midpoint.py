@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import numpy.typing as npt
 
@@ -110,11 +108,11 @@ class MidpointSystem(DiscreteSystem):
                 "system returned"
             )
         d = self._linearize(self.t, x, u, memory)
-        return Linearization(d.A_all, d.B_all, partial(_second, d), d)
+        return Linearization(d.A_all, d.B_all, d.curvature_all, d)
 
-    def curvatures(self, x: Array, u: Array, z: Array, out: Array | None = None) -> Array:
+    def curvatures(self, x: Array, u: Array, z: Array) -> Array:
         """Return ``z[k+1] . D2f`` of every step, (N, nx + nu, nx + nu)."""
-        return self.linearize(x, u).curvature(z, out=out)
+        return self.linearize(x, u).curvature(z)
 
     def trajectory(self, x: Array, u: Array) -> Trajectory:
         """Return states (N+1, nx) and inputs (N, nu) of this system as a `Trajectory`, multipliers and all."""
@@ -146,8 +144,3 @@ class MidpointSystem(DiscreteSystem):
         full[0, nx:] = x0[nx:]
         full[1:, nx:] = lam
         return full
-
-
-def _second(derivatives: StepDerivatives, z: Array, out: Array | None) -> Array:
-    """Return the second order of a `Linearization`."""
-    return derivatives.curvature_all(np.ascontiguousarray(z), out)

@@ -90,9 +90,7 @@ class StepDerivatives:
         """How far the dynamic configuration that each step leads to is from the given one, shape (N,)."""
         return self.core.defect
 
-    def curvature(
-        self, z: npt.ArrayLike, *, z_lam: npt.ArrayLike | None = None, out: Array | None = None
-    ) -> Array:
+    def curvature(self, z: npt.ArrayLike, *, z_lam: npt.ArrayLike | None = None) -> Array:
         """Return the contracted second derivatives of every step.
 
         Parameters
@@ -101,13 +99,12 @@ class StepDerivatives:
             Weights on the next state of each step.
         z_lam : array_like, shape (N, nc), optional
             Weights on the multipliers of each step.
-        out : ndarray, shape (N, nx + nu + nrho, nx + nu + nrho), optional
-            Where to write; returned.
 
         Returns
         -------
         ndarray, shape (N, nx + nu + nrho, nx + nu + nrho)
-            Hessian of ``z_k . x_{k+1} + z_lam_k . lam_k`` by ``[x_k; u_k]``.
+            Hessian of ``z_k . x_{k+1} + z_lam_k . lam_k`` by ``[x_k; u_k]``, read-only. Its memory is used again
+            once nobody holds it any more.
 
         Raises
         ------
@@ -118,12 +115,12 @@ class StepDerivatives:
         weights = as_array(z, "z", (N, m.nx))
         if z_lam is not None:
             weights = np.hstack([weights, as_array(z_lam, "z_lam", (N, m.nc))])
-        return self.core.curvature(weights, False, self.integrator.threads, out)
+        return self.core.curvature(weights, False, self.integrator.threads)
 
-    def curvature_all(self, z: Array, out: Array | None = None) -> Array:
+    def curvature_all(self, z: Array) -> Array:
         """Return the Hessians (N, ny + nu, ny + nu) by the states of `A_all`, weighted with z (N, ny)."""
         more = self.core.A.shape[1] > self.mechanism.nx
-        return self.core.curvature(z, more, self.integrator.threads, out)
+        return self.core.curvature(z, more, self.integrator.threads)
 
 
 def _restored(

@@ -87,7 +87,7 @@ class LinearSystem(DiscreteSystem):
         """Return A and B; not a copy."""
         return Linearization(self._A, self._B, self._no_curvature)
 
-    def _no_curvature(self, z: Array, out: Array | None) -> Array:  # noqa: ARG002
+    def _no_curvature(self, z: Array) -> Array:  # noqa: ARG002
         n = self.nx + self.nu
         return np.zeros((self.N, n, n))
 

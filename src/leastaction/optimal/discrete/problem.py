@@ -102,7 +102,6 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         self.free, self.held = Workspace(*sizes), Workspace(*sizes)
         self.lqr = Workspace(*sizes) if settings.regulator == "lqr" else None
         self.old_linearization: Linearization | None = None
-        self.old_curvature: Array | None = None
 
     # ---- Where to start -------------------------------------------------------------------------
 
@@ -281,8 +280,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
             with self.clock("lq"):
                 z = adjoint(linearization.A, linearization.B, self.gain, *gradient)
             with self.clock("curvature"):
-                self.curvature = linearization.curvature(z, out=self.old_curvature)
-            self.old_curvature = self.curvature
+                self.curvature = linearization.curvature(z)
         return self.curvature
 
     def _own_gain(self) -> Array | None:

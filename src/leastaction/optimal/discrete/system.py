@@ -132,7 +132,7 @@ class DiscreteSystem(System):
             A[k], B[k] = self.derivatives(x[k], u[k], k)
         return Linearization(A, B, partial(_second, self, x, u))
 
-    def curvatures(self, x: Array, u: Array, z: Array, out: Array | None = None) -> Array:
+    def curvatures(self, x: Array, u: Array, z: Array) -> Array:
         """Return ``z[k+1] . D2f`` of every step, (N, nx+nu, nx+nu).
 
         The second order of `linearize`, unless that brings one of its own.
@@ -143,21 +143,18 @@ class DiscreteSystem(System):
             Trajectory.
         z : ndarray (N+1, nx)
             Adjoint; step k is weighted with ``z[k+1]``.
-        out : ndarray (N, nx+nu, nx+nu), optional
-            Where to write; returned.
         """
-        if out is None:
-            n = self.nx + self.nu
-            out = np.empty((self.N, n, n))
+        n = self.nx + self.nu
+        H = np.empty((self.N, n, n))
         x, u, z = read_only(x), read_only(u), read_only(z)
         for k in range(self.N):
-            out[k] = self.curvature(x[k], u[k], k, z[k + 1])
-        return out
+            H[k] = self.curvature(x[k], u[k], k, z[k + 1])
+        return H
 
 
-def _second(system: DiscreteSystem, x: Array, u: Array, z: Array, out: Array | None) -> Array:
+def _second(system: DiscreteSystem, x: Array, u: Array, z: Array) -> Array:
     """Return the second order of a `Linearization`; z (N, nx), where an adjoint has a row more."""
-    return system.curvatures(x, u, np.concatenate([np.zeros((1, system.nx)), z]), out)
+    return system.curvatures(x, u, np.concatenate([np.zeros((1, system.nx)), z]))
 
 
 def linearized(
