@@ -101,7 +101,7 @@ def to_discrete(
     v_rho = np.vstack([v[:1, nd:], np.diff(q[:, nd:], axis=0) / dt[:, None]])
     impulses = -0.5 * (dt + np.concatenate([[0.0], dt[:-1]]))[:, None] * lam[:-1]
     message = "sampled from a motion in continuous time"
-    return Trajectory(m, times, q, p, v_rho, inputs, impulses, message=message)
+    return Trajectory(m, times, q, inputs, impulses, p=p, v_rho=v_rho, message=message)
 
 
 def to_continuous(
@@ -154,13 +154,13 @@ def to_continuous(
         m,
         run.t,
         run.q,
-        v,
-        np.hstack([out.a, rho_a]),
         inputs,
         out.lam,
-        _STATUS[run.status],
-        f"from discrete time: {run.message}",
-        {
+        v=v,
+        a=np.hstack([out.a, rho_a]),
+        status=_STATUS[run.status],
+        message=f"from discrete time: {run.message}",
+        drift={
             name: Drift(*(float(w) for w in worst[:, i]), *(float(w) for w in worst[:, i]))
             for i, name in enumerate(m.constraints)
         },

@@ -8,11 +8,13 @@ objects hold some says::
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+
+from leastaction.numerics.arrays import Array, read_only
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,13 @@ class _Mapping:
     """Stands for a read-only view of a mapping."""
 
     items: dict[Any, Any]
+
+
+def freeze_arrays(self: Any) -> None:
+    """Make the fields of a frozen dataclass that are declared as arrays arrays that cannot be written to."""
+    for entry in fields(self):
+        if entry.type in ("Array", Array):
+            object.__setattr__(self, entry.name, read_only(np.asarray(getattr(self, entry.name))))
 
 
 def saved_state(self: object) -> dict[str, Any]:

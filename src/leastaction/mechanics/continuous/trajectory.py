@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.events import EventRecord
 from leastaction.mechanics.continuous.integration import SolverCounts
 from leastaction.mechanics.continuous.stabilisation import Drift
-from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
-from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.mechanics.mechanism.mass_queries import Energy
+from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
+from leastaction.numerics.arrays import Array, as_array, shape_of
 
 
 class IntegrationStatus(Enum):
@@ -32,26 +32,18 @@ class IntegrationStatus(Enum):
 
 
 @dataclass(frozen=True)
-class ContinuousState:
+class ContinuousState(BaseState):
     """State of a mechanism in continuous time.
 
     Attributes
     ----------
-    t : float
-        Time (s).
-    q, v : ndarray, shape (nq,)
-        Configuration (m or rad) and velocity (m/s or rad/s), dynamic variables first.
+    t, q
+        As of `BaseState`.
+    v : ndarray, shape (nq,)
+        Velocity (m/s or rad/s).
     """
 
-    t: float
-    q: Array
     v: Array
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        for name in ("q", "v"):
-            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
 
     @property
     def x(self) -> Array:
@@ -60,12 +52,13 @@ class ContinuousState:
 
 
 @dataclass(frozen=True)
-class ContinuousTrajectory:
+class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     """A motion in continuous time, at ``N + 1`` instants and, by dense output, between them.
 
     Attributes
     ----------
-    mechanism : Mechanism
+    mechanism
+        As of `BaseTrajectory`.
     t : ndarray, shape (N+1,)
         Times (s): those that were asked for, up to the end. Where an event, a failure or Ctrl-C ended the
         simulation between two of them, that time is the last.
@@ -86,13 +79,8 @@ class ContinuousTrajectory:
         What it took.
     """
 
-    mechanism: Mechanism = field(repr=False)
-    t: Array = field(repr=False)
-    q: Array = field(repr=False)
     v: Array = field(repr=False)
     a: Array = field(repr=False)
-    inputs: Array = field(repr=False)
-    lam: Array = field(repr=False)
     status: IntegrationStatus = IntegrationStatus.COMPLETED
     message: str = "completed"
     drift: Mapping[str, Drift] = field(default_factory=dict, repr=False)
@@ -100,22 +88,6 @@ class ContinuousTrajectory:
     effort: SolverCounts = field(default=SolverCounts(0, 0, 0), repr=False)
     dense: Callable[[float], Array] | None = field(default=None, repr=False)
     law: Callable[[float, Array], Array] | None = field(default=None, repr=False)
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        for name in ("t", "q", "v", "a", "inputs", "lam"):
-            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
-
-    @property
-    def steps(self) -> int:
-        """Number of intervals N between instants."""
-        return len(self.t) - 1
-
-    @property
-    def rho(self) -> Array:
-        """Kinematic variables, shape (N+1, nrho)."""
-        return self.q[:, self.mechanism.nd :]
 
     @property
     def rho_a(self) -> Array:
@@ -131,11 +103,6 @@ class ContinuousTrajectory:
     def u(self) -> Array:
         """Inputs of the continuous system ``[inputs; rho_a]``, shape (N+1, nu + nrho)."""
         return np.hstack([self.inputs, self.rho_a])
-
-    @property
-    def last(self) -> ContinuousState:
-        """The last state, to go on from."""
-        return self.state(self.steps)
 
     def state(self, k: int) -> ContinuousState:
         """Return the state at instant k."""
@@ -183,21 +150,6 @@ class ContinuousTrajectory:
         rows = rows.reshape(len(times), self.u.shape[1])
         return rows[0] if single else rows
 
-    def __getitem__(self, name: str) -> Array:
-        """Return a variable, an input or a multiplier (N+1,) by name."""
-        m = self.mechanism
-        for names, values in (
-            (m.variables, self.q),
-            (m.inputs, self.inputs),
-            (m.constraints, self.lam),
-        ):
-            if name in names:
-                return values[:, names.index(name)]
-        known = m.variables + m.inputs + m.constraints
-        raise ArgumentError(
-            f"unknown name {name!r}; {closest(name, known, what='variables, inputs and constraints')}"
-        )
-
     def velocity(self, name: str) -> Array:
         """Return the velocity (N+1,) of a variable by name (m/s or rad/s)."""
         return self.v[:, self._variable(name)]
@@ -206,8 +158,8 @@ class ContinuousTrajectory:
         """Return the acceleration (N+1,) of a variable by name (m/s^2 or rad/s^2)."""
         return self.a[:, self._variable(name)]
 
-    def energy(self) -> Any:
-        """Return the `Energy` at every instant, arrays (N+1,) (J)."""
+    def energy(self) -> Energy:
+        """Return the energy at every instant, arrays (N+1,) (J)."""
         return self.mechanism.energy(self.q, self.v)
 
     def __str__(self) -> str:
@@ -223,14 +175,6 @@ class ContinuousTrajectory:
             f"drift of {name!r}: {d.h:.2g}, of its rate {d.rate:.2g}" for name, d in worst[:3]
         ]
         return "\n".join(lines)
-
-    def _variable(self, name: str) -> int:
-        m = self.mechanism
-        if name not in m.variables:
-            raise ArgumentError(
-                f"unknown variable {name!r}; {closest(name, m.variables, what='variables')}"
-            )
-        return m.variables.index(name)
 
     def _times(self, t: npt.ArrayLike) -> tuple[bool, Array]:
         single = not shape_of(t)

@@ -356,13 +356,13 @@ class MidpointVI(Integrator):
             m,
             t,
             x[:, : m.nq],
-            x[:, m.nq : m.nq + m.nd],
-            x[:, m.nq + m.nd :],
             u[:, : m.nu],
             lam,
-            status,
-            message,
-            rank_deficient,
+            p=x[:, m.nq : m.nq + m.nd],
+            v_rho=x[:, m.nq + m.nd :],
+            status=status,
+            message=message,
+            rank_deficient=rank_deficient,
         )
 
     # Derivatives

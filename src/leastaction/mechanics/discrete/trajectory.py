@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, closest
-from leastaction.numerics.arrays import Array, read_only
-from leastaction.numerics.frozen import restore_state, saved_state
-
-if TYPE_CHECKING:
-    from leastaction.mechanics.mechanism.mechanism import Mechanism
-
+from leastaction.errors import ArgumentError
+from leastaction.mechanics.mechanism.mass_queries import Energy
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
+from leastaction.numerics.arrays import Array
 
 _LOOKS = 7  # instants at which a run is asked for equations that are redundant
 
@@ -33,31 +30,21 @@ class SimulationStatus(Enum):
 
 
 @dataclass(frozen=True)
-class State:
+class State(BaseState):
     """State of a mechanism in discrete time.
 
     Attributes
     ----------
-    t : float
-        Time (s).
-    q : ndarray, shape (nq,)
-        Configuration, dynamic variables first (m or rad).
+    t, q
+        As of `BaseState`.
     p : ndarray, shape (nd,)
         Discrete momentum of the dynamic variables (kg m/s or kg m^2/s).
     v_rho : ndarray, shape (nrho,)
         Velocity of the kinematic variables over the last step (m/s or rad/s).
     """
 
-    t: float
-    q: Array
     p: Array
     v_rho: Array
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        for name in ("q", "p", "v_rho"):
-            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
 
     @property
     def x(self) -> Array:
@@ -81,24 +68,21 @@ def check_state(state: object) -> None:
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(BaseTrajectory[State]):
     """A motion that the mechanism can make, in discrete time: ``N`` steps between ``N + 1`` instants.
 
     Attributes
     ----------
-    mechanism : Mechanism
-    t : ndarray, shape (N+1,)
-        Times (s).
-    q : ndarray, shape (N+1, nq)
-        Configurations (m or rad).
-    p : ndarray, shape (N+1, nd)
-        Discrete momenta of the dynamic variables.
-    v_rho : ndarray, shape (N+1, nrho)
-        Velocities of the kinematic variables over the step that ends at each instant.
+    mechanism, t, q
+        As of `BaseTrajectory`.
     inputs : ndarray, shape (N, nu)
         Force inputs, held over each step.
     lam : ndarray, shape (N, nc)
         Multipliers of each step: impulses ``Dh(q_k)^T lam_k`` act at its start.
+    p : ndarray, shape (N+1, nd)
+        Discrete momenta of the dynamic variables.
+    v_rho : ndarray, shape (N+1, nrho)
+        Velocities of the kinematic variables over the step that ends at each instant.
     status : SimulationStatus
     message : str
         What happened, in a sentence.
@@ -107,32 +91,11 @@ class Trajectory:
         `redundant`.
     """
 
-    mechanism: Mechanism = field(repr=False)
-    t: Array = field(repr=False)
-    q: Array = field(repr=False)
     p: Array = field(repr=False)
     v_rho: Array = field(repr=False)
-    inputs: Array = field(repr=False)
-    lam: Array = field(repr=False)
     status: SimulationStatus = SimulationStatus.COMPLETED
     message: str = "completed"
     rank_deficient: bool = False
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        for name in ("t", "q", "p", "v_rho", "inputs", "lam"):
-            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
-
-    @property
-    def steps(self) -> int:
-        """Number of steps N."""
-        return len(self.t) - 1
-
-    @property
-    def rho(self) -> Array:
-        """Kinematic variables, shape (N+1, nrho)."""
-        return self.q[:, self.mechanism.nd :]
 
     @property
     def x(self) -> Array:
@@ -182,32 +145,16 @@ class Trajectory:
             lines.append("multipliers are those of least norm")
         return "\n".join(lines)
 
-    @property
-    def last(self) -> State:
-        """The last state, to go on from."""
-        return self.state(self.steps)
-
     def state(self, k: int) -> State:
         """Return the state at instant k."""
         return State(float(self.t[k]), self.q[k], self.p[k], self.v_rho[k])
 
-    def __getitem__(self, name: str) -> Array:
-        """Return a variable (N+1,), an input (N,) or a multiplier (N,) by name."""
-        m = self.mechanism
-        for names, values in (
-            (m.variables, self.q),
-            (m.inputs, self.inputs),
-            (m.constraints, self.lam),
-        ):
-            if name in names:
-                return values[:, names.index(name)]
-        known = m.variables + m.inputs + m.constraints
-        raise ArgumentError(
-            f"unknown name {name!r}; {closest(name, known, what='variables, inputs and constraints')}"
-        )
+    def velocity(self, name: str) -> Array:
+        """Return the velocity (N,) of a variable by name, over each step (m/s or rad/s)."""
+        return self.v[:, self._variable(name)]
 
-    def energy(self) -> Any:
-        """Return the `Energy` at the midpoint of every step, arrays (N,) (J)."""
+    def energy(self) -> Energy:
+        """Return the energy at the midpoint of every step, arrays (N,) (J)."""
         return self.mechanism.energy(0.5 * (self.q[1:] + self.q[:-1]), self.v)
 
     def tensions(self) -> dict[str, Array]:

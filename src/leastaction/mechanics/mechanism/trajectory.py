@@ -1,0 +1,128 @@
+"""What states and trajectories of a mechanism share in either kind of time: everything in them is found by name."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.mechanism.mass_queries import Energy
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+
+
+@dataclass(frozen=True)
+class BaseState(ABC):
+    """State of a mechanism at an instant. Frozen, arrays included, so that any number of threads may share it.
+
+    Attributes
+    ----------
+    t : float
+        Time (s).
+    q : ndarray, shape (nq,)
+        Configuration, dynamic variables first (m or rad).
+    """
+
+    t: float
+    q: Array
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    @abstractmethod
+    def x(self) -> Array:
+        """The state vector, shape (nx,)."""
+
+
+S_co = TypeVar("S_co", bound=BaseState, covariant=True)
+
+
+@dataclass(frozen=True)
+class BaseTrajectory(ABC, Generic[S_co]):
+    """A motion of a mechanism at ``N + 1`` instants. Frozen, arrays included: any number of threads may share it.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    t : ndarray, shape (N+1,)
+        Times (s).
+    q : ndarray, shape (N+1, nq)
+        Configurations (m or rad).
+    inputs : ndarray, shape (N, n_inputs) or (N+1, n_inputs)
+        Force inputs, of every step or at every instant.
+    lam : ndarray, shape (N, nc) or (N+1, nc)
+        Multipliers, likewise.
+    """
+
+    mechanism: Mechanism = field(repr=False)
+    t: Array = field(repr=False)
+    q: Array = field(repr=False)
+    inputs: Array = field(repr=False)
+    lam: Array = field(repr=False)
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def steps(self) -> int:
+        """Number of intervals N between instants."""
+        return len(self.t) - 1
+
+    @property
+    def rho(self) -> Array:
+        """Kinematic variables, shape (N+1, nrho)."""
+        return self.q[:, self.mechanism.nd :]
+
+    @property
+    @abstractmethod
+    def x(self) -> Array:
+        """State vectors, shape (N+1, nx)."""
+
+    @property
+    @abstractmethod
+    def u(self) -> Array:
+        """Input vectors of the system, those of the kinematic variables included."""
+
+    @abstractmethod
+    def state(self, k: int) -> S_co:
+        """Return the state at instant k."""
+
+    @property
+    def last(self) -> S_co:
+        """The last state, to go on from."""
+        return self.state(self.steps)
+
+    @abstractmethod
+    def energy(self) -> Energy:
+        """Return the energy along the motion (J)."""
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a variable, an input or a multiplier over time by name."""
+        m = self.mechanism
+        for names, values in (
+            (m.variables, self.q),
+            (m.inputs, self.inputs),
+            (m.constraints, self.lam),
+        ):
+            if name in names:
+                return values[:, names.index(name)]
+        known = m.variables + m.inputs + m.constraints
+        raise ArgumentError(
+            f"unknown name {name!r}; {closest(name, known, what='variables, inputs and constraints')}"
+        )
+
+    def _variable(self, name: str) -> int:
+        """Return the index of a variable by name."""
+        m = self.mechanism
+        if name not in m.variables:
+            raise ArgumentError(
+                f"unknown variable {name!r}; {closest(name, m.variables, what='variables')}"
+            )
+        return m.variables.index(name)
