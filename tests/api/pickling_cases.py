@@ -184,6 +184,8 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "JointSpring": lambda: la.JointSpring("x", stiffness=2.0, rest=0.1),
     "LeastActionError": lambda: la.LeastActionError("what happened"),
     "LinearDamper": lambda: la.LinearDamper("bob", "hand", 2.0),
+    "LinearMotor": lambda: la.LinearMotor("bob", "hand", "F", gain=2.0),
+    "Motor": lambda: la.Motor("bob", "hand", "F", axis="x"),
     "LinearSpring": lambda: la.LinearSpring("bob", "hand", stiffness=2.0, length=1.0),
     "Mechanism": changed,
     "MechanismSystem": lambda: la.MechanismSystem(dynamics()),

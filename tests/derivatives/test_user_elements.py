@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 from functools import cache
 from typing import Any
@@ -337,3 +338,28 @@ def test_named_numbers_of_expressions_are_parameters() -> None:
     changed, wanted = builder.build_like(first.core).force(Q, V, u), second.core.force(Q, V, u)
     assert np.array_equal(changed, wanted)
     assert relative(first.core.force(Q, V, u), wanted) > 0.1
+
+
+class Greedy(user.Cam):
+    """Writes into its argument, so that the gradient would be that of another place."""
+
+    def value(self, z: Any) -> Any:
+        result = super().value(z)
+        z[0] = 0.0
+        return result
+
+
+def test_a_function_cannot_write_into_what_it_is_given() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        user.machine(PythonPotential(Greedy(), points=["follower"], variables=["theta"]))
+    with pytest.raises(ValueError, match="read-only"):
+        check_derivatives(Greedy(), Q[:4])
+
+
+def test_elements_can_be_copied_and_their_tapes_stay_read_only() -> None:
+    force = ExpressionForce(input_("u") - parameter("c", 0.3) * speed("theta"), "theta", name="f")
+    for again in (copy.deepcopy(force), pickle.loads(pickle.dumps(force))):
+        assert again == force
+        assert hash(again) == hash(force)
+        assert not again.compiled.code.instructions.flags.writeable
+        assert not again.compiled.code.constants.flags.writeable

@@ -45,6 +45,14 @@ class TapeCode:
     instructions: npt.NDArray[np.int64]
     constants: npt.NDArray[np.float64]
 
+    def __post_init__(self) -> None:
+        self.instructions.setflags(write=False)
+        self.constants.setflags(write=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Made anew, so that the arrays are read-only again.
+        return TapeCode, (self.n_inputs, self.instructions, self.constants)
+
     def tape(self) -> _core.Tape:
         """Return the tape."""
         return _core.Tape(self.n_inputs, self.instructions, self.constants)

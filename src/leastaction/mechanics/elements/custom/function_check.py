@@ -138,7 +138,9 @@ def _message(
 def _call(
     function: PythonFunction, name: str, z: npt.NDArray[Any], shape: tuple[int, ...]
 ) -> npt.NDArray[Any]:
-    result = np.asarray(getattr(function, name)(z))
+    given = z.copy()
+    given.setflags(write=False)
+    result = np.asarray(getattr(function, name)(given))
     if result.shape != shape or result.dtype.kind not in "iufc":
         raise ArgumentError(
             f"{type(function).__name__}.{name}: returned {result.dtype} of shape {result.shape}, expected "
