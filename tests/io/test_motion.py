@@ -392,7 +392,7 @@ def test_values_by_name_and_in_degrees() -> None:
     assert motion.angle_names == ("lknee_rx",)
     np.testing.assert_allclose(motion.angles_in_degrees()["lknee_rx"], np.rad2deg(motion.q[:, 1]))
     np.testing.assert_array_equal(motion.columns(["lknee_rx", "torso_tx"]), motion.q[:, ::-1])
-    with pytest.raises(ArgumentError, match="did you mean lknee_rx"):
+    with pytest.raises(ArgumentError, match="did you mean 'lknee_rx'"):
         motion["lkne_rx"]
     with pytest.raises(ValueError, match="read-only"):
         motion.q[0, 0] = 1.0

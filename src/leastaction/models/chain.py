@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError
 from leastaction.mechanics import Gravity, Mechanism, world
+from leastaction.numerics.arrays import as_count
 
 
 def pendulum_chain(
@@ -44,8 +44,7 @@ def pendulum_chain(
     ArgumentError
         If the number of links is not a positive whole number.
     """
-    if links is True or not hasattr(links, "__index__") or links < 1:
-        raise ArgumentError(f"links: got {links!r}; expected a whole number, one or more")
+    as_count(links, "links", 1)
     place = world()
     for k in range(links):
         place = place.rx(f"theta{k}", name=f"link{k}")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.errors import ArgumentError
 from leastaction.mechanics import Body, Gravity, Mechanism, PointToPoint, world
-from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.arrays import Array, as_count, as_number
 
 
 def four_bars(
@@ -42,8 +41,7 @@ def four_bars(
     ArgumentError
         If the number of loops is not a positive whole number, or a number is not finite.
     """
-    if loops is True or not hasattr(loops, "__index__") or loops < 1:
-        raise ArgumentError(f"loops: got {loops!r}; expected a whole number, one or more")
+    as_count(loops, "loops", 1)
     size = as_number(length, "length")
     across = as_number(mass, "mass") * size**2 / 12.0
     rod = Body(mass, com=(size / 2.0, 0.0, 0.0), inertia=(0.0, across, across))

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.files import write_text
 from leastaction.viz.scene import Scene
 
@@ -118,7 +119,7 @@ def write_animation(scene: Scene, path: str | os.PathLike[str], *, azimuth: floa
     return write_text(path, animation_page(scene, azimuth=azimuth))
 
 
-def _samples(t: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
+def _samples(t: Array) -> npt.NDArray[np.intp]:
     """Return the indices of the times to keep: about 50 a second, first and last included."""
     count = min(t.size, max(2, math.ceil(float(t[-1] - t[0]) * _SAMPLES_PER_SECOND) + 1))
     wanted = np.linspace(t[0], t[-1], count)
@@ -126,19 +127,15 @@ def _samples(t: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     return np.unique(np.where(wanted - t[right - 1] < t[right] - wanted, right - 1, right))
 
 
-def _stack(
-    paths: Mapping[str, npt.NDArray[np.float64]], keep: npt.NDArray[np.intp]
-) -> npt.NDArray[np.float64]:
+def _stack(paths: Mapping[str, Array], keep: npt.NDArray[np.intp]) -> Array:
     """Return the kept positions as one array, (samples, points, 3)."""
     return np.stack([path[keep] for path in paths.values()], axis=1)
 
 
-def _quantise(
-    cloud: npt.NDArray[np.float64], low: npt.NDArray[np.float64], step: npt.NDArray[np.float64]
-) -> str:
+def _quantise(cloud: Array, low: Array, step: Array) -> str:
     """Return positions as 16-bit codes, base 64."""
     return _encode(np.rint((cloud - low) / step), "<u2")
 
 
-def _encode(values: npt.NDArray[np.float64], dtype: str) -> str:
+def _encode(values: Array, dtype: str) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype=dtype).tobytes()).decode("ascii")

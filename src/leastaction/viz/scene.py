@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
+from leastaction.numerics.arrays import Array
 
 _SLENDERNESS = 0.04  # radius of a bone that none was given for, by the mean length of the bones
 
@@ -82,13 +83,13 @@ class Scene:
         An array has the wrong shape or holds NaN, or a name is unknown.
     """
 
-    t: npt.NDArray[np.float64]
-    points: Mapping[str, npt.NDArray[np.float64]]
+    t: Array
+    points: Mapping[str, Array]
     bones: tuple[Bone, ...]
     cords: tuple[Cord, ...] = ()
-    ghost: Mapping[str, npt.NDArray[np.float64]] | None = None
-    tension: Mapping[str, npt.NDArray[np.float64]] | None = None
-    error: npt.NDArray[np.float64] | None = None
+    ghost: Mapping[str, Array] | None = None
+    tension: Mapping[str, Array] | None = None
+    error: Array | None = None
     traces: tuple[str, ...] = ()
     focus: str = ""
     ground: float | None = None
@@ -141,7 +142,7 @@ class Scene:
         """Name of the point that the camera follows."""
         return self.focus or next(iter(self.points))
 
-    def tension_at(self, name: str, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def tension_at(self, name: str, times: Array) -> Array:
         """Return the tension of a cord at other times, (len(times),), N; 0 where it is unknown.
 
         Values given one per step belong to the middle of the step.
@@ -227,16 +228,14 @@ def mechanism_scene(
     )
 
 
-def _paths(
-    mechanism: Mechanism, q: npt.NDArray[np.float64], names: Sequence[str]
-) -> dict[str, npt.NDArray[np.float64]]:
+def _paths(mechanism: Mechanism, q: Array, names: Sequence[str]) -> dict[str, Array]:
     """Return the paths of frames by name, each (N+1, 3)."""
     unique = list(dict.fromkeys(names))
     positions = mechanism.positions(q, unique)
     return {name: positions[:, i] for i, name in enumerate(unique)}
 
 
-def _bars(mechanism: Mechanism, q: npt.NDArray[np.float64]) -> list[Bone]:
+def _bars(mechanism: Mechanism, q: Array) -> list[Bone]:
     """Return a bone from every frame to its parent, where they are apart."""
     frames = mechanism.tree.frames
     places = mechanism.positions(q)

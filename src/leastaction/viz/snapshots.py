@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array
 from leastaction.viz.figures import GREY, INK, PALE, PURPLE, Margins, heading, panel_grid, styled
 from leastaction.viz.scene import Scene
 
@@ -138,7 +139,7 @@ def _legend(figure: Figure, scene: Scene, strongest: float) -> None:
         figure.legend(handles=entries, loc="lower center", ncols=len(entries), borderaxespad=0.3)
 
 
-def _view(azimuth: float, elevation: float) -> npt.NDArray[np.float64]:
+def _view(azimuth: float, elevation: float) -> Array:
     """Return the rows right, up and towards the viewer of an orthographic view."""
     c, s = math.cos(elevation), math.sin(elevation)
     return np.array(
@@ -152,10 +153,10 @@ def _view(azimuth: float, elevation: float) -> npt.NDArray[np.float64]:
 
 def _flatten(
     scene: Scene,
-    points: Mapping[str, npt.NDArray[np.float64]],
+    points: Mapping[str, Array],
     k: int,
-    view: npt.NDArray[np.float64],
-) -> dict[str, npt.NDArray[np.float64]]:
+    view: Array,
+) -> dict[str, Array]:
     """Return right, up and nearness of every point, seen from beside the followed point.
 
     Moving with that point over the ground keeps a walk away from the viewer from looking like a
@@ -165,9 +166,7 @@ def _flatten(
     return {name: view @ (path[k] - origin) for name, path in points.items()}
 
 
-def _sides(
-    scene: Scene, pose: Mapping[str, npt.NDArray[np.float64]], top: float
-) -> Iterator[float]:
+def _sides(scene: Scene, pose: Mapping[str, Array], top: float) -> Iterator[float]:
     """Yield how far to the right everything reaches that is to be seen below the top."""
     for bone in scene.bones:
         for name in (bone.start, bone.end):
@@ -182,10 +181,10 @@ def _sides(
 def _draw_pose(
     axes: Axes,
     scene: Scene,
-    pose: Mapping[str, npt.NDArray[np.float64]],
+    pose: Mapping[str, Array],
     place: float,
     *,
-    ghost: Mapping[str, npt.NDArray[np.float64]],
+    ghost: Mapping[str, Array],
 ) -> None:
     """Draw the reference pose as one flat shape and the bones from the farthest to the nearest."""
     from matplotlib.patches import Polygon
@@ -206,9 +205,7 @@ def _draw_pose(
         axes.add_artist(patch)  # not add_patch, which looks for new limits each time
 
 
-def _capsule(
-    a: npt.NDArray[np.float64], b: npt.NDArray[np.float64], radius: float, place: float
-) -> npt.NDArray[np.float64]:
+def _capsule(a: Array, b: Array, radius: float, place: float) -> Array:
     """Return the outline of a rounded bar between two points on the paper, (2 n, 2)."""
     angle = math.atan2(b[1] - a[1], b[0] - a[0])
     turn = angle + np.linspace(0.5 * math.pi, 1.5 * math.pi, 24)
@@ -231,8 +228,8 @@ def _between(
 
 def _draw_cord(
     axes: Axes,
-    start: npt.NDArray[np.float64],
-    end: npt.NDArray[np.float64],
+    start: Array,
+    end: Array,
     place: float,
     pull: float,
     strongest: float,

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array
 from leastaction.viz.figures import (
     BLUE,
     GREEN,
@@ -85,26 +86,17 @@ def plot_strings(
     for i, (name, (left, right)) in enumerate(zip(names, panels, strict=True)):
         pull = tension[:, i]
         slack = pull < 0.0
-        left.fill_between(
-            middles,
-            0.0,
-            pull,
-            where=~slack,
-            color=BLUE,
-            alpha=0.15,
-            linewidth=0.0,
-            interpolate=True,
-        )
-        left.fill_between(
-            middles,
-            0.0,
-            pull,
-            where=slack,
-            color=VERMILION,
-            alpha=0.55,
-            linewidth=0.0,
-            interpolate=True,
-        )
+        for where, colour, alpha in ((~slack, BLUE, 0.15), (slack, VERMILION, 0.55)):
+            left.fill_between(
+                middles,
+                0.0,
+                pull,
+                where,
+                color=colour,
+                alpha=alpha,
+                linewidth=0.0,
+                interpolate=True,
+            )
         for begin, end in _spans(middles, slack):
             left.axvspan(begin, end, color=VERMILION, alpha=0.13, linewidth=0.0)
         left.plot(middles, pull, color=BLUE, linewidth=1.2)
@@ -139,9 +131,7 @@ def plot_strings(
     return figure
 
 
-def _spans(
-    times: npt.NDArray[np.float64], mask: npt.NDArray[np.bool_]
-) -> list[tuple[float, float]]:
+def _spans(times: Array, mask: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
     """Return the intervals in which the mask holds, half a step wider so that one step shows."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     half = 0.5 * float(times[1] - times[0]) if times.size > 1 else 0.0

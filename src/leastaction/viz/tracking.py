@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array
 from leastaction.viz.figures import (
     BLUE,
     ORANGE,
@@ -53,15 +54,15 @@ class TrackingErrors:
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    rms: npt.NDArray[np.float64]
-    largest: npt.NDArray[np.float64]
+    rms: Array
+    largest: Array
     joint_rms: float
-    over_time: npt.NDArray[np.float64]
+    over_time: Array
 
 
 def _checked(
     reference: npt.ArrayLike, achieved: npt.ArrayLike, names: Sequence[str], lengths: Sequence[str]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     """Return both motions in degrees and metres and which columns are angles."""
     one, other = np.asarray(reference, dtype=float), np.asarray(achieved, dtype=float)
     if other.ndim != 2 or one.shape != other.shape or other.shape[1] != len(names):

@@ -12,14 +12,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from leastaction.apps.marionette.retargeting.skeleton import VARIABLES, Proportions
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion, count_steps
 from leastaction.models.marionette import REST
-
-FloatArray = NDArray[np.float64]
+from leastaction.numerics.arrays import Array, as_number
 
 # A shin of the marionette about its knee: mass times lever 1.5 kg 0.2 m, inertia about the knee
 # (0.3 + 1.5 0.2^2) kg m^2, so it swings freely at 0.455 Hz.
@@ -65,8 +63,7 @@ def walk_in_place(
     """
     options = {"duration": duration, "dt": dt, "cadence": cadence, "ramp": ramp}
     for name, value in options.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise ArgumentError(f"{name}: got {value!r}, expected a finite number above zero")
+        as_number(value, name, above=0.0)
     if not 0.0 <= stride <= 0.6:
         raise ArgumentError(f"stride: got {stride!r}, expected 0 to 0.6 radians")
     n_steps = count_steps(duration, dt)
@@ -125,7 +122,7 @@ def _hanging(frequency: float) -> float:
     return float(drive / stiffness)
 
 
-def _rise(t: FloatArray, end: float, ramp: float) -> FloatArray:
+def _rise(t: Array, end: float, ramp: float) -> Array:
     """1 in the middle, falling to 0 at both ends over `ramp` with two zero derivatives there."""
     share = np.clip(np.minimum(t, end - t) / ramp, 0.0, 1.0)
     return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)

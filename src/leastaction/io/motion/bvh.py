@@ -22,7 +22,8 @@ from typing import NoReturn
 import numpy as np
 
 from leastaction.errors import MotionFileError
-from leastaction.io.motion.capture import Capture, FloatArray, Joint
+from leastaction.io.motion.capture import Capture, Joint
+from leastaction.numerics.arrays import Array
 
 CHANNEL_NAMES = (
     "Xposition",
@@ -240,7 +241,7 @@ class _Reader:
             self.fail(_shown(words), expected)
         return value
 
-    def read_rows(self, n_frames: int) -> FloatArray:
+    def read_rows(self, n_frames: int) -> Array:
         n_channels = sum(len(joint.channels) for joint in self.joints)
         rows: list[list[float]] = []
         last = len(self.lines)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from leastaction.io.motion.geometry import axis_rotation
-
-FloatArray = NDArray[np.float64]
+from leastaction.numerics.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ class Capture:
     path: str
     joints: tuple[Joint, ...]
     frame_time: float
-    values: FloatArray
+    values: Array
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,7 +89,7 @@ class Capture:
         return False
 
 
-def forward_kinematics(capture: Capture) -> tuple[FloatArray, FloatArray]:
+def forward_kinematics(capture: Capture) -> tuple[Array, Array]:
     """Positions and orientations of all joints in all frames, in the capture's world.
 
     Parameters

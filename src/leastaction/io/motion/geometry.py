@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from leastaction.numerics.arrays import Array
 
 
-def unit(vector: FloatArray) -> FloatArray:
+def unit(vector: Array) -> Array:
     """`vector` (..., 3) scaled to length one; zero stays zero."""
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
     return np.asarray(vector / np.maximum(length, 1e-300), dtype=np.float64)
 
 
-def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
+def angle_between(first: Array, second: Array) -> Array:
     """Angle (...) in radians between unit vectors (..., 3), accurate for small angles too."""
     apart = np.linalg.norm(first - second, axis=-1)
     together = np.linalg.norm(first + second, axis=-1)
     return np.asarray(2.0 * np.arctan2(apart, together), dtype=np.float64)
 
 
-def smooth_step(value: FloatArray, low: float, high: float) -> FloatArray:
+def smooth_step(value: Array, low: float, high: float) -> Array:
     """0 below `low`, 1 above `high`, a cubic with zero slope at both ends between."""
     share = np.clip((value - low) / (high - low), 0.0, 1.0)
     return share * share * (3.0 - 2.0 * share)
 
 
-def axis_rotation(axis: int, angle: FloatArray) -> FloatArray:
+def axis_rotation(axis: int, angle: Array) -> Array:
     """Rotation matrices (..., 3, 3) about coordinate axis 0, 1 or 2 by `angle` (...) in radians."""
     matrix = np.zeros((*angle.shape, 3, 3))
     second, third = (axis + 1) % 3, (axis + 2) % 3
@@ -40,7 +39,7 @@ def axis_rotation(axis: int, angle: FloatArray) -> FloatArray:
     return matrix
 
 
-def frame(x: FloatArray, z: FloatArray) -> FloatArray:
+def frame(x: Array, z: Array) -> Array:
     """Right-handed frames (F, 3, 3), axes in the columns.
 
     Parameters
@@ -54,7 +53,7 @@ def frame(x: FloatArray, z: FloatArray) -> FloatArray:
     return np.stack([x, np.cross(z, x), z], axis=2)
 
 
-def euler_zyx(rotation: FloatArray) -> FloatArray:
+def euler_zyx(rotation: Array) -> Array:
     """Angles rz, ry, rx (F, 3) in radians with R = Rz Ry Rx, continuous in time.
 
     Every rotation has two such triples, and full turns besides; each instant takes the one nearest

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BPoly, CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from leastaction.errors import ArgumentError
-
-FloatArray = NDArray[np.float64]
+from leastaction.errors import ArgumentError, closest
+from leastaction.numerics.arrays import Array, as_number
 
 _LENGTH_SUFFIXES = ("_tx", "_ty", "_tz")
 _MOST_STEPS = 1_000_000
@@ -56,14 +54,13 @@ class Motion:
     """
 
     names: tuple[str, ...]
-    t: FloatArray
-    q: FloatArray
+    t: Array
+    q: Array
     source: str = ""
 
     def __post_init__(self) -> None:
         names = tuple(self.names)
-        t = np.array(self.t, dtype=np.float64)
-        q = np.array(self.q, dtype=np.float64)
+        t, q = np.array(self.t, dtype=np.float64), np.array(self.q, dtype=np.float64)
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ArgumentError(f"names: {', '.join(twice)} given twice; each name must be unique")
@@ -81,8 +78,7 @@ class Motion:
             raise ArgumentError(
                 f"q: {names[column]} is {q[row, column]} at t = {t[row]:g} s, expected finite values"
             )
-        t.flags.writeable = False
-        q.flags.writeable = False
+        t.flags.writeable = q.flags.writeable = False
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "q", q)
@@ -97,22 +93,21 @@ class Motion:
         """Names of the variables that are angles."""
         return tuple(name for name in self.names if not name.endswith(_LENGTH_SUFFIXES))
 
-    def angles_in_degrees(self) -> dict[str, FloatArray]:
+    def angles_in_degrees(self) -> dict[str, Array]:
         """Every angle by name, (N+1,) in degrees."""
         return {name: np.rad2deg(self[name]) for name in self.angle_names}
 
-    def __getitem__(self, name: str) -> FloatArray:
+    def __getitem__(self, name: str) -> Array:
         """Values (N+1,) of the variable called `name`."""
         return self.q[:, self._column(name)]
 
     def _column(self, name: str) -> int:
         if name not in self.names:
-            near = get_close_matches(name, self.names, n=3)
-            hint = f"did you mean {', '.join(near)}?" if near else "it has " + ", ".join(self.names)
+            hint = closest(name, self.names, what="variables")
             raise ArgumentError(f"the motion has no variable {name!r}; {hint}")
         return self.names.index(name)
 
-    def columns(self, names: Sequence[str]) -> FloatArray:
+    def columns(self, names: Sequence[str]) -> Array:
         """Values in the order of `names`, (N+1, len(names)).
 
         Raises
@@ -122,7 +117,7 @@ class Motion:
         """
         return self.q[:, [self._column(name) for name in names]]
 
-    def velocity(self) -> FloatArray:
+    def velocity(self) -> Array:
         """Time derivative of the spline through the samples, (N+1, n)."""
         return np.asarray(self._spline()(self.t, 1), dtype=np.float64)
 
@@ -149,9 +144,9 @@ class Motion:
         ArgumentError
             `dt` is not positive, or `duration` is longer than the motion (see `loop`).
         """
-        _positive("dt", dt, "a step in seconds")
+        as_number(dt, "dt", above=0.0)
         if duration is not None:
-            _positive("duration", duration, "seconds")
+            as_number(duration, "duration", above=0.0)
         n_steps = count_steps(self.duration if duration is None else duration, dt)
         if duration is None:
             n_steps = int(np.floor(self.duration / dt + 1e-9))
@@ -181,7 +176,7 @@ class Motion:
         ArgumentError
             `cutoff` is not positive.
         """
-        _positive("cutoff", cutoff, "a frequency in Hz")
+        as_number(cutoff, "cutoff", above=0.0)
         n_steps = self.t.size - 1
         step = self.duration / n_steps
         if cutoff >= 0.5 / step or n_steps < 3:
@@ -251,7 +246,7 @@ class Motion:
         Motion
             Starts at the old start time; `seconds` longer.
         """
-        _positive("seconds", seconds, "seconds")
+        as_number(seconds, "seconds", above=0.0)
         start = self.q[0].copy()
         if isinstance(pose, Mapping):
             for name, value in pose.items():
@@ -306,13 +301,13 @@ class Motion:
         ArgumentError
             The motion is not longer than `shortest`.
         """
-        _positive("duration", duration, "seconds")
+        as_number(duration, "duration", above=0.0)
         step = self.duration / (self.t.size - 1)
         n_wanted = count_steps(duration, step)
         motion = self.resample(step)
         if n_wanted <= motion.t.size - 1:
             return motion.resample(step, duration=n_wanted * step)
-        _positive("shortest", shortest, "seconds")
+        as_number(shortest, "shortest", above=0.0)
         gap = max(3, int(np.ceil(shortest / step)))
         if gap >= motion.t.size:
             raise ArgumentError(
@@ -356,8 +351,3 @@ def _best_cycle(motion: Motion, gap: int, compared: NDArray[np.bool_]) -> tuple[
         if score[index] < best:
             best, pair = float(score[index]), (first, first + gap + index)
     return pair
-
-
-def _positive(name: str, value: float, meaning: str) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise ArgumentError(f"{name}: got {value!r}, expected {meaning} greater than zero")

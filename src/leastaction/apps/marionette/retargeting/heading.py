@@ -6,18 +6,17 @@ from collections.abc import Mapping
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, MotionFileError
 from leastaction.io.motion.capture import Capture
 from leastaction.io.motion.geometry import unit
+from leastaction.numerics.arrays import Array
 
-FloatArray = NDArray[np.float64]
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 Heading = Literal["facing", "travel", "axis"]
 
 
-def up_axis(capture: Capture, points: Mapping[str, FloatArray]) -> Axis:
+def up_axis(capture: Capture, points: Mapping[str, Array]) -> Axis:
     """The capture's axis nearest to the person's mean upright direction."""
     ankles = 0.5 * (points["left_ankle"] + points["right_ankle"])
     upright = np.mean(unit(points["spine_top"] - points["pelvis"]), axis=0)
@@ -29,7 +28,7 @@ def up_axis(capture: Capture, points: Mapping[str, FloatArray]) -> Axis:
     return _nearest_axis(upright)
 
 
-def forward_axis(capture: Capture, points: Mapping[str, FloatArray], up: Axis) -> Axis:
+def forward_axis(capture: Capture, points: Mapping[str, Array], up: Axis) -> Axis:
     """The capture's level axis nearest to the person's mean facing direction."""
     mean = np.mean(unit(facing(points)), axis=0)
     mean[np.abs(_axis_vector(up)) > 0.5] = 0.0
@@ -41,25 +40,25 @@ def forward_axis(capture: Capture, points: Mapping[str, FloatArray], up: Axis) -
     return _nearest_axis(mean)
 
 
-def facing(points: Mapping[str, FloatArray]) -> FloatArray:
+def facing(points: Mapping[str, Array]) -> Array:
     """Direction (F, 3) in which hips and shoulders face: up along the spine x to the right."""
     return np.cross(points["spine_top"] - points["pelvis"], right(points))
 
 
-def right(points: Mapping[str, FloatArray]) -> FloatArray:
+def right(points: Mapping[str, Array]) -> Array:
     """Direction (F, 3) to the person's right: half by the hips, half by the shoulders."""
     return unit(points["right_hip"] - points["left_hip"]) + unit(
         points["right_shoulder"] - points["left_shoulder"]
     )
 
 
-def _nearest_axis(vector: FloatArray) -> Axis:
+def _nearest_axis(vector: Array) -> Axis:
     index = int(np.argmax(np.abs(vector)))
     names: tuple[Axis, ...] = ("x", "y", "z", "-x", "-y", "-z")
     return names[index if vector[index] > 0.0 else index + 3]
 
 
-def _axis_vector(axis: Axis) -> FloatArray:
+def _axis_vector(axis: Axis) -> Array:
     if axis not in get_args(Axis):
         raise ArgumentError(f"axis: got {axis!r}, expected one of {', '.join(get_args(Axis))}")
     vector = np.zeros(3)
@@ -67,7 +66,7 @@ def _axis_vector(axis: Axis) -> FloatArray:
     return vector
 
 
-def world_from(up: Axis, forward: Axis) -> FloatArray:
+def world_from(up: Axis, forward: Axis) -> Array:
     """Rotation that lays the capture's forward axis on +y and its up axis on +z."""
     y, z = _axis_vector(forward), _axis_vector(up)
     if abs(float(y @ z)) > 0.5:
@@ -78,7 +77,7 @@ def world_from(up: Axis, forward: Axis) -> FloatArray:
 def heading_angle(
     capture: Capture,
     heading: Heading,
-    points: Mapping[str, FloatArray],
+    points: Mapping[str, Array],
 ) -> float:
     """Turn about z, in radians, that brings the chosen direction of `points`, z up, to +y."""
     if heading not in get_args(Heading):
@@ -99,7 +98,7 @@ def heading_angle(
     return float(np.pi / 2.0 - np.arctan2(way[1], way[0]))
 
 
-def leg_length(points: Mapping[str, FloatArray]) -> float:
+def leg_length(points: Mapping[str, Array]) -> float:
     """Mean length of hip to knee to ankle, both sides and all frames."""
     lengths = [
         np.linalg.norm(points[f"{side}_{b}"] - points[f"{side}_{a}"], axis=1)

@@ -17,7 +17,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from leastaction.apps.marionette.retargeting.heading import (
     Axis,
@@ -51,8 +50,7 @@ from leastaction.io.motion.geometry import (
     unit,
 )
 from leastaction.io.motion.motion import Motion
-
-FloatArray = NDArray[np.float64]
+from leastaction.numerics.arrays import Array
 
 # Sine of the bend below which a limb's twist comes from the captured joint's orientation, and above
 # which it comes from the plane of the bend: 1 and 5 degrees.
@@ -91,8 +89,8 @@ class Retargeted:
     scale: float
     turned: float
     first_frame: int
-    directions: Mapping[str, FloatArray]
-    errors: Mapping[str, FloatArray]
+    directions: Mapping[str, Array]
+    errors: Mapping[str, Array]
 
     @property
     def largest_error(self) -> float:
@@ -201,7 +199,7 @@ def _bones() -> dict[str, tuple[str, str]]:
 
 
 def _check_bones(
-    capture: Capture, found: Mapping[str, int], points: Mapping[str, FloatArray], first: int
+    capture: Capture, found: Mapping[str, int], points: Mapping[str, Array], first: int
 ) -> None:
     leg = leg_length(points)
     across = {"hips": ("left_hip", "right_hip"), "shoulders": ("left_shoulder", "right_shoulder")}
@@ -218,7 +216,7 @@ def _check_bones(
             )
 
 
-def _calibration_frames(positions: FloatArray, found: Mapping[str, int]) -> int:
+def _calibration_frames(positions: Array, found: Mapping[str, int]) -> int:
     """1 if the capture begins with a pose that the next frame has nothing to do with, else 0.
 
     Some converters put the rest pose of the skeleton (arms spread) before the motion.
@@ -232,8 +230,8 @@ def _calibration_frames(positions: FloatArray, found: Mapping[str, int]) -> int:
     return int(moved[0] > 0.15 * size and moved[0] > 5.0 * np.max(moved[1:4]))
 
 
-def _root(pelvis: FloatArray, scale: float, *, in_place: bool) -> FloatArray:
-    place: FloatArray = scale * (pelvis - pelvis[0])
+def _root(pelvis: Array, scale: float, *, in_place: bool) -> Array:
+    place: Array = scale * (pelvis - pelvis[0])
     place[:, 2] -= np.mean(place[:, 2])
     if in_place:
         share = np.linspace(-0.5, 0.5, place.shape[0])
@@ -242,7 +240,7 @@ def _root(pelvis: FloatArray, scale: float, *, in_place: bool) -> FloatArray:
     return place
 
 
-def _torso(points: Mapping[str, FloatArray]) -> FloatArray:
+def _torso(points: Mapping[str, Array]) -> Array:
     z = unit(points["spine_top"] - points["pelvis"])
     return frame(right(points), z)
 
@@ -250,10 +248,10 @@ def _torso(points: Mapping[str, FloatArray]) -> FloatArray:
 def _limb(
     side: str,
     limb: Limb,
-    points: Mapping[str, FloatArray],
-    frames: Mapping[str, FloatArray],
-    torso: FloatArray,
-) -> FloatArray:
+    points: Mapping[str, Array],
+    frames: Mapping[str, Array],
+    torso: Array,
+) -> Array:
     """Angles rz, ry, rx and hinge (F, 4) of one limb."""
     root, hinge, end = (f"{side}_{joint}" for joint in CHAINS[limb])
     a = unit(points[hinge] - points[root])

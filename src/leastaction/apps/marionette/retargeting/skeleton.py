@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from leastaction.io.motion.geometry import axis_rotation
-
-FloatArray = NDArray[np.float64]
+from leastaction.numerics.arrays import Array
 
 VARIABLES: tuple[str, ...] = (
     "torso_tx",
@@ -93,9 +91,7 @@ def limb_variables(side: str, limb: Limb) -> tuple[str, str, str, str]:
     )
 
 
-def puppet_points(
-    q: FloatArray, *, proportions: Proportions | None = None
-) -> dict[str, FloatArray]:
+def puppet_points(q: Array, *, proportions: Proportions | None = None) -> dict[str, Array]:
     """Where the puppet's joints are.
 
     Parameters
@@ -115,7 +111,7 @@ def puppet_points(
     q = np.asarray(q, dtype=np.float64)
     column = {name: q[:, index] for index, name in enumerate(VARIABLES)}
 
-    def turn(names: tuple[str, ...]) -> FloatArray:
+    def turn(names: tuple[str, ...]) -> Array:
         z, y, x = names
         return (
             axis_rotation(2, column[z]) @ axis_rotation(1, column[y]) @ axis_rotation(0, column[x])
