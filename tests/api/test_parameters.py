@@ -301,7 +301,11 @@ def test_two_parameters_of_one_name() -> None:
         ({"spring.stiffness": 0.0}, DescriptionError, "'spring': stiffness: got 0"),
         ({"spring.length": 0.0}, DescriptionError, "'spring'.*described with a length keeps one"),
         ({"gear.factors.b": 0.0}, DescriptionError, "'gear': factors: the factor of 'b' is zero"),
-        ({"damping.x": -0.1}, DescriptionError, "Damping: coefficients: the coefficient of x: got -0.1"),
+        (
+            {"damping.x": -0.1},
+            DescriptionError,
+            "Damping: coefficients: the coefficient of x: got -0.1",
+        ),
         ({"cubic.c3": -0.1}, DescriptionError, "'cubic': coefficients: c3: got -0.1"),
         ({"tendon.gain": 0.0}, DescriptionError, "'tendon': gain: got 0"),
         ({"air.coefficient": 0.0}, DescriptionError, "'air': coefficient: got 0"),

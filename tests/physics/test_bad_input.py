@@ -111,6 +111,17 @@ def test_unknown_names_and_steps() -> None:
         vi.curvature(run, vi.linearize(run), np.zeros((9, 4)))
 
 
+def test_a_run_that_failed_at_once_has_no_derivatives_and_says_so() -> None:
+    vi, start = vi_and_start()
+    run = vi.simulate(start, times(0.1, 10), inputs=[np.finfo(float).max])
+    assert run.steps == 0
+    d = vi.linearize(run)
+    assert d.A.shape == (0, 4, 4)
+    assert d.curvature(np.zeros((0, 4))).shape == (0, 5, 5)
+    with pytest.raises(ArgumentError, match="k: got 0, expected a trajectory of one step or more"):
+        vi.tensors(run, 0)
+
+
 def test_what_is_no_trajectory_is_not_linearized_in_silence() -> None:
     m = mass_on_string(length=1.0)
     vi = MidpointVI(m)

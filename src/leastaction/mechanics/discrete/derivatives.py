@@ -74,9 +74,10 @@ def tensors(vi: Integrator, trajectory: Trajectory, k: int | np.integer[Any]) ->
     """Return all second derivatives of one step; see `MidpointVI.tensors`."""
     m = vi.mechanism
     check_trajectory(vi, trajectory)
-    steps = range(trajectory.steps)
-    if k not in steps:
-        raise ArgumentError(f"k: got {k!r}, expected a step from 0 to {steps[-1]}")
+    if k not in range(trajectory.steps):
+        last = trajectory.steps - 1
+        known = f"a step from 0 to {last}" if last >= 0 else "a trajectory of one step or more"
+        raise ArgumentError(f"k: got {k!r}, expected {known}")
     pair, step = slice(k, k + 2), slice(k, k + 1)
     d = linearize_arrays(vi, trajectory.t[pair], trajectory.x[pair], trajectory.u[step])
     weights = np.eye(m.nx + m.nc)

@@ -9,7 +9,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 
 
 class Integrator(ABC):
-    """Steps of one mechanism in discrete time. Holds settings, no state.
+    """Steps of one mechanism in discrete time. Holds settings and no state, so that threads may share it.
 
     Attributes
     ----------

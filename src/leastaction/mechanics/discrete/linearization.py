@@ -133,7 +133,7 @@ def _restored(
 
 @dataclass(frozen=True)
 class StepTensors:
-    """Full second derivatives of one step; output index first, then the two arguments.
+    """Full second derivatives of one step; output index first, then the two arguments. Threads may share it.
 
     Attributes
     ----------

@@ -28,7 +28,7 @@ _SMALL = 10  # states up to which derivatives are accumulated for all steps at o
 
 @dataclass(frozen=True)
 class StepSensitivity:
-    """Derivatives of every step by parameters, its start and its inputs held.
+    """Derivatives of every step by parameters, its start and its inputs held. Threads may share it.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class StepSensitivity:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Derivatives of a whole trajectory by parameters, its inputs held.
+    """Derivatives of a whole trajectory by parameters, its inputs held. Threads may share it.
 
     Attributes
     ----------

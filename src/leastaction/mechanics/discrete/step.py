@@ -10,7 +10,7 @@ from leastaction.numerics.arrays import Array
 
 @dataclass(frozen=True)
 class Step:
-    """One solved time step.
+    """One solved time step. Nothing in it changes: threads may share it.
 
     Attributes
     ----------

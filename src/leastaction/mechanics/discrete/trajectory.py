@@ -31,7 +31,7 @@ class SimulationStatus(Enum):
 
 @dataclass(frozen=True)
 class State(BaseState):
-    """State of a mechanism in discrete time.
+    """State of a mechanism in discrete time. Nothing in it changes: threads may share it.
 
     Attributes
     ----------
@@ -70,6 +70,8 @@ def check_state(state: object) -> None:
 @dataclass(frozen=True)
 class Trajectory(BaseTrajectory[State]):
     """A motion that the mechanism can make, in discrete time: ``N`` steps between ``N + 1`` instants.
+
+    Nothing in it changes, its arrays are read-only: threads may share it.
 
     Attributes
     ----------

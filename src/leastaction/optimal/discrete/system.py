@@ -22,7 +22,7 @@ __all__ = ["DiscreteSystem", "Rollout", "linearized"]
 
 @dataclass(frozen=True)
 class Rollout:
-    """A trajectory, or the part of it up to the step that failed.
+    """A trajectory, or the part of it up to the step that failed. Threads may share it.
 
     Attributes
     ----------
