@@ -213,3 +213,10 @@ def test_info_and_draw(leastaction, run: TrackingRun, tmp_path: Path) -> None:
     assert (code, err) == (0, "")
     assert "animation.html" in out
     assert not (tmp_path / "again" / TRAJECTORY).exists()
+    (tmp_path / "again" / TRAJECTORY).write_bytes(path.read_bytes())
+    again = ("draw", path, "--out", tmp_path / "again", "--no-plots")
+    assert leastaction(*again)[0] == 0
+    (tmp_path / "again" / TRAJECTORY).write_bytes(b"another run")
+    code, _, err = leastaction(*again)
+    assert code == 2
+    assert "is another run" in err

@@ -1,4 +1,4 @@
-"""The marionette follows a wanted motion: gentle ones directly, others by dynamic embedding."""
+"""The marionette follows a reference motion: gentle ones directly, others by dynamic embedding."""
 
 from __future__ import annotations
 
@@ -97,13 +97,13 @@ def test_ctrl_c_ends_the_search_for_a_first_trajectory(monkeypatch: pytest.Monke
 def test_derivatives_of_the_tracking_cost() -> None:
     rng = np.random.default_rng(3)
     N, nx, nu, dt = 4, 7, 3, 0.1
-    x_wanted, u_wanted = rng.normal(size=(N + 1, nx)), rng.normal(size=(N, nu))
+    x_reference, u_reference = rng.normal(size=(N + 1, nx)), rng.normal(size=(N, nu))
     settings = {"Q": rng.uniform(size=nx), "R": rng.uniform(0.5, 1.0, size=nu)}
     places = {"rho": slice(1, 3), "v_rho": slice(5, 7), "rho_next": slice(1, 3)}
-    cost = TrackingCost(x_wanted, u_wanted, **settings, dt=dt, **places, acceleration=0.3)
+    cost = TrackingCost(x_reference, u_reference, **settings, dt=dt, **places, acceleration=0.3)
     x, u = rng.normal(size=(N + 1, nx)), rng.normal(size=(N, nu))
     a = ((u[:, 1:3] - x[:-1, 1:3]) / dt - x[:-1, 5:7]) / dt
-    plain = QuadraticCost(x_wanted, u_wanted, **settings).value(x, u)
+    plain = QuadraticCost(x_reference, u_reference, **settings).value(x, u)
     assert cost.value(x, u) == pytest.approx(plain + 0.15 * np.sum(a**2), rel=1e-12)
     gradient, hessian = cost.gradient(x, u), cost.hessian(x, u)
     assert hessian.S is not None

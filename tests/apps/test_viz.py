@@ -89,12 +89,12 @@ def test_convergence_of_costs_that_no_logarithm_takes(tmp_path: Path) -> None:
 
 
 def test_tracking_errors_are_in_degrees_and_metres() -> None:
-    wanted = np.zeros((N + 1, 3))
+    reference = np.zeros((N + 1, 3))
     got = np.zeros((N + 1, 3))
     got[:, 0] = 0.1
     got[:, 1] = np.radians(3.0) * np.where(np.arange(N + 1) % 2 == 0, 1.0, -1.0)
     got[-1, 2] = np.radians(-7.0)
-    errors = viz.tracking_errors(wanted, got, ["tx", "hip", "knee"], lengths=["tx"])
+    errors = viz.tracking_errors(reference, got, ["tx", "hip", "knee"], lengths=["tx"])
     assert errors.units == ("m", "deg", "deg")
     np.testing.assert_allclose(errors.rms, [0.1, 3.0, 7.0 / np.sqrt(N + 1)], rtol=1e-12)
     np.testing.assert_allclose(errors.largest, [0.1, 3.0, 7.0], rtol=1e-12)
@@ -104,10 +104,10 @@ def test_tracking_errors_are_in_degrees_and_metres() -> None:
 
 def test_tracking_has_a_panel_for_each_variable(tmp_path: Path, rng: np.random.Generator) -> None:
     names = [f"joint {i}" for i in range(6)]
-    wanted = rng.normal(size=(N + 1, 6))
-    got = wanted + np.radians(2.0)
+    reference = rng.normal(size=(N + 1, 6))
+    got = reference + np.radians(2.0)
     groups = {"Leg": names[:5], "Arm": names[5:]}
-    figure = viz.plot_tracking(TIMES, wanted, got, names, lengths=names[:1], groups=groups)
+    figure = viz.plot_tracking(TIMES, reference, got, names, lengths=names[:1], groups=groups)
     titles = {axes.get_title(loc="left"): axes.get_title(loc="right") for axes in figure.axes}
     assert titles["joint 0"] == "rms 0.0349 m"
     assert all(titles[name] == "rms 2.00°" for name in names[1:])
@@ -149,7 +149,7 @@ def test_snapshots(scene: Scene, tmp_path: Path) -> None:
     figure = viz.plot_snapshots(scene, times=[0.1, 1.4], ceiling=1.5, title="Arm")
     axes = figure.axes[0]
     assert [text.get_text() for text in axes.texts] == ["0.10 s", "1.40 s"]
-    # Two bones and the wanted one behind, twice; the string is slack at the second time only.
+    # Two bones and the reference one behind, twice; the string is slack at the second time only.
     assert len(axes.patches) == 2 * (2 + 2)
     dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
     assert len(dashed) == 1
@@ -182,7 +182,7 @@ def test_animation_keeps_the_positions(scene: Scene) -> None:
     expected = np.stack([scene.points[name] for name in data["points"]["names"]], axis=1)
     np.testing.assert_allclose(points, expected, atol=2e-5)
     assert data["cords"] == [[1, 2, "string <1>"]]
-    # The wanted pose has no top, and both bones.
+    # The reference pose has no top, and both bones.
     assert data["ghost"]["names"] == ["shoulder", "hand"]
     assert data["ghostBones"] == [[0, 1, 0.05], [1, 1, 0.1]]
     tension = np.frombuffer(base64.b64decode(data["tension"][0]), "<f4")

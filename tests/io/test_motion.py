@@ -293,14 +293,14 @@ def test_the_walk_of_the_capture_database(cmu_walk: Path) -> None:
     assert np.corrcoef(made.motion["lelbow_rx"], right - left)[0, 1] > 0.5
 
 
-def test_the_capture_becomes_a_wanted_motion(cmu_walk: Path) -> None:
-    wanted = load_motion(cmu_walk, dt=0.01)
-    motion, raw = wanted.motion, wanted.retargeted.motion
+def test_the_capture_becomes_a_reference_motion(cmu_walk: Path) -> None:
+    reference = load_motion(cmu_walk, dt=0.01)
+    motion, raw = reference.motion, reference.retargeted.motion
     np.testing.assert_allclose(np.diff(motion.t), 0.01, atol=1e-12)
     assert motion.duration == pytest.approx(raw.duration + 0.25, abs=0.011)
     np.testing.assert_allclose(motion.q[0], raw.q[0], atol=2e-2)
     assert np.max(np.abs(motion.q[1] - motion.q[0])) < 1e-4
-    assert "343 frames" in wanted.summary()
+    assert "343 frames" in reference.summary()
     moving = load_motion(cmu_walk, dt=0.01, start="moving").motion
     assert np.max(np.abs(moving.q[1] - moving.q[0])) > 1e-2
     ten = load_motion(cmu_walk, dt=0.01, duration=10.0).motion

@@ -1,4 +1,4 @@
-"""A chain of pendulums: as many equal links as wanted, one behind the other."""
+"""A chain of pendulums: any number of equal links, one behind the other."""
 
 from __future__ import annotations
 

@@ -122,9 +122,9 @@ def write_animation(scene: Scene, path: str | os.PathLike[str], *, azimuth: floa
 def _samples(t: Array) -> npt.NDArray[np.intp]:
     """Return the indices of the times to keep: about 50 a second, first and last included."""
     count = min(t.size, max(2, math.ceil(float(t[-1] - t[0]) * _SAMPLES_PER_SECOND) + 1))
-    wanted = np.linspace(t[0], t[-1], count)
-    right = np.clip(np.searchsorted(t, wanted), 1, t.size - 1)
-    return np.unique(np.where(wanted - t[right - 1] < t[right] - wanted, right - 1, right))
+    moments = np.linspace(t[0], t[-1], count)
+    right = np.clip(np.searchsorted(t, moments), 1, t.size - 1)
+    return np.unique(np.where(moments - t[right - 1] < t[right] - moments, right - 1, right))
 
 
 def _stack(paths: Mapping[str, Array], keep: npt.NDArray[np.intp]) -> Array:

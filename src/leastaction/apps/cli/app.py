@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import filecmp
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -172,10 +173,16 @@ def draw(
     file
         trajectory.npz of an earlier run.
     """
-    from leastaction.apps.cli.report import write_report
+    from leastaction.apps.cli.report import TRAJECTORY, write_report
     from leastaction.apps.marionette.tracking import load_run
 
     run, folder, console = load_run(file), _prepare(output), Console(highlight=False)
+    beside = folder / TRAJECTORY
+    if beside.exists() and not filecmp.cmp(file, beside, shallow=False):
+        raise ArgumentError(
+            f"{beside} is another run than {file}, and pictures of this one do not belong beside it: "
+            "give another folder as --out"
+        )
     with console.status("") as status:
         report = write_report(
             run,

@@ -1,4 +1,4 @@
-"""A wanted motion: named configuration variables over time, and what is done to it beforehand."""
+"""A motion: named configuration variables over time, and what is done to it beforehand."""
 
 from __future__ import annotations
 
@@ -286,7 +286,7 @@ class Motion:
         Parameters
         ----------
         duration : float
-            Seconds wanted; a shorter motion than that is repeated, a longer one is cut.
+            Seconds asked for; a shorter motion than that is repeated, a longer one is cut.
         shortest : float
             Shortest cycle in seconds; set it between one step and one stride.
         travelling : sequence of str
@@ -303,10 +303,10 @@ class Motion:
         """
         as_number(duration, "duration", above=0.0)
         step = self.duration / (self.t.size - 1)
-        n_wanted = count_steps(duration, step)
+        n_steps = count_steps(duration, step)
         motion = self.resample(step)
-        if n_wanted <= motion.t.size - 1:
-            return motion.resample(step, duration=n_wanted * step)
+        if n_steps <= motion.t.size - 1:
+            return motion.resample(step, duration=n_steps * step)
         as_number(shortest, "shortest", above=0.0)
         gap = max(3, int(np.ceil(shortest / step)))
         if gap >= motion.t.size:
@@ -320,11 +320,11 @@ class Motion:
         gain = motion.q[last] - motion.q[first]
         share = np.arange(period)[:, None] / period
         cycle = motion.q[first:last] - np.where(moving, 0.0, gain) * (share - 0.5)
-        n_cycles = -(-(n_wanted + 1) // period)
+        n_cycles = -(-(n_steps + 1) // period)
         turns = np.arange(n_cycles)[:, None, None] * np.where(moving, gain, 0.0)
-        q = (cycle[None] + turns).reshape(-1, len(self.names))[: n_wanted + 1]
+        q = (cycle[None] + turns).reshape(-1, len(self.names))[: n_steps + 1]
         q = q - np.where(moving, q[0] - self.q[0], 0.0)
-        return replace(self, t=step * np.arange(n_wanted + 1, dtype=np.float64), q=q)
+        return replace(self, t=step * np.arange(n_steps + 1, dtype=np.float64), q=q)
 
     def _spline(self) -> CubicSpline:
         return CubicSpline(self.t, self.q, axis=0)

@@ -19,7 +19,7 @@ Start = Literal["rest", "moving"]
 
 @dataclass(frozen=True, eq=False)
 class PuppetMotion:
-    """A wanted motion of the puppet and where it comes from.
+    """A reference motion of the puppet and where it comes from.
 
     Attributes
     ----------
@@ -34,13 +34,13 @@ class PuppetMotion:
 
     def summary(self) -> str:
         """A few lines for a person: source, length, axes, scale, accuracy."""
-        made, wanted = self.retargeted, self.motion
+        made, motion = self.retargeted, self.motion
         return (
             f"{made.motion.source}: {made.motion.t.size} frames, {made.motion.duration:.2f} s\n"
             f"up {made.up}, forward {made.forward}, turned by {made.turned:.1f} degrees, "
             f"scaled by {made.scale:.4g}\n"
             f"largest angle between a bone and the capture: {made.largest_error:.2f} degrees\n"
-            f"wanted motion: {wanted.t.size - 1} steps of {wanted.t[1] - wanted.t[0]:g} s"
+            f"reference motion: {motion.t.size - 1} steps of {motion.t[1] - motion.t[0]:g} s"
         )
 
 
@@ -59,7 +59,7 @@ def load_motion(
     heading: Heading = "facing",
     in_place: bool = False,
 ) -> PuppetMotion:
-    """Read a BVH file and make it a wanted motion of the puppet.
+    """Read a BVH file and make it a reference motion of the puppet.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def load_motion(
     dt : float
         Step in seconds.
     duration : float, optional
-        Seconds wanted; what is longer than the capture repeats its best cycle. The length of the
+        Seconds asked for; what is longer than the capture repeats its best cycle. The length of the
         capture (and half of `ease`) if not given.
     mapping : path, optional
         Mapping file, see `leastaction.apps.marionette.retargeting.mapping`.

@@ -174,11 +174,11 @@ def _missing_message(
 
 
 def _close(role: str, candidates: tuple[str, ...], free: list[str]) -> list[str]:
-    """Joint names that resemble one of the wanted names, best first."""
+    """Joint names that resemble one of the names looked for, best first."""
     plain = {_plain(name, ()): name for name in free}
     near: list[str] = []
-    for wanted in (*candidates, role):
-        for match in get_close_matches(_plain(wanted, ()), plain, n=1, cutoff=0.75):
+    for sought in (*candidates, role):
+        for match in get_close_matches(_plain(sought, ()), plain, n=1, cutoff=0.75):
             if plain[match] not in near:
                 near.append(plain[match])
     return near[:2]
