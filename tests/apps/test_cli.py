@@ -14,7 +14,7 @@ import pytest
 from leastaction import __version__
 from leastaction.apps.cli import main
 from leastaction.apps.cli.report import TRAJECTORY, write_report
-from leastaction.apps.marionette import TrackingRun, save_run, track, walk_in_place
+from leastaction.apps.marionette import TrackingRun, load_run, save_run, track, walk_in_place
 from leastaction.models.marionette import STRINGS, hang_strings, marionette
 
 Output = tuple[int, str, str]
@@ -220,3 +220,50 @@ def test_info_and_draw(leastaction, run: TrackingRun, tmp_path: Path) -> None:
     code, _, err = leastaction(*again)
     assert code == 2
     assert "is another run" in err
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("t", lambda t: t[::-1], "times must increase"),
+        ("t", lambda t: np.where(np.arange(len(t)) == 3, np.nan, t), "finite"),
+        ("t", lambda t: t + 0j, "complex128, expected float64"),
+        ("t", lambda t: t[:-1], "reference has shape"),
+        ("t", lambda t: t[None], "contradicts itself"),
+        ("t", lambda t: t[:0], "contradicts itself"),
+        ("reference", lambda q: q[:, 1:], "reference has shape"),
+        ("reference", lambda q: q * np.inf, "reference has shape"),
+        ("reference", lambda q: q.astype("f4"), "float32, expected float64"),
+        ("result.x", lambda x: x[:, 1:], "contradicts itself"),
+        ("result.x", lambda x: 1e6 * x, ""),
+        ("result.u", lambda u: u * np.nan, "not finite"),
+    ],
+)
+def test_a_run_file_of_nonsense_is_one_line(
+    leastaction, run: TrackingRun, tmp_path: Path, name: str, change, message: str
+) -> None:
+    path = save_run(tmp_path / "run.npz", run)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    with np.errstate(invalid="ignore"):
+        arrays[name] = change(arrays[name])
+    np.savez(path, **arrays)
+    code, out, err = leastaction("info", path)
+    if message:
+        assert (code, out) == (2, "")
+        assert err.startswith("error: ")
+        assert message in err
+        assert err.count("\n") == 1
+    else:  # finite and of the right shape, so it is shown for what it is
+        assert "Traceback" not in err
+
+
+def test_a_run_of_another_puppet_comes_back_with_it(tmp_path: Path) -> None:
+    heavy = marionette(damping=0.3)
+    motion = walk_in_place(0.1, 0.01)
+    run = track(heavy, motion, max_iterations=1)
+    back = load_run(save_run(tmp_path / "run.npz", run))
+    assert back.mechanism.parameters == heavy.parameters
+    assert back.mechanism.parameters != marionette().parameters
+    np.testing.assert_array_equal(back.trajectory.lam, run.trajectory.lam)
+    assert back.provenance == run.provenance
