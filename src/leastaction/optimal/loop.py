@@ -176,6 +176,10 @@ class Problem(ABC, Generic[M, D, I]):
         """Make a trial the current iterate."""
 
     @abstractmethod
+    def keep_feedback(self, direction: D) -> None:
+        """Take the direction's feedback for that of the iterate, which it hardly moved."""
+
+    @abstractmethod
     def forget(self) -> None:
         """Drop all that was computed along the current iterate."""
 
@@ -422,8 +426,9 @@ class Loop(Generic[M, D, I]):
         outcome = (
             _Outcome(Status.STALLED, expected=expected) if self.still >= problem.patience else None
         )
-        if direction.curvature_scale == step.length == 1.0 and direction.method == "newton":
-            outcome = outcome or self._foretold(expected, agreement)
+        foretold = None
+        if outcome is None and step.length == 1.0 and direction.method == "newton":
+            foretold = self._foretold(expected, agreement)
         self.schedule = self.schedule.after_step(
             direction.method,
             direction.curvature_scale,
@@ -433,7 +438,9 @@ class Loop(Generic[M, D, I]):
             trial.cost,
         )
         problem.accept(direction, trial)
-        return self._tell(direction, step, decrease, note) or outcome
+        if foretold is not None:
+            problem.keep_feedback(direction)
+        return self._tell(direction, step, decrease, note) or outcome or foretold
 
     def _tell(
         self, direction: D | None, step: Step[I] | None, decrease: float, note: str

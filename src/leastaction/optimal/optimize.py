@@ -85,7 +85,7 @@ def optimize(
     resume: OptimizationResult | None = None,
     method: Method = "auto",
     regulator: Regulator = "descent",
-    max_iterations: int = 100,
+    max_iterations: int = 500,
     tolerance: float = 1e-9,
     absolute_tolerance: float = 1e-14,
     alpha: float = 1e-4,

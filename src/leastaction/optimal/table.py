@@ -12,18 +12,24 @@ __all__ = ["IterationTable"]
 
 _COLUMNS = (
     ("iter", 4),
-    ("method", 14),
+    ("method", 18),
     ("cost", 16),
-    ("expected", 10),
-    ("step", 8),
+    ("expected", 9),
+    ("decrease", 9),
+    ("step", 6),
     ("roll-outs", 9),
+    ("cut at", 6),
     ("curvature", 9),
+    ("shift", 6),
     ("seconds", 8),
 )
 
 
 class IterationTable:
     """Prints the iterations as they happen; give it to `optimize` as the callback.
+
+    A full step of a perfect model decreases the cost by half of what is expected. Where a step had to be cut, the
+    step of time at which the longer one ended stands under "cut at".
 
     Parameters
     ----------
@@ -58,12 +64,15 @@ class IterationTable:
         started = record.iteration > 0
         cells = (
             str(record.iteration),
-            record.method,
+            record.method.removesuffix("-shifted"),
             f"{record.cost:.9e}",
             f"{record.expected_decrease:.2e}" if started else "",
+            f"{record.decrease:.2e}" if started else "",
             f"{record.step_length:.2g}" if started else "",
             str(record.rollouts) if started else "",
+            str(record.cut_at) if record.cut_at >= 0 else "",
             f"{record.curvature_scale:.2g}" if record.curvature_scale else "",
+            f"{record.shift:.0e}" if record.shift else "",
             f"{record.seconds:.2f}",
         )
         return "  ".join(

@@ -47,6 +47,10 @@ class MidpointSystem(DiscreteSystem):
         self.nu = m.nu + m.nrho
         self.N = len(self.t) - 1
 
+    def when(self, k: int) -> str:
+        """Return how to speak of step k in messages."""
+        return f"step {k} at t = {self.t[k]:.4g} s"
+
     def f(self, x: Array, u: Array, k: int) -> Array:
         """Return the next state (nx,); `StepError` where the step has no solution."""
         m = self.integrator.mechanism
@@ -95,7 +99,7 @@ class MidpointSystem(DiscreteSystem):
         failure = None
         if done < stop - start:
             k = start + done
-            failure = f"step {k} at t = {self.t[k]:.4g} s could not be solved"
+            failure = f"{self.when(k)} could not be solved"
         x = self._states(out.x[: done + 1], out.lam[:done], x0)
         return Rollout(x, out.u[:done], done, failure)
 

@@ -387,6 +387,10 @@ class ContinuousProblem(
         self.gain = direction.feedback
         self.forget()
 
+    def keep_feedback(self, direction: ContinuousDirection) -> None:
+        """Take the direction's feedback for that of the iterate, which it hardly moved."""
+        self.feedback = direction.feedback
+
     # ---- What is told ---------------------------------------------------------------------------
 
     def arrays(self) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ The optimal input is ``du = -K dx - C``, the optimal cost from ``dx_0`` is
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -271,8 +271,20 @@ def regulate(
     return solution.K
 
 
+class Law(Protocol):
+    """A linear law ``du = -K dx - C``."""
+
+    @property
+    def K(self) -> Array:
+        """Gains (N, nu, nx)."""
+
+    @property
+    def C(self) -> Array:
+        """Feedforward (N, nu)."""
+
+
 def sweep_forward(
-    A: Array, B: Array, solution: LinearQuadraticSolution, dx0: ArrayLike | None = None
+    A: Array, B: Array, solution: Law, dx0: ArrayLike | None = None
 ) -> tuple[Array, Array]:
     """Return dx (N+1, nx) and du (N, nu) of ``dx+ = A dx + B du`` with ``du = -K dx - C``."""
     A, B = _dynamics(A, B)

@@ -32,6 +32,10 @@ __all__ = ["DiscreteDirection", "DiscreteProblem"]
 # A projection of a curve that costs so much more than its inputs alone has lost the curve.
 _DEAR = 10.0
 
+# A leap: a short step, foretold to move the trajectory by less than the second, moves it by more than the third from
+# one instant to the next.
+_SHORT, _NEAR, _FAR = 0.1, 0.02, 0.2
+
 
 class _Iterate(NamedTuple):
     x: Array
@@ -61,6 +65,11 @@ class DiscreteDirection(Direction):
     C: Array = field(kw_only=True)
     dx: Array | None = None
     du: Array | None = None
+
+    @property
+    def K(self) -> Array:
+        """The gains, as those of a linear law."""
+        return self.gain
 
     def curve(self, x: Array, u: Array, length: float) -> tuple[Array, Array]:
         """Return the curve whose projection is the iterate at this step length."""
@@ -142,7 +151,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
                 gain = choose()
                 projected = self._project(x, u, gain)
             except LeastActionError as error:
-                failure = failure or str(error)
+                failure = str(error)
                 return
             with np.errstate(over="ignore", invalid="ignore"):
                 value = self.cost.value(projected.x, projected.u)
@@ -171,7 +180,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         elif found:
             del found[1:]
         if not found:
-            raise ArgumentError(failure)
+            raise ArgumentError(f"initial: {failure.removeprefix('initial: ')}")
         _, projected, self.gain = min(found, key=lambda each: each[0])
         self.x, self.u = projected.x, projected.u
 
@@ -310,28 +319,59 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         for start in range(0, system.N, self.chunk):
             stop = min(start + self.chunk, system.N)
             part = system.rollout(x[start], xbar, ubar, direction.gain, start, stop)
+            done = start + part.steps_done
+            x[start + 1 : done + 1] = part.x[1:]
             if not part.complete:
-                k = start + part.steps_done
-                return Refusal(f"the roll-out failed: {part.failure}", k, failed=True)
-            x[start + 1 : stop + 1] = part.x[1:]
+                refusal = Refusal(f"the roll-out failed: {part.failure}", done, failed=True)
+                return self._look_for_jump(direction, length, x[: done + 1], refusal)
             u[start:stop] = part.u
             with np.errstate(over="ignore", invalid="ignore"):
                 stage_values[start:stop] = cost.stage_values(x[start:stop], u[start:stop], start)
                 spent = np.cumsum(stage_values[:stop])
+            k = system.N
             if not np.isfinite(spent[-1]):
                 k = int(np.argmin(np.isfinite(spent)))
-                return Refusal(f"the cost is not finite by step {k}", k)
-            if cost.nonnegative and spent[-1] > bound:
+                reason = f"the cost is not finite by {system.when(k)}"
+            elif cost.nonnegative and spent[-1] > bound:
                 k = int(np.searchsorted(spent, bound, side="right"))
-                return Refusal(f"the cost was past its bound by step {k}", k)
+                reason = f"the cost was past its bound by {system.when(k)}"
+            if k < system.N:
+                return self._look_for_jump(direction, length, x[: k + 1], Refusal(reason, k))
         with np.errstate(over="ignore", invalid="ignore"):
             total = float(np.sum(stage_values)) + cost.final_value(x[-1])
         # Not "total > bound": a NaN is refused.
         if not total <= bound:
-            return Refusal(
-                f"a cost of {total:.10g}, where at most {bound:.10g} was wanted", cost=total
-            )
+            reason = f"a cost of {total:.10g}, where at most {bound:.10g} was wanted"
+            return self._look_for_jump(direction, length, x, Refusal(reason, cost=total))
         return Trial(_Iterate(x, u), total)
+
+    def _look_for_jump(
+        self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal
+    ) -> Refusal:
+        """Return the refusal of a trial, the better explained if one step of time leapt to another solution.
+
+        Where a step that hardly moves the trajectory is torn away at once, shorter ones will be too.
+        """
+        if length > _SHORT:
+            return refusal
+        dx = direction.dx
+        if dx is None:
+            A, B = self._linearize()
+            dx = sweep_forward(A, B, direction)[0]
+        size = 1.0 + np.abs(self.x).max(axis=0)
+        n = len(x)
+        expected = np.maximum.accumulate((np.abs(length * dx[:n]) / size).max(axis=1))
+        moved = (np.abs(x - self.x[:n]) / size).max(axis=1)
+        leaps = np.flatnonzero((moved[1:] > _FAR) & (moved[:-1] < _NEAR) & (expected[1:] < _NEAR))
+        if not leaps.size:
+            return refusal
+        k = int(leaps[0])
+        reason = (
+            f"{self.system.when(k)} leaps to another solution: a step of length {length:.2g} moves the "
+            f"trajectory there by {moved[k + 1]:.2g} of its size, where {expected[k + 1]:.2g} was foretold. "
+            "The time step is too coarse there"
+        )
+        return Refusal(reason, k, hopeless=True)
 
     def accept(self, direction: DiscreteDirection, trial: Trial[_Iterate]) -> None:
         """Make a trial the current iterate."""
@@ -340,6 +380,10 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         if direction.gain is self.free.K:
             self.free, self.held = self.held, self.free
         self.forget()
+
+    def keep_feedback(self, direction: DiscreteDirection) -> None:
+        """Take the direction's feedback for that of the iterate, which it hardly moved."""
+        self.feedback = direction.gain
 
     # ---- What is told ---------------------------------------------------------------------------
 

@@ -111,6 +111,10 @@ class DiscreteSystem(System):
                 return Rollout(x[: i + 1], u[:i], i, failure)
         return Rollout(x, u, stop - start)
 
+    def when(self, k: int) -> str:
+        """Return how to speak of step k in messages; one that knows the time says it."""
+        return f"step {k}"
+
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         """Return the derivatives of every step along ``x`` (N+1, nx), ``u`` (N, nu).
 
