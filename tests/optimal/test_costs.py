@@ -96,3 +96,27 @@ def test_a_semidefinite_matrix_is_accepted(curves):
     ones = np.ones((NX, NX))
     cost = QuadraticCost(curves[0], curves[1], Q=ones, R=np.ones(NU))
     assert np.array_equal(cost.Q, ones)
+
+
+def test_weights_for_every_stage_as_rows(curves):
+    x_wanted, u_wanted, x, u = curves
+    rng = np.random.default_rng(3)
+    Q, R = rng.uniform(0.5, 2.0, (N, NX)), rng.uniform(0.5, 2.0, (N, NU))
+    rows = QuadraticCost(x_wanted, u_wanted, Q=Q, R=R)
+    columns = QuadraticCost(x_wanted, u_wanted, Q=Q[..., None], R=R[..., None])
+    assert rows.value(x, u) == columns.value(x, u)
+    assert np.array_equal(rows.Q_final, Q[-1])
+    assert check_derivatives(CartPendulum(N), x, u, cost=rows).ok
+
+
+def test_the_callers_arrays_are_copied_and_the_costs_own_cannot_be_written_to(curves):
+    x_wanted, u_wanted, x, u = (a.copy() for a in curves)
+    Q, R, Q_final = np.ones(NX), np.ones(NU), np.ones(NX)
+    cost = QuadraticCost(x_wanted, u_wanted, Q=Q, R=R, Q_final=Q_final)
+    before = cost.value(x, u)
+    for array in (x_wanted, u_wanted, Q, R, Q_final):
+        array *= 7.0
+    assert cost.value(x, u) == before
+    for name in ("x_wanted", "u_wanted", "Q", "R", "Q_final"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(cost, name)[0] = 1.0

@@ -13,6 +13,8 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.continuous.signals import Signal, SignalLike
+from leastaction.optimal.cost import check_weight, owned, weigh
+from leastaction.optimal.system import difference
 
 __all__ = ["ContinuousCost", "ContinuousQuadraticCost", "RateGradient", "RateHessian"]
 
@@ -47,7 +49,10 @@ class RateHessian(NamedTuple):
 
 
 class ContinuousCost(ABC):
-    """A cost that is an integral over time and a final term."""
+    """A cost that is an integral over time and a final term.
+
+    The arrays given are read-only. A cost whose methods are pure may serve several threads at once.
+    """
 
     nonnegative: bool = False
     """Whether the rate is never below zero: a trial can then be given up as soon as its cost so far is
@@ -127,15 +132,15 @@ class ContinuousQuadraticCost(ContinuousCost):
         x_final: ArrayLike | None = None,
         jumps: Sequence[float] = (),
     ) -> None:
-        self.x_wanted, self.u_wanted = Signal("x_wanted", x_wanted), Signal("u_wanted", u_wanted)
-        self.Q, self.R = Signal("Q", Q), Signal("R", R)
-        self.Q_final = None if Q_final is None else as_array(Q_final, "Q_final")
-        self.x_final = None if x_final is None else as_array(x_final, "x_final")
+        self.x_wanted, self.u_wanted = Signal(x_wanted, "x_wanted"), Signal(u_wanted, "u_wanted")
+        self.Q, self.R = Signal(Q, "Q"), Signal(R, "R")
+        self.Q_final = None if Q_final is None else owned(Q_final, "Q_final")
+        self.x_final = None if x_final is None else owned(x_final, "x_final")
         for weight, definite in ((self.Q, False), (self.R, True)):
             if weight.is_constant:
-                _check_weight(weight.name, weight.at(0.0), definite=definite)
+                _check(weight.at(0.0), weight.name, definite=definite)
         if self.Q_final is not None:
-            _check_weight("Q_final", self.Q_final, definite=False)
+            _check(self.Q_final, "Q_final", definite=False)
         signals = (self.x_wanted, self.u_wanted, self.Q, self.R)
         given = as_array(list(jumps), "jumps").ravel().tolist()
         self.jumps = tuple(sorted({*given, *(t for s in signals for t in s.jumps)}))
@@ -149,7 +154,7 @@ class ContinuousQuadraticCost(ContinuousCost):
             (self.R, nu, "(nu,) or (nu, nu)", True),
         ):
             for value in weight.check(t0, tf, (n,), (n, n), what=what):
-                _check_weight(weight.name, value, definite=definite)
+                _check(value, weight.name, definite=definite)
         if self.Q_final is not None:
             as_array(self.Q_final, "Q_final", (nx,), (nx, nx), meaning="(nx,) or (nx, nx)")
         if self.x_final is not None:
@@ -157,7 +162,7 @@ class ContinuousQuadraticCost(ContinuousCost):
 
     def rate(self, x: Array, u: Array, t: float) -> float:
         """Return the rate of the cost."""
-        dx, du = x - self.x_wanted.at(t), u - self.u_wanted.at(t)
+        dx, du = difference(x, self.x_wanted.at(t)), u - self.u_wanted.at(t)
         Q, R = self.Q.at(t), self.R.at(t)
         weighed = dx @ (Q * dx if Q.ndim == 1 else Q @ dx) + du @ (
             R * du if R.ndim == 1 else R @ du
@@ -167,8 +172,8 @@ class ContinuousQuadraticCost(ContinuousCost):
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
         """Return the first derivatives of the rate."""
         return RateGradient(
-            _times(self.Q.samples(t), x - self.x_wanted.samples(t)),
-            _times(self.R.samples(t), u - self.u_wanted.samples(t)),
+            weigh(_as_stages(self.Q.samples(t)), difference(x, self.x_wanted.samples(t))),
+            weigh(_as_stages(self.R.samples(t)), u - self.u_wanted.samples(t)),
         )
 
     def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:  # noqa: ARG002
@@ -177,11 +182,11 @@ class ContinuousQuadraticCost(ContinuousCost):
 
     def final_value(self, x: Array, t: float) -> float:
         """Return the cost of the last state."""
-        return 0.5 * float((x - self._wanted_last(t)) @ self.final_gradient(x, t))
+        return 0.5 * float(difference(x, self._wanted_last(t)) @ self.final_gradient(x, t))
 
     def final_gradient(self, x: Array, t: float) -> Array:
         """Return the derivative of the final term."""
-        result: Array = self.final_hessian(x, t) @ (x - self._wanted_last(t))
+        result: Array = self.final_hessian(x, t) @ difference(x, self._wanted_last(t))
         return result
 
     def final_hessian(self, x: Array, t: float) -> Array:  # noqa: ARG002
@@ -197,12 +202,9 @@ class ContinuousQuadraticCost(ContinuousCost):
         return self.x_wanted.at(float(np.nextafter(t, -np.inf)))
 
 
-def _times(weight: Array, d: Array) -> Array:
-    """Return weight (n, size) or (n, size, size) times d (n, size)."""
-    if weight.ndim == 2:
-        return weight * d
-    result: Array = np.einsum("nij,nj->ni", weight, d)
-    return result
+def _as_stages(weight: Array) -> Array:
+    """Return weights (n, size) or (n, size, size) with one for each row: (n, size, 1) or (n, size, size)."""
+    return weight if weight.ndim == 3 else weight[:, :, None]
 
 
 def _matrices(weight: Array) -> Array:
@@ -210,30 +212,7 @@ def _matrices(weight: Array) -> Array:
     return weight if weight.ndim == 3 else weight[..., None] * np.eye(weight.shape[1])
 
 
-def _check_weight(name: str, weight: Array, *, definite: bool) -> None:
-    if weight.ndim == 2 and weight.shape[0] == weight.shape[1]:
-        skew = float(np.abs(weight - weight.T).max(initial=0.0))
-        if skew > 1e-12 * float(np.abs(weight).max(initial=0.0)):
-            raise ArgumentError(
-                f"{name}: got a matrix that differs from its transpose by {skew:.3g}, expected a "
-                "symmetric one. Use (W + W.T) / 2."
-            )
-        spectrum = np.linalg.eigvalsh(weight)
-    elif weight.ndim == 1:
-        spectrum = weight
-    else:
-        raise ArgumentError(f"{name}: got shape {weight.shape}, expected (n,) or (n, n).")
-    smallest, largest = (
-        float(spectrum.min(initial=np.inf)),
-        float(np.abs(spectrum).max(initial=0.0)),
-    )
-    if smallest < -1e-12 * largest or (definite and smallest <= 0.0):
-        raise ArgumentError(
-            f"{name}: got a smallest eigenvalue of {smallest:.3g}, expected a positive "
-            f"{'definite' if definite else 'semidefinite'} weight. "
-            + (
-                "Give every input a weight above zero."
-                if definite
-                else "Weights cannot be negative."
-            )
-        )
+def _check(weight: Array, what: str, *, definite: bool) -> None:
+    if weight.ndim not in (1, 2) or weight.shape[0] != weight.shape[-1]:
+        raise ArgumentError(f"{what}: got shape {weight.shape}, expected (n,) or (n, n).")
+    check_weight(weight, what, definite=definite)

@@ -93,7 +93,7 @@ def solve_continuous_linear_quadratic(
     """
     accuracy = accuracy or Accuracy()
     t0, tf = as_horizon(horizon)
-    signals = {"A": Signal("A", A), "B": Signal("B", B)}
+    signals = {"A": Signal(A, "A"), "B": Signal(B, "B")}
     nx = _size(signals["A"], t0)
     signals["A"].check(t0, tf, (nx, nx), what="(nx, nx)")
     nu = _size(signals["B"], t0)
@@ -102,7 +102,7 @@ def solve_continuous_linear_quadratic(
     shapes = {"Q": (nx, nx), "R": (nu, nu), "S": (nx, nu), "q": (nx,), "r": (nu,), "c": (nx,)}
     for name, value in optional.items():
         shape = shapes[name]
-        signal = signals[name] = Signal(name, np.zeros(shape) if value is None else value)
+        signal = signals[name] = Signal(np.zeros(shape) if value is None else value, name)
         allowed = (shape, shape[:1]) if name in ("Q", "R") else (shape,)
         signal.check(t0, tf, *allowed, what=" or ".join(map(str, allowed)))
     final = np.zeros((nx, nx)) if Q_final is None else as_array(Q_final, "Q_final", (nx,), (nx, nx))
@@ -159,7 +159,7 @@ def regulate_continuous(
         Wrong shapes, values that are not finite, or weights for which there is no regulator.
     """
     t0 = as_horizon(horizon)[0]
-    nx, nu = _size(Signal("A", A), t0), _size(Signal("B", B), t0)
+    nx, nu = _size(Signal(A, "A"), t0), _size(Signal(B, "B"), t0)
     solution = solve_continuous_linear_quadratic(
         A,
         B,

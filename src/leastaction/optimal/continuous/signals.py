@@ -12,6 +12,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.ode import segments
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
+from leastaction.optimal.cost import owned
 
 __all__ = ["Signal", "SignalLike", "as_horizon", "first_mesh"]
 
@@ -24,10 +25,10 @@ class Signal:
 
     Parameters
     ----------
-    name : str
-        The argument's name, for messages.
     value : SignalLike
         What was given.
+    name : str
+        The argument's name, for messages.
 
     Raises
     ------
@@ -35,7 +36,7 @@ class Signal:
         A constant that is not an array of finite numbers.
     """
 
-    def __init__(self, name: str, value: SignalLike) -> None:
+    def __init__(self, value: SignalLike, name: str) -> None:
         self.name = name
         self.jumps: tuple[float, ...] = ()
         self._constant: Array | None = None
@@ -47,7 +48,7 @@ class Signal:
         elif callable(value):
             self._function = value
         else:
-            self._constant = as_array(value, name)
+            self._constant = owned(value, name)
 
     @property
     def is_constant(self) -> bool:

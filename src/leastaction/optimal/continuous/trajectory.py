@@ -102,7 +102,7 @@ class DenseTrajectory:
             Wrong shapes or values that are not finite.
         """
         t0, tf = horizon
-        states, inputs = Signal("x", x), Signal("u", u)
+        states, inputs = Signal(x, "x"), Signal(u, "u")
         states.check(t0, tf, (nx,), what="(nx,)")
         inputs.check(t0, tf, (nu,), what="(nu,)")
         jumps = sorted({*states.jumps, *inputs.jumps})

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.optimal.discrete.linear_quadratic import final_of
+from leastaction.optimal.cost import as_weight, final_of, owned, weigh
+from leastaction.optimal.system import difference
 
 __all__ = ["Cost", "CostGradient", "CostHessian", "QuadraticCost"]
 
@@ -57,7 +58,8 @@ class CostHessian(NamedTuple):
 class Cost(ABC):
     """A cost that is a sum over the stages and a final term.
 
-    Everything is vectorised over time. `check_derivatives` holds a cost of yours to its identities.
+    Everything is vectorised over time; the arrays given are read-only. A cost whose methods are pure may serve
+    several threads at once. `check_derivatives` holds a cost of yours to its identities.
     """
 
     nonnegative: bool = False
@@ -102,8 +104,8 @@ class QuadraticCost(Cost):
         Wanted inputs.
     Q, R : array_like
         Weights: a diagonal ``(n,)`` (fastest), a matrix ``(n, n)``, a diagonal per stage
-        ``(N, n, 1)`` or a matrix per stage ``(N, n, n)``. Q must be positive semidefinite, R positive
-        definite.
+        ``(N, n)`` or ``(N, n, 1)``, or a matrix per stage ``(N, n, n)``. An array ``(n, n)`` is one matrix,
+        whatever N is. Q must be positive semidefinite, R positive definite.
     Q_final : array_like (nx,) or (nx, nx), optional
         Weight of the last state; that of Q's last stage if left out.
 
@@ -111,6 +113,10 @@ class QuadraticCost(Cost):
     ------
     ArgumentError
         Wrong shapes, values that are not finite, weights that are not symmetric or not definite.
+
+    Notes
+    -----
+    It owns copies that cannot be written to, so any number of threads may share it.
     """
 
     nonnegative = True
@@ -126,8 +132,7 @@ class QuadraticCost(Cost):
         R: ArrayLike,
         Q_final: ArrayLike | None = None,
     ) -> None:
-        self.x_wanted = as_array(x_wanted, "x_wanted")
-        self.u_wanted = as_array(u_wanted, "u_wanted")
+        self.x_wanted, self.u_wanted = owned(x_wanted, "x_wanted"), owned(u_wanted, "u_wanted")
         x_shape, u_shape = self.x_wanted.shape, self.u_wanted.shape
         if (
             len(x_shape) != 2
@@ -141,12 +146,12 @@ class QuadraticCost(Cost):
             )
         N, nu = u_shape
         nx = x_shape[1]
-        self.Q = _weight("Q", Q, N, nx, definite=False)
-        self.R = _weight("R", R, N, nu, definite=True)
+        self.Q = as_weight(Q, "Q", nx, stages=N, definite=False)
+        self.R = as_weight(R, "R", nu, stages=N, definite=True)
         if Q_final is None:
             self.Q_final = final_of(self.Q)
         else:
-            self.Q_final = _weight("Q_final", Q_final, None, nx, definite=False)
+            self.Q_final = as_weight(Q_final, "Q_final", nx, definite=False)
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:
         """Complain if the wanted motion is not one of N steps of nx states and nu inputs."""
@@ -162,24 +167,22 @@ class QuadraticCost(Cost):
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         """Return the cost of the stages from `start` on."""
-        stop = start + len(u)
-        dx, du = x - self.x_wanted[start:stop], u - self.u_wanted[start:stop]
+        part = slice(start, start + len(u))
         values: Array = 0.5 * (
-            np.einsum("ki,ki->k", dx, _times(self.Q, dx, start))
-            + np.einsum("ki,ki->k", du, _times(self.R, du, start))
+            _form(_stages(self.Q, part), difference(x, self.x_wanted[part]))
+            + _form(_stages(self.R, part), u - self.u_wanted[part])
         )
         return values
 
     def final_value(self, x: Array) -> float:
         """Return the cost of the last state."""
-        dx = x - self.x_wanted[-1]
-        return 0.5 * float(dx @ _times(self.Q_final, dx[None], 0)[0])
+        return 0.5 * float(_form(self.Q_final, difference(x, self.x_wanted[-1])[None])[0])
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         """Return the first derivatives."""
-        dx, du = x - self.x_wanted, u - self.u_wanted
+        dx, du = difference(x, self.x_wanted), u - self.u_wanted
         return CostGradient(
-            _times(self.Q, dx[:-1], 0), _times(self.R, du, 0), _times(self.Q_final, dx[-1:], 0)[0]
+            weigh(self.Q, dx[:-1]), weigh(self.R, du), weigh(self.Q_final, dx[-1:])[0]
         )
 
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
@@ -187,43 +190,11 @@ class QuadraticCost(Cost):
         return CostHessian(self.Q, self.R, None, self.Q_final)
 
 
-def _times(weight: Array, d: Array, start: int) -> Array:
-    """Return the weight times each row of d (n, size), whose first row is stage `start`."""
-    if weight.ndim == 1:
-        result: Array = d * weight
-    elif weight.ndim == 2:
-        result = d @ weight
-    elif weight.shape[2] == 1:
-        result = d * weight[start : start + len(d), :, 0]
-    else:
-        result = np.einsum("kij,kj->ki", weight[start : start + len(d)], d)
-    return result
+def _stages(weight: Array, part: slice) -> Array:
+    """Return a weight over some of the stages."""
+    return weight if weight.ndim < 3 else weight[part]
 
 
-def _weight(name: str, value: ArrayLike, N: int | None, n: int, *, definite: bool) -> Array:
-    shapes: list[tuple[int, ...]] = [(n,), (n, n)]
-    if N is not None:
-        shapes += [(N, n, 1), (N, n, n)]
-    weight = as_array(value, name, *shapes)
-    is_diagonal = weight.ndim == 1 or (weight.ndim == 3 and weight.shape[2] == 1)
-    if not is_diagonal:
-        skew = np.abs(weight - np.swapaxes(weight, -1, -2)).max()
-        if skew > 1e-12 * np.abs(weight).max():
-            raise ArgumentError(
-                f"{name}: got a matrix that differs from its transpose by {skew:.3g}, expected a "
-                "symmetric one. Use (W + W.T) / 2."
-            )
-        weight = 0.5 * (weight + np.swapaxes(weight, -1, -2))
-    spectrum = weight if is_diagonal else np.linalg.eigvalsh(weight)
-    smallest, largest = float(spectrum.min()), float(np.abs(spectrum).max())
-    if smallest < (0.0 if is_diagonal else -1e-12 * largest) or (definite and smallest <= 0.0):
-        raise ArgumentError(
-            f"{name}: got a smallest eigenvalue of {smallest:.3g}, expected a positive "
-            f"{'definite' if definite else 'semidefinite'} weight. "
-            + (
-                "Give every input a weight above zero."
-                if definite
-                else "Weights cannot be negative."
-            )
-        )
-    return weight
+def _form(weight: Array, d: Array) -> Array:
+    """Return ``d'W d`` of every row of d."""
+    return np.asarray(np.einsum("ki,ki->k", d, weigh(weight, d)))

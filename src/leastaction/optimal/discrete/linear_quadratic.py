@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.optimal.cost import final_of
 
 __all__ = [
     "LinearQuadraticSolution",
@@ -128,7 +129,7 @@ def solve_linear_quadratic(
         Dynamics.
     Q, R : array_like, optional
         Symmetric weights of state and input: a diagonal ``(n,)``, a matrix ``(n, n)``, a diagonal per
-        stage ``(N, n, 1)`` or a matrix per stage ``(N, n, n)``.
+        stage ``(N, n)`` or ``(N, n, 1)`` or a matrix per stage ``(N, n, n)``.
     S : array_like (nx, nu) or (N, nx, nu), optional
         Cross weight.
     H : array_like (N, nx+nu, nx+nu), optional
@@ -164,9 +165,9 @@ def solve_linear_quadratic(
         raise ArgumentError(f"regularize: got {regularize!r}, expected 'none' or 'stage'.")
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
-    Q, Q_diagonal = _weight("Q", Q, N, nx)
-    R, R_diagonal = _weight("R", R, N, nu)
-    final, final_diagonal = _weight("Q_final", Q_final, N, nx, per_stage=False)
+    Q, Q_diagonal = _weight(Q, "Q", N, nx)
+    R, R_diagonal = _weight(R, "R", N, nu)
+    final, final_diagonal = _weight(Q_final, "Q_final", N, nx, per_stage=False)
     if final is not None and not final_diagonal:
         final = np.ascontiguousarray(final)
     if workspace is None:
@@ -189,14 +190,14 @@ def solve_linear_quadratic(
         Q_diagonal=Q_diagonal,
         R=R,
         R_diagonal=R_diagonal,
-        S=_optional("S", S, (nx, nu), (N, nx, nu)),
-        H=_optional("H", H, (N, nx + nu, nx + nu), finite=False),
+        S=_optional(S, "S", (nx, nu), (N, nx, nu)),
+        H=_optional(H, "H", (N, nx + nu, nx + nu), finite=False),
         H_scale=as_number(H_scale, "H_scale", above=-np.inf),
-        q=_optional("q", q, (N, nx)),
-        r=_optional("r", r, (N, nu)),
-        c=_optional("c", c, (N, nx)),
+        q=_optional(q, "q", (N, nx)),
+        r=_optional(r, "r", (N, nu)),
+        c=_optional(c, "c", (N, nx)),
         Q_final=final,
-        q_final=_optional("q_final", q_final, (nx,)),
+        q_final=_optional(q_final, "q_final", (nx,)),
         regularize=regularize == "stage",
         use_structure=use_structure,
     )
@@ -316,14 +317,6 @@ def adjoint(A: Array, B: Array, K: Array, q: Array, r: Array, q_final: Array) ->
     return z
 
 
-def final_of(weight: Array) -> Array:
-    """Return the last of a weight's stages (or the weight, if it is constant)."""
-    if weight.ndim < 3:
-        return weight
-    last: Array = weight[-1]
-    return last[:, 0] if last.shape[1] == 1 else last
-
-
 def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     # Their values are not checked here: the recursion meets what is not finite, and names the stage.
     A = np.ascontiguousarray(A, dtype=np.float64)
@@ -338,7 +331,7 @@ def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
 
 
 def _optional(
-    name: str, value: ArrayLike | None, *shapes: tuple[int, ...], finite: bool = True
+    value: ArrayLike | None, name: str, *shapes: tuple[int, ...], finite: bool = True
 ) -> Array | None:
     if value is None:
         return None
@@ -351,16 +344,16 @@ def _optional(
 
 
 def _weight(
-    name: str, value: ArrayLike | None, N: int, n: int, *, per_stage: bool = True
+    value: ArrayLike | None, name: str, N: int, n: int, *, per_stage: bool = True
 ) -> tuple[Array | None, bool]:
     """Return a weight in the layout of the core and whether it is a diagonal."""
     if value is None:
         return None, False
     shapes = [(n,), (n, n)]
     if per_stage:
-        shapes += [(N, n, 1), (N, n, n)]
+        shapes += [(N, n), (N, n, 1), (N, n, n)]
     weight = as_array(value, name, *shapes)
-    if weight.ndim == 3 and weight.shape[2] == 1:
+    if per_stage and weight.size == N * n and weight.shape != (n, n):
         return weight.reshape(N, n), True
     return weight, weight.ndim == 1
 

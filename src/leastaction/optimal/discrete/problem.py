@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model, shifted
 from leastaction.optimal.discrete.linear_quadratic import (
@@ -124,7 +124,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         )
         if x.ndim == 1:
             x = self._project(np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx))).x
-        self.x, self.u = x, u
+        self.x, self.u = read_only(x), read_only(u)
         self._project_curve()
         self.value = self.cost.value(self.x, self.u)
         if not np.isfinite(self.value):
@@ -182,13 +182,13 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         if not found:
             raise ArgumentError(f"initial: {failure.removeprefix('initial: ')}")
         _, projected, self.gain = min(found, key=lambda each: each[0])
-        self.x, self.u = projected.x, projected.u
+        self.x, self.u = read_only(projected.x), read_only(projected.u)
 
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
-        self.x = as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)")
-        self.u = as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)")
+        self.x = read_only(as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)"))
+        self.u = read_only(as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)"))
         self.gain = as_array(
             result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)"
         )
@@ -314,6 +314,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         system, cost = self.system, self.cost
         xbar, ubar = direction.curve(self.x, self.u, length)
         x, u = np.empty_like(xbar), np.empty_like(ubar)
+        # What a cost is given cannot be written to.
+        states, inputs = read_only(x), read_only(u)
         x[0] = xbar[0]
         stage_values = np.empty(system.N)
         for start in range(0, system.N, self.chunk):
@@ -326,7 +328,9 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
                 return self._look_for_jump(direction, length, x[: done + 1], refusal)
             u[start:stop] = part.u
             with np.errstate(over="ignore", invalid="ignore"):
-                stage_values[start:stop] = cost.stage_values(x[start:stop], u[start:stop], start)
+                stage_values[start:stop] = cost.stage_values(
+                    states[start:stop], inputs[start:stop], start
+                )
                 spent = np.cumsum(stage_values[:stop])
             k = system.N
             if not np.isfinite(spent[-1]):
@@ -338,7 +342,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
             if k < system.N:
                 return self._look_for_jump(direction, length, x[: k + 1], Refusal(reason, k))
         with np.errstate(over="ignore", invalid="ignore"):
-            total = float(np.sum(stage_values)) + cost.final_value(x[-1])
+            total = float(np.sum(stage_values)) + cost.final_value(states[-1])
         # Not "total > bound": a NaN is refused.
         if not total <= bound:
             reason = f"a cost of {total:.10g}, where at most {bound:.10g} was wanted"
@@ -375,7 +379,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
     def accept(self, direction: DiscreteDirection, trial: Trial[_Iterate]) -> None:
         """Make a trial the current iterate."""
-        self.x, self.u = trial.iterate
+        self.x, self.u = map(read_only, trial.iterate)
         self.value, self.gain = trial.cost, direction.gain
         if direction.gain is self.free.K:
             self.free, self.held = self.held, self.free

@@ -1,0 +1,104 @@
+"""What costs share in either kind of time: weights, checked and owned, and their products with deviations."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array, as_array, read_only
+
+__all__ = ["as_weight", "check_weight", "final_of", "is_diagonal", "owned", "weigh"]
+
+
+def owned(value: ArrayLike, what: str) -> Array:
+    """Return a copy of finite numbers that cannot be written to: what the caller changes later changes nothing."""
+    return read_only(as_array(value, what).copy())
+
+
+def is_diagonal(weight: Array) -> bool:
+    """Whether a weight is a diagonal: (n,), or (N, n, 1) with one for each stage."""
+    return weight.ndim == 1 or (weight.ndim == 3 and weight.shape[2] == 1)
+
+
+def as_weight(
+    value: ArrayLike, what: str, n: int, *, stages: int | None = None, definite: bool
+) -> Array:
+    """Return a weight of n entries, checked, and owned.
+
+    Parameters
+    ----------
+    value : array_like
+        A diagonal (n,) or a matrix (n, n); with `stages` also a diagonal (N, n) or (N, n, 1) or a matrix
+        (N, n, n) for each stage. An array (n, n) is a matrix, whatever N is.
+    what : str
+        Its name, for messages.
+    n, stages : int
+        Sizes.
+    definite : bool
+        Whether it must be positive definite, not only semidefinite.
+
+    Returns
+    -------
+    ndarray (n,), (n, n), (N, n, 1) or (N, n, n)
+
+    Raises
+    ------
+    ArgumentError
+        A wrong shape, values that are not finite, a matrix that is not symmetric, or not definite.
+    """
+    shapes: list[tuple[int, ...]] = [(n,), (n, n)]
+    if stages is not None:
+        shapes += [(stages, n), (stages, n, 1), (stages, n, n)]
+    weight = as_array(value, what, *shapes)
+    if weight.ndim == 2 and weight.shape != (n, n):
+        weight = weight[:, :, None]
+    weight = weight.copy()
+    check_weight(weight, what, definite=definite)
+    if not is_diagonal(weight):
+        weight = 0.5 * (weight + np.swapaxes(weight, -1, -2))
+    return read_only(weight)
+
+
+def check_weight(weight: Array, what: str, *, definite: bool) -> None:
+    """Complain unless a weight is symmetric and positive (semi)definite, at every stage."""
+    diagonal = is_diagonal(weight)
+    if not diagonal:
+        skew = float(np.abs(weight - np.swapaxes(weight, -1, -2)).max(initial=0.0))
+        if skew > 1e-12 * float(np.abs(weight).max(initial=0.0)):
+            raise ArgumentError(
+                f"{what}: got a matrix that differs from its transpose by {skew:.3g}, expected a "
+                "symmetric one. Use (W + W.T) / 2."
+            )
+    spectrum = weight if diagonal else np.linalg.eigvalsh(weight)
+    smallest = float(spectrum.min(initial=np.inf))
+    largest = float(np.abs(spectrum).max(initial=0.0))
+    if smallest < (0.0 if diagonal else -1e-12 * largest) or (definite and smallest <= 0.0):
+        advice = (
+            "Give every input a weight above zero." if definite else "Weights cannot be negative."
+        )
+        raise ArgumentError(
+            f"{what}: got a smallest eigenvalue of {smallest:.3g}, expected a positive "
+            f"{'definite' if definite else 'semidefinite'} weight. {advice}"
+        )
+
+
+def weigh(weight: Array, d: Array) -> Array:
+    """Return a weight times each row of d (N, n): (n,), (n, n), or (N, n, 1), (N, n, n) with one for each row."""
+    if weight.ndim == 1:
+        result: Array = d * weight
+    elif weight.ndim == 2:
+        result = d @ weight
+    elif weight.shape[2] == 1:
+        result = d * weight[:, :, 0]
+    else:
+        result = np.einsum("kij,kj->ki", weight, d)
+    return result
+
+
+def final_of(weight: Array) -> Array:
+    """Return the last of a weight's stages (or the weight, if it is constant)."""
+    if weight.ndim < 3:
+        return weight
+    last: Array = weight[-1]
+    return last[:, 0] if last.shape[1] == 1 else last
