@@ -26,9 +26,10 @@ from leastaction.apps.marionette import (
     retarget,
     walk_in_place,
 )
+from leastaction.apps.marionette.retargeting.geometry import euler_zyx
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion, forward_kinematics, read_bvh
-from leastaction.io.motion.geometry import axis_rotation, euler_zyx
+from leastaction.io.motion.capture import axis_rotation
 from leastaction.models.marionette import REST, marionette
 
 REPOSITORY = Path(__file__).resolve().parents[2]

@@ -217,13 +217,9 @@ def _capsule(a: Array, b: Array, radius: float, place: float) -> Array:
 
 def _between(
     a: tuple[float, float, float], b: tuple[float, float, float], share: float
-) -> tuple[float, float, float]:
+) -> tuple[float, ...]:
     """Mix two colours."""
-    return (
-        a[0] + share * (b[0] - a[0]),
-        a[1] + share * (b[1] - a[1]),
-        a[2] + share * (b[2] - a[2]),
-    )
+    return tuple(x + share * (y - x) for x, y in zip(a, b, strict=True))
 
 
 def _draw_cord(

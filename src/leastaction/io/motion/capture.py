@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from leastaction.io.motion.geometry import axis_rotation
 from leastaction.numerics.arrays import Array
 
 
@@ -128,3 +127,16 @@ def forward_kinematics(capture: Capture) -> tuple[Array, Array]:
             positions[:, index] = positions[:, joint.parent] + np.einsum("fij,fj->fi", above, local)
             rotations[:, index] = above @ turn
     return positions, rotations
+
+
+def axis_rotation(axis: int, angle: Array) -> Array:
+    """Rotation matrices (..., 3, 3) about coordinate axis 0, 1 or 2 by `angle` (...) in radians."""
+    matrix = np.zeros((*angle.shape, 3, 3))
+    second, third = (axis + 1) % 3, (axis + 2) % 3
+    cosine, sine = np.cos(angle), np.sin(angle)
+    matrix[..., axis, axis] = 1.0
+    matrix[..., second, second] = cosine
+    matrix[..., third, third] = cosine
+    matrix[..., second, third] = -sine
+    matrix[..., third, second] = sine
+    return matrix

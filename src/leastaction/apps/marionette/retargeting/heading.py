@@ -7,9 +7,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from leastaction.apps.marionette.retargeting.geometry import unit
 from leastaction.errors import ArgumentError, MotionFileError
 from leastaction.io.motion.capture import Capture
-from leastaction.io.motion.geometry import unit
 from leastaction.numerics.arrays import Array
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]

@@ -18,6 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from leastaction.apps.marionette.retargeting.geometry import (
+    angle_between,
+    euler_zyx,
+    frame,
+    smooth_step,
+    unit,
+)
 from leastaction.apps.marionette.retargeting.heading import (
     Axis,
     Heading,
@@ -40,15 +47,7 @@ from leastaction.apps.marionette.retargeting.skeleton import (
     puppet_points,
 )
 from leastaction.errors import MotionFileError
-from leastaction.io.motion.capture import Capture, forward_kinematics
-from leastaction.io.motion.geometry import (
-    angle_between,
-    axis_rotation,
-    euler_zyx,
-    frame,
-    smooth_step,
-    unit,
-)
+from leastaction.io.motion.capture import Capture, axis_rotation, forward_kinematics
 from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array
 

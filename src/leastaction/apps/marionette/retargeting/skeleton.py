@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from leastaction.io.motion.geometry import axis_rotation
+from leastaction.io.motion.capture import axis_rotation
 from leastaction.numerics.arrays import Array
 
 VARIABLES: tuple[str, ...] = (

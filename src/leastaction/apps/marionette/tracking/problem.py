@@ -109,7 +109,9 @@ class TrackingProblem:
                 tolerance=1e-4,
             )
             x, u = _going_on(result)
-            say(f"without motors, tension at {100.0 * part:g} % of its price: cost {result.cost:.4g}")
+            say(
+                f"without motors, tension at {100.0 * part:g} % of its price: cost {result.cost:.4g}"
+            )
         return x, u
 
     def cost(self, tension: float, *, motor: float | None = None) -> TrackingCost:

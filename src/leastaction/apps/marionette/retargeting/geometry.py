@@ -26,19 +26,6 @@ def smooth_step(value: Array, low: float, high: float) -> Array:
     return share * share * (3.0 - 2.0 * share)
 
 
-def axis_rotation(axis: int, angle: Array) -> Array:
-    """Rotation matrices (..., 3, 3) about coordinate axis 0, 1 or 2 by `angle` (...) in radians."""
-    matrix = np.zeros((*angle.shape, 3, 3))
-    second, third = (axis + 1) % 3, (axis + 2) % 3
-    cosine, sine = np.cos(angle), np.sin(angle)
-    matrix[..., axis, axis] = 1.0
-    matrix[..., second, second] = cosine
-    matrix[..., third, third] = cosine
-    matrix[..., second, third] = -sine
-    matrix[..., third, second] = sine
-    return matrix
-
-
 def frame(x: Array, z: Array) -> Array:
     """Right-handed frames (F, 3, 3), axes in the columns.
 
