@@ -58,19 +58,20 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
     if (velocity) expect(velocity->size(), m.n_dynamic, "velocity");
     Out X = new_array({N + 1, nx}), U = new_array({N, nu}), lam = new_array({N, nc});
     std::copy_n(x0.data(), nx, X.data());
-    auto step = midpoint.step();
+    auto workspace = midpoint.workspace();
+    MidpointStep& step = workspace->step;
     RollOut result;
     {
         nb::gil_scoped_release release;
         result =
-            roll_out(*step, static_cast<int>(N), t.data(), K ? xbar->data() : nullptr, ubar.data(),
+            roll_out(step, static_cast<int>(N), t.data(), K ? xbar->data() : nullptr, ubar.data(),
                      K ? K->data() : nullptr, velocity ? velocity->data() : nullptr, X.data(), U.data(), lam.data());
     }
     std::vector<double> residual(m.n_dynamic + nc, 0.0);
     if (result.failure.status != StepStatus::converged) {
-        for (int i = 0; i < m.n_dynamic; ++i) residual[m.external[i]] = step->residual[i];
-        std::copy(step->residual.begin() + m.n_dynamic, step->residual.end(), residual.begin() + m.n_dynamic);
-        step.discard();
+        for (int i = 0; i < m.n_dynamic; ++i) residual[m.external[i]] = step.residual[i];
+        std::copy(step.residual.begin() + m.n_dynamic, step.residual.end(), residual.begin() + m.n_dynamic);
+        workspace.discard();
     }
     return {X, U, lam, result, copy_of(residual, {residual.size()})};
 }
@@ -134,17 +135,18 @@ nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, co
     expect(q1.size(), m.n_variables(), "q1");
     expect(q2.size(), m.n_variables(), "q2");
     expect(u.size(), m.n_inputs, "u");
-    auto step = midpoint.step();
-    step->q1 = to_internal(m, q1.data(), m.n_variables());
-    step->q2 = to_internal(m, q2.data(), m.n_variables());
-    step->u.assign(u.data(), u.data() + m.n_inputs);
+    auto workspace = midpoint.workspace();
+    MidpointStep& step = workspace->step;
+    step.q1 = to_internal(m, q1.data(), m.n_variables());
+    step.q2 = to_internal(m, q2.data(), m.n_variables());
+    step.u.assign(u.data(), u.data() + m.n_inputs);
     std::vector<double> start(m.n_dynamic);
-    step->momenta(dt, start);
+    step.momenta(dt, start);
     const std::size_t nd = m.n_dynamic;
     Out p1 = new_array({nd}), p2 = new_array({nd});
     for (int i = 0; i < m.n_dynamic; ++i) {
         p1.data()[m.external[i]] = start[i];
-        p2.data()[m.external[i]] = step->p2[i];
+        p2.data()[m.external[i]] = step.p2[i];
     }
     return nb::make_tuple(p1, p2);
 }

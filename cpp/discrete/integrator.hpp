@@ -3,26 +3,49 @@
 
 #include <memory>
 
+#include "discrete/curvature.hpp"
+#include "discrete/differentiate.hpp"
 #include "discrete/midpoint.hpp"
 #include "numerics/pool.hpp"
 
 namespace leastaction {
+
+// A step and its derivatives, with all the memory that they work in; what a step alone does without is made when it is
+// asked for.
+class Workspace {
+public:
+    Workspace(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings)
+        : step(std::move(mechanism), settings) {}
+    MidpointStep step;
+    FirstOrder& first() {
+        if (!first_) first_ = std::make_unique<FirstOrder>(step.mechanism());
+        return *first_;
+    }
+    SecondOrder& second() {
+        if (!second_) second_ = std::make_unique<SecondOrder>(step.mechanism(), step.split());
+        return *second_;
+    }
+
+private:
+    std::unique_ptr<FirstOrder> first_;
+    std::unique_ptr<SecondOrder> second_;
+};
 
 class Midpoint {
 public:
     Midpoint(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings)
         : mechanism_(std::move(mechanism)), settings_(settings) {}
     const Mechanism& mechanism() const { return *mechanism_; }
-    // A step to work in. What it did before leaves no trace in results: those begin with place_start(), or need nothing of
-    // earlier ones.
-    Pool<MidpointStep>::Loan step() const {
-        return steps_.lend([this] { return std::make_unique<MidpointStep>(mechanism_, settings_); });
+    // Memory to work in. What was done there before leaves no trace in results: those begin with place_start(), or need
+    // nothing of earlier ones.
+    Pool<Workspace>::Loan workspace() const {
+        return workspaces_.lend([this] { return std::make_unique<Workspace>(mechanism_, settings_); });
     }
 
 private:
     std::shared_ptr<const Mechanism> mechanism_;
     MidpointSettings settings_;
-    mutable Pool<MidpointStep> steps_;
+    mutable Pool<Workspace> workspaces_;
 };
 
 }  // namespace leastaction

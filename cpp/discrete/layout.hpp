@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "discrete/curvature.hpp"
 #include "discrete/midpoint.hpp"
 
 namespace leastaction {
@@ -46,12 +47,13 @@ struct Layout {
         }
     }
     // The derivatives of a step whose end is known; false where it is no step of the mechanism.
-    bool differentiate(MidpointStep& step, const double* x, const double* u, const double* next, double dt) const {
+    bool differentiate(MidpointStep& step, FirstOrder& first, const double* x, const double* u, const double* next,
+                       double dt) const {
         start(x, u, step);
         for (int i = 0; i < nd; ++i) step.q2[i] = next[m.external[i]];
         std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
         step.place_start();
-        return step.solve(dt, true).status == StepStatus::converged && step.differentiate(dt);
+        return step.solve(dt, true).status == StepStatus::converged && first.differentiate(step, dt);
     }
     // One row over th, internal order, into rows over the states and u, user's order. Nothing depends on the velocities of
     // the prescribed variables and the multipliers: their columns are left alone.
@@ -65,8 +67,8 @@ struct Layout {
         std::copy(row + nq + nd, row + theta, by_u);
     }
     // The same for all of th: which entries stand where among the states and inputs.
-    std::vector<MidpointStep::Run> runs() const {
-        std::vector<MidpointStep::Run> out;
+    std::vector<SecondOrder::Run> runs() const {
+        std::vector<SecondOrder::Run> out;
         const auto add = [&](int first, int to) {
             if (!out.empty() && out.back().position + out.back().length == to)
                 ++out.back().length;

@@ -11,16 +11,16 @@ namespace leastaction {
 
 namespace {
 
-// Calls of_step(step, k) for every k, over several threads, each with a step of its own. Returns the first k at which it
+// Calls of_step(workspace, k) for every k, over several threads, each with a workspace of its own. Returns the first k at which it
 // returned false, or `steps`; a thread goes no further than its own first.
 template <class OfStep>
 int for_each_step(const Midpoint& integrator, int steps, int threads, const OfStep& of_step) {
     std::atomic<int> first_failure{steps};
     parallel_ranges(steps, threads, [&](int begin, int end) {
-        auto step = integrator.step();
+        auto workspace = integrator.workspace();
         for (int k = begin; k < end; ++k) {
-            if (of_step(*step, static_cast<std::size_t>(k))) continue;
-            step.discard();
+            if (of_step(*workspace, static_cast<std::size_t>(k))) continue;
+            workspace.discard();
             int seen = first_failure.load();
             while (k < seen && !first_failure.compare_exchange_weak(seen, k)) {
             }
@@ -52,33 +52,35 @@ Linearization::Linearization(std::shared_ptr<const Midpoint> integrator, int ste
       records_(steps * record_size_),
       runs_{Layout(integrator_->mechanism()).runs(), Layout(integrator_->mechanism(), true).runs()} {}
 
-template <class Carry>
-void Linearization::carry(MidpointStep& step, const Carry& carry) const {
+template <class Point, class First, class Carry>
+void Linearization::carry(Point& point, First& first, const Carry& carry) const {
     const Layout at(integrator_->mechanism());
-    carry(step.q1.data(), at.nq);
-    carry(step.u.data(), at.ni);
-    carry(step.q2.data(), at.nq);
-    carry(step.lam.data(), at.nc);
-    for (int c = 0; c < at.nc; ++c) carry(&step.Y[(at.nd + c) * step.ld()], at.theta);
-    for (int i = 0; i < at.nd + at.nc; ++i) carry(step.Y.data() + i * step.ld() + at.theta, at.nc);
-    for (int i = 0; i < at.nd; ++i) carry(step.P2.data() + i * step.ld() + at.theta, at.nc);
+    carry(point.q1.data(), at.nq);
+    carry(point.u.data(), at.ni);
+    carry(point.q2.data(), at.nq);
+    carry(point.lam.data(), at.nc);
+    for (int c = 0; c < at.nc; ++c) carry(&first.Y[(at.nd + c) * first.ld], at.theta);
+    for (int i = 0; i < at.nd + at.nc; ++i) carry(first.Y.data() + i * first.ld + at.theta, at.nc);
+    for (int i = 0; i < at.nd; ++i) carry(first.P2.data() + i * first.ld + at.theta, at.nc);
 }
 
 int Linearization::along(const double* t, const double* X, const double* U, int threads) {
     const Layout at(integrator_->mechanism(), ny > nx);
-    return for_each_step(*integrator_, steps, threads, [&](MidpointStep& step, std::size_t k) {
+    return for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
         const double *x = X + k * nx, *u = U + k * nu, *next = x + nx;
-        if (!at.differentiate(step, x, u, next, dt)) return false;
+        MidpointStep& step = workspace.step;
+        FirstOrder& first = workspace.first();
+        if (!at.differentiate(step, first, x, u, next, dt)) return false;
         dt_.data()[k] = dt;
         double& defect_k = defect.data()[k] = 0;
         for (int i = 0; i < at.nd; ++i) defect_k = std::max(defect_k, std::abs(step.q2[i] - next[at.m.external[i]]));
-        const int ld = step.ld();
+        const int ld = first.ld;
         double *A_k = A.data() + k * ny * ny, *B_k = B.data() + k * ny * nu;
         for (int i = 0; i < at.nd; ++i) {
             const int row = at.m.external[i];
-            at.scatter(&step.Y[i * ld], A_k + row * ny, B_k + row * nu);
-            at.scatter(&step.P2[i * ld], A_k + (at.nq + row) * ny, B_k + (at.nq + row) * nu);
+            at.scatter(&first.Y[i * ld], A_k + row * ny, B_k + row * nu);
+            at.scatter(&first.P2[i * ld], A_k + (at.nq + row) * ny, B_k + (at.nq + row) * nu);
         }
         for (int i = at.nd; i < at.nq; ++i) {
             const int v = at.nq + i, input = at.ni + i - at.nd;
@@ -87,10 +89,10 @@ int Linearization::along(const double* t, const double* X, const double* U, int 
             B_k[v * nu + input] = 1.0 / dt;
         }
         for (int row = nx; row < ny; ++row)
-            at.scatter(&step.Y[(at.nd + row - nx) * ld], A_k + row * ny, B_k + row * nu);
+            at.scatter(&first.Y[(at.nd + row - nx) * ld], A_k + row * ny, B_k + row * nu);
         std::copy(step.lam.begin(), step.lam.end(), lam.data() + k * nc);
         double* record = records_.data() + k * record_size_;
-        carry(step, [&](const double* from, int n) { record = std::copy_n(from, n, record); });
+        carry(step, first, [&](const double* from, int n) { record = std::copy_n(from, n, record); });
         return true;
     });
 }
@@ -114,30 +116,31 @@ std::shared_ptr<ZeroedArray> Linearization::hessians(bool multipliers) const {
 std::shared_ptr<const ZeroedArray> Linearization::curvature(const double* W, int weights, bool multipliers,
                                                             int threads) const {
     const Layout at(integrator_->mechanism(), multipliers);
-    const std::vector<MidpointStep::Run>& runs = runs_[multipliers];
+    const std::vector<SecondOrder::Run>& runs = runs_[multipliers];
     const int n = at.ny + nu;
     const std::shared_ptr<ZeroedArray> H = hessians(multipliers);
-    for_each_step(*integrator_, steps, threads, [&](MidpointStep& step, std::size_t k) {
-        step.reserve_derivatives();
-        const int ld = step.ld();
+    for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
+        FirstOrder& first = workspace.first();
+        SecondOrder& second = workspace.second();
+        const int ld = first.ld;
         const double *A_k = A.data() + k * ny * ny, *B_k = B.data() + k * ny * nu, *W_k = W + k * weights;
         for (int i = 0; i < at.nd; ++i) {
             const int row = at.m.external[i];
-            at.gather(A_k + row * ny, B_k + row * nu, &step.Y[i * ld]);
+            at.gather(A_k + row * ny, B_k + row * nu, &first.Y[i * ld]);
             for (int j = 0; j < at.nd; ++j)  // of P2 only the columns of p1 are asked for
-                step.P2[i * ld + at.nq + j] = A_k[(at.nq + row) * ny + at.nq + at.m.external[j]];
+                first.P2[i * ld + at.nq + j] = A_k[(at.nq + row) * ny + at.nq + at.m.external[j]];
         }
         const double* record = records_.data() + k * record_size_;
-        carry(step, [&](double* to, int size) {
+        carry(second, first, [&](double* to, int size) {
             std::copy_n(record, size, to);
             record += size;
         });
         for (int i = 0; i < at.nd; ++i) {
-            step.w_q[i] = W_k[at.m.external[i]];
-            step.w_p[i] = W_k[at.nq + at.m.external[i]];
+            second.w_q[i] = W_k[at.m.external[i]];
+            second.w_p[i] = W_k[at.nq + at.m.external[i]];
         }
-        for (int c = 0; c < nc; ++c) step.w_lam[c] = weights > nx ? W_k[nx + c] : 0.0;
-        step.curvature(dt_.data()[k], runs, H->data() + k * n * n, n);
+        for (int c = 0; c < nc; ++c) second.w_lam[c] = weights > nx ? W_k[nx + c] : 0.0;
+        second.hessian(dt_.data()[k], first, runs, H->data() + k * n * n, n);
         return true;
     });
     return H;
@@ -148,20 +151,21 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
                                 double* by_lam) {
     const Layout at(integrator.mechanism());
     const std::size_t count = parameters.size();
-    return for_each_step(integrator, steps, threads, [&](MidpointStep& step, std::size_t k) {
+    return for_each_step(integrator, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
         const double* now = X + k * at.nx;
-        if (!at.differentiate(step, now, U + k * at.nu, now + at.nx, dt)) return false;
-        step.differentiate_by(dt, parameters);
-        const int ld = step.ld_parameters();
+        MidpointStep& step = workspace.step;
+        FirstOrder& first = workspace.first();
+        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt)) return false;
+        const auto [ld, Y, P2] = differentiate_by(step, first, dt, parameters);
         double *x = by_x + k * at.nx * count, *lam = by_lam + k * at.nc * count;
         std::fill_n(x, at.nx * count, 0.0);
         for (int i = 0; i < at.nd; ++i) {
             const int row = at.m.external[i];
-            std::copy_n(&step.Y_parameters[i * ld], count, x + row * count);
-            std::copy_n(&step.P2_parameters[i * ld], count, x + (at.nq + row) * count);
+            std::copy_n(&Y[i * ld], count, x + row * count);
+            std::copy_n(&P2[i * ld], count, x + (at.nq + row) * count);
         }
-        for (int c = 0; c < at.nc; ++c) std::copy_n(&step.Y_parameters[(at.nd + c) * ld], count, lam + c * count);
+        for (int c = 0; c < at.nc; ++c) std::copy_n(&Y[(at.nd + c) * ld], count, lam + c * count);
         return true;
     });
 }

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "discrete/integrator.hpp"
+#include "discrete/parameters.hpp"
 
 namespace leastaction {
 
@@ -63,13 +64,13 @@ private:
     std::shared_ptr<ZeroedArray> hessians(bool multipliers) const;
     // What one step leaves for the second order, but for what A and B hold: where it was, and the derivatives of the
     // multipliers and by shifts of the constraints.
-    template <class Carry>
-    void carry(MidpointStep& step, const Carry& carry) const;
+    template <class Point, class First, class Carry>
+    void carry(Point& point, First& first, const Carry& carry) const;
 
     std::shared_ptr<const Midpoint> integrator_;
     std::size_t record_size_;
     ZeroedArray dt_, records_;
-    std::array<std::vector<MidpointStep::Run>, 2> runs_;  // into a Hessian without and with multipliers
+    std::array<std::vector<SecondOrder::Run>, 2> runs_;  // into a Hessian without and with multipliers
     mutable std::mutex given_lock_;
     mutable std::array<std::array<std::shared_ptr<ZeroedArray>, 2>, 2> given_;  // the last Hessians of either kind
 };

@@ -23,32 +23,19 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
       settings_(settings),
       nd_(mechanism_->n_dynamic),
       nq_(mechanism_->n_variables()),
-      nu_(mechanism_->n_inputs),
-      nk_(mechanism_->n_kinematic),
       nc_(mechanism_->n_constraints()),
-      n_theta_(nq_ + nd_ + nu_ + nk_),
-      ld_((n_theta_ + nc_ + 7) / 8 * 8),
       lagrangian_(*mechanism_),
-      dual_(*mechanism_),
       newton_(*mechanism_),
       at1_(*mechanism_),
-      at2_(*mechanism_),
-      dual_at1_(*mechanism_) {
+      at2_(*mechanism_) {
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
-    for (auto* a : {&q1, &q2, &q_mid_, &v_, &mu_force_}) sized(*a, nq);
-    for (auto* a : {&p1, &p2, &w_q, &w_p, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
-    sized(u, nu_);
-    for (auto* a : {&lam, &w_lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
-    for (auto* a : {&residual, &residual_scale, &first_scale_, &correction_, &mu_}) sized(*a, ny);
+    for (auto* a : {&q1, &q2, &q_mid_, &v_}) sized(*a, nq);
+    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
+    sized(u, mechanism_->n_inputs);
+    for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
+    for (auto* a : {&residual, &residual_scale, &first_scale_, &correction_}) sized(*a, ny);
     for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
-    for (auto* a : {&dual_q_, &dual_v_, &dual_q1_}) a->resize(nq);
-
-    for (auto* a : {&q_along_v_, &q_along_mu_}) a->resize(nq);
-    if (!mechanism_->forces.empty()) {
-        along_v_ = std::make_unique<Placement<Dual<double>>>(*mechanism_);
-        along_mu_ = std::make_unique<Placement<Dual<double>>>(*mechanism_);
-    }
     const bool fits = mechanism_->plain && mechanism_->only_tree_couples;
     if (fits && (settings.solver == Solver::tree ||
                  (settings.solver == Solver::automatic && TreeNewton::is_faster(*mechanism_))))
@@ -100,7 +87,7 @@ void MidpointStep::evaluate(double dt) {
     place(mechanism_->free_constraint_joints, q2.data(), at2_);
     constraint_gradients(at2_, q2.data(), C2_.data());
 
-    const double km = kappa_minus(dt), kp = kappa_plus(dt);
+    const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
     double size = 0.5 * dt * potential_size_;
     for (int i = 0; i < nd_; ++i) {
         const double half_slope = 0.5 * dt * lagrangian_.L_q[i], momentum = lagrangian_.L_v[i];
@@ -153,7 +140,7 @@ void MidpointStep::add_elements() {
         }
     }
     for (const auto& force : m.forces) {
-        force->evaluate(force_point(), Order::value, force_);
+        force->evaluate(middle(), Order::value, force_);
         for (std::size_t i = 0; i < force->support().size(); ++i)
             if (force->support()[i] < nd_) f_[force->support()[i]] += force_.f[i];
     }
@@ -162,7 +149,7 @@ void MidpointStep::add_elements() {
 template <class Add>
 void MidpointStep::element_matrix(double dt, const Add& add) {
     const Mechanism& m = *mechanism_;
-    const double km = kappa_minus(dt);
+    const double km = kappa_minus(settings_.split, dt);
     for (const auto& [i, slot] : m.damping) add(i, i, -km / dt * m.numbers[slot]);
     for (const auto& potential : m.potentials) {
         const auto& support = potential->support();
@@ -174,7 +161,7 @@ void MidpointStep::element_matrix(double dt, const Add& add) {
     }
     for (const auto& force : m.forces) {
         const auto& support = force->support();
-        force->evaluate(force_point(), Order::gradient, force_);
+        force->evaluate(middle(), Order::gradient, force_);
         for (std::size_t i = 0; i < support.size(); ++i)
             for (std::size_t j = 0; j < support.size(); ++j) {
                 const std::size_t at = i * support.size() + j;

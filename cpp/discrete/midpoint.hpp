@@ -41,14 +41,11 @@ struct StepReport {
     bool rank_deficient = false;  // constraints were redundant: least-norm multiplier
 };
 
-// A direction in the space of the mechanism's numbers: of the numbers of elements by slot (or none at all), and of spatial
-// inertias by joint, in the joint's frame.
-struct Parameter {
-    std::vector<double> numbers;
-    std::vector<std::pair<int, Inertia<double>>> inertias;
-};
+// What of a force over a step of length dt counts to its start, and to its end.
+inline double kappa_minus(Split split, double dt) { return split == Split::left ? dt : 0.5 * dt; }
+inline double kappa_plus(Split split, double dt) { return split == Split::left ? 0.0 : 0.5 * dt; }
 
-// One step and all that is derived from it, with its work space; one object per thread.
+// One step, with its work space; one object per thread. Its derivatives: differentiate.hpp, curvature.hpp, parameters.hpp.
 // Everything is in internal order of the variables (see Mechanism).
 class MidpointStep {
 public:
@@ -69,35 +66,21 @@ public:
     // Makes (q2, p2) the start of the next step; keeps the factors of the Newton matrix.
     void advance();
 
-    // After solve(): derivatives of (q2, lam) and of p2 by th = [q1 | p1 | u | rho2], and of (q2, p2) by a shift of
-    // the constraints h (columns). Returns false where the Newton matrix is singular.
-    bool differentiate(double dt);
-    // Allocates Y, P2 and H, which a step alone does without: for a caller that fills Y and P2 itself.
-    void reserve_derivatives();
-    int n_theta() const { return n_theta_; }
-    int ld() const { return ld_; }
-    std::vector<double> Y;   // (n_dynamic + n_constraints) x ld: d(q2; lam)/d[th | shift of h]
-    std::vector<double> P2;  // n_dynamic x ld: dp2/d[th | shift of h]
-
-    // Entries first .. first + length of th stand at `position` of the output; runs are ascending and cover all of th.
-    struct Run {
-        int first, length, position;
-    };
-    // Second derivatives by th, contracted with weights on the next state and the multipliers: the Hessian of
-    // w_q.q2 + w_p.p2 + w_lam.lam into `out`, rows of ld_out. Needs Y and the columns of p1 and of shifts of P2, as
-    // differentiate() leaves them, and q1, q2, u, lam.
-    void curvature(double dt, const std::vector<Run>& runs, double* out, int ld_out);
-    std::vector<double> w_q, w_p, w_lam;
-
-    // After differentiate(): derivatives of (q2, lam) and of p2 by parameters, which allocates.
-    void differentiate_by(double dt, const std::vector<Parameter>& parameters);
-    std::vector<double> Y_parameters, P2_parameters;  // rows of ld_parameters()
-    int ld_parameters() const { return ld_parameters_; }
+    // After solve(), for derivatives: the Newton matrix at the solution itself, by elimination; false where it is singular.
+    bool factor_at_solution(double dt) { return factored_at_solution_ || refresh(dt, false); }
+    NewtonMatrix& newton() { return newton_; }
+    // The Lagrangian at the midpoint, with its second derivatives; what forces see there; the constraints at the start, and
+    // their gradients (n_constraints x n_variables) at the end.
+    const Lagrangian<double>& lagrangian() const { return lagrangian_; }
+    ForcePoint<double> middle() const { return {lagrangian_.at, q_mid_.data(), v_.data(), u.data()}; }
+    const Placement<double>& start() const { return at1_; }
+    const double* end_gradients() const { return C2_.data(); }
 
     // Where solve() stood when it gave up, for the error message: residuals by row, dynamics then constraints.
     std::vector<double> residual, residual_scale;
 
     const Mechanism& mechanism() const { return *mechanism_; }
+    Split split() const { return settings_.split; }
 
 private:
     void evaluate(double dt);  // residuals and p2 at (q2, lam)
@@ -111,27 +94,18 @@ private:
     // Calls add(i, j, value) for all that potentials and forces add to the Newton matrix.
     template <class Add>
     void element_matrix(double dt, const Add& add);
-    ForcePoint<double> force_point() const { return {lagrangian_.at, q_mid_.data(), v_.data(), u.data()}; }
-    void differentiate_forces(double dt);
-    template <class Add11, class Add12, class Add22>
-    void potential_curvature(const Add11& add_11, const Add12& add_12, const Add22& add_22);
-    template <class Add11, class Add12, class Add22>
-    void force_curvature(double dt, const Add11& add_11, const Add12& add_12, const Add22& add_22);
     void constraint_gradients(const Placement<double>& at, const double* q, double* C);
     bool wants_refresh(const StepReport& report, double merit, double previous);
     // A trial that overflowed must not leave its mark on the tolerance of the next.
     void note_inertia(int i, double inertia) {
         if (std::isfinite(inertia)) root_inertia_[i] = std::sqrt(std::abs(inertia));
     }
-    double kappa_minus(double dt) const { return settings_.split == Split::left ? dt : 0.5 * dt; }
-    double kappa_plus(double dt) const { return settings_.split == Split::left ? 0.0 : 0.5 * dt; }
 
     std::shared_ptr<const Mechanism> mechanism_;
     MidpointSettings settings_;
-    int nd_, nq_, nu_, nk_, nc_, n_theta_, ld_, ld_parameters_ = 0;
+    int nd_, nq_, nc_;
 
     Lagrangian<double> lagrangian_;
-    Lagrangian<Dual<double>> dual_;
     NewtonMatrix newton_;
     // Where the pair derivatives of dynamic variables go in the Newton matrix: of a joint by itself, and of two.
     struct Entry {
@@ -142,9 +116,7 @@ private:
     std::vector<Entry> own_entries_, mirrored_entries_;
     std::unique_ptr<TreeNewton> tree_;  // null: not for this mechanism
     Placement<double> at1_, at2_;
-    Placement<Dual<double>> dual_at1_;
     LocalTaylor<double> local_;
-    LocalTaylor<Dual<double>> dual_local_;
     LocalForce<double> force_;
     std::vector<double> q_mid_, v_, f_;
     double potential_size_ = 0;     // of the largest slope of a potential
@@ -152,12 +124,6 @@ private:
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;
     std::vector<double> correction_, q2_kept_, lam_kept_, first_scale_;
-    NewtonMatrix::Matrix G_y_, W_yy_, W_yth_, W_thth_, YZ_, ZY_, strip_;  // second order, see curvature()
-    std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
-    std::unique_ptr<Placement<Dual<double>>> along_v_, along_mu_;  // for forces; null where there are none
-    std::vector<Dual<double>> q_along_v_, q_along_mu_;
-    std::vector<double> mu_force_;
-    std::vector<double> mu_;
     bool have_factors_ = false;
     bool in_tree_ = false;               // they are tree_'s
     bool factored_at_solution_ = false;  // dense factors and pair derivatives are those of the solution

@@ -1,0 +1,217 @@
+#include "discrete/curvature.hpp"
+
+#include <algorithm>
+
+namespace leastaction {
+
+namespace {
+
+constexpr int strip = 32;  // rows of the Hessian made at a time
+
+// Where an entry of th stands in the output.
+int position(const std::vector<SecondOrder::Run>& runs, int i) {
+    for (const auto& run : runs)
+        if (i < run.first + run.length) return run.position + i - run.first;
+    return -1;
+}
+
+}  // namespace
+
+SecondOrder::SecondOrder(const Mechanism& mechanism, Split split)
+    : mechanism_(mechanism),
+      split_(split),
+      nd_(mechanism.n_dynamic),
+      nq_(mechanism.n_variables()),
+      nu_(mechanism.n_inputs),
+      nc_(mechanism.n_constraints()),
+      n_theta_(nq_ + nd_ + mechanism.n_controls()),
+      at_rho2_(nq_ + nd_ + nu_),
+      dual_(mechanism),
+      at_middle_(mechanism),
+      at2_(mechanism),
+      dual_at1_(mechanism),
+      mu_(nd_ + nc_) {
+    for (auto* a : {&q1, &q2, &mu_force_, &q_mid_, &v_}) a->resize(nq_);
+    for (auto* a : {&w_q, &w_p}) a->resize(nd_);
+    for (auto* a : {&lam, &w_lam}) a->resize(nc_);
+    u.resize(nu_);
+    for (auto* a : {&dual_q_, &dual_v_, &dual_q1_, &q_along_v_, &q_along_mu_}) a->resize(nq_);
+    for (auto* a : {&YZ_, &ZY_}) a->resize(2 * (nd_ + nc_), n_theta_);
+    strip_.resize(strip, n_theta_);
+    if (mechanism_.forces.empty()) return;
+    along_v_ = std::make_unique<Placement<Dual<double>>>(mechanism_);
+    along_mu_ = std::make_unique<Placement<Dual<double>>>(mechanism_);
+}
+
+void SecondOrder::hessian(double dt, const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out) {
+    set_multipliers(first);
+    const int ny = nd_ + nc_;
+    W_yy_.setZero(ny, ny);
+    W_yth_.setZero(ny, n_theta_);
+    W_thth_.setZero(n_theta_, n_theta_);
+    add_lagrangian(dt);
+    add_potentials();
+    add_forces(dt);
+    add_constraints();
+    write(first, runs, out, ld_out);
+}
+
+void SecondOrder::set_multipliers(const FirstOrder& first) {
+    const int ld = first.ld, at_p = nq_, at_h = n_theta_;
+    std::fill(mu_.begin(), mu_.end(), 0.0);
+    const auto add_row = [&](double weight, const double* row) {
+        if (weight == 0.0) return;
+        for (int i = 0; i < nd_; ++i) mu_[i] += weight * row[at_p + i];
+        for (int c = 0; c < nc_; ++c) mu_[nd_ + c] += weight * row[at_h + c];
+    };
+    for (int i = 0; i < nd_; ++i) {
+        add_row(w_q[i], &first.Y[i * ld]);
+        add_row(w_p[i], &first.P2[i * ld]);
+    }
+    for (int c = 0; c < nc_; ++c) add_row(w_lam[c], &first.Y[(nd_ + c) * ld]);
+}
+
+void SecondOrder::add_lagrangian(double dt) {
+    for (int i = 0; i < nq_; ++i) {
+        const double mu = i < nd_ ? mu_[i] : 0.0, w = i < nd_ ? w_p[i] : 0.0;
+        dual_q_[i] = {0.5 * (q1[i] + q2[i]), 0.5 * dt * (mu + w)};
+        dual_v_[i] = {(q2[i] - q1[i]) / dt, w - mu};
+        dual_q1_[i] = {q1[i], mu};
+    }
+    dual_.gradient(dual_q_.data(), dual_v_.data());
+    dual_.hessian();
+    const PairDerivatives& d = dual_.pairs;
+    each_pair(mechanism_, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        const double qq = weight * (0.25 * d.qq[at]), vv = weight * (d.vv[at] / (dt * dt));
+        const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at]) / dt);
+        const double odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]) / dt);
+        add_11(i, j, qq - sum + vv);
+        add_22(i, j, qq + sum + vv);
+        add_12(i, j, qq - vv + odd);
+        if (mirrored) {
+            add_11(j, i, qq - sum + vv);
+            add_22(j, i, qq + sum + vv);
+            add_12(j, i, qq - vv - odd);
+        }
+    });
+}
+
+// Of the potentials -dt V in mu.F + w_p.G, along the dq of the Lagrangian: the same in all three places.
+void SecondOrder::add_potentials() {
+    const Mechanism& m = mechanism_;
+    if (m.potentials.empty()) return;
+    place(m.massless_joints_seen, dual_q_.data(), dual_.at);
+    for (const auto& potential : m.potentials) {
+        const auto& support = potential->support();
+        potential->evaluate(dual_.at, dual_q_.data(), Order::hessian, dual_local_);
+        for (std::size_t a = 0; a < support.size(); ++a)
+            for (std::size_t b = 0; b < support.size(); ++b) {
+                const double value = -0.25 * dual_local_.hessian[a * support.size() + b].d;
+                add_11(support[a], support[b], value);
+                add_12(support[a], support[b], value);
+                add_22(support[a], support[b], value);
+            }
+    }
+}
+
+// Of the forces: mu.fd- + w_p.fd+ = (kappa- mu + kappa+ w_p).f at the midpoint, with q = (q1 + q2)/2, v = (q2 - q1)/dt.
+void SecondOrder::add_forces(double dt) {
+    const Mechanism& m = mechanism_;
+    if (m.forces.empty()) return;
+    const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
+    const int at_u = nq_ + nd_;
+    for (int i = 0; i < nd_; ++i) mu_force_[i] = km * mu_[i] + kp * w_p[i];
+    for (int i = 0; i < nq_; ++i) {
+        q_mid_[i] = 0.5 * (q1[i] + q2[i]);
+        v_[i] = (q2[i] - q1[i]) / dt;
+        q_along_v_[i] = {q_mid_[i], v_[i]};
+        q_along_mu_[i] = {q_mid_[i], mu_force_[i]};
+    }
+    place(m.force_joints, q_mid_.data(), at_middle_);
+    place(m.force_joints, q_along_v_.data(), *along_v_);
+    place(m.force_joints, q_along_mu_.data(), *along_mu_);
+    const ForceDirections directions{*along_v_, *along_mu_, q_along_v_.data(), q_along_mu_.data(), mu_force_.data()};
+    for (const auto& force : m.forces) {
+        const auto &support = force->support(), &inputs = force->inputs();
+        const std::size_t n = support.size(), r = inputs.size(), size = 2 * n + r;
+        force->curvature({at_middle_, q_mid_.data(), v_.data(), u.data()}, directions, force_);
+        const auto second = [&](std::size_t a, std::size_t b) { return force_.second[a * size + b]; };
+        for (std::size_t a = 0; a < n; ++a) {
+            const int i = support[a];
+            for (std::size_t b = 0; b < n; ++b) {
+                const double qq = 0.25 * second(a, b), vv = second(n + a, n + b) / (dt * dt);
+                const double qv = 0.5 * second(a, n + b) / dt, vq = 0.5 * second(n + a, b) / dt;
+                add_11(i, support[b], qq - qv - vq + vv);
+                add_12(i, support[b], qq + qv - vq - vv);
+                add_22(i, support[b], qq + qv + vq + vv);
+            }
+            for (std::size_t b = 0; b < r; ++b) {
+                const double qu = 0.5 * second(a, 2 * n + b), vu = second(n + a, 2 * n + b) / dt;
+                const int input = at_u + inputs[b];
+                W_thth_(i, input) += qu - vu;
+                if (i < nd_)
+                    W_yth_(i, input) += qu + vu;
+                else
+                    W_thth_(input, at_u + nu_ + i - nd_) += qu + vu;
+            }
+        }
+        for (std::size_t a = 0; a < r; ++a)
+            for (std::size_t b = 0; b < r; ++b)
+                if (inputs[a] <= inputs[b]) W_thth_(at_u + inputs[a], at_u + inputs[b]) += second(2 * n + a, 2 * n + b);
+    }
+}
+
+void SecondOrder::add_constraints() {
+    place(mechanism_.constraint_joints, dual_q1_.data(), dual_at1_);
+    place(mechanism_.constraint_joints, q2.data(), at2_);
+    for (int c = 0; c < nc_; ++c) {
+        const auto& constraint = *mechanism_.constraints[c];
+        const auto& support = constraint.support();
+        const int m = static_cast<int>(support.size());
+        constraint.evaluate(dual_at1_, dual_q1_.data(), Order::hessian, dual_local_);
+        for (int a = 0; a < m; ++a) {
+            W_yth_(nd_ + c, support[a]) -= dual_local_.gradient[a].d;  // d(Dh mu)/dq1
+            for (int b = 0; b < m; ++b)
+                if (support[a] <= support[b])
+                    W_thth_(support[a], support[b]) -= lam[c] * dual_local_.hessian[a * m + b].d;
+        }
+        constraint.evaluate(at2_, q2.data(), Order::hessian, local_);
+        for (int a = 0; a < m; ++a)
+            for (int b = 0; b < m; ++b) add_22(support[a], support[b], mu_[nd_ + c] * local_.hessian[a * m + b]);
+    }
+}
+
+void SecondOrder::write(const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out) {
+    // As one product [Y; Z]'[Z; Y]: strips of rows, the upper triangle
+    // only, each written out together with its mirror image while it is in the cache.
+    const int ny = nd_ + nc_;
+    const Eigen::Map<const NewtonMatrix::Matrix> y_rows(first.Y.data(), ny, first.ld);
+    YZ_.topRows(ny) = y_rows.leftCols(n_theta_);
+    auto z = YZ_.bottomRows(ny);
+    z = W_yth_;
+    z.noalias() += (0.5 * W_yy_) * YZ_.topRows(ny);
+    ZY_.topRows(ny) = z;
+    ZY_.bottomRows(ny) = YZ_.topRows(ny);
+    for (int from = 0; from < n_theta_; from += strip) {
+        const int rows = std::min(strip, n_theta_ - from), rest = n_theta_ - from;
+        auto block = strip_.topLeftCorner(rows, rest);
+        block = W_thth_.block(from, from, rows, rest);
+        block.noalias() += YZ_.middleCols(from, rows).transpose() * ZY_.rightCols(rest);
+        for (int i = 0; i < rows; ++i)
+            for (int j = 0; j < i; ++j) block(i, j) = block(j, i);
+        int at[strip];
+        for (int i = 0; i < rows; ++i) at[i] = position(runs, from + i);
+        for (const Run& to : runs) {
+            const int begin = std::max(to.first, from) - from, end = to.first + to.length - from;
+            for (int i = 0; i < rows && begin < end; ++i)
+                std::copy(&block(i, 0) + begin, &block(i, 0) + end,
+                          out + static_cast<std::size_t>(at[i]) * ld_out + to.position + from + begin - to.first);
+        }
+        for (int j = rows; j < rest; ++j) {
+            double* row = out + static_cast<std::size_t>(position(runs, from + j)) * ld_out;
+            for (int i = 0; i < rows; ++i) row[at[i]] = block(i, j);
+        }
+    }
+}
+
+}  // namespace leastaction

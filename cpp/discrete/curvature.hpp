@@ -1,0 +1,75 @@
+// Second derivatives of a midpoint step, contracted with weights w on what it leads to: the Hessian of
+// w_q.q2 + w_p.p2 + w_lam.lam by th = [q1 | p1 | u | rho2], exact.
+//
+// With the multipliers mu of the step's equations F(y, th) = 0, mu = -F_y^-T (w_y + G_y' w_p), which are the derivatives
+// of the weighted sum by p1 and by a shift of h, it is [Y; I]' W [Y; I], W the Hessian of mu.F + w_p.G by (y, th).
+// The Lagrangian's part of mu.F + w_p.G is the derivative of L along one direction, dq = dt/2 (mu + w_p), dv = w_p - mu,
+// so W comes from one dual sweep; of the constraints, -mu.Dh(q1)'lam is a derivative of h along mu.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "discrete/differentiate.hpp"
+
+namespace leastaction {
+
+class SecondOrder {
+public:
+    SecondOrder(const Mechanism& mechanism, Split split);
+
+    // Where the step is, and the weights; in internal order.
+    std::vector<double> q1, u, q2, lam, w_q, w_p, w_lam;
+
+    // Entries first .. first + length of th stand at `position` of the output; runs are ascending and cover all of th.
+    struct Run {
+        int first, length, position;
+    };
+    // Into `out`, rows of ld_out. Of the first order Y and the columns of p1 and of shifts of P2 are needed.
+    void hessian(double dt, const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out);
+
+private:
+    void set_multipliers(const FirstOrder& first);
+    void add_lagrangian(double dt);
+    void add_potentials();
+    void add_forces(double dt);
+    void add_constraints();
+    // Second derivatives by (q1, q2), each put where the variable lives: q2 is y (dynamic) or rho2 (kinematic). Of what is
+    // symmetric add_11 and add_22 are called for both (i, j) and (j, i), and the upper triangle of W_thth is kept.
+    void add_11(int i, int j, double value) {
+        if (i <= j) W_thth_(i, j) += value;
+    }
+    void add_12(int i1, int j2, double value) {
+        if (j2 < nd_)
+            W_yth_(j2, i1) += value;
+        else
+            W_thth_(i1, at_rho2_ + j2 - nd_) += value;
+    }
+    void add_22(int i, int j, double value) {
+        if (i < nd_ && j < nd_)
+            W_yy_(i, j) += value;
+        else if (i < nd_)
+            W_yth_(i, at_rho2_ + j - nd_) += value;
+        else if (j >= nd_ && i <= j)
+            W_thth_(at_rho2_ + i - nd_, at_rho2_ + j - nd_) += value;
+    }
+    // H = W_thth + Y'Z + Z'Y with Z = W_yy Y / 2 + W_yth.
+    void write(const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out);
+
+    const Mechanism& mechanism_;
+    Split split_;
+    int nd_, nq_, nu_, nc_, n_theta_, at_rho2_;
+    Lagrangian<Dual<double>> dual_;
+    Placement<double> at_middle_, at2_;
+    Placement<Dual<double>> dual_at1_;
+    LocalTaylor<double> local_;
+    LocalTaylor<Dual<double>> dual_local_;
+    LocalForce<double> force_;
+    NewtonMatrix::Matrix W_yy_, W_yth_, W_thth_, YZ_, ZY_, strip_;
+    std::vector<double> mu_, mu_force_, q_mid_, v_;
+    std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
+    std::unique_ptr<Placement<Dual<double>>> along_v_, along_mu_;  // for forces; null where there are none
+    std::vector<Dual<double>> q_along_v_, q_along_mu_;
+};
+
+}  // namespace leastaction

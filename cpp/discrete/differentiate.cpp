@@ -1,0 +1,99 @@
+#include "discrete/differentiate.hpp"
+
+#include <algorithm>
+
+namespace leastaction {
+
+FirstOrder::FirstOrder(const Mechanism& m)
+    : n_theta(m.n_variables() + m.n_dynamic + m.n_controls()),
+      ld((n_theta + m.n_constraints() + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes),
+      Y(static_cast<std::size_t>(m.n_dynamic + m.n_constraints()) * ld),
+      P2(static_cast<std::size_t>(m.n_dynamic) * ld) {}
+
+bool FirstOrder::differentiate(MidpointStep& step, double dt) {
+    if (!step.factor_at_solution(dt)) return false;
+    const Mechanism& mechanism = step.mechanism();
+    const int nd = mechanism.n_dynamic, nk = mechanism.n_kinematic, nq = nd + nk, nc = mechanism.n_constraints();
+    const int at_p = nq, at_u = nq + nd, at_rho2 = at_u + mechanism.n_inputs, at_h = n_theta;
+    const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
+    const ForcePoint<double> middle = step.middle();
+
+    // The right-hand side -F_th, solved in place for Y, and the direct part of dp2/dth; G_y = dp2/dq2.
+    std::fill(Y.begin(), Y.end(), 0.0);
+    std::fill(P2.begin(), P2.end(), 0.0);
+    G_y.setZero(nd, nd);
+    // Second derivatives of Ld for rows i, dynamic: by q1_i q1_j, q1_i q2_j, q2_i q1_j and q2_i q2_j.
+    const auto add = [&](int i, int j, double d11, double d12, double d21, double d22) {
+        Y[i * ld + j] -= d11;
+        P2[i * ld + j] += d21;
+        if (j < nd) {
+            G_y(i, j) += d22;
+        } else {
+            Y[i * ld + at_rho2 + j - nd] -= d12;
+            P2[i * ld + at_rho2 + j - nd] += d22;
+        }
+    };
+    const PairDerivatives& d = step.lagrangian().pairs;
+    each_pair(mechanism, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
+        const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
+        if (i < nd) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
+        if (j < nd && mirrored) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
+    });
+    for (int i = 0; i < nd; ++i) Y[i * ld + at_p + i] = -1.0;
+    const auto add_force = [&](int i, int j, double f_q, double f_v) {
+        f_q *= 0.5;
+        f_v /= dt;
+        add(i, j, km * (f_q - f_v), km * (f_q + f_v), kp * (f_q - f_v), kp * (f_q + f_v));
+    };
+    const auto add_input = [&](int i, int input, double f_u) {
+        Y[i * ld + at_u + input] -= km * f_u;
+        P2[i * ld + at_u + input] += kp * f_u;
+    };
+    for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
+    for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
+    for (const auto& potential : mechanism.potentials) {
+        const auto& support = potential->support();
+        potential->evaluate(middle.at, middle.q, Order::hessian, local_);
+        for (std::size_t a = 0; a < support.size(); ++a)
+            for (std::size_t b = 0; b < support.size() && support[a] < nd; ++b) {
+                const double qq = -0.25 * dt * local_.hessian[a * support.size() + b];
+                add(support[a], support[b], qq, qq, qq, qq);
+            }
+    }
+    for (const auto& force : mechanism.forces) {
+        const auto &support = force->support(), &inputs = force->inputs();
+        force->evaluate(middle, Order::gradient, force_);
+        for (std::size_t a = 0; a < support.size(); ++a) {
+            if (support[a] >= nd) continue;
+            for (std::size_t b = 0; b < support.size(); ++b)
+                add_force(support[a], support[b], force_.f_q[a * support.size() + b],
+                          force_.f_v[a * support.size() + b]);
+            for (std::size_t b = 0; b < inputs.size(); ++b)
+                add_input(support[a], inputs[b], force_.f_u[a * inputs.size() + b]);
+        }
+    }
+    for (int c = 0; c < nc; ++c) {
+        const auto& constraint = *mechanism.constraints[c];
+        const auto& support = constraint.support();
+        const std::size_t m = support.size();
+        constraint.evaluate(step.start(), step.q1.data(), Order::hessian, local_);
+        for (std::size_t a = 0; a < m; ++a) {
+            if (support[a] >= nd) continue;
+            double* y = &Y[support[a] * ld];
+            for (std::size_t b = 0; b < m; ++b) y[support[b]] += step.lam[c] * local_.hessian[a * m + b];
+        }
+        double* y = &Y[(nd + c) * ld];
+        for (int k = 0; k < nk; ++k) y[at_rho2 + k] = -step.end_gradients()[c * nq + nd + k];
+        y[at_h + c] = -1.0;  // a shift of h: F2 = h + s
+    }
+    step.newton().solve(Y.data(), Y.data() + nd * ld, n_theta + nc, ld);
+
+    // p2 depends on th through q2 as well.
+    using Rows = Eigen::Map<NewtonMatrix::Matrix>;
+    Rows p2_rows(P2.data(), nd, ld), q2_rows(Y.data(), nd, ld);
+    p2_rows.noalias() += G_y * q2_rows;
+    return true;
+}
+
+}  // namespace leastaction

@@ -1,0 +1,63 @@
+#include "discrete/parameters.hpp"
+
+namespace leastaction {
+
+ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, double dt,
+                                 const std::vector<Parameter>& parameters) {
+    const Mechanism& m = step.mechanism();
+    const int nd = m.n_dynamic, nq = m.n_variables(), nc = m.n_constraints(), ny = nd + nc;
+    const int count = static_cast<int>(parameters.size());
+    const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
+    const int ld = (count + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes;
+    ParameterSlopes out{ld, std::vector<double>(static_cast<std::size_t>(ny) * ld),
+                        std::vector<double>(static_cast<std::size_t>(nd) * ld)};
+    const ForcePoint<double> at = step.middle();
+    Placement<Dual<double>> start(m), end(m), middle(m);
+    const auto still = [](const double* q, int n) { return std::vector<Dual<double>>(q, q + n); };
+    const auto Q1 = still(step.q1.data(), nq), Q2 = still(step.q2.data(), nq), Q = still(at.q, nq), V = still(at.v, nq);
+    const auto U = still(at.u, m.n_inputs);
+    place(m.constraint_joints, Q1.data(), start);
+    place(m.constraint_joints, Q2.data(), end);
+    place(m.element_joints, Q.data(), middle);
+    LocalTaylor<Dual<double>> local;
+    LocalForce<Dual<double>> force_taylor;
+    std::vector<double> L_q(nq), L_v(nq), f(nq);
+    for (int k = 0; k < count; ++k) {
+        const Parameter& parameter = parameters[k];
+        for (auto* a : {&L_q, &L_v, &f}) std::fill(a->begin(), a->end(), 0.0);
+        const auto y = [&](int row) -> double& { return out.Y[row * ld + k]; };
+        for (const auto& [joint, inertia] : parameter.inertias)
+            step.lagrangian().add_inertia_slope(joint, inertia, L_q, L_v);
+        if (!parameter.numbers.empty()) {
+            start.number_slopes = end.number_slopes = middle.number_slopes = parameter.numbers.data();
+            for (const auto& [i, slot] : m.damping) f[i] -= parameter.numbers[slot] * at.v[i];
+            for (const auto& potential : m.potentials) {
+                potential->evaluate(middle, Q.data(), Order::gradient, local);
+                for (std::size_t i = 0; i < potential->support().size(); ++i)
+                    L_q[potential->support()[i]] -= local.gradient[i].d;
+            }
+            for (const auto& force : m.forces) {
+                force->evaluate({middle, Q.data(), V.data(), U.data()}, force_taylor);
+                for (std::size_t i = 0; i < force->support().size(); ++i) f[force->support()[i]] += force_taylor.f[i].d;
+            }
+            for (int c = 0; c < nc; ++c) {
+                const auto& constraint = *m.constraints[c];
+                constraint.evaluate(start, Q1.data(), Order::gradient, local);
+                for (std::size_t i = 0; i < constraint.support().size(); ++i)
+                    if (constraint.support()[i] < nd) y(constraint.support()[i]) += step.lam[c] * local.gradient[i].d;
+                constraint.evaluate(end, Q2.data(), Order::value, local);
+                y(nd + c) = -local.value.d;
+            }
+        }
+        for (int i = 0; i < nd; ++i) {
+            y(i) -= 0.5 * dt * L_q[i] - L_v[i] + km * f[i];
+            out.P2[i * ld + k] = 0.5 * dt * L_q[i] + L_v[i] + kp * f[i];
+        }
+    }
+    step.newton().solve(out.Y.data(), out.Y.data() + nd * ld, count, ld);
+    Eigen::Map<NewtonMatrix::Matrix> p2(out.P2.data(), nd, ld);
+    p2.noalias() += first.G_y * Eigen::Map<NewtonMatrix::Matrix>(out.Y.data(), nd, ld);
+    return out;
+}
+
+}  // namespace leastaction

@@ -1,0 +1,32 @@
+// First derivatives of a midpoint step by the mechanism's numbers, exact: by a number th
+//
+//   F1_th = dt/2 L_qth - L_vth + kappa- f_th - (Dh(q1)'lam)_th,   F2_th = h_th(q2),   G_th = dt/2 L_qth + L_vth + kappa+ f_th,
+//
+// solved for the unknowns like the columns of the other first derivatives. Numbers of elements are differentiated by
+// dual evaluations, inertias by the linearity of L in them.
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "discrete/differentiate.hpp"
+
+namespace leastaction {
+
+// A direction in the space of the mechanism's numbers: of the numbers of elements by slot (or none at all), and of spatial
+// inertias by joint, in the joint's frame.
+struct Parameter {
+    std::vector<double> numbers;
+    std::vector<std::pair<int, Inertia<double>>> inertias;
+};
+
+struct ParameterSlopes {
+    int ld;                     // of the rows: the parameters, padded
+    std::vector<double> Y, P2;  // of (q2; lam) and p2, rows of ld
+};
+
+// Of a step that was differentiated; allocates.
+ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, double dt,
+                                 const std::vector<Parameter>& parameters);
+
+}  // namespace leastaction
