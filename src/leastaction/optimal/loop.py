@@ -46,8 +46,9 @@ _LEAST_SHIFT, _LARGEST_SHIFT, _MORE_SHIFT = 1e-3, 1e9, 10.0
 _LESS_CURVATURE = 0.35
 _LEAST_CURVATURE = 1.0 / 128.0
 
-# A quadratic tail is foretold from steps whose model was right to this part of the decrease.
-_FORETOLD = 0.01
+# A quadratic tail is foretold to be over where this part of what is small enough is left, from a step whose model was
+# right to the second part of the decrease.
+_FORETOLD, _RIGHT = 0.01, 0.05
 
 
 class Clock:
@@ -394,7 +395,7 @@ class Loop(Generic[M, D, I]):
         """
         before = self.schedule
         following = expected**3 / before.expected**2 if before.full else np.inf
-        if abs(agreement - 1.0) < _FORETOLD and following <= _FORETOLD * self._goal():
+        if abs(agreement - 1.0) < _RIGHT and following <= _FORETOLD * self._goal():
             return _Outcome(Status.CONVERGED, expected=following)
         return None
 
