@@ -148,7 +148,7 @@ def _ipopt(
         "ipopt": {
             "print_level": 0,
             "sb": "yes",
-            "max_iter": 3000,
+            "max_iter": 500,
             "tol": 1e-8,
             "acceptable_iter": 0,
         },

@@ -105,7 +105,8 @@ def optimize(
         What is minimised, such as a `QuadraticCost` or a `ContinuousQuadraticCost`.
     initial : (x, u) or DenseTrajectory
         Where to start. Of a discrete system x (N+1, nx) and u (N, nu): if x is not a trajectory of the
-        system, the projection of (x, u) is taken; x (nx,) is an initial state alone, to which u is applied.
+        system, the projection of (x, u) is taken, by the gains of several regulators if the first leads far away;
+        x (nx,) is an initial state alone, to which u is applied.
         Of a continuous system a curve, whose projection is taken; or x and u, of shapes (nx,) and (nu,), as
         constants, functions of one time or `PiecewisePolynomial`, where a constant x is an initial state.
     horizon : (t0, tf), optional
@@ -117,7 +118,10 @@ def optimize(
         The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it
         foretells the cost well, and goes to Newton otherwise. A Newton model without a minimum is
         damped; a method whose direction cannot be followed is replaced, for that iteration, by the
-        next simpler one. The history and the table show which was used.
+        next simpler one, and where none can, all of them are shortened by added weights. The history and
+        the table show what was used. Whatever the method, convergence is judged by the exact second
+        derivative of a discrete system that has one: at a saddle, "auto" and "newton" go on along negative
+        curvature, the others end with `Status.SADDLE`.
     regulator : {"descent", "lqr"}
         Gains of the projection: those of the descent direction's own linear-quadratic problem, which
         cost nothing more, or an LQR with identities as weights (dissertation 6.3.1).
