@@ -176,7 +176,7 @@ def load_record(path: str | os.PathLike[str], kind: type[T]) -> Record[T]:
         raise
     except (msgspec.MsgspecError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise ResultFileError(
-            f"{source} is damaged: {error}. Copy it again, or run the optimisation again"
+            f"{source} is damaged or of another version: {error}. Copy it again, or run the optimisation again"
         ) from error
     return Record(content, Provenance(text.created, text.versions))
 
