@@ -68,7 +68,7 @@ class NoHorizon(Unfinished):
 @pytest.mark.parametrize(
     ("system", "cost", "options", "message"),
     [
-        (MidpointVI(pendulum_chain(1)), SUM, {}, r"got MidpointVI, expected a DiscreteSystem or.*MidpointSystem\(integ"),
+        (MidpointVI(pendulum_chain(1)), SUM, {}, r"got MidpointVI, expected a DiscreteSystem or.*MidpointSystem\("),
         (Unfinished(), SUM, {}, r"system: Unfinished.nx is not set.*self.nx"),
         (NoInputs(), SUM, {}, r"system: NoInputs.nu is not set"),
         (NoHorizon(), SUM, {}, r"system: NoHorizon.N is not set"),

@@ -129,7 +129,7 @@ def solve_linear_quadratic(
         Dynamics.
     Q, R : array_like, optional
         Symmetric weights of state and input: a diagonal ``(n,)``, a matrix ``(n, n)``, a diagonal per
-        stage ``(N, n)`` or ``(N, n, 1)`` or a matrix per stage ``(N, n, n)``.
+        stage ``(N, n, 1)`` or a matrix per stage ``(N, n, n)``.
     S : array_like (nx, nu) or (N, nx, nu), optional
         Cross weight.
     H : array_like (N, nx+nu, nx+nu), optional
@@ -351,9 +351,9 @@ def _weight(
         return None, False
     shapes = [(n,), (n, n)]
     if per_stage:
-        shapes += [(N, n), (N, n, 1), (N, n, n)]
+        shapes += [(N, n, 1), (N, n, n)]
     weight = as_array(value, name, *shapes)
-    if per_stage and weight.size == N * n and weight.shape != (n, n):
+    if weight.ndim == 3 and weight.shape[2] == 1:
         return weight.reshape(N, n), True
     return weight, weight.ndim == 1
 
