@@ -147,7 +147,7 @@ def _runge_kutta(problem: Problem, steps: int) -> tuple[float, Motion]:
     def rate(x: Array) -> Array:
         result = np.zeros(2 * nq)
         result[:nq] = x[nq:]
-        result[nq : nq + nd] = core.accelerations(x[None, :nq], x[None, nq:], u, none, 1)["a"][0]
+        result[nq : nq + nd] = core.accelerations(x[None, :nq], x[None, nq:], u, none, 1).a[0]
         return result
 
     x = np.concatenate([problem.q0, problem.v0])

@@ -32,8 +32,8 @@ def _marionette(case: Case, settings: Settings) -> list[Row]:
     rng = np.random.default_rng(0)
     weights = [rng.normal(size=(_POINTS, n)) for n in (m.nd, m.nc)]
     core, budget = dynamics.core, settings.budget
-    slopes = {"slopes": core.linearize(*points, 1)["slopes"]}
-    H = {"H": core.curvatures(*points, *weights, 1)["H"]}
+    slopes = core.linearize(*points, 1).derivatives
+    H = core.curvatures(*points, *weights, 1).derivatives
     one = [part[:1].copy() for part in points]
     accelerations = best_of(lambda: core.accelerations(*points, 1), budget=budget)
     first = best_of(lambda: core.linearize(*points, 1, slopes), budget=budget)

@@ -30,16 +30,13 @@ inline Out new_array(std::initializer_list<std::size_t> shape) {
     return Out(data, shape.size(), shape.begin(), owner);
 }
 
-// The array of that name in `reuse` where it has the right shape (its contents are overwritten), else a new one: large
-// results that are made again and again need not be mapped into memory each time.
-inline Out reused(const std::optional<nb::dict>& reuse, const char* name, std::initializer_list<std::size_t> shape,
-                  bool* found = nullptr) {
-    Out given;
-    if (reuse && reuse->contains(name) && nb::try_cast<Out>((*reuse)[name], given) && given.ndim() == shape.size() &&
-        std::equal(shape.begin(), shape.end(), given.shape_ptr(),
+// The given array where it has the right shape (its contents are overwritten), else a new one: large results that are
+// made again and again need not be mapped into memory each time.
+inline Out reused(const std::optional<Out>& given, std::initializer_list<std::size_t> shape) {
+    if (given && given->ndim() == shape.size() &&
+        std::equal(shape.begin(), shape.end(), given->shape_ptr(),
                    [](std::size_t a, std::int64_t b) { return a == static_cast<std::size_t>(b); }))
-        return given;
-    if (found) *found = false;
+        return *given;
     return new_array(shape);
 }
 

@@ -10,6 +10,7 @@
 #include "bindings/arrays.hpp"
 #include "continuous/dynamics.hpp"
 #include "numerics/parallel.hpp"
+#include "numerics/pool.hpp"
 
 using namespace nanobind::literals;
 
@@ -22,12 +23,24 @@ struct Points {
     In<2> q, v, u, rho_a;
 };
 
+// Accelerations and multipliers of points (N rows), and what else was asked for, filled as far as no point failed.
+struct AccelerationResult {
+    Out a, lam;
+    std::optional<Out> derivatives;
+    std::size_t solved = 0;  // points before the first that failed
+    MotionStatus status = MotionStatus::solved;
+    std::optional<int> variable;  // of a singular mass matrix: the one whose inertia is lost, in the user's order
+    bool rank_deficient = false;
+};
+
+using Result = AccelerationResult;
+
 class ContinuousMotion {
 public:
     ContinuousMotion(std::shared_ptr<Mechanism> mechanism, double damping, double stiffness)
         : mechanism_(std::move(mechanism)), damping_(damping), stiffness_(stiffness) {}
 
-    nb::dict accelerations(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, int threads) {
+    Result accelerations(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, int threads) {
         const Points points{q, v, u, rho_a};
         const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
         Out a = new_array({N, nd}), lam = new_array({N, nc});
@@ -46,7 +59,7 @@ public:
         double* to = out.data();
         nb::gil_scoped_release release;
         parallel_ranges(static_cast<int>(N), threads, [&](int begin, int end) {
-            Loan loan(*this);
+            const auto loan = lend();
             std::vector<double> needed(nq);
             for (std::size_t k = begin; k < static_cast<std::size_t>(end); ++k) {
                 load(*loan, points, k);
@@ -59,35 +72,35 @@ public:
         return out;
     }
 
-    nb::dict linearize(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, int threads,
-                       const std::optional<nb::dict>& reuse) {
+    Result linearize(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, int threads,
+                     const std::optional<Out>& reuse) {
         const Points points{q, v, u, rho_a};
         const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
         const std::size_t n = n_theta();
         Out a = new_array({N, nd}), lam = new_array({N, nc});
-        Out slopes = reused(reuse, "slopes", {N, nd + nc, n});
+        Out slopes = reused(reuse, {N, nd + nc, n});
         double* to = slopes.data();
         const std::vector<int> column = columns();
-        nb::dict out = each_point(points, threads, a, lam, [&](Continuous& at, std::size_t k) {
+        Result out = each_point(points, threads, a, lam, [&](Continuous& at, std::size_t k) {
             const MotionReport report = at.differentiate();
             if (report.status == MotionStatus::solved) write_slopes(at, column, to + k * (nd + nc) * n);
             return report;
         });
-        out["slopes"] = slopes;
+        out.derivatives = slopes;
         return out;
     }
 
-    nb::dict curvatures(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, const In<2>& z_a,
-                        const In<2>& z_lam, int threads, const std::optional<nb::dict>& reuse) {
+    Result curvatures(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, const In<2>& z_a,
+                      const In<2>& z_lam, int threads, const std::optional<Out>& reuse) {
         const Points points{q, v, u, rho_a};
         const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
         const std::size_t n = n_theta();
         expect(z_a.size(), N * nd, "z_a");
         expect(z_lam.size(), N * nc, "z_lam");
-        Out a = new_array({N, nd}), lam = new_array({N, nc}), H = reused(reuse, "H", {N, n, n});
+        Out a = new_array({N, nd}), lam = new_array({N, nc}), H = reused(reuse, {N, n, n});
         double* to = H.data();
         const std::vector<int> column = columns();
-        nb::dict out = each_point(points, threads, a, lam, [&](Continuous& at, std::size_t k) {
+        Result out = each_point(points, threads, a, lam, [&](Continuous& at, std::size_t k) {
             const MotionReport report = at.differentiate();
             if (report.status != MotionStatus::solved) return report;
             std::vector<double> weights(nd);
@@ -96,19 +109,19 @@ public:
             write_hessian(at, column, to + k * n * n);
             return report;
         });
-        out["H"] = H;
+        out.derivatives = H;
         return out;
     }
 
     // Of one point: the Hessians of every acceleration, then of every multiplier.
-    nb::dict tensors(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a) {
+    Result tensors(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a) {
         const Points points{q, v, u, rho_a};
         expect(check(points), 1, "points");
         const std::size_t nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints(), n = n_theta();
         Out a = new_array({1, nd}), lam = new_array({1, nc}), all = new_array({nd + nc, n, n});
         double* to = all.data();
         const std::vector<int> column = columns();
-        nb::dict out = each_point(points, 1, a, lam, [&](Continuous& at, std::size_t) {
+        Result out = each_point(points, 1, a, lam, [&](Continuous& at, std::size_t) {
             const MotionReport report = at.differentiate();
             if (report.status != MotionStatus::solved) return report;
             std::vector<double> unit(nd + nc, 0.0);
@@ -121,37 +134,15 @@ public:
             }
             return report;
         });
-        out["tensors"] = all;
+        out.derivatives = all;
         return out;
     }
 
 private:
-    // Work space for one thread: taken from those at rest, or made; given back.
-    class Loan {
-    public:
-        explicit Loan(ContinuousMotion& from) : from_(from) {
-            {
-                const std::lock_guard lock(from.idle_lock_);
-                if (!from.idle_.empty()) {
-                    point_ = std::move(from.idle_.back());
-                    from.idle_.pop_back();
-                }
-            }
-            if (!point_) point_ = std::make_unique<Continuous>(from.mechanism_, from.damping_, from.stiffness_);
-        }
-        ~Loan() {
-            const std::lock_guard lock(from_.idle_lock_);
-            from_.idle_.push_back(std::move(point_));
-        }
-        Loan(const Loan&) = delete;
-        Loan& operator=(const Loan&) = delete;
-        Continuous& operator*() const { return *point_; }
-        Continuous* operator->() const { return point_.get(); }
-
-    private:
-        ContinuousMotion& from_;
-        std::unique_ptr<Continuous> point_;
-    };
+    // Work space for one thread.
+    Pool<Continuous>::Loan lend() {
+        return pool_.lend([this] { return std::make_unique<Continuous>(mechanism_, damping_, stiffness_); });
+    }
 
     std::size_t n_theta() const {
         return 2 * mechanism_->n_variables() + mechanism_->n_inputs + mechanism_->n_kinematic;
@@ -185,7 +176,7 @@ private:
 
     // Runs a function at every point; a and lam are filled as far as no point failed.
     template <class Function>
-    nb::dict each_point(const Points& points, int threads, const Out& a, const Out& lam, const Function& function) {
+    Result each_point(const Points& points, int threads, const Out& a, const Out& lam, const Function& function) {
         const Mechanism& m = *mechanism_;
         const std::size_t N = points.q.shape(0), nd = m.n_dynamic, nk = m.n_kinematic, nc = m.n_constraints();
         double *to_a = a.data(), *to_lam = lam.data();
@@ -196,7 +187,7 @@ private:
         {
             nb::gil_scoped_release release;
             parallel_ranges(static_cast<int>(N), threads, [&](int begin, int end) {
-                Loan loan(*this);
+                const auto loan = lend();
                 for (std::size_t k = begin; k < static_cast<std::size_t>(end); ++k) {
                     load(*loan, points, k);
                     std::copy_n(points.rho_a.data() + k * nk, nk, loan->a.begin() + nd);
@@ -215,13 +206,8 @@ private:
                 }
             });
         }
-        nb::dict out;
-        out["a"] = a;
-        out["lam"] = lam;
-        out["points"] = failed;
-        out["status"] = static_cast<int>(failure.status);
-        out["variable"] = failure.variable < 0 ? -1 : m.external[failure.variable];
-        out["rank_deficient"] = redundant.load();
+        Result out{a, lam, {}, failed, failure.status, {}, redundant.load()};
+        if (failure.variable >= 0) out.variable = m.external[failure.variable];
         return out;
     }
 
@@ -254,13 +240,26 @@ private:
 
     std::shared_ptr<Mechanism> mechanism_;
     double damping_, stiffness_;
-    std::mutex idle_lock_;
-    std::vector<std::unique_ptr<Continuous>> idle_;
+    Pool<Continuous> pool_;
 };
 
 }  // namespace
 
 void bind_continuous(nb::module_& module) {
+    nb::enum_<MotionStatus>(module, "MotionStatus", "How the equations of motion at a point were solved.")
+        .value("solved", MotionStatus::solved)
+        .value("not_finite", MotionStatus::not_finite)
+        .value("singular", MotionStatus::singular);
+    nb::class_<Result> result(module, "Accelerations", "The equations of motion solved at many points.");
+    array_field(result, "a", &Result::a, "Dynamic accelerations (N, nd).");
+    array_field(result, "lam", &Result::lam, "Multipliers (N, nc).");
+    result.def_prop_ro(
+        "derivatives", [](const Result& r) { return r.derivatives ? *r.derivatives : new_array({0, 0, 0}); },
+        nb::rv_policy::automatic, "First derivatives or Hessians; empty if none were asked for.");
+    result.def_ro("solved", &Result::solved, "How many points there are before the first that failed.");
+    result.def_ro("status", &Result::status, "Of the point that failed.");
+    result.def_ro("variable", &Result::variable, "The one whose inertia is lost, where the mass matrix is singular.");
+    result.def_ro("rank_deficient", &Result::rank_deficient, "Whether constraints were redundant somewhere.");
     nb::class_<ContinuousMotion>(module, "Continuous", "Equations of motion of one mechanism in continuous time.")
         .def(nb::init<std::shared_ptr<Mechanism>, double, double>(), "mechanism"_a, "damping"_a = 0.0,
              "stiffness"_a = 0.0)
@@ -269,13 +268,13 @@ void bind_continuous(nb::module_& module) {
         .def("inverse_dynamics", &ContinuousMotion::inverse_dynamics, "q"_a, "v"_a, "a"_a, "u"_a, "lam"_a,
              "threads"_a = 0, "Generalized forces (N, nq) that motions need besides those of the elements under u.")
         .def("linearize", &ContinuousMotion::linearize, "q"_a, "v"_a, "u"_a, "rho_a"_a, "threads"_a = 0,
-             "reuse"_a.none() = nb::none(),
-             "accelerations(), and `slopes`: their derivatives, then those of the multipliers, by [q; v; u; rho_a].")
+             "out"_a.none() = nb::none(),
+             "accelerations(), and the derivatives of accelerations and multipliers by [q; v; u; rho_a].")
         .def("curvatures", &ContinuousMotion::curvatures, "q"_a, "v"_a, "u"_a, "rho_a"_a, "z_a"_a, "z_lam"_a,
-             "threads"_a = 0, "reuse"_a.none() = nb::none(),
-             "accelerations(), and `H`: the Hessians of z_a.a + z_lam.lam by [q; v; u; rho_a].")
+             "threads"_a = 0, "out"_a.none() = nb::none(),
+             "accelerations(), and the Hessians of z_a.a + z_lam.lam by [q; v; u; rho_a].")
         .def("tensors", &ContinuousMotion::tensors, "q"_a, "v"_a, "u"_a, "rho_a"_a,
-             "accelerations(), and `tensors`: the Hessians of every acceleration and multiplier of one point.");
+             "accelerations(), and the Hessians of every acceleration and multiplier of one point.");
 }
 
 }  // namespace leastaction

@@ -45,11 +45,11 @@ class MechanismSystem(ContinuousSystem):
         nq, nd = m.nq, m.nd
         points = self._split(x[None, :], u[None, :])
         out = self.dynamics.core.accelerations(*points, 1)
-        if out["points"] != 1:
+        if out.solved != 1:
             self._explain(points, t)
         rate = np.empty(2 * nq)
         rate[:nq] = x[nq:]
-        rate[nq : nq + nd] = out["a"][0]
+        rate[nq : nq + nd] = out.a[0]
         rate[nq + nd :] = u[m.nu :]
         return rate
 

@@ -112,9 +112,7 @@ class ContinuousDynamics:
         """
         points = self._points(q, v, u, rho_a)
         out = self._solved(self.core.accelerations(*points.arrays, self.threads), points, t)
-        return Accelerations(
-            points.shaped(out["a"]), points.shaped(out["lam"]), bool(out["rank_deficient"])
-        )
+        return Accelerations(points.shaped(out.a), points.shaped(out.lam), out.rank_deficient)
 
     def inverse_dynamics(
         self,
@@ -169,9 +167,9 @@ class ContinuousDynamics:
         points = self._points(q, v, u, rho_a)
         out = self._solved(self.core.linearize(*points.arrays, self.threads), points, t)
         return AccelerationDerivatives(
-            points.shaped(out["a"]),
-            points.shaped(out["lam"]),
-            points.shaped(out["slopes"]),
+            points.shaped(out.a),
+            points.shaped(out.lam),
+            points.shaped(out.derivatives),
             (m.nd, m.nq, m.nu),
         )
 
@@ -216,7 +214,7 @@ class ContinuousDynamics:
             points.rows(z_lam, "z_lam", m.constraints),
         )
         out = self.core.curvatures(*points.arrays, *weights, self.threads)
-        return points.shaped(self._solved(out, points, t)["H"])
+        return points.shaped(self._solved(out, points, t).derivatives)
 
     def tensors(
         self,
@@ -234,7 +232,7 @@ class ContinuousDynamics:
                 f"tensors: got {len(points.arrays[0])} points, expected one: q and v of shape "
                 f"({self.mechanism.nq},)"
             )
-        out = self._solved(self.core.tensors(*points.arrays), points, t)["tensors"]
+        out = self._solved(self.core.tensors(*points.arrays), points, t).derivatives
         return AccelerationTensors(out[: self.mechanism.nd], out[self.mechanism.nd :])
 
     def _points(
@@ -258,17 +256,19 @@ class ContinuousDynamics:
         )
         return points
 
-    def _solved(self, out: dict[str, Any], points: _Points, t: npt.ArrayLike) -> dict[str, Any]:
+    def _solved(
+        self, out: _core.Accelerations, points: _Points, t: npt.ArrayLike
+    ) -> _core.Accelerations:
         """Return what the core returned, or raise the error that it tells of."""
-        k, N = int(out["points"]), points.count
+        k, N = out.solved, points.count
         many = len(shape_of(t) or ()) == 1
         times = as_array(t, "t", (N,)) if many else np.full(N, as_number(t, "t"))
         if k == N:
             return out
         m, at = self.mechanism, float(times[k])
-        variable = m.variables[out["variable"]] if out["variable"] >= 0 else None
+        variable = None if out.variable is None else m.variables[out.variable]
         where = f"at t = {at:.6g} s" + ("" if points.single else f", point {k}")
-        if out["status"] == 1:
+        if out.status == _core.MotionStatus.not_finite:
             message = "a force, a constraint or the inertia is not finite; look for values that are too large"
         elif variable is not None:
             message = (

@@ -105,10 +105,10 @@ class Equations:
         out = self.dynamics.core.accelerations(
             x[None, : m.nq], x[None, m.nq :], u[None, : m.nu], u[None, m.nu :], 1
         )
-        if out["points"] < 1:
+        if out.solved < 1:
             self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.nu], u[m.nu :], t)
             raise DynamicsError("the equations of motion have no solution", t=t, variable=None)
-        return np.concatenate([x[m.nq :], out["a"][0], u[m.nu :]])
+        return np.concatenate([x[m.nq :], out.a[0], u[m.nu :]])
 
     def jacobian(self, t: float, x: Array) -> Array:
         """Return the derivative of the rate by x, (nx, nx), exact but for laws that give no derivative."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.ode import segments
 from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
 from leastaction.optimal.cost import owned
@@ -35,6 +36,8 @@ class Signal:
     ArgumentError
         A constant that is not an array of finite numbers.
     """
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(self, value: SignalLike, name: str) -> None:
         self.name = name
