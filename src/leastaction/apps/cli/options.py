@@ -29,11 +29,14 @@ class OptimiserOptions:
         Iterations after which to stop.
     tolerance
         Stop when the next step promises to lower the cost by less than this part of it.
+    checkpoint
+        Seconds after which the run is kept as it stands, again and again, in case that it is cut off.
     """
 
     method: Annotated[Method, Parameter(group=OPTIMISER)] = "auto"
     max_iterations: Annotated[int, Parameter(group=OPTIMISER)] = 100
     tolerance: Annotated[float | None, Parameter(group=OPTIMISER)] = None
+    checkpoint: Annotated[float, Parameter(group=OPTIMISER)] = 10.0
 
 
 @Parameter(name="*")
@@ -49,11 +52,8 @@ class OutputOptions:
         Draw convergence, tracking, strings and snapshots (PNG).
     animation
         Make the animation (HTML).
-    checkpoint
-        Seconds after which the run is kept as it stands, again and again, in case that it is cut off.
     """
 
     out: Annotated[Path, Parameter(group=OUTPUT)]
     plots: Annotated[bool, Parameter(group=OUTPUT)] = True
     animation: Annotated[bool, Parameter(group=OUTPUT)] = True
-    checkpoint: Annotated[float, Parameter(group=OUTPUT)] = 10.0

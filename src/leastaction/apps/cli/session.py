@@ -55,7 +55,7 @@ def run(
     began = time.perf_counter()
     kept: list[Path] = []
     try:
-        found = _optimise(motion, optimiser, output, folder, console, kept)
+        found = _optimise(motion, optimiser, folder, console, kept)
         optimised = time.perf_counter()
         with uninterrupted():
             kept.append(_keep(found, folder, complain))
@@ -104,7 +104,6 @@ def run(
 def _optimise(
     motion: Motion | TrackingRun,
     optimiser: OptimiserOptions,
-    output: OutputOptions,
     folder: Path,
     console: Console,
     kept: list[Path],
@@ -144,7 +143,7 @@ def _optimise(
             progress=lambda line: console.print(line, markup=False, style="dim"),
             resume=earlier,
             checkpoint=checkpoint,
-            checkpoint_seconds=output.checkpoint,
+            checkpoint_seconds=optimiser.checkpoint,
         )
 
 
