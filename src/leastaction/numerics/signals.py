@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
+from typing import TypeGuard
 
 import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, shape_of
+
+Law = Callable[[float, Array], npt.ArrayLike]
+"""An input as a function of the time (s) and the state."""
 
 Signal = npt.ArrayLike | Callable[[float], npt.ArrayLike] | None
 """A constant, one row a step, a function of time, or nothing."""
@@ -25,6 +30,7 @@ def signal_rows(
 ) -> Array:
     """Return a signal as one row a step (N, n): constant, given by rows, or a function of time.
 
+    Rows of a single entry may come without their second axis.
     With `extra_row` rows at all N + 1 instants are taken too, of which the first is dropped.
     """
     N, n = len(times), len(names)
@@ -35,8 +41,13 @@ def signal_rows(
             [as_array(signal(float(at)), f"{what}({at:g})", (n,), names=names) for at in times]
         ).reshape(N, n)
     shape = shape_of(signal)
+    if n == 1 and shape in ((N,), (N + 1,)) and shape != (1,) and (extra_row or shape == (N,)):
+        signal, shape = np.reshape(np.asarray(signal), (-1, 1)), (*shape, 1)
     if shape is not None and len(shape) == 1:
-        return np.tile(as_array(signal, what, (n,), names=names), (N, 1))
+        row = as_array(
+            signal, what, (n,), meaning=f"a constant; rows are of shape ({N}, {n})", names=names
+        )
+        return np.tile(row, (N, 1))
     rows = N + 1 if extra_row and shape is not None and shape[0] == N + 1 else N
     values = as_array(signal, what, (rows, n), names=names)
     if rows > N:
@@ -48,3 +59,19 @@ def signal_rows(
                 f"{default[i]:.6g}; they must agree, or give one row a step without the first"
             )
     return values[rows - N :]
+
+
+def takes_state(signal: object) -> TypeGuard[Law]:
+    """Whether this is a function of time and state: one that cannot be called without two arguments."""
+    if not callable(signal):
+        return False
+    try:
+        parameters = inspect.signature(signal).parameters.values()
+    except (TypeError, ValueError):
+        return False  # a function of C that does not say how it is called
+    needed = [
+        p
+        for p in parameters
+        if p.default is p.empty and p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)
+    ]
+    return len(needed) == 2

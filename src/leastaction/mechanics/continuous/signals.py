@@ -12,9 +12,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_times, shape_of
-
-Law = Callable[[float, Array], npt.ArrayLike]
-"""An input as a function of the time (s) and the state ``x = [q; rho; v; v_rho]``."""
+from leastaction.numerics.signals import Law
 
 ContinuousSignal = npt.ArrayLike | Law | None
 """A constant, one row an instant, one row an interval, a function of time and state, or nothing."""
@@ -134,7 +132,9 @@ class InputLaw:
             rows = N if self.held else N + 1
             self.rows = as_array(signal, what, (rows, self.n), names=self.names)
         else:
-            self.rows = as_array(signal, what, (self.n,), names=self.names)[None, :]
+            meaning = f"a constant; rows are of shape ({N}, {self.n}) or ({N + 1}, {self.n})"
+            constant = as_array(signal, what, (self.n,), meaning=meaning, names=self.names)
+            self.rows = constant[None, :]
 
     @property
     def breaks(self) -> Array:

@@ -17,7 +17,6 @@ from leastaction.mechanics.continuous.integration import Progress
 from leastaction.mechanics.continuous.signals import (
     ContinuousSignal,
     InputLaw,
-    Law,
     PrescribedMotion,
     WholeInput,
     as_motion,
@@ -39,6 +38,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
 from leastaction.numerics.ode import SOLVERS, March
+from leastaction.numerics.signals import Law
 
 _SHOWN = 8  # variables of a state that a message lists
 

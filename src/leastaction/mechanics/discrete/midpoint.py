@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Literal, final
+from typing import Any, Literal, cast, final
 
 import numpy as np
 import numpy.typing as npt
@@ -35,8 +35,16 @@ from leastaction.mechanics.discrete.trajectory import (
 )
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_time_step, as_times
-from leastaction.numerics.signals import Signal, signal_rows
+from leastaction.numerics.arrays import (
+    Array,
+    as_array,
+    as_count,
+    as_number,
+    as_time_step,
+    as_times,
+    read_only,
+)
+from leastaction.numerics.signals import Law, Signal, signal_rows, takes_state
 
 Split = Literal["symmetric", "left"]
 
@@ -251,7 +259,7 @@ class MidpointVI(Integrator):
         start: State,
         t: npt.ArrayLike,
         *,
-        inputs: Signal = None,
+        inputs: Signal | Law = None,
         rho: Signal = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Trajectory:
@@ -263,8 +271,9 @@ class MidpointVI(Integrator):
         t : array_like, shape (N+1,)
             Times (s), increasing, the first one that of the start.
         inputs : array_like (nu,) or (N, nu), or callable, optional
-            Inputs: constant, one row a step, or a function of the time at the middle of a step. Zero if not
-            given.
+            Inputs: constant, one row a step, or a function of the time at the middle of a step; or a feedback
+            ``(t, x)``, such as `Feedback`, of the time and the state ``x = [q; rho; p; v_rho]`` at the start
+            of each step, held over it. One input may be given as (N,). Zero if not given.
         rho : array_like (N+1, nrho) or (N, nrho), or callable, optional
             Kinematic variables at every instant (or at the ends of the steps), or a function of time.
             Unchanged if not given.
@@ -297,14 +306,20 @@ class MidpointVI(Integrator):
         middle = 0.5 * (times[1:] + times[:-1])
         rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nd :], extra_row=True)
         self._check_lengths(np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
-        u = np.hstack([signal_rows(inputs, middle, m.inputs, "inputs", np.zeros(m.nu)), rho_next])
+        law = inputs if takes_state(inputs) else None
+        forces = None if law is not None else cast(Signal, inputs)
+        u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.nu)), rho_next])
         x, lam = np.empty((N + 1, m.nx)), np.empty((N, m.nc))
         x[0] = self._vector(start)
         done, redundant = 0, False
         status, message = SimulationStatus.COMPLETED, f"completed {N} steps"
         try:
             while done < N:
-                stop = min(N, done + _CHUNK)
+                stop = min(N, done + (_CHUNK if law is None else 1))
+                if law is not None:
+                    at = float(times[done])
+                    given = law(at, read_only(x[done]))
+                    u[done, : m.nu] = as_array(given, f"inputs({at:g}, x)", (m.nu,), names=m.inputs)
                 velocity = None
                 if done:
                     velocity = (x[done, : m.nd] - x[done - 1, : m.nd]) / (
