@@ -295,6 +295,69 @@ def test_a_variable_may_have_the_name_of_a_length() -> None:
     np.testing.assert_allclose(got.x[..., 0], extrapolated(rolled, -0.5, 0.01), atol=1e-9)
 
 
+def slider_crank(rod: float = 2.0) -> Mechanism:
+    """A slider on a line whose rod, of a length that is a number, closes the loop with a crank that weighs."""
+    return Mechanism(
+        [
+            rx("crank"),
+            [la.ty(1.0, name="pin", mass=1.0)],
+            la.ty("slider"),
+            [la.tz(0.0, name="block", mass=2.0)],
+        ],
+        [la.Gravity((0, 0, -9.81)), la.Distance("pin", "block", rod, name="rod")],
+    )
+
+
+def assembled(m: Mechanism) -> np.ndarray:
+    """Return the start with the crank held, or nothing held."""
+    return la.project_configuration(m, [0.6, 2.6], hold=["crank"], tolerance=1e-14).q
+
+
+def test_a_length_in_a_closed_loop_moves_the_start() -> None:
+    t = np.linspace(0.0, 0.6, 31)
+
+    def rolled(length: float) -> np.ndarray:
+        other = slider_crank(length)
+        vi = MidpointVI(other, threads=1)
+        run = vi.simulate(vi.start(assembled(other)), t)
+        assert run.steps == 30, run.message
+        return np.concatenate([run.x.ravel(), run.lam.ravel()])
+
+    vi = MidpointVI(slider_crank(), threads=1)
+    run = vi.simulate(vi.start(assembled(vi.mechanism)), t)
+    wanted = extrapolated(rolled, 2.0, 0.01)
+    for options in ({}, {"v": [0.0, 0.0]}):
+        found = vi.sensitivity(run, ["rod.length"], hold=["crank"], **options)
+        got = np.concatenate([found.x.ravel(), found.lam.ravel()])
+        np.testing.assert_allclose(got, wanted, atol=1e-8 * np.abs(wanted).max())
+        assert found.x[0, 0, 0] == 0.0
+        assert found.x[0, 1, 0] > 1.0
+
+
+def test_a_length_in_a_closed_loop_needs_to_be_told_how_the_start_follows() -> None:
+    vi = MidpointVI(slider_crank(), threads=1)
+    m, names = vi.mechanism, ["rod.length", "pin.mass"]
+    q = assembled(m)
+    v = la.project_velocity(m, q, [1.0, 0.0]).v
+    run, moving = (vi.simulate(vi.start(q, v0), 0.02 * np.arange(4)) for v0 in (None, v))
+    with pytest.raises(ArgumentError, match=r"'rod.length' changes the constraint 'rod'.*hold="):
+        vi.sensitivity(run, names)
+    with pytest.raises(ArgumentError, match=r"'rod.length' changes .* the velocity v .*Give dx0="):
+        vi.sensitivity(moving, names, v=v, hold=["crank"])
+    with pytest.raises(ArgumentError, match=r"with 'crank', 'slider' held nothing keeps .* 'rod'"):
+        vi.sensitivity(run, names, hold=["crank", "slider"])
+    with pytest.raises(ArgumentError, match=r"hold: unknown variable 'crnk'.*'crank'"):
+        vi.sensitivity(run, names, hold=["crnk"])
+    with pytest.raises(ArgumentError, match="both hold and dx0"):
+        vi.sensitivity(run, names, hold=[], dx0=np.zeros((m.nx, 2)))
+    # A mass moves no constraint, and who says how the start depends is believed.
+    assert not vi.sensitivity(run, ["pin.mass"]).x[0].any()
+    assert not vi.sensitivity(run, names, dx0=np.zeros((m.nx, 2))).x[0].any()
+    nearest = vi.sensitivity(run, names, hold=[]).x[0, :2, 0]
+    C = m.constraint_jacobian(q)[0]
+    np.testing.assert_allclose(nearest, C * (C @ nearest) / (C @ C), rtol=1e-12)
+
+
 NUMBERS = {
     "cart.mass": 3.0,
     "bob.mass": 0.7,

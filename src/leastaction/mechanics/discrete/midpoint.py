@@ -492,6 +492,7 @@ class MidpointVI(Integrator):
         *,
         v: npt.ArrayLike | None = None,
         dx0: npt.ArrayLike | None = None,
+        hold: Sequence[str] | None = None,
     ) -> Sensitivity:
         """Return the exact derivatives of a trajectory by some parameters, its inputs held.
 
@@ -505,14 +506,19 @@ class MidpointVI(Integrator):
             The velocity that the trajectory started from: the momentum there depends on the masses. Without
             it (and without `dx0`) the start is a state of its own, which depends on nothing.
         dx0 : array_like, shape (nx, len(names)), optional
-            Derivatives of the initial state, instead of `v`.
+            Derivatives of the initial state, instead of `v` and `hold`.
+        hold : sequence of str, optional
+            Variables that keep their values at the start where a parameter changes the constraints there, such as
+            the length of a rod in a closed loop. The others follow, as `project_configuration` would have
+            them: by the least change that is needed. For starts from rest or from a momentum.
 
         Raises
         ------
         ArgumentError, StepError
-            As in `differentiate_by`; or if both v and dx0 are given.
+            As in `differentiate_by`; if both dx0 and v or hold are given; or if a parameter changes the
+            constraints at the start and nothing says how that follows.
         """
-        return parameters.sensitivity(self, trajectory, names, v=v, dx0=dx0)
+        return parameters.sensitivity(self, trajectory, names, v=v, dx0=dx0, hold=hold)
 
     # Errors
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
+from leastaction.mechanics.configuration.constraint_projection import free_variables
 from leastaction.mechanics.description.tree import WORLD
 from leastaction.mechanics.discrete.derivatives import linearize, linearize_arrays
 from leastaction.mechanics.discrete.integrator import Integrator
@@ -23,6 +24,7 @@ from leastaction.mechanics.mechanism.parameters import (
 )
 from leastaction.numerics.arrays import Array, as_array
 
+_ROUNDING = 1e-9  # of a constraint's derivative, relative to its terms
 _SMALL = 10  # states up to which derivatives are accumulated for all steps at once
 
 
@@ -79,18 +81,23 @@ def sensitivity(
     *,
     v: npt.ArrayLike | None,
     dx0: npt.ArrayLike | None,
+    hold: Sequence[str] | None,
 ) -> Sensitivity:
     """Differentiate a trajectory by parameters; see `MidpointVI.sensitivity`."""
     m = vi.mechanism
-    if v is not None and dx0 is not None:
-        raise ArgumentError("sensitivity: got both v and dx0; give one of them")
+    if dx0 is not None and (v is not None or hold is not None):
+        raise ArgumentError(
+            f"sensitivity: got both {'hold' if v is None else 'v'} and dx0; give one of them"
+        )
     d = linearize(vi, trajectory, multipliers=True)
     steps = _steps_by(vi, trajectory, names)
     x = np.zeros((trajectory.steps + 1, m.nx, len(steps.names)))
     if dx0 is not None:
         x[0] = as_array(dx0, "dx0", (m.nx, len(steps.names)))
-    elif v is not None:
-        x[0, m.nq : m.nq + m.nd] = momentum_by(m, trajectory.q[0], v, names)
+    else:
+        x[0, : m.nd] = _start_by(vi, trajectory, steps.names, v, hold)
+        if v is not None:
+            x[0, m.nq : m.nq + m.nd] = momentum_by(m, trajectory.q[0], v, names)
     _accumulate(d.A, steps.x, x)
     return Sensitivity(steps.names, x, d.lam_dx @ x[:-1] + steps.lam)
 
@@ -119,6 +126,59 @@ def _steps_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str]) -> S
         chosen = [columns[name] for name in others]
         x[:, :, chosen], lam[:, :, chosen] = out.x, out.lam
     return StepSensitivity(tuple(places), x, lam)
+
+
+def _start_by(
+    vi: Integrator,
+    trajectory: Trajectory,
+    names: Sequence[str],
+    v: npt.ArrayLike | None,
+    hold: Sequence[str] | None,
+) -> Array:
+    """Return derivatives (nd, len(names)) of a start that stays on the constraints, some variables held."""
+    m, q = trajectory.mechanism, trajectory.q[0]
+    free = free_variables(m, hold or ())
+    # A step of a mechanism at rest ends where the constraints are, whatever they depend on.
+    dt, none = 1e-2, np.zeros(m.nu)
+    p, _ = vi.core.momenta(q, q, none, dt)
+    still = Trajectory(
+        mechanism=m,
+        t=np.array([0.0, dt]),
+        q=np.stack([q, q]),
+        inputs=none[None, :],
+        lam=np.zeros((1, m.nc)),
+        p=np.stack([p, p]),
+        v_rho=np.zeros((2, m.nrho)),
+    )
+    dq = _steps_by(vi, still, names).x[0, : m.nd]
+    C = m.constraint_jacobian(q).reshape(m.nc, m.nq)[:, : m.nd]
+    needed, size = C @ dq, np.abs(C) @ np.abs(dq)
+    moved = np.abs(needed) > _ROUNDING * np.maximum(1.0, size)
+    if not moved.any():
+        return np.zeros_like(dq)
+    row, column = np.argwhere(moved)[0]
+    what = f"the parameter {names[column]!r} changes the constraint {m.constraints[row]!r}"
+    if hold is None:
+        raise ArgumentError(
+            f"sensitivity: {what}, so that the start would not satisfy it any more. Give hold=, the variables that "
+            "keep their values while the others follow, or dx0=, how the start depends on the parameters"
+        )
+    if v is not None and np.any(v):
+        raise ArgumentError(
+            f"sensitivity: {what}, which the velocity v at the start would not keep any more. Give dx0=, how the "
+            "start depends on the parameters, in place of v and hold"
+        )
+    follow = np.linalg.lstsq(C[:, free], needed, rcond=_ROUNDING)[0]
+    missed = np.abs(C[:, free] @ follow - needed) > _ROUNDING * np.maximum(1.0, size)
+    if missed.any():
+        row, column = np.argwhere(missed)[0]
+        raise ArgumentError(
+            f"hold: with {', '.join(map(repr, hold))} held nothing keeps the constraint {m.constraints[row]!r} where "
+            f"the parameter {names[column]!r} changes; hold fewer variables"
+        )
+    out = np.zeros_like(dq)
+    out[free] = follow
+    return out
 
 
 def _accumulate(A: Array, added: Array, x: Array) -> None:
