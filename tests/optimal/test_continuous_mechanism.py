@@ -30,6 +30,7 @@ from leastaction.optimal import Status, check_continuous_derivatives, optimize_c
 from leastaction.optimal.continuous import (
     Accuracy,
     ContinuousQuadraticCost,
+    ContinuousSystem,
     DenseTrajectory,
 )
 from leastaction.systems import MechanismSystem
@@ -75,6 +76,23 @@ def test_derivatives_of_the_system(stabilised: bool) -> None:
     report = check_continuous_derivatives(system, curve, tolerance=1e-6)
     assert report.ok, report
     assert "curvatures" in report.errors
+
+
+def test_a_linearization_owns_what_its_second_order_needs() -> None:
+    system = MechanismSystem(crane()[0])
+    rng, n = np.random.default_rng(0), 3
+    x = crane()[1] + 0.1 * rng.standard_normal((n, system.nx))
+    u, t, z = (
+        rng.standard_normal((n, system.nu)),
+        np.arange(3.0),
+        rng.standard_normal((n, system.nx)),
+    )
+    expected = system.curvatures(x, u, t, z)
+    whole, single = system.linearize(x, u, t), ContinuousSystem.linearize(system, x, u, t)
+    for array in (x, u, t):
+        array[:] = 0.1
+    for linearization in (whole, single):
+        np.testing.assert_allclose(linearization.curvature(z), expected, rtol=1e-13, atol=1e-13)
 
 
 def test_the_state_and_the_input_are_in_the_order_of_the_mechanism() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from leastaction.errors import ArgumentError, DynamicsError
@@ -63,7 +65,7 @@ class MechanismSystem(ContinuousSystem):
         return np.asarray(self.curvatures(x[None, :], u[None, :], np.array([t]), z[None, :])[0])
 
     def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
-        """Return A (n, nx, nx) and B (n, nx, nu) at samples."""
+        """Return the derivatives at samples; see `ContinuousSystem`."""
         m = self.mechanism
         nq, nd = m.nq, m.nd
         slopes = self.dynamics.linearize(*self._split(x, u), t).all
@@ -73,7 +75,8 @@ class MechanismSystem(ContinuousSystem):
         J[:, nq : nq + nd] = slopes[:, :nd]
         kinematic = np.arange(m.nrho)
         J[:, nq + nd + kinematic, self.nx + m.nu + kinematic] = 1.0
-        return Linearization(J[:, :, : self.nx], J[:, :, self.nx :])
+        second = partial(self.curvatures, x.copy(), u.copy(), t.copy())
+        return Linearization(J[:, :, : self.nx], J[:, :, self.nx :], second)
 
     def curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
         """Return ``z . D2f`` (n, nx + nu, nx + nu) at samples."""

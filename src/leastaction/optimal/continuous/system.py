@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -35,12 +36,12 @@ class ContinuousSystem(System):
         """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu)."""
 
     def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
-        """Return A (n, nx, nx) and B (n, nx, nu) at samples ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
+        """Return the derivatives at samples ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
         A, B = np.empty((len(t), self.nx, self.nx)), np.empty((len(t), self.nx, self.nu))
-        x, u = read_only(x), read_only(u)
+        x, u, t = (read_only(array.copy()) for array in (x, u, t))
         for i in range(len(t)):
             A[i], B[i] = self.derivatives(x[i], u[i], float(t[i]))
-        return Linearization(A, B)
+        return Linearization(A, B, partial(self.curvatures, x, u, t))
 
     def curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
         """Return ``z . D2f`` (n, nx+nu, nx+nu) at samples; z (n, nx) like the others."""
