@@ -105,6 +105,7 @@ class LineSearch:
         slope: float,
         bend: float = 0.0,
         max_backtracks: int,
+        first: float = 1.0,
     ) -> Step[Iterate]:
         """Search from a trajectory, with this many shorter steps at most.
 
@@ -121,8 +122,10 @@ class LineSearch:
             The second derivative along the direction, if it is negative and to be followed for that.
         max_backtracks : int
             Shorter steps to be tried.
+        first : float
+            Length of the first trial.
         """
-        length = 1.0
+        length = first
         refusal = None
         for trial in range(max_backtracks + 1):
             expected = length * slope + 0.5 * length**2 * bend

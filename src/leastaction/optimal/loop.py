@@ -43,8 +43,11 @@ _BACKTRACKS_SHIFTED = 2
 _LEAST_SHIFT, _LARGEST_SHIFT, _MORE_SHIFT = 1e-3, 1e9, 10.0
 
 # A model without a minimum is tried again with this part of its curvature; less than the least is not worth having.
-_LESS_CURVATURE = 0.35
+_LESS_CURVATURE = 0.3
 _LEAST_CURVATURE = 1.0 / 128.0
+
+# A search begins with a step that is longer by this than the last one, if that had to be cut so much.
+_LONGER = 4.0
 
 # A quadratic tail is foretold to be over where this part of what is small enough is left, from a step whose model was
 # right to the second part of the decrease.
@@ -271,7 +274,7 @@ class Loop(Generic[M, D, I]):
                 self._note_failure(direction.method)
                 if direction.bend < 0.0:
                     return self._not_down(expected, refusal)
-                if refusal.hopeless:
+                if refusal.hopeless and direction.shift > 0.0:
                     break
         except _Found as found:
             return found.outcome
@@ -417,6 +420,7 @@ class Loop(Generic[M, D, I]):
                 slope=direction.slope,
                 bend=direction.bend,
                 max_backtracks=backtracks,
+                first=min(1.0, _LONGER * self.schedule.length),
             )
 
     def _accept(self, direction: D, step: Step[I], trial: Trial[I], note: str) -> _Outcome | None:

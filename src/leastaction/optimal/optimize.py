@@ -91,7 +91,7 @@ def optimize(
     alpha: float = 1e-4,
     beta: float = 0.5,
     max_backtracks: int = 20,
-    chunk: int = 64,
+    chunk: int = 256,
     accuracy: Accuracy | None = None,
     callback: Callback | None = None,
 ) -> OptimizationResult:

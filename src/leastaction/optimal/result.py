@@ -24,7 +24,7 @@ __all__ = [
 
 
 # Factor by which the part of the curvature grows from one good step to the next, and how fast that recovers.
-_LEAST_GROWTH, _LARGEST_GROWTH, _RECOVERY = 1.1, 2.0, 1.05
+_LEAST_GROWTH, _LARGEST_GROWTH, _RECOVERY = 1.1, 2.0, 1.03
 
 # An expected decrease that falls to this part of the one before is that of an end near a minimum; to the second,
 # if it is less than the third of the cost.
@@ -188,6 +188,8 @@ class NewtonSchedule:
         (Levenberg-Marquardt); 0 while that is not needed.
     expected : float
         Expected decrease of the last step; NaN before the first.
+    length : float
+        Length of the last step.
     full : bool
         Whether that was a full step of Newton's method.
     """
@@ -198,6 +200,7 @@ class NewtonSchedule:
     growth: float = 2.0
     shift: float = 0.0
     expected: float = np.nan
+    length: float = 1.0
     full: bool = False
 
     def after_failure(self) -> NewtonSchedule:
@@ -240,10 +243,11 @@ class NewtonSchedule:
             self,
             shift=0.0 if shift < _LEAST_SHIFT else shift,
             expected=expected,
+            length=length,
             full=method == "newton" and length == 1.0,
         )
         if method == "negative-curvature":
-            return replace(new, shift=0.0)
+            return replace(new, shift=0.0, length=1.0)
         if curvature_scale > 0.0:
             fast, falling, little = _ARRIVING
             part = falling if expected < little * abs(value) else fast

@@ -356,7 +356,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
         Where a step that hardly moves the trajectory is torn away at once, shorter ones will be too.
         """
-        if length > _SHORT:
+        if length > _SHORT and direction.shift == 0.0:
             return refusal
         dx = direction.dx
         if dx is None:
