@@ -7,9 +7,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from leastaction.errors import ArgumentError, StepError
+from leastaction.numerics.piecewise import Mesh, approximate
 from leastaction.optimal.continuous import Accuracy, DenseTrajectory, PiecewisePolynomial
 from leastaction.optimal.continuous.integrate import integrate
-from leastaction.optimal.continuous.piecewise import Mesh, approximate
 
 
 def _wave(t):

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numpy.polynomial import polynomial
 
 from leastaction.errors import DescriptionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number
@@ -44,8 +43,9 @@ class Curve:
 
     Notes
     -----
-    The spline is SciPy's `make_interp_spline` with its not-a-knot ends. Like every interpolation of high
-    degree it swings where the points have a kink; sample a function that is smooth.
+    Immutable, so any number of threads may share it. The spline is SciPy's `make_interp_spline` with its
+    not-a-knot ends. Like every interpolation of high degree it swings where the points have a kink; sample a
+    function that is smooth.
     """
 
     __slots__ = ("breaks", "coefficients")
@@ -140,21 +140,19 @@ class Curve:
         float or ndarray
         """
         order = as_count(derivative, "Curve: derivative (integral() goes the other way)", 0)
-        places = np.asarray(x, dtype=np.float64)
-        last = len(self.breaks) - 2
-        piece = np.clip(np.searchsorted(self.breaks, places, side="right") - 1, 0, last)
-        terms = polynomial.polyder(self.coefficients, order, axis=1)[piece]
-        powers = np.moveaxis(terms, -1, 0)
-        values = polynomial.polyval(places - self.breaks[piece], powers, tensor=False)
+        values = self._polynomial()(np.asarray(x, dtype=np.float64), order)
         return float(values) if values.ndim == 0 else values
 
     def integral(self) -> Curve:
         """Return the curve of the integral from the start: the energy of a curve of force."""
-        coefficients = np.asarray(polynomial.polyint(self.coefficients, axis=1), dtype=np.float64)
-        widths = np.diff(self.breaks)
-        areas = polynomial.polyval(widths, coefficients.T, tensor=False)
-        coefficients[1:, 0] = np.cumsum(areas)[:-1]
-        return _restore(self.breaks, coefficients)
+        whole = self._polynomial().antiderivative()
+        return _restore(whole.x, whole.c[::-1].T)
+
+    def _polynomial(self) -> Any:
+        """Return it as SciPy has piecewise polynomials."""
+        from scipy.interpolate import PPoly  # slow to import
+
+        return PPoly(self.coefficients.T[::-1], self.breaks)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Curve):

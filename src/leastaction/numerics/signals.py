@@ -12,7 +12,7 @@ import numpy.typing as npt
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, shape_of
 
-Law = Callable[[float, Array], npt.ArrayLike]
+StateLaw = Callable[[float, Array], npt.ArrayLike]
 """An input as a function of the time (s) and the state."""
 
 Signal = npt.ArrayLike | Callable[[float], npt.ArrayLike] | None
@@ -61,7 +61,7 @@ def signal_rows(
     return values[rows - N :]
 
 
-def takes_state(signal: object) -> TypeGuard[Law]:
+def takes_state(signal: object) -> TypeGuard[StateLaw]:
     """Whether this is a function of time and state: one that cannot be called without two arguments."""
     if not callable(signal):
         return False

@@ -18,8 +18,8 @@ from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.result import ContinuousOptimizationResult
-from leastaction.optimal.continuous.signals import SignalLike
 from leastaction.optimal.continuous.system import ContinuousSystem
+from leastaction.optimal.continuous.time_functions import TimeFunctionLike
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.problem import DiscreteProblem
@@ -60,7 +60,7 @@ def optimize(
     system: ContinuousSystem,
     cost: ContinuousCost,
     *,
-    initial: DenseTrajectory | tuple[SignalLike, SignalLike] | None = ...,
+    initial: DenseTrajectory | tuple[TimeFunctionLike, TimeFunctionLike] | None = ...,
     horizon: tuple[float, float] | None = ...,
     resume: ContinuousOptimizationResult | None = ...,
     method: Method = ...,

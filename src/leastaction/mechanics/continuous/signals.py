@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_times, shape_of
-from leastaction.numerics.signals import Law
+from leastaction.numerics.signals import StateLaw
 
-ContinuousSignal = npt.ArrayLike | Law | None
+ContinuousSignal = npt.ArrayLike | StateLaw | None
 """A constant, one row an instant, one row an interval, a function of time and state, or nothing."""
 
 _AGREE = (
@@ -117,7 +117,7 @@ class InputLaw:
     ) -> None:
         self.times, self.names, self.what = times, tuple(names), what
         self.n = len(self.names)
-        self.function: Law | None = None
+        self.function: StateLaw | None = None
         self.rows = np.zeros((1, self.n))
         self.held = False
         if callable(signal):

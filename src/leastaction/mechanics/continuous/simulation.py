@@ -38,7 +38,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
 from leastaction.numerics.ode import SOLVERS, March
-from leastaction.numerics.signals import Law
+from leastaction.numerics.signals import StateLaw
 
 _SHOWN = 8  # variables of a state that a message lists
 
@@ -52,7 +52,7 @@ def simulate(
     inputs: ContinuousSignal = None,
     rho: PrescribedMotion | npt.ArrayLike | None = None,
     rho_a: ContinuousSignal = None,
-    u: Law | None = None,
+    u: StateLaw | None = None,
     method: str = "DOP853",
     rtol: float = 1e-8,
     atol: float | npt.ArrayLike = 1e-10,
@@ -232,7 +232,7 @@ def _law(
     m: Mechanism,
     inputs: ContinuousSignal,
     rho_a: ContinuousSignal,
-    u: Law | None,
+    u: StateLaw | None,
     motion: PrescribedMotion | None,
     times: Array,
 ) -> WholeInput:

@@ -44,7 +44,7 @@ from leastaction.numerics.arrays import (
     as_times,
     read_only,
 )
-from leastaction.numerics.signals import Law, Signal, signal_rows, takes_state
+from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 
 Split = Literal["symmetric", "left"]
 
@@ -259,7 +259,7 @@ class MidpointVI(Integrator):
         start: State,
         t: npt.ArrayLike,
         *,
-        inputs: Signal | Law = None,
+        inputs: Signal | StateLaw = None,
         rho: Signal = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Trajectory:

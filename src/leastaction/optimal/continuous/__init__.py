@@ -7,6 +7,7 @@ The counterpart of `leastaction.optimal.discrete`, name by name: a system is a `
 
 from __future__ import annotations
 
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.continuous.cost import (
     ContinuousCost,
     ContinuousQuadraticCost,
@@ -23,7 +24,6 @@ from leastaction.optimal.continuous.linear_quadratic import (
     solve_continuous_linear_quadratic,
     steady_state_regulator,
 )
-from leastaction.optimal.continuous.piecewise import PiecewisePolynomial
 from leastaction.optimal.continuous.projection import ContinuousProjection, ContinuousRollout
 from leastaction.optimal.continuous.result import ContinuousOptimizationResult
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution

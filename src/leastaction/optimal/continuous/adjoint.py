@@ -8,8 +8,8 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
-from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
 from leastaction.optimal.continuous.riccati import Samples, largest
 
 __all__ = ["continuous_adjoint"]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.optimal.continuous.signals import Signal, SignalLike
+from leastaction.optimal.continuous.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.cost import check_weight, owned, weigh
 from leastaction.optimal.system import difference
 
@@ -123,17 +123,20 @@ class ContinuousQuadraticCost(ContinuousCost):
 
     def __init__(
         self,
-        x_wanted: SignalLike,
-        u_wanted: SignalLike,
+        x_wanted: TimeFunctionLike,
+        u_wanted: TimeFunctionLike,
         *,
-        Q: SignalLike,
-        R: SignalLike,
+        Q: TimeFunctionLike,
+        R: TimeFunctionLike,
         Q_final: ArrayLike | None = None,
         x_final: ArrayLike | None = None,
         jumps: Sequence[float] = (),
     ) -> None:
-        self.x_wanted, self.u_wanted = Signal(x_wanted, "x_wanted"), Signal(u_wanted, "u_wanted")
-        self.Q, self.R = Signal(Q, "Q"), Signal(R, "R")
+        self.x_wanted, self.u_wanted = (
+            TimeFunction(x_wanted, "x_wanted"),
+            TimeFunction(u_wanted, "u_wanted"),
+        )
+        self.Q, self.R = TimeFunction(Q, "Q"), TimeFunction(R, "R")
         self.Q_final = None if Q_final is None else owned(Q_final, "Q_final")
         self.x_final = None if x_final is None else owned(x_final, "x_final")
         for weight, definite in ((self.Q, False), (self.R, True)):

@@ -10,7 +10,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_count, as_number
 from leastaction.numerics.ode import SOLVERS, IntegrationFailed, Interpolant, March
-from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
+from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
 
 __all__ = ["Accuracy", "Integration", "integrate"]
 

@@ -22,14 +22,19 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.riccati import (
     ContinuousLinearQuadraticSolution,
     Samples,
     solve_samples,
 )
-from leastaction.optimal.continuous.signals import Signal, SignalLike, as_horizon, first_mesh
+from leastaction.optimal.continuous.time_functions import (
+    TimeFunction,
+    TimeFunctionLike,
+    as_horizon,
+    first_mesh,
+)
 
 __all__ = [
     "regulate_continuous",
@@ -42,16 +47,16 @@ _FIRST_PIECES = 12
 
 
 def solve_continuous_linear_quadratic(
-    A: SignalLike,
-    B: SignalLike,
+    A: TimeFunctionLike,
+    B: TimeFunctionLike,
     *,
     horizon: tuple[float, float],
-    Q: SignalLike | None = None,
-    R: SignalLike,
-    S: SignalLike | None = None,
-    q: SignalLike | None = None,
-    r: SignalLike | None = None,
-    c: SignalLike | None = None,
+    Q: TimeFunctionLike | None = None,
+    R: TimeFunctionLike,
+    S: TimeFunctionLike | None = None,
+    q: TimeFunctionLike | None = None,
+    r: TimeFunctionLike | None = None,
+    c: TimeFunctionLike | None = None,
     Q_final: ArrayLike | None = None,
     q_final: ArrayLike | None = None,
     jumps: Sequence[float] = (),
@@ -93,7 +98,7 @@ def solve_continuous_linear_quadratic(
     """
     accuracy = accuracy or Accuracy()
     t0, tf = as_horizon(horizon)
-    signals = {"A": Signal(A, "A"), "B": Signal(B, "B")}
+    signals = {"A": TimeFunction(A, "A"), "B": TimeFunction(B, "B")}
     nx = _size(signals["A"], t0)
     signals["A"].check(t0, tf, (nx, nx), what="(nx, nx)")
     nu = _size(signals["B"], t0)
@@ -102,7 +107,7 @@ def solve_continuous_linear_quadratic(
     shapes = {"Q": (nx, nx), "R": (nu, nu), "S": (nx, nu), "q": (nx,), "r": (nu,), "c": (nx,)}
     for name, value in optional.items():
         shape = shapes[name]
-        signal = signals[name] = Signal(np.zeros(shape) if value is None else value, name)
+        signal = signals[name] = TimeFunction(np.zeros(shape) if value is None else value, name)
         allowed = (shape, shape[:1]) if name in ("Q", "R") else (shape,)
         signal.check(t0, tf, *allowed, what=" or ".join(map(str, allowed)))
     final = np.zeros((nx, nx)) if Q_final is None else as_array(Q_final, "Q_final", (nx,), (nx, nx))
@@ -134,12 +139,12 @@ def solve_continuous_linear_quadratic(
 
 
 def regulate_continuous(
-    A: SignalLike,
-    B: SignalLike,
+    A: TimeFunctionLike,
+    B: TimeFunctionLike,
     *,
     horizon: tuple[float, float],
-    Q: SignalLike | None = None,
-    R: SignalLike | None = None,
+    Q: TimeFunctionLike | None = None,
+    R: TimeFunctionLike | None = None,
     Q_final: ArrayLike | None = None,
     jumps: Sequence[float] = (),
     accuracy: Accuracy | None = None,
@@ -159,7 +164,7 @@ def regulate_continuous(
         Wrong shapes, values that are not finite, or weights for which there is no regulator.
     """
     t0 = as_horizon(horizon)[0]
-    nx, nu = _size(Signal(A, "A"), t0), _size(Signal(B, "B"), t0)
+    nx, nu = _size(TimeFunction(A, "A"), t0), _size(TimeFunction(B, "B"), t0)
     solution = solve_continuous_linear_quadratic(
         A,
         B,
@@ -228,7 +233,7 @@ def steady_state_regulator(
     return K, 0.5 * (P + P.T)
 
 
-def _size(signal: Signal, t0: float) -> int:
+def _size(signal: TimeFunction, t0: float) -> int:
     value = signal.at(t0)
     if value.ndim != 2 or 0 in value.shape:
         raise ArgumentError(f"{signal.name}: got shape {value.shape}, expected a matrix.")

@@ -9,6 +9,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, require_finite
+from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.adjoint import continuous_adjoint
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
@@ -18,15 +19,14 @@ from leastaction.optimal.continuous.model import (
     sample_model,
     with_identities,
 )
-from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.result import ContinuousOptimizationResult
 from leastaction.optimal.continuous.riccati import (
     ContinuousLinearQuadraticSolution,
     solve_samples,
 )
-from leastaction.optimal.continuous.signals import SignalLike, as_horizon
 from leastaction.optimal.continuous.system import ContinuousSystem
+from leastaction.optimal.continuous.time_functions import TimeFunctionLike, as_horizon
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.loop import Direction, Problem, both
@@ -110,7 +110,7 @@ class ContinuousProblem(
 
     # ---- Where to start -------------------------------------------------------------------------
 
-    def start(self, initial: DenseTrajectory | tuple[SignalLike, SignalLike]) -> None:
+    def start(self, initial: DenseTrajectory | tuple[TimeFunctionLike, TimeFunctionLike]) -> None:
         """Begin with a curve to be projected, or an initial state and inputs."""
         horizon = self.horizon
         nx, nu = self.system.nx, self.system.nu

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.continuous.piecewise import PiecewisePolynomial
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.result import OptimizationResult
 

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
-from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial, approximate
 
 __all__ = ["ContinuousLinearQuadraticSolution", "Samples", "largest", "solve_samples"]
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
-from leastaction.optimal.continuous.piecewise import PiecewisePolynomial, approximate
-from leastaction.optimal.continuous.signals import Signal, SignalLike, first_mesh
+from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
+from leastaction.optimal.continuous.time_functions import TimeFunction, TimeFunctionLike, first_mesh
 
 __all__ = ["DenseTrajectory"]
 
@@ -75,8 +75,8 @@ class DenseTrajectory:
     @classmethod
     def from_functions(
         cls,
-        x: SignalLike,
-        u: SignalLike,
+        x: TimeFunctionLike,
+        u: TimeFunctionLike,
         *,
         horizon: tuple[float, float],
         nx: int,
@@ -102,7 +102,7 @@ class DenseTrajectory:
             Wrong shapes or values that are not finite.
         """
         t0, tf = horizon
-        states, inputs = Signal(x, "x"), Signal(u, "u")
+        states, inputs = TimeFunction(x, "x"), TimeFunction(u, "u")
         states.check(t0, tf, (nx,), what="(nx,)")
         inputs.check(t0, tf, (nu,), what="(nu,)")
         jumps = sorted({*states.jumps, *inputs.jumps})

@@ -12,21 +12,21 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.ode import segments
-from leastaction.optimal.continuous.piecewise import Mesh, PiecewisePolynomial
+from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
 from leastaction.optimal.cost import owned
 
-__all__ = ["Signal", "SignalLike", "as_horizon", "first_mesh"]
+__all__ = ["TimeFunction", "TimeFunctionLike", "as_horizon", "first_mesh"]
 
-SignalLike = ArrayLike | PiecewisePolynomial | Callable[[float], ArrayLike]
+TimeFunctionLike = ArrayLike | PiecewisePolynomial | Callable[[float], ArrayLike]
 """A constant array, a `PiecewisePolynomial`, or a function of one time (s)."""
 
 
-class Signal:
+class TimeFunction:
     """An array that may change with time.
 
     Parameters
     ----------
-    value : SignalLike
+    value : TimeFunctionLike
         What was given.
     name : str
         The argument's name, for messages.
@@ -39,7 +39,7 @@ class Signal:
 
     __getstate__, __setstate__ = saved_state, restore_state
 
-    def __init__(self, value: SignalLike, name: str) -> None:
+    def __init__(self, value: TimeFunctionLike, name: str) -> None:
         self.name = name
         self.jumps: tuple[float, ...] = ()
         self._constant: Array | None = None
