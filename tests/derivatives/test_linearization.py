@@ -6,6 +6,8 @@ import copy
 import dataclasses
 import gc
 import pickle
+import sys
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -77,11 +79,21 @@ def motions(system: MidpointSystem) -> list[tuple[np.ndarray, np.ndarray]]:
     return found
 
 
+@pytest.fixture
+def busy() -> Iterator[None]:
+    """Threads take turns as often as they can."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(interval)
+
+
 def hessian(system: MidpointSystem, x: np.ndarray, u: np.ndarray) -> np.ndarray:
     z = np.random.default_rng(1).normal(size=(N + 1, system.nx))
     return system.linearize(x, u).curvature(z)
 
 
+@pytest.mark.usefixtures("busy")
 def test_eight_threads_on_one_system_get_the_hessians_of_one(
     motions: list[tuple[np.ndarray, np.ndarray]],
 ) -> None:
@@ -93,6 +105,7 @@ def test_eight_threads_on_one_system_get_the_hessians_of_one(
     assert not wrong
 
 
+@pytest.mark.usefixtures("busy")
 def test_eight_threads_on_one_system_find_the_optima_of_one(
     motions: list[tuple[np.ndarray, np.ndarray]],
 ) -> None:
