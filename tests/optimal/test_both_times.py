@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from leastaction import MidpointVI
+from leastaction import Gravity, JointForce, Mechanism, MidpointVI, rz, tx
 from leastaction.errors import ArgumentError
 from leastaction.models.chain import pendulum_chain
 from leastaction.optimal import (
@@ -26,6 +26,7 @@ from leastaction.optimal import (
     optimize,
     optimize_continuous,
 )
+from leastaction.systems import MidpointSystem
 
 A, B = np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[0.0], [1.0]])
 N, H = 20, 0.1
@@ -142,3 +143,17 @@ def test_feedback_goes_through_the_systems_own_difference():
     projected = Projection(circle, K)(np.vstack([x0, xbar[1:]]), ubar)
     assert np.isfinite(projected.x).all()
     assert check_derivatives(circle, xbar, ubar).ok
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0])
+def test_a_right_system_is_right_along_a_curve_that_is_no_trajectory(size):
+    m = Mechanism(
+        [rz("a"), [tx(1.0, mass=1.0), [rz("b"), [tx(1.0, mass=1.0)]]]],
+        [Gravity((0.0, -9.81, 0.0)), JointForce("a", input="ta"), JointForce("b", input="tb")],
+    )
+    system = MidpointSystem(MidpointVI(m), 0.02 * np.arange(21))
+    rng = np.random.default_rng(1)
+    for scale in dict.fromkeys((0.1, size)):
+        x = scale * rng.standard_normal((21, 4))
+        report = check_derivatives(system, x, rng.standard_normal((20, 2)))
+        assert report.ok, str(report)

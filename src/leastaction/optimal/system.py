@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, as_count
 
 __all__ = ["Linearization", "System", "check_system", "difference"]
 
@@ -147,8 +147,8 @@ def check_system(system: object, kinds: tuple[type[System], ...], sizes: tuple[s
         )
     for size in sizes:
         value = getattr(system, size, None)
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        if value is None:
             raise ArgumentError(
-                f"system: {name}.{size} is {'not set' if value is None else repr(value)}, expected a whole number "
-                f"of 1 or more. Set self.{size} in its __init__, before it is used."
+                f"system: {name}.{size} is not set; set self.{size} in its __init__, before it is used"
             )
+        as_count(value, f"system: {name}.{size}", 0 if size == "nu" else 1)
