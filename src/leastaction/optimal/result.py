@@ -308,6 +308,8 @@ class HistoryBuilder:
 class OptimizationResult:
     """An optimised trajectory, the feedback that holds it, and how it was found.
 
+    Frozen, so any number of threads may share it; so may runs that go on from it.
+
     Attributes
     ----------
     status : Status

@@ -26,7 +26,7 @@ _COLUMNS = (
 
 
 class IterationTable:
-    """Prints the iterations as they happen; give it to `optimize` as the callback.
+    """Prints the iterations as they happen; give it to `optimize` as the callback, one for each run.
 
     A full step of a perfect model decreases the cost by half of what is expected. Where a step had to be cut, the
     step of time at which the longer one ended stands under "cut at".

@@ -23,6 +23,8 @@ class MechanismSystem(ContinuousSystem):
     A constrained mechanism starts on its constraints and stays there to the accuracy of the integration;
     `ContinuousDynamics` with Baumgarte's stabilisation holds it there longer.
 
+    It holds no state: any number of threads may share it.
+
     Parameters
     ----------
     dynamics : ContinuousDynamics or Mechanism

@@ -71,12 +71,14 @@ class PrescribedMotion:
 class Feedback:
     """The law ``u = ubar(t) - K(t) (x - xbar(t))`` with an exact derivative by the state.
 
+    Frozen; as fit for several threads as the functions in it are.
+
     Attributes
     ----------
     K : ndarray of shape (n, nx), or callable
         Gains, or a function of time that returns them.
     xbar : ndarray of shape (nx,), or callable
-        Reference state ``[q; rho; v; v_rho]``.
+        Reference state: ``[q; rho; v; v_rho]`` in continuous time, ``[q; rho; p; v_rho]`` in discrete time.
     ubar : ndarray of shape (n,), or callable
         Reference input.
     """

@@ -60,7 +60,7 @@ class LinearContinuousSystem(ContinuousSystem):
 
 
 class FunctionContinuousSystem(ContinuousSystem):
-    """A system given by functions of one time.
+    """A system given by functions of one time; as fit for several threads as they are.
 
     Parameters
     ----------

@@ -169,7 +169,7 @@ def roll_out(
 
 
 class ContinuousProjection:
-    """The projection operator of a system with given gains.
+    """The projection operator of a system with given gains; as fit for several threads as the system is.
 
     Parameters
     ----------

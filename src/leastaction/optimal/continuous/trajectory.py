@@ -21,6 +21,8 @@ _FIRST_PIECES = 16
 class DenseTrajectory:
     """States and inputs as functions of time; a curve, if they do not obey the dynamics.
 
+    Nothing in it changes, so any number of threads may share it.
+
     Parameters
     ----------
     xu : PiecewisePolynomial

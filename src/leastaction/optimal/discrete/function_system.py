@@ -93,7 +93,7 @@ class LinearSystem(DiscreteSystem):
 
 
 class FunctionSystem(DiscreteSystem):
-    """A system given by functions of one step.
+    """A system given by functions of one step; as fit for several threads as they are.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ __all__ = ["Projection", "linearize_along_curve"]
 
 
 class Projection:
-    """The projection operator of a system with given gains.
+    """The projection operator of a system with given gains; as fit for several threads as the system is.
 
     Parameters
     ----------
