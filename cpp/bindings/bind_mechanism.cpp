@@ -24,10 +24,9 @@ public:
         this->gradient(this->q.data(), v.data());
         place(m.massless_joints_seen, this->q.data(), this->at);
         for (const auto& potential : m.potentials) {
-            potential->evaluate(this->at, this->q.data(), Order::gradient, local_);
+            for_each_entry(*potential, this->at, this->q.data(), local_,
+                           [&](int i, const T& slope) { this->L_q[i] -= slope; });
             stored_ += local_.value;
-            for (std::size_t i = 0; i < potential->support().size(); ++i)
-                this->L_q[potential->support()[i]] -= local_.gradient[i];
         }
     }
     T potential_energy() const { return Lagrangian<T>::potential_energy() + stored_; }
@@ -51,13 +50,8 @@ public:
             add(vq, j, i, weight * d.q_v[at]);
             add(vv, j, i, weight * d.vv[at]);
         });
-        for (const auto& potential : m.potentials) {
-            const auto& support = potential->support();
-            potential->evaluate(this->at, q.data(), Order::hessian, local_);
-            for (std::size_t a = 0; a < support.size(); ++a)
-                for (std::size_t b = 0; b < support.size(); ++b)
-                    add(qq, support[a], support[b], -highest(local_.hessian[a * support.size() + b]));
-        }
+        for_each_entry(m.potentials, this->at, q.data(), local_,
+                       [&](int i, int j, const T& bend) { add(qq, i, j, -highest(bend)); });
         return nb::make_tuple(qq, vq, vv);
     }
 
@@ -103,10 +97,9 @@ ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
     ConstraintRows out{std::vector<double>(nc), std::vector<double>(static_cast<std::size_t>(nc) * nq)};
     LocalTaylor<double> local;
     for (int c = 0; c < nc; ++c) {
-        m.constraints[c]->evaluate(at, internal.data(), Order::gradient, local);
+        for_each_entry(*m.constraints[c], at, internal.data(), local,
+                       [&](int i, double slope) { out.C[c * nq + m.external[i]] += slope; });
         out.h[c] = local.value;
-        const auto& support = m.constraints[c]->support();
-        for (std::size_t i = 0; i < support.size(); ++i) out.C[c * nq + m.external[support[i]]] += local.gradient[i];
     }
     return out;
 }
@@ -160,12 +153,9 @@ Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
     std::fill_n(out.data(), n * n, 0.0);
     LocalTaylor<double> local;
     for (int c = 0; c < m.n_constraints(); ++c) {
-        m.constraints[c]->evaluate(at, internal.data(), Order::hessian, local);
-        const auto& support = m.constraints[c]->support();
-        for (std::size_t a = 0; a < support.size(); ++a)
-            for (std::size_t b = 0; b < support.size(); ++b)
-                out.data()[m.external[support[a]] * n + m.external[support[b]]] +=
-                    lam.data()[c] * local.hessian[a * support.size() + b];
+        for_each_entry(*m.constraints[c], at, internal.data(), local, [&](int i, int j, double bend) {
+            out.data()[m.external[i] * n + m.external[j]] += lam.data()[c] * bend;
+        });
     }
     return out;
 }
@@ -201,21 +191,15 @@ struct Forces {
         Placement<double> at(m);
         place(m.force_joints, Q.data(), at);
         LocalForce<double> local;
-        for (const auto& force : m.forces) {
-            const auto &support = force->support(), &inputs = force->inputs();
-            force->evaluate({at, Q.data(), V.data(), u.data()}, order, local);
-            for (std::size_t a = 0; a < support.size(); ++a) {
-                const std::size_t i = m.external[support[a]];
-                f.data()[i] += local.f[a];
-                if (order == Order::value) continue;
-                for (std::size_t b = 0; b < support.size(); ++b) {
-                    by_q.data()[i * n + m.external[support[b]]] += local.f_q[a * support.size() + b];
-                    by_v.data()[i * n + m.external[support[b]]] += local.f_v[a * support.size() + b];
-                }
-                for (std::size_t b = 0; b < inputs.size(); ++b)
-                    by_u.data()[i * r + inputs[b]] += local.f_u[a * inputs.size() + b];
-            }
-        }
+        const ForcePoint<double> point{at, Q.data(), V.data(), u.data()};
+        for_each_entry(m.forces, point, local, [&](int i, double force) { f.data()[m.external[i]] += force; });
+        if (order == Order::value) return;
+        const auto by_variable = [&](int i, int j, double f_q, double f_v) {
+            by_q.data()[m.external[i] * n + m.external[j]] += f_q;
+            by_v.data()[m.external[i] * n + m.external[j]] += f_v;
+        };
+        for_each_entry(m.forces, point, local, by_variable,
+                       [&](int i, int input, double f_u) { by_u.data()[m.external[i] * r + input] += f_u; });
     }
     const Mechanism& m;
     const std::size_t n;

@@ -69,16 +69,8 @@ void Continuous::add_elements() {
     for (const auto& [i, slot] : m.damping) f_[i] -= m.numbers[slot] * v[i];
     for (const auto& [i, input] : m.joint_forces) f_[i] += u[input];
     place(massless_joints_, q.data(), bodies_.at);
-    for (const auto& potential : m.potentials) {
-        const auto& support = potential->support();
-        potential->evaluate(bodies_.at, q.data(), Order::gradient, local_);
-        for (std::size_t i = 0; i < support.size(); ++i) f_[support[i]] -= local_.gradient[i];
-    }
-    for (const auto& force : m.forces) {
-        const auto& support = force->support();
-        force->evaluate(force_point(), Order::value, force_);
-        for (std::size_t i = 0; i < support.size(); ++i) f_[support[i]] += force_.f[i];
-    }
+    for_each_entry(m.potentials, bodies_.at, q.data(), local_, [&](int i, double slope) { f_[i] -= slope; });
+    for_each_entry(m.forces, force_point(), force_, [&](int i, double f) { f_[i] += f; });
 }
 
 // Dh, and g without what the unknown accelerations add to it; for derivatives with the third order along v at hand.
@@ -178,10 +170,8 @@ void Continuous::inverse_dynamics(std::vector<double>& needed) {
     for (int i = 0; i < nq_; ++i) needed[i] = bodies_.r[i] - f_[i];
     for (int c = 0; c < nc_; ++c) {
         if (lam[c] == 0.0) continue;
-        const auto& constraint = *mechanism_->constraints[c];
-        constraint.evaluate(bodies_.at, q.data(), Order::gradient, local_);
-        for (std::size_t i = 0; i < constraint.support().size(); ++i)
-            needed[constraint.support()[i]] -= lam[c] * local_.gradient[i];
+        for_each_entry(*mechanism_->constraints[c], bodies_.at, q.data(), local_,
+                       [&](int i, double slope) { needed[i] -= lam[c] * slope; });
     }
 }
 

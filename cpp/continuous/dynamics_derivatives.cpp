@@ -39,30 +39,18 @@ void Continuous::add_force_derivatives() {
         if (i < nd_) Y[static_cast<std::size_t>(i) * ld_ + at_v_ + i] -= m.numbers[slot];
     for (const auto& [i, input] : m.joint_forces)
         if (i < nd_) Y[static_cast<std::size_t>(i) * ld_ + at_u_ + input] += 1.0;
-    for (const auto& potential : m.potentials) {
-        const auto& support = potential->support();
-        const std::size_t n = support.size();
-        potential->evaluate(bodies_.at, q.data(), Order::hessian, local_);
-        for (std::size_t i = 0; i < n; ++i) {
-            if (support[i] >= nd_) continue;
-            double* row = &Y[static_cast<std::size_t>(support[i]) * ld_];
-            for (std::size_t j = 0; j < n; ++j) row[support[j]] -= local_.hessian[i * n + j];
-        }
-    }
-    for (const auto& force : m.forces) {
-        const auto &support = force->support(), &inputs = force->inputs();
-        const std::size_t n = support.size(), r = inputs.size();
-        force->evaluate(force_point(), Order::gradient, force_);
-        for (std::size_t i = 0; i < n; ++i) {
-            if (support[i] >= nd_) continue;
-            double* row = &Y[static_cast<std::size_t>(support[i]) * ld_];
-            for (std::size_t j = 0; j < n; ++j) {
-                row[support[j]] += force_.f_q[i * n + j];
-                row[at_v_ + support[j]] += force_.f_v[i * n + j];
-            }
-            for (std::size_t j = 0; j < r; ++j) row[at_u_ + inputs[j]] += force_.f_u[i * r + j];
-        }
-    }
+    const auto row = [&](int i) { return &Y[static_cast<std::size_t>(i) * ld_]; };
+    for_each_entry(m.potentials, bodies_.at, q.data(), local_, [&](int i, int j, double bend) {
+        if (i < nd_) row(i)[j] -= bend;
+    });
+    const auto by_variable = [&](int i, int j, double f_q, double f_v) {
+        if (i >= nd_) return;
+        row(i)[j] += f_q;
+        row(i)[at_v_ + j] += f_v;
+    };
+    for_each_entry(m.forces, force_point(), force_, by_variable, [&](int i, int input, double f_u) {
+        if (i < nd_) row(i)[at_u_ + input] += f_u;
+    });
 }
 
 // -Dh' lam in the dynamic rows; in their own g_q = D2h a + D3h[v] v + d D2h v + s Dh and g_v = 2 D2h v + d Dh.
@@ -129,13 +117,8 @@ void Continuous::curvature(const double* z_a, const double* z_lam) {
         for (int i = 0; i < nq_; ++i) q_along_mu_[i] = {q[i], mu_[i]};
         place(m.element_joints, q_along_mu_.data(), along_mu_);
     }
-    for (const auto& potential : m.potentials) {
-        const auto& support = potential->support();
-        potential->evaluate(along_mu_, q_along_mu_.data(), Order::hessian, dual_local_);
-        for (std::size_t i = 0; i < support.size(); ++i)
-            for (std::size_t j = 0; j < support.size(); ++j)
-                H[support[i] * n + support[j]] += dual_local_.hessian[i * support.size() + j].d;
-    }
+    for_each_entry(m.potentials, along_mu_, q_along_mu_.data(), dual_local_,
+                   [&](int i, int j, const Dual<double>& bend) { H[i * n + j] += bend.d; });
     if (!m.forces.empty()) force_curvature();
     if (nc_ > 0) constraint_curvature();
 

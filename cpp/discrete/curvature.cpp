@@ -101,17 +101,12 @@ void SecondOrder::add_potentials() {
     const Mechanism& m = mechanism_;
     if (m.potentials.empty()) return;
     place(m.massless_joints_seen, dual_q_.data(), dual_.at);
-    for (const auto& potential : m.potentials) {
-        const auto& support = potential->support();
-        potential->evaluate(dual_.at, dual_q_.data(), Order::hessian, dual_local_);
-        for (std::size_t a = 0; a < support.size(); ++a)
-            for (std::size_t b = 0; b < support.size(); ++b) {
-                const double value = -0.25 * dual_local_.hessian[a * support.size() + b].d;
-                add_11(support[a], support[b], value);
-                add_12(support[a], support[b], value);
-                add_22(support[a], support[b], value);
-            }
-    }
+    for_each_entry(m.potentials, dual_.at, dual_q_.data(), dual_local_, [&](int i, int j, const Dual<double>& bend) {
+        const double value = -0.25 * bend.d;
+        add_11(i, j, value);
+        add_12(i, j, value);
+        add_22(i, j, value);
+    });
 }
 
 // Of the forces: mu.fd- + w_p.fd+ = (kappa- mu + kappa+ w_p).f at the midpoint, with q = (q1 + q2)/2, v = (q2 - q1)/dt.
@@ -166,18 +161,14 @@ void SecondOrder::add_constraints() {
     place(mechanism_.constraint_joints, q2.data(), at2_);
     for (int c = 0; c < nc_; ++c) {
         const auto& constraint = *mechanism_.constraints[c];
-        const auto& support = constraint.support();
-        const int m = static_cast<int>(support.size());
-        constraint.evaluate(dual_at1_, dual_q1_.data(), Order::hessian, dual_local_);
-        for (int a = 0; a < m; ++a) {
-            W_yth_(nd_ + c, support[a]) -= dual_local_.gradient[a].d;  // d(Dh mu)/dq1
-            for (int b = 0; b < m; ++b)
-                if (support[a] <= support[b])
-                    W_thth_(support[a], support[b]) -= lam[c] * dual_local_.hessian[a * m + b].d;
-        }
-        constraint.evaluate(at2_, q2.data(), Order::hessian, local_);
-        for (int a = 0; a < m; ++a)
-            for (int b = 0; b < m; ++b) add_22(support[a], support[b], mu_[nd_ + c] * local_.hessian[a * m + b]);
+        for_each_entry(constraint, dual_at1_, dual_q1_.data(), dual_local_,
+                       [&](int i, int j, const Dual<double>& bend) {
+                           if (i <= j) W_thth_(i, j) -= lam[c] * bend.d;
+                       });
+        for (std::size_t i = 0; i < constraint.support().size(); ++i)
+            W_yth_(nd_ + c, constraint.support()[i]) -= dual_local_.gradient[i].d;  // d(Dh mu)/dq1
+        for_each_entry(constraint, at2_, q2.data(), local_,
+                       [&](int i, int j, double bend) { add_22(i, j, mu_[nd_ + c] * bend); });
     }
 }
 

@@ -42,47 +42,27 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
     });
     for (int i = 0; i < nd; ++i) Y[i * ld + at_p + i] = -1.0;
     const auto add_force = [&](int i, int j, double f_q, double f_v) {
+        if (i >= nd) return;
         f_q *= 0.5;
         f_v /= dt;
         add(i, j, km * (f_q - f_v), km * (f_q + f_v), kp * (f_q - f_v), kp * (f_q + f_v));
     };
     const auto add_input = [&](int i, int input, double f_u) {
+        if (i >= nd) return;
         Y[i * ld + at_u + input] -= km * f_u;
         P2[i * ld + at_u + input] += kp * f_u;
     };
     for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
     for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
-    for (const auto& potential : mechanism.potentials) {
-        const auto& support = potential->support();
-        potential->evaluate(middle.at, middle.q, Order::hessian, local_);
-        for (std::size_t a = 0; a < support.size(); ++a)
-            for (std::size_t b = 0; b < support.size() && support[a] < nd; ++b) {
-                const double qq = -0.25 * dt * local_.hessian[a * support.size() + b];
-                add(support[a], support[b], qq, qq, qq, qq);
-            }
-    }
-    for (const auto& force : mechanism.forces) {
-        const auto &support = force->support(), &inputs = force->inputs();
-        force->evaluate(middle, Order::gradient, force_);
-        for (std::size_t a = 0; a < support.size(); ++a) {
-            if (support[a] >= nd) continue;
-            for (std::size_t b = 0; b < support.size(); ++b)
-                add_force(support[a], support[b], force_.f_q[a * support.size() + b],
-                          force_.f_v[a * support.size() + b]);
-            for (std::size_t b = 0; b < inputs.size(); ++b)
-                add_input(support[a], inputs[b], force_.f_u[a * inputs.size() + b]);
-        }
-    }
+    for_each_entry(mechanism.potentials, middle.at, middle.q, local_, [&](int i, int j, double bend) {
+        const double qq = -0.25 * dt * bend;
+        if (i < nd) add(i, j, qq, qq, qq, qq);
+    });
+    for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
     for (int c = 0; c < nc; ++c) {
-        const auto& constraint = *mechanism.constraints[c];
-        const auto& support = constraint.support();
-        const std::size_t m = support.size();
-        constraint.evaluate(step.start(), step.q1.data(), Order::hessian, local_);
-        for (std::size_t a = 0; a < m; ++a) {
-            if (support[a] >= nd) continue;
-            double* y = &Y[support[a] * ld];
-            for (std::size_t b = 0; b < m; ++b) y[support[b]] += step.lam[c] * local_.hessian[a * m + b];
-        }
+        for_each_entry(*mechanism.constraints[c], step.start(), step.q1.data(), local_, [&](int i, int j, double bend) {
+            if (i < nd) Y[i * ld + j] += step.lam[c] * bend;
+        });
         double* y = &Y[(nd + c) * ld];
         for (int k = 0; k < nk; ++k) y[at_rho2 + k] = -step.end_gradients()[c * nq + nd + k];
         y[at_h + c] = -1.0;  // a shift of h: F2 = h + s

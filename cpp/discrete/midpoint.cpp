@@ -45,12 +45,9 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
 void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
     std::fill(C, C + nc_ * nq_, 0.0);
     for (int c = 0; c < nc_; ++c) {
-        const auto& constraint = *mechanism_->constraints[c];
-        constraint.evaluate(at, q, Order::gradient, local_);
+        for_each_entry(*mechanism_->constraints[c], at, q, local_, [&](int i, double x) { C[c * nq_ + i] += x; });
         h_[c] = local_.value;
         h_scale_[c] = local_.scale;
-        for (std::size_t i = 0; i < constraint.support().size(); ++i)
-            C[c * nq_ + constraint.support()[i]] += local_.gradient[i];
     }
 }
 
@@ -132,18 +129,13 @@ void MidpointStep::add_elements() {
     potential_size_ = 0;
     if (m.potentials.empty() && m.forces.empty()) return;
     place(m.massless_joints_seen, q_mid_.data(), lagrangian_.at);
-    for (const auto& potential : m.potentials) {
-        potential->evaluate(lagrangian_.at, q_mid_.data(), Order::gradient, local_);
-        for (std::size_t i = 0; i < potential->support().size(); ++i) {
-            lagrangian_.L_q[potential->support()[i]] -= local_.gradient[i];
-            potential_size_ = std::max(potential_size_, std::abs(local_.gradient[i]));
-        }
-    }
-    for (const auto& force : m.forces) {
-        force->evaluate(middle(), Order::value, force_);
-        for (std::size_t i = 0; i < force->support().size(); ++i)
-            if (force->support()[i] < nd_) f_[force->support()[i]] += force_.f[i];
-    }
+    for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_, [&](int i, double slope) {
+        lagrangian_.L_q[i] -= slope;
+        potential_size_ = std::max(potential_size_, std::abs(slope));
+    });
+    for_each_entry(m.forces, middle(), force_, [&](int i, double f) {
+        if (i < nd_) f_[i] += f;
+    });
 }
 
 template <class Add>
@@ -151,24 +143,13 @@ void MidpointStep::element_matrix(double dt, const Add& add) {
     const Mechanism& m = *mechanism_;
     const double km = kappa_minus(settings_.split, dt);
     for (const auto& [i, slot] : m.damping) add(i, i, -km / dt * m.numbers[slot]);
-    for (const auto& potential : m.potentials) {
-        const auto& support = potential->support();
-        potential->evaluate(lagrangian_.at, q_mid_.data(), Order::hessian, local_);
-        for (std::size_t i = 0; i < support.size(); ++i)
-            for (std::size_t j = 0; j < support.size(); ++j)
-                if (support[i] < nd_ && support[j] < nd_)
-                    add(support[i], support[j], -0.25 * dt * local_.hessian[i * support.size() + j]);
-    }
-    for (const auto& force : m.forces) {
-        const auto& support = force->support();
-        force->evaluate(middle(), Order::gradient, force_);
-        for (std::size_t i = 0; i < support.size(); ++i)
-            for (std::size_t j = 0; j < support.size(); ++j) {
-                const std::size_t at = i * support.size() + j;
-                if (support[i] < nd_ && support[j] < nd_)
-                    add(support[i], support[j], km * (0.5 * force_.f_q[at] + force_.f_v[at] / dt));
-            }
-    }
+    for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_, [&](int i, int j, double bend) {
+        if (i < nd_ && j < nd_) add(i, j, -0.25 * dt * bend);
+    });
+    const auto by_variable = [&](int i, int j, double f_q, double f_v) {
+        if (i < nd_ && j < nd_) add(i, j, km * (0.5 * f_q + f_v / dt));
+    };
+    for_each_entry(m.forces, middle(), force_, by_variable, [](int, int, double) {});
 }
 
 bool MidpointStep::refresh(double dt, bool in_tree) {

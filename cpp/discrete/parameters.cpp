@@ -31,21 +31,15 @@ ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, do
         if (!parameter.numbers.empty()) {
             start.number_slopes = end.number_slopes = middle.number_slopes = parameter.numbers.data();
             for (const auto& [i, slot] : m.damping) f[i] -= parameter.numbers[slot] * at.v[i];
-            for (const auto& potential : m.potentials) {
-                potential->evaluate(middle, Q.data(), Order::gradient, local);
-                for (std::size_t i = 0; i < potential->support().size(); ++i)
-                    L_q[potential->support()[i]] -= local.gradient[i].d;
-            }
-            for (const auto& force : m.forces) {
-                force->evaluate({middle, Q.data(), V.data(), U.data()}, force_taylor);
-                for (std::size_t i = 0; i < force->support().size(); ++i) f[force->support()[i]] += force_taylor.f[i].d;
-            }
+            for_each_entry(m.potentials, middle, Q.data(), local,
+                           [&](int i, const Dual<double>& slope) { L_q[i] -= slope.d; });
+            for_each_entry(m.forces, ForcePoint<Dual<double>>{middle, Q.data(), V.data(), U.data()}, force_taylor,
+                           [&](int i, const Dual<double>& force) { f[i] += force.d; });
             for (int c = 0; c < nc; ++c) {
-                const auto& constraint = *m.constraints[c];
-                constraint.evaluate(start, Q1.data(), Order::gradient, local);
-                for (std::size_t i = 0; i < constraint.support().size(); ++i)
-                    if (constraint.support()[i] < nd) y(constraint.support()[i]) += step.lam[c] * local.gradient[i].d;
-                constraint.evaluate(end, Q2.data(), Order::value, local);
+                for_each_entry(*m.constraints[c], start, Q1.data(), local, [&](int i, const Dual<double>& slope) {
+                    if (i < nd) y(i) += step.lam[c] * slope.d;
+                });
+                m.constraints[c]->evaluate(end, Q2.data(), Order::value, local);
                 y(nd + c) = -local.value.d;
             }
         }

@@ -6,6 +6,8 @@
 // hyper-dual one, and derivatives by its numbers in the same way, so a type with a missing order cannot exist.
 #pragma once
 
+#include <memory>
+#include <type_traits>
 #include <vector>
 
 #include "kinematics/points.hpp"
@@ -56,6 +58,28 @@ public:
                                     LocalTaylor<Dual<double>>&) const;                                           \
     template void Type::evaluate_on(const Placement<HyperDual>&, const HyperDual*, Order, LocalTaylor<HyperDual>&) const
 
+// Evaluates a function, or one after the other, and hands on what it is made of by the variables that it belongs to:
+// sink(i, slope) gets the gradient, sink(i, j, bend) the Hessian. `local` holds the rest, of the last one.
+template <class T, class Sink>
+void for_each_entry(const ConfigurationFunction& function, const Placement<T>& at, const T* q, LocalTaylor<T>& local,
+                    const Sink& sink) {
+    const std::vector<int>& support = function.support();
+    const std::size_t n = support.size();
+    constexpr bool second = std::is_invocable_v<Sink, int, int, const T&>;
+    function.evaluate(at, q, second ? Order::hessian : Order::gradient, local);
+    for (std::size_t i = 0; i < n; ++i) {
+        if constexpr (second)
+            for (std::size_t j = 0; j < n; ++j) sink(support[i], support[j], local.hessian[i * n + j]);
+        else
+            sink(support[i], local.gradient[i]);
+    }
+}
+template <class T, class Sink>
+void for_each_entry(const std::vector<std::shared_ptr<const ConfigurationFunction>>& functions, const Placement<T>& at,
+                    const T* q, LocalTaylor<T>& local, const Sink& sink) {
+    for (const auto& function : functions) for_each_entry(*function, at, q, local, sink);
+}
+
 // Where forces are evaluated. For their second derivatives, contracted with mu, the same configuration twice more on
 // duals: along the velocity, and along mu.
 template <class T>
@@ -99,5 +123,32 @@ public:
 protected:
     std::vector<int> support_, joints_, inputs_;
 };
+
+// The same for forces: sink(i, f) alone, or the Jacobians by by_variable(i, j, f_q, f_v) and by_input(i, a, f_u).
+template <class T, class Sink>
+void for_each_entry(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces, const ForcePoint<T>& point,
+                    LocalForce<T>& local, const Sink& sink) {
+    for (const auto& force : forces) {
+        if constexpr (std::is_same_v<T, double>)
+            force->evaluate(point, Order::value, local);
+        else
+            force->evaluate(point, local);
+        for (std::size_t i = 0; i < force->support().size(); ++i) sink(force->support()[i], local.f[i]);
+    }
+}
+template <class ByVariable, class ByInput>
+void for_each_entry(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces, const ForcePoint<double>& point,
+                    LocalForce<double>& local, const ByVariable& by_variable, const ByInput& by_input) {
+    for (const auto& force : forces) {
+        const std::vector<int>&support = force->support(), &inputs = force->inputs();
+        const std::size_t n = support.size(), r = inputs.size();
+        force->evaluate(point, Order::gradient, local);
+        for (std::size_t i = 0; i < n; ++i) {
+            for (std::size_t j = 0; j < n; ++j)
+                by_variable(support[i], support[j], local.f_q[i * n + j], local.f_v[i * n + j]);
+            for (std::size_t a = 0; a < r; ++a) by_input(support[i], inputs[a], local.f_u[i * r + a]);
+        }
+    }
+}
 
 }  // namespace leastaction
