@@ -483,3 +483,14 @@ def test_equal_elements_have_parameters_of_their_own():
     assert values == {"spring(post, bob).stiffness": 2.0, "spring(post, bob)#2.stiffness": 2.0}
     context = plan(flatten(tree()), [spring, spring]).emit(Recorder())
     assert len(set(context.parameters.values())) == 2
+
+
+def test_a_string_may_be_called_like_the_variable_of_its_length():
+    string = la.Distance("world", "bob", "rope", name="rope")
+    description = [tx("x"), [la.ty("y", name="bob", mass=2.0)]]
+    mechanism = Mechanism(description, [la.Gravity((0.0, -10.0, 0.0)), string])
+    vi = la.MidpointVI(mechanism)
+    start = vi.start(mechanism.configuration({"y": -1.0, "rope": 1.0}))
+    run = vi.simulate(start, 0.01 * np.arange(5), rho=np.ones((5, 1)))
+    tensions = run.tensions()["rope"]
+    np.testing.assert_allclose(tensions, [10.0, 20.0, 20.0, 20.0], rtol=1e-10)
