@@ -28,7 +28,9 @@ from leastaction.numerics.arrays import Array, as_array, as_count, as_number, sh
 
 
 class ContinuousDynamics:
-    """Equations of motion of one mechanism in continuous time. Holds settings, no state: any number of threads may share it.
+    """Equations of motion of one mechanism in continuous time.
+
+    It holds settings and no state, so any number of threads may share it.
 
     All methods take one point, or N of them: then every argument has a leading axis, or is the same for all. Every
     result has a leading axis if and only if q or v has.
