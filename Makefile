@@ -4,6 +4,8 @@
 #   make test                 the test suite        (ARGS="-k midpoint", SLOW=1, ORACLES=1, WORKERS=0)
 #   make bench                the benchmarks        (ARGS=--json)
 #   make lint                 everything that is checked without running
+#   make lowest               the fast tests with the lowest versions that pyproject.toml states
+#   make sanitize             tests of the core with its memory, its arithmetic and Eigen's assertions checked (slow)
 #   make build                compile the C++ that changed   (VARIANTS=v3: only that instruction set)
 
 PYTHON   ?= python3
@@ -14,6 +16,8 @@ ARGS     ?=
 ORACLES  ?=
 SLOW     ?=
 WORKERS  ?= auto
+LOWEST   ?= .venv-lowest
+SANITIZED ?= tests/conformance tests/derivatives tests/physics tests/optimal
 JOBS     ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu 2>/dev/null || echo 2)
 
 BIN       := $(VENV)/bin
@@ -27,7 +31,7 @@ export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export CMAKE_GENERATOR ?= Ninja
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench lint format clean
+.PHONY: help setup build demo test bench lint lowest sanitize format clean
 
 help:
 	@sed -n '3,/^$$/s/^# \{0,1\}//p' $(MAKEFILE_LIST)
@@ -83,6 +87,23 @@ lint: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extr
 	$(BIN)/mypy
 	$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 	$(BIN)/lint-imports
+
+# An environment of its own beside $(VENV), with the modules that are compiled already.
+lowest: $(STAMPS)/compiled
+	@test -x $(LOWEST)/bin/python || $(PYTHON) -m venv $(LOWEST)
+	@$(BIN)/python -c 'import re, tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; x = p["optional-dependencies"]; print("\n".join(re.sub(">=([^,]*).*", r"==\1", r) for r in p["dependencies"] + x["viz"] + x["expressions"] + x["test"]))' > $(LOWEST)/lowest.txt
+	$(LOWEST)/bin/python -m pip --disable-pip-version-check -qq install -r $(LOWEST)/lowest.txt
+	PYTHONPATH=src $(LOWEST)/bin/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)
+
+# The checked modules go into a copy of the package: those of `make build` stay as they are.
+sanitize: $(STAMPS)/installed $(STAMPS)/extra-viz $(STAMPS)/extra-test
+	$(BIN)/cmake -S . -B build/sanitize -DPython_EXECUTABLE=$(abspath $(BIN))/python -DLEASTACTION_SANITIZE=ON -DLEASTACTION_VARIANTS=baseline
+	$(BIN)/cmake --build build/sanitize
+	rm -rf build/sanitize/package && mkdir build/sanitize/package && cp -r src/leastaction build/sanitize/package/ && rm -f build/sanitize/package/leastaction/_core/*.so
+	$(BIN)/cmake --install build/sanitize --prefix build/sanitize/package
+	ASAN_OPTIONS=detect_leaks=0 PYTHONPATH=build/sanitize/package \
+	  LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" \
+	  $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(SANITIZED) $(ARGS)
 
 format: $(STAMPS)/extra-dev
 	$(BIN)/ruff check --fix --exit-zero $(PY_FILES)

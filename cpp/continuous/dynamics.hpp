@@ -16,6 +16,7 @@
 
 #include "dynamics/newton_euler.hpp"
 #include "dynamics/newton_matrix.hpp"
+#include "numerics/aligned.hpp"
 
 namespace leastaction {
 
@@ -46,12 +47,12 @@ public:
     MotionReport differentiate();
     int n_theta() const { return n_theta_; }
     int ld() const { return ld_; }
-    std::vector<double> Y;  // (n_dynamic + n_constraints) x ld
+    AlignedVector Y;  // (n_dynamic + n_constraints) x ld
 
     // After differentiate(): the Hessian of z_a.a + z_lam.lam by th. Of H only the blocks on and below the diagonal, by q, v,
     // u and rho_a, are made, each of them in full; rows of n_theta().
     void curvature(const double* z_a, const double* z_lam);
-    std::vector<double> H;
+    AlignedVector H;
 
     const Mechanism& mechanism() const { return *mechanism_; }
 

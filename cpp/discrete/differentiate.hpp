@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "discrete/midpoint.hpp"
+#include "numerics/aligned.hpp"
 
 namespace leastaction {
 
@@ -22,8 +23,8 @@ public:
     bool differentiate(MidpointStep& step, double dt);
 
     const int n_theta, ld;     // columns of th, and of the rows: th, then the shifts, padded
-    std::vector<double> Y;     // (n_dynamic + n_constraints) x ld: d(q2; lam)/d[th | shift of h]
-    std::vector<double> P2;    // n_dynamic x ld: dp2/d[th | shift of h]
+    AlignedVector Y;           // (n_dynamic + n_constraints) x ld: d(q2; lam)/d[th | shift of h]
+    AlignedVector P2;          // n_dynamic x ld: dp2/d[th | shift of h]
     NewtonMatrix::Matrix G_y;  // dp2/dq2, dynamic
 
 private:

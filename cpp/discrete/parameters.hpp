@@ -21,8 +21,8 @@ struct Parameter {
 };
 
 struct ParameterSlopes {
-    int ld;                     // of the rows: the parameters, padded
-    std::vector<double> Y, P2;  // of (q2; lam) and p2, rows of ld
+    int ld;               // of the rows: the parameters, padded
+    AlignedVector Y, P2;  // of (q2; lam) and p2, rows of ld
 };
 
 // Of a step that was differentiated; allocates.
