@@ -58,8 +58,8 @@ void TapeMagnitude::evaluate(const Placement<Dual<double>>& at, const Dual<doubl
 
 // n coordinates, m variables, r inputs: y | gradient of F | Hessian of F | rows.
 template <class T>
-struct CoordinateForce::Room {
-    Room(std::vector<T>& work, int n, int m, int r, bool second) : size(2 * n + r) {
+struct CoordinateForce::Workspace {
+    Workspace(std::vector<T>& work, int n, int m, int r, bool second) : size(2 * n + r) {
         const int z = 2 * m + r;
         work.resize(2 * size + size * size + 2 * m + (second ? 2 * size * z + z : 0));
         y = work.data();
@@ -112,7 +112,7 @@ void CoordinateForce::measure(const ForcePoint<T>& point, Order order, LocalForc
 
 void CoordinateForce::evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const {
     const int m = static_cast<int>(support_.size());
-    const Room<Dual<double>> room(out.work, static_cast<int>(coordinates_.size()), m, static_cast<int>(inputs_.size()),
+    const Workspace<Dual<double>> room(out.work, static_cast<int>(coordinates_.size()), m, static_cast<int>(inputs_.size()),
                                   false);
     measure(point, Order::value, out);
     Dual<double> F;
@@ -124,7 +124,7 @@ void CoordinateForce::evaluate(const ForcePoint<Dual<double>>& point, LocalForce
 void CoordinateForce::evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const {
     const int n = static_cast<int>(coordinates_.size()), m = static_cast<int>(support_.size());
     const int r = static_cast<int>(inputs_.size());
-    const Room<double> room(out.work, n, m, r, false);
+    const Workspace<double> room(out.work, n, m, r, false);
     measure(point, order, out);
     double F;
     magnitude_->evaluate(point.at, room.y, room.size, order, F, room.gradient, room.hessian);
@@ -172,7 +172,7 @@ void CoordinateForce::curvature(const ForcePoint<double>& point, const ForceDire
                                 LocalForce<double>& out) const {
     const int n = static_cast<int>(coordinates_.size()), m = static_cast<int>(support_.size());
     const int r = static_cast<int>(inputs_.size()), size_z = 2 * m + r;
-    const Room<double> room(out.work, n, m, r, true);
+    const Workspace<double> room(out.work, n, m, r, true);
     measure(point, Order::gradient, out);
     double F;
     magnitude_->evaluate(point.at, room.y, room.size, Order::hessian, F, room.gradient, room.hessian);

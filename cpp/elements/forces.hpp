@@ -69,7 +69,7 @@ private:
     template <class T>
     void measure(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const;
     template <class T>
-    struct Room;  // how the work space is divided
+    struct Workspace;  // how the work space is divided
 
     std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates_;
     std::vector<std::vector<int>> index_;  // by coordinate: its support in that of the force

@@ -19,8 +19,9 @@ CODE = [
 
 @pytest.mark.parametrize(("page", "block"), CODE)
 def test_the_code_runs(page: Path, block: str) -> None:
-    if "sympy" in block:
-        pytest.importorskip("sympy")
+    for optional in ("sympy", "jax"):
+        if re.search(rf"(import|from) {optional}\b", block):
+            pytest.importorskip(optional)
     exec(compile(block, page.name, "exec"), {})
 
 
