@@ -1,4 +1,4 @@
-"""docs/notation.md and the code have the same names: what the page says exists, and what the core speaks of is on it."""
+"""docs/notation.md and the code have the same names: those on the page exist, and those of the core are on it."""
 
 from __future__ import annotations
 
@@ -119,7 +119,9 @@ def arrays_of_the_core() -> Iterator[str]:
             functions = [node] if isinstance(node, ast.FunctionDef) else []
         for function in functions:
             for argument in function.args.args + function.args.kwonlyargs:
-                if argument.annotation and "NDArray" in ast.unparse(argument.annotation):
+                if argument.annotation and ast.unparse(argument.annotation).startswith(
+                    "Annotated[NDArray"
+                ):
                     yield argument.arg
             returns = ast.unparse(function.returns) if function.returns else ""
             is_property = any(ast.unparse(d) == "property" for d in function.decorator_list)

@@ -41,6 +41,8 @@ _MOST_PIECES = 20_000
 class PiecewisePolynomial:
     """A function of time, ``f(t)``, of any shape; continuous from the right where it jumps.
 
+    Nothing in it changes: threads may share it.
+
     Parameters
     ----------
     breaks : ndarray (n+1,)

@@ -30,6 +30,7 @@ class IterationTable:
 
     A full step of a perfect model decreases the cost by half of what is expected. Where a step had to be cut, the
     step of time at which the longer one ended stands under "cut at".
+    One table is for one run: threads do not share it.
 
     Parameters
     ----------

@@ -19,6 +19,8 @@ _EPS = float(np.finfo(float).eps)
 class Event:
     """Where a function of time and state goes through zero.
 
+    Frozen: threads may share it where they may share its function.
+
     Attributes
     ----------
     function : callable or str

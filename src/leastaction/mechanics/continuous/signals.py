@@ -26,6 +26,8 @@ _AGREE = (
 class PrescribedMotion:
     """A twice differentiable motion of the kinematic variables.
 
+    Frozen: threads may share it where they may share its functions.
+
     Attributes
     ----------
     value, velocity, acceleration : callable

@@ -36,7 +36,7 @@ _VELOCITY_TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Projection:
-    """Bring every accepted step back onto the constraints.
+    """Bring every accepted step back onto the constraints. Frozen: threads may share it.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Projection:
 
 @dataclass(frozen=True)
 class Baumgarte:
-    """Let deviations from the constraints die out, as those of a damped oscillator do.
+    """Let deviations from the constraints die out, as those of a damped oscillator do. Frozen: threads may share it.
 
     Attributes
     ----------

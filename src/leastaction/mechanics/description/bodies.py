@@ -15,7 +15,7 @@ INERTIA_TOLERANCE = 1e-9
 
 
 class Body:
-    """A rigid body fixed to a frame.
+    """A rigid body fixed to a frame. Nothing in it changes: threads may share it.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ class Branch:
 
     Made by `world`. Each of `tx ty tz rx ry rz pose twist screw revolute prismatic universal ball free`
     puts a frame on this one and returns the place of the new frame (of a composition: of its last one), so
-    calls can be chained; several calls on one place make its several children.
+    calls can be chained; several calls on one place make its several children. It grows: for one thread.
 
     Attributes
     ----------

@@ -34,7 +34,7 @@ def _declared(cls: type[Element]) -> tuple[tuple[str, Kind, bool], ...]:
 
 @dataclass(frozen=True)
 class Element(abc.ABC):
-    """Something that acts on the frames of a mechanism.
+    """Something that acts on the frames of a mechanism. Frozen: threads may share it.
 
     Attributes
     ----------

@@ -28,6 +28,8 @@ Direction = tuple[str, str | Sequence[float]]
 class PythonFunction(abc.ABC):
     """A scalar function f(z) of the user's own, with its gradient and Hessian.
 
+    Threads that share a mechanism call it too, one at a time.
+
     z (m,) holds x y z of every point, x y z of every direction (all in world axes), then the variables, in the
     order in which the element names them. The methods must take complex z and follow it analytically: write
     them with NumPy's functions, without `abs`, `arctan2`, `real`, `conj` or comparisons of z. The third order is the
