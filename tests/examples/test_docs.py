@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-DOCS = sorted((Path(__file__).parents[2] / "docs").glob("*.md"))
+ROOT = Path(__file__).parents[2]
+DOCS = sorted((ROOT / "docs").glob("*.md"))
 CODE = [
     pytest.param(page, block, id=f"{page.stem}-{number}")
     for page in DOCS
@@ -30,3 +31,13 @@ def test_what_it_points_to_exists(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text("utf-8")):
         if "://" not in target:
             assert (page.parent / target).is_file(), target
+
+
+@pytest.mark.parametrize("page", [*DOCS, *ROOT.glob("*.md")], ids=lambda page: page.stem)
+def test_the_places_in_the_tree_that_it_names_exist(page: Path) -> None:
+    if page.stem == "CHANGELOG":  # it tells of places that were
+        return
+    for place in re.findall(
+        r"`((?:cpp|src|tests|docs|benchmarks|examples)/[\w/.]+)`", page.read_text("utf-8")
+    ):
+        assert list(ROOT.glob(place.rstrip("/") + "*")), f"{page.name}: no {place}"
