@@ -9,8 +9,8 @@ ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, do
     const int count = static_cast<int>(parameters.size());
     const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
     const int ld = (count + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes;
-    ParameterSlopes out{ld, std::vector<double>(static_cast<std::size_t>(ny) * ld),
-                        std::vector<double>(static_cast<std::size_t>(nd) * ld)};
+    ParameterSlopes out{ld, AlignedVector(static_cast<std::size_t>(ny) * ld),
+                        AlignedVector(static_cast<std::size_t>(nd) * ld)};
     const ForcePoint<double> at = step.middle();
     Placement<Dual<double>> start(m), end(m), middle(m);
     const auto still = [](const double* q, int n) { return std::vector<Dual<double>>(q, q + n); };
