@@ -231,6 +231,7 @@ class Loop(Generic[M, D, I]):
         self.line_search = LineSearch(settings.alpha, settings.beta)
         self.searched = 0
         self.still = 0
+        self.stalled = False
         if resume is None:
             self.history = HistoryBuilder()
             self.limit = settings.max_iterations
@@ -306,7 +307,7 @@ class Loop(Generic[M, D, I]):
                     notes.append(f"{method}: {direction}")
                     self._note_failure(method)
                     continue
-                if -direction.slope <= self._goal():
+                if self.stalled or -direction.slope <= self._goal():
                     if shift > self.schedule.shift:
                         return  # So short a step leads nowhere.
                     direction = self._confirm(direction)
@@ -361,7 +362,8 @@ class Loop(Generic[M, D, I]):
         """
         problem = self.problem
         expected = -direction.slope
-        converged = _Found(_Outcome(Status.CONVERGED, expected=expected))
+        status = Status.STALLED if self.stalled else Status.CONVERGED
+        converged = _Found(_Outcome(status, expected=expected))
         self.schedule = replace(self.schedule, shift=0.0)
         if not problem.tells_saddles or (direction.curvature_scale == 1.0 > direction.shift):
             raise converged
@@ -369,7 +371,7 @@ class Loop(Generic[M, D, I]):
         goes_on = self.settings.method in ("auto", "newton")
         if model.definite:
             newton = problem.direction("newton", model, 1.0)
-            if -newton.slope <= self._goal() or not goes_on:
+            if -newton.slope <= self._goal() or self.stalled or not goes_on:
                 raise converged
             return newton
         scale = 0.0 if direction.shift > 0.0 else direction.curvature_scale
@@ -428,11 +430,10 @@ class Loop(Generic[M, D, I]):
         decrease, expected = problem.value - trial.cost, -direction.slope
         agreement = decrease / max(0.5 * expected, 1e-300)
         self.still = self.still + 1 if decrease <= problem.noise else 0
-        outcome = (
-            _Outcome(Status.STALLED, expected=expected) if self.still >= problem.patience else None
-        )
+        # Whether that is at a minimum or at a saddle is looked at before the next step.
+        self.stalled = self.still >= problem.patience
         foretold = None
-        if outcome is None and step.length == 1.0 and direction.method == "newton":
+        if not self.stalled and step.length == 1.0 and direction.method == "newton":
             foretold = self._foretold(expected, agreement)
         self.schedule = self.schedule.after_step(
             direction.method,
@@ -445,7 +446,7 @@ class Loop(Generic[M, D, I]):
         problem.accept(direction, trial)
         if foretold is not None:
             problem.keep_feedback(direction)
-        return self._tell(direction, step, decrease, note) or outcome or foretold
+        return self._tell(direction, step, decrease, note) or foretold
 
     def _tell(
         self, direction: D | None, step: Step[I] | None, decrease: float, note: str
