@@ -29,7 +29,7 @@ def rows(settings: Settings) -> list[Row | Absent]:
         out = core.roll_out(t, x0, None, u, None, None)
         if out.steps < _STEPS:
             result.append(
-                Absent(GROUP, f"chain of {n} links", f"failed after {out['steps']} steps")
+                Absent(GROUP, f"chain of {n} links", f"failed after {out.steps} steps")
             )
             continue
         timing = best_of(
@@ -49,7 +49,7 @@ def rows(settings: Settings) -> list[Row | Absent]:
                 target=n * MICRO,
                 dissertation=DISSERTATION.get(n),
                 note=f"{seconds / n / MICRO:.2f} us per link, "
-                f"{out['iterations'] / _STEPS:.2f} Newton iterations",
+                f"{out.iterations / _STEPS:.2f} Newton iterations",
                 details={"links": n, "seconds_per_link": seconds / n},
             )
         )

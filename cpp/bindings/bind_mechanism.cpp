@@ -104,41 +104,38 @@ ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
     return out;
 }
 
-Out joint_poses(const Mechanism& m, const In<2>& q) {
-    const std::size_t count = q.shape(0), nj = m.joints.size(), nq = m.n_variables();
+// `write(out, joint)` for every joint, in the builder's order, of every configuration; `size` doubles each.
+template <class Write>
+void at_every_joint(const Mechanism& m, const In<2>& q, std::size_t size, double* out, const Write& write) {
+    const std::size_t nj = m.joints.size(), nq = m.n_variables();
     expect(q.shape(1), nq, "q");
-    Out out = new_array({count, nj, 4, 4});
     Placement<double> at(m);
     std::vector<int> all(nj);
     std::iota(all.begin(), all.end(), 0);
-    for (std::size_t k = 0; k < count; ++k) {
+    for (std::size_t k = 0; k < q.shape(0); ++k) {
         place(all, to_internal(m, q.data() + k * nq, static_cast<int>(nq)).data(), at);
-        for (std::size_t j = 0; j < nj; ++j) {
-            const Pose<double>& pose = at.pose[m.joint_of_builder[j]];
-            const Mat3<double>& R = pose.R;
-            const double rows[16] = {R.c0.x, R.c1.x, R.c2.x, pose.p.x, R.c0.y, R.c1.y, R.c2.y, pose.p.y,
-                                     R.c0.z, R.c1.z, R.c2.z, pose.p.z, 0,      0,      0,      1};
-            std::copy(rows, rows + 16, out.data() + (k * nj + j) * 16);
-        }
+        for (std::size_t j = 0; j < nj; ++j, out += size) write(out, at, m.joint_of_builder[j]);
     }
+}
+
+Out joint_poses(const Mechanism& m, const In<2>& q) {
+    Out out = new_array({q.shape(0), m.joints.size(), 4, 4});
+    at_every_joint(m, q, 16, out.data(), [](double* to, const Placement<double>& at, int joint) {
+        const auto& [R, p] = at.pose[joint];
+        const double rows[16] = {R.c0.x, R.c1.x, R.c2.x, p.x, R.c0.y, R.c1.y, R.c2.y, p.y,
+                                 R.c0.z, R.c1.z, R.c2.z, p.z, 0,      0,      0,      1};
+        std::copy(rows, rows + 16, to);
+    });
     return out;
 }
 
 Out joint_twists(const Mechanism& m, const In<2>& q) {
-    const std::size_t count = q.shape(0), nj = m.joints.size(), nq = m.n_variables();
-    expect(q.shape(1), nq, "q");
-    Out out = new_array({count, nj, 6});
-    Placement<double> at(m);
-    std::vector<int> all(nj);
-    std::iota(all.begin(), all.end(), 0);
-    for (std::size_t k = 0; k < count; ++k) {
-        place(all, to_internal(m, q.data() + k * nq, static_cast<int>(nq)).data(), at);
-        for (std::size_t j = 0; j < nj; ++j) {
-            const Motion<double>& S = at.twist[m.joint_of_builder[j]];
-            const double row[6] = {S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z};
-            std::copy(row, row + 6, out.data() + (k * nj + j) * 6);
-        }
-    }
+    Out out = new_array({q.shape(0), m.joints.size(), 6});
+    at_every_joint(m, q, 6, out.data(), [](double* to, const Placement<double>& at, int joint) {
+        const auto& [v, w] = at.twist[joint];
+        const double row[6] = {v.x, v.y, v.z, w.x, w.y, w.z};
+        std::copy(row, row + 6, to);
+    });
     return out;
 }
 
@@ -265,6 +262,16 @@ void bind_mechanism(nb::module_& module) {
         .def(
             "hessian", [](const Mechanism& m, const In<1>& q, const In<1>& v) { return point_at(m, q, v).second(); },
             "q"_a, "v"_a, "Hessian of the Lagrangian: (L_qq, L_vq, L_vv), L_vq[i, j] = d2L/dv_i dq_j.")
+        .def(
+            "inertias",
+            [](const Mechanism& m, const In<1>& q) {
+                WholeLagrangian<double> point = point_at(m, q, q);
+                std::vector<double> inertias(m.n_variables());
+                point.composites();
+                point.inertias(inertias.data());
+                return by_variable(m, inertias);
+            },
+            "q"_a, "The inertia that each variable moves: the diagonal of L_vv, (nq,).")
         .def(
             "third",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& dq, const In<1>& dv) {

@@ -58,7 +58,7 @@ Continuous::Continuous(std::shared_ptr<const Mechanism> mechanism, double dampin
     std::sort(massless_joints_.begin(), massless_joints_.end());
     if (mechanism_->plain && TreeNewton::is_faster(*mechanism_)) tree_ = std::make_unique<TreeNewton>(*mechanism_);
     double above = 0;
-    for (const auto& coupled : mechanism_->coupled) above += static_cast<double>(coupled.size());
+    for (int k = 0; k < nd_; ++k) above += static_cast<double>(mechanism_->coupled[k].size());
     tree_for_derivatives_ = above > deep_on_average * nd_;
 }
 

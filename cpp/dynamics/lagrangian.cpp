@@ -132,6 +132,27 @@ void Lagrangian<T>::composites() {
 }
 
 template <class T>
+void Lagrangian<T>::inertias(double* by_variable) const
+    requires std::is_same_v<T, double>
+{
+    const Mechanism& m = mechanism_;
+    std::fill_n(by_variable, m.n_variables(), 0.0);
+    for (int i = 0; i < m.n_massive; ++i)
+        m.joints[i].each_term([&](int variable, double factor) {
+            const double* A = &AB_[0][i * 12];
+            // Joints of one variable that stand above each other move the same masses.
+            const auto above = m.plain ? m.path[i].last(1) : m.path[i];
+            for (const int j : above)
+                m.joints[j].each_term([&](int other, double other_factor) {
+                    if (other != variable) return;
+                    const Motion<T>& S = at.twist[j];
+                    const double pair = dot(Force<T>{{A[0], A[1], A[2]}, {A[3], A[4], A[5]}}, S);
+                    by_variable[variable] += (i == j ? 1.0 : 2.0) * factor * other_factor * pair;
+                });
+        });
+}
+
+template <class T>
 void Lagrangian<T>::hessian() {
     const int n = mechanism_.n_massive;
     if (pairs.stride == 0) pairs.resize(n);

@@ -56,6 +56,9 @@ public:
                 {G.x, G.y, G.z, 0, 0, 0},
                 &AB_[0][joint * 12]};
     }
+    // The inertia that each variable moves, L_vv[k, k], at the point of the last composites().
+    void inertias(double* by_variable) const
+        requires std::is_same_v<T, double>;
     // Second derivatives at the point of the last gradient, in `pairs`; for a dual scalar, their derivatives along the
     // direction.
     void hessian();

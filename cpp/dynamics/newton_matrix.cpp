@@ -83,7 +83,7 @@ bool NewtonMatrix::eliminate() {
         const double pivot = row[k];
         if (!(std::abs(pivot) > 0.0) || !std::isfinite(pivot)) return false;
         reciprocal_[k] = 1.0 / pivot;
-        const auto& coupled = coupled_[k];
+        const auto coupled = coupled_[k];
         if (coupled.empty()) continue;
         // Zero entries between the coupled ones cost less than jumping over them.
         const int first = coupled.front(), width = coupled.back() + 1 - first;

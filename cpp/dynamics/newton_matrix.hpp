@@ -71,7 +71,7 @@ private:
     void solve_schur(double* g, int cols, int ld);
     void solve_schur(double* g);
 
-    const std::vector<std::vector<int>>& coupled_;
+    const SharedLists& coupled_;
     TreeNewton* tree_ = nullptr;  // has the factors of M; null: they are here
     int n_, nc_, nc_padded_;
     std::vector<double> L_t_;         // the lower factors once more, by rows, for one right-hand side

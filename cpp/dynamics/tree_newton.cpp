@@ -19,7 +19,7 @@ constexpr double lost_pivot = 1e-12;
 
 bool TreeNewton::is_faster(const Mechanism& mechanism) {
     std::size_t deepest = 0;
-    for (const auto& above : mechanism.coupled) deepest = std::max(deepest, above.size());
+    for (std::size_t k = 0; k < mechanism.coupled.size(); ++k) deepest = std::max(deepest, mechanism.coupled[k].size());
     return deepest >= deep || mechanism.n_dynamic > large;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <unordered_map>
 
 namespace leastaction {
 
@@ -33,10 +34,11 @@ std::vector<int> only_one(const std::vector<int>& a, const std::vector<int>& b) 
 SupportJoints::SupportJoints(const std::vector<Joint>& joints, std::vector<int> moving, std::vector<int> extra)
     : joints_(std::move(moving)), n_extra_(extra.size()) {
     const std::size_t n = joints_.size();
+    std::unordered_map<int, int> index_of;  // of a variable in the support
     const auto add_term = [&](int variable, double factor) {
-        const auto found = std::find(support_.begin(), support_.end(), variable);
-        const int index = static_cast<int>(found - support_.begin());
-        if (found == support_.end())
+        const auto [found, is_new] = index_of.try_emplace(variable, static_cast<int>(support_.size()));
+        const int index = found->second;
+        if (is_new)
             support_.push_back(variable);
         else
             plain_ = false;
@@ -51,9 +53,18 @@ SupportJoints::SupportJoints(const std::vector<Joint>& joints, std::vector<int> 
         terms_.emplace_back();
         add_term(variable, 1.0);
     }
+    // What is above a joint is above all that hang on it, and joints come after their parents.
     above_.resize(n * n);
-    for (std::size_t i = 0; i < n; ++i)
-        for (std::size_t j = 0; j < n; ++j) above_[i * n + j] = is_above(joints, joints_[j], joints_[i]);
+    for (std::size_t i = 0; i < n; ++i) {
+        const auto before = joints_.begin() + i;
+        for (int parent = joints[joints_[i]].parent; parent >= 0; parent = joints[parent].parent) {
+            const auto at = std::lower_bound(joints_.begin(), before, parent);
+            if (at == before || *at != parent) continue;
+            std::copy_n(&above_[(at - joints_.begin()) * n], n, &above_[i * n]);
+            break;
+        }
+        above_[i * n + i] = 1;
+    }
 }
 
 template <class T>

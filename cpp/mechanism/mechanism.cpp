@@ -1,6 +1,7 @@
 #include "mechanism/mechanism.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -40,30 +41,30 @@ bool is_identity(const Mat3<double>& R) {
            R.c2.y == 0 && R.c2.z == 1;
 }
 
-// Runs of a path; small gaps are bridged, because the pair products are done several lanes at a time anyway.
-std::vector<std::pair<int, int>> runs_of(const std::vector<int>& path) {
+// The runs of a path, from those of the path without its last joint; small gaps are bridged, because the pair products are
+// done several lanes at a time anyway.
+void add_to_runs(std::vector<std::pair<int, int>>& runs, int joint) {
     constexpr int bridged_gap = 8;
-    std::vector<std::pair<int, int>> runs;
-    for (const int joint : path) {
-        if (!runs.empty() && joint - runs.back().second <= bridged_gap)
-            runs.back().second = joint + 1;
-        else
-            runs.emplace_back(joint, joint + 1);
-    }
-    return runs;
+    if (!runs.empty() && joint - runs.back().second <= bridged_gap)
+        runs.back().second = joint + 1;
+    else
+        runs.emplace_back(joint, joint + 1);
 }
 
-// Which entries are non-zero when the variables are eliminated from last to first.
-std::vector<std::vector<int>> eliminate(int n, const std::set<std::pair<int, int>>& pairs) {
-    std::vector<std::set<int>> earlier(n);
-    for (const auto& [a, b] : pairs)
-        if (a != b) earlier[std::max(a, b)].insert(std::min(a, b));
-    std::vector<std::vector<int>> out(n);
-    for (int k = n - 1; k >= 0; --k) {
-        out[k].assign(earlier[k].begin(), earlier[k].end());
+// Which entries of the lower triangle are non-zero when the variables are eliminated from last to first; `earlier[k]`
+// ascending, the variables before k that it meets at the start.
+SharedLists eliminate(std::vector<std::vector<int>> earlier) {
+    std::vector<int> both;
+    for (int k = static_cast<int>(earlier.size()) - 1; k >= 0; --k) {
+        if (earlier[k].empty()) continue;
         // The last of them meets the others when k is gone; through it the fill travels down.
-        if (!out[k].empty()) earlier[out[k].back()].insert(out[k].begin(), out[k].end() - 1);
+        std::vector<int>& last = earlier[earlier[k].back()];
+        both.clear();
+        std::set_union(last.begin(), last.end(), earlier[k].begin(), earlier[k].end() - 1, std::back_inserter(both));
+        last.assign(both.begin(), both.end());
     }
+    SharedLists out;
+    for (const std::vector<int>& list : earlier) out.add(list, list.empty() ? -1 : list.back());
     return out;
 }
 
@@ -281,7 +282,8 @@ std::vector<int> MechanismBuilder::joint_order(Mechanism& m) const {
     return order;
 }
 
-// Dynamic variables in the order of their joints, kinematic ones as the user has them.
+// Dynamic variables in the order of their joints (those that move no mass, which no step can be made with, last), kinematic
+// ones as the user has them.
 void MechanismBuilder::order_variables(Mechanism& m, const std::vector<int>& order) const {
     const int nq = n_dynamic_ + n_kinematic_;
     std::vector<char> has_joint(nq, 0);
@@ -293,8 +295,10 @@ void MechanismBuilder::order_variables(Mechanism& m, const std::vector<int>& ord
         });
     for (int i = 0; i < m.n_massive; ++i) m.plain = m.plain && joints_[order[i]].more.empty();
     for (int variable = 0; variable < n_dynamic_; ++variable)
-        if (!has_joint[variable])
-            throw std::invalid_argument("dynamic variable " + std::to_string(variable) + " moves no mass");
+        if (!has_joint[variable]) {
+            m.external.push_back(variable);
+            m.plain = false;
+        }
     for (int variable = n_dynamic_; variable < nq; ++variable) m.external.push_back(variable);
     m.internal.resize(nq);
     for (int i = 0; i < nq; ++i) {
@@ -333,6 +337,47 @@ void MechanismBuilder::set_numbers(Mechanism& m) const {
     }
 }
 
+void MechanismBuilder::note_coupled_variables(Mechanism& m) const {
+    const auto by_elements = [&](const auto& f) {
+        const auto each = [&](const std::vector<int>& support) {
+            for (const int a : support)
+                for (const int b : support)
+                    if (b < a && a < n_dynamic_) f(a, b);
+        };
+        for (const auto& potential : m.potentials) each(potential->support());
+        for (const auto& force : m.forces) each(force->support());
+    };
+    by_elements([&](int, int) { m.only_tree_couples = false; });
+    if (m.plain && m.only_tree_couples) {
+        // Each variable meets those of the joints above its own: those of the nearest one, and that one itself.
+        std::vector<int> nearest(m.n_massive, -1);  // by joint: its dynamic variable, or that of the next joint above
+        for (int i = 0; i < m.n_massive; ++i) {
+            const Joint& joint = m.joints[i];
+            nearest[i] = joint.parent < 0 ? -1 : nearest[joint.parent];
+            if (joint.variable >= n_dynamic_) continue;
+            if (nearest[i] < 0)
+                m.coupled.add({}, -1);
+            else
+                m.coupled.extend(nearest[i], nearest[i]);
+            nearest[i] = joint.variable;
+        }
+        return;
+    }
+    std::vector<std::vector<int>> earlier(n_dynamic_);
+    const auto meet = [&](int a, int b) {
+        if (a != b && std::max(a, b) < n_dynamic_) earlier[std::max(a, b)].push_back(std::min(a, b));
+    };
+    for (int i = 0; i < m.n_massive; ++i)
+        for (const int j : m.path[i])
+            m.joints[i].each_term([&](int a, double) { m.joints[j].each_term([&](int b, double) { meet(a, b); }); });
+    by_elements(meet);
+    for (std::vector<int>& list : earlier) {
+        std::sort(list.begin(), list.end());
+        list.erase(std::unique(list.begin(), list.end()), list.end());
+    }
+    m.coupled = eliminate(std::move(earlier));
+}
+
 void MechanismBuilder::note_what_elements_see(Mechanism& m) const {
     std::set<int> by_constraints, by_forces, by_both;
     for (const auto& constraint : m.constraints)
@@ -345,12 +390,13 @@ void MechanismBuilder::note_what_elements_see(Mechanism& m) const {
     m.element_joints.assign(by_both.begin(), by_both.end());
     for (const int joint : by_both)
         if (joint >= m.n_massive) m.massless_joints_seen.push_back(joint);
-    for (const int joint : m.constraint_joints) {
-        bool free = false;
-        for (int j = joint; j >= 0; j = m.joints[j].parent)
-            m.joints[j].each_term([&](int variable, double) { free = free || variable < n_dynamic_; });
-        (free ? m.free_constraint_joints : m.prescribed_constraint_joints).push_back(joint);
+    std::vector<char> free(m.joints.size());  // parents come first
+    for (std::size_t j = 0; j < free.size(); ++j) {
+        free[j] = m.joints[j].parent >= 0 && free[m.joints[j].parent];
+        m.joints[j].each_term([&](int variable, double) { free[j] = free[j] || variable < n_dynamic_; });
     }
+    for (const int joint : m.constraint_joints)
+        (free[joint] ? m.free_constraint_joints : m.prescribed_constraint_joints).push_back(joint);
 }
 
 std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
@@ -361,20 +407,12 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
     order_variables(*m, joint_order(*m));
     set_numbers(*m);
 
-    std::set<std::pair<int, int>> pairs;
     for (int i = 0; i < m->n_massive; ++i) {
-        m->massive_joints.push_back(i);
         const int parent = m->joints[i].parent;
-        m->path.push_back(parent < 0 ? std::vector<int>{} : m->path[parent]);
-        m->path.back().push_back(i);
-        m->runs.push_back(runs_of(m->path.back()));
-        for (const int j : m->path.back())
-            m->joints[i].each_term([&](int a, double) {
-                if (a >= n_dynamic_) return;
-                m->joints[j].each_term([&](int b, double) {
-                    if (b < n_dynamic_) pairs.emplace(a, b);
-                });
-            });
+        m->massive_joints.push_back(i);
+        m->path.extend(parent, i);
+        m->runs.push_back(parent < 0 ? std::vector<std::pair<int, int>>{} : m->runs[parent]);
+        add_to_runs(m->runs.back(), i);
     }
 
     Coordinates coordinates;
@@ -385,17 +423,7 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
     for (const auto& [variable, slot] : damping_) m->damping.emplace_back(m->internal[variable], slot);
     for (const auto& [variable, input] : joint_forces_) m->joint_forces.emplace_back(m->internal[variable], input);
 
-    const auto couple = [&](const std::vector<int>& support) {
-        for (const int a : support)
-            for (const int b : support) {
-                if (a >= n_dynamic_ || b >= n_dynamic_) continue;
-                pairs.emplace(a, b);
-                m->only_tree_couples = m->only_tree_couples && a == b;
-            }
-    };
-    for (const auto& potential : m->potentials) couple(potential->support());
-    for (const auto& force : m->forces) couple(force->support());
-    m->coupled = eliminate(n_dynamic_, pairs);
+    note_coupled_variables(*m);
     note_what_elements_see(*m);
     return m;
 }

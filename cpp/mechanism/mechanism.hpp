@@ -18,6 +18,7 @@
 #include "elements/forces.hpp"
 #include "elements/laws.hpp"
 #include "elements/wrench.hpp"
+#include "kinematics/shared_lists.hpp"
 
 namespace leastaction {
 
@@ -49,10 +50,10 @@ public:
     double fixed_potential = 0;         // of masses fixed in the world
 
     // By massive joint: its path from the root, itself last; and that path as few runs [first, last) of joints.
-    std::vector<std::vector<int>> path;
+    SharedLists path;
     std::vector<std::vector<std::pair<int, int>>> runs;
     // By dynamic variable k: the earlier variables that its column couples to (with fill-in).
-    std::vector<std::vector<int>> coupled;
+    SharedLists coupled;
     bool only_tree_couples = true;  // no potential or force couples two dynamic variables
 
     // Shared by all mechanisms of the same structure: their numbers are in Constants.
@@ -149,6 +150,7 @@ private:
     void set_numbers(Mechanism& m) const;
     std::vector<int> joint_order(Mechanism& m) const;
     void order_variables(Mechanism& m, const std::vector<int>& order) const;
+    void note_coupled_variables(Mechanism& m) const;
     void note_what_elements_see(Mechanism& m) const;
 
     int n_dynamic_, n_kinematic_, n_inputs_;

@@ -331,10 +331,10 @@ def test_the_printed_view_shows_the_tree_and_the_elements():
     )
     assert str(mechanism).splitlines() == [
         "world",
-        "├─ cart  tx(x)  [10 kg]",
-        "│  └─ rz(theta)",
-        "│     └─ bob  ty(-1)  [1 kg]",
-        "└─ rx(k)  kinematic",
+        "├── cart  tx(x)  [10 kg]",
+        "│   └── rz(theta)",
+        "│       └── bob  ty(-1)  [1 kg]",
+        "└── rx(k)  kinematic",
         "Damping: every dynamic variable 0.1",
         "Distance 'rope': world to bob, 1.5 m",
         "JointForce: push on x",

@@ -14,6 +14,9 @@ from leastaction.mechanics.description.poses import constant_matrix, exponential
 from leastaction.mechanics.description.tree import WORLD, Ball, Joint, Tree, TreeFrame
 from leastaction.numerics.arrays import Array
 
+_EYE = np.eye(4)
+_EYE.setflags(write=False)
+
 
 def flatten(description: Branch | Sequence[Any]) -> Tree:
     """Flatten a description into frames and joints.
@@ -82,24 +85,18 @@ def _names(world: str, specs: Sequence[Frame], parents: Sequence[int]) -> list[s
 
 def place_frames(names: Sequence[str], specs: Sequence[Frame], parents: Sequence[int]) -> Tree:
     """Return the tree of frames with settled names; the world has the first, and parent 0."""
-    frames = [TreeFrame(names[0], -1, None, WORLD, _frozen(np.eye(4)))]
+    frames = [TreeFrame(names[0], -1, Frame("world", matrix=_EYE, name=names[0]), WORLD, _EYE)]
     joints: list[Joint] = []
     kinds: dict[str, tuple[bool, str]] = {}
     for name, spec, parent in zip(names[1:], specs, parents, strict=True):
         carrier = frames[parent]
-        if not spec.variables:
-            with np.errstate(over="ignore", invalid="ignore"):
-                pose = carrier.pose @ _constant(spec)
-            if not np.all(np.isfinite(pose)):
-                raise DescriptionError(
-                    f"frame {name!r}: its constant pose is too far from {names[parent]!r} to compute with; "
-                    "give smaller numbers"
-                )
-            frames.append(TreeFrame(name, parent, spec, carrier.joint, _frozen(pose)))
+        if spec.coordinate is None or not spec.coordinate.terms:
+            pose = _behind(carrier.pose, spec, name, names[parent])
+            frames.append(TreeFrame(name, parent, spec, carrier.joint, pose))
             continue
-        assert spec.coordinate is not None
         assert spec.twist is not None
-        for variable in spec.variables:
+        variables = spec.variables
+        for variable in variables:
             _same_kind(kinds, variable, variable in spec.kinematic, name)
         joints.append(
             Joint(
@@ -108,15 +105,15 @@ def place_frames(names: Sequence[str], specs: Sequence[Frame], parents: Sequence
                 pose=carrier.pose,
                 twist=spec.twist,
                 coordinate=spec.coordinate,
-                kinematic=len(spec.kinematic) == len(spec.variables),
+                kinematic=len(spec.kinematic) == len(variables),
             )
         )
-        frames.append(TreeFrame(name, parent, spec, len(joints) - 1, _frozen(np.eye(4))))
+        frames.append(TreeFrame(name, parent, spec, len(joints) - 1, _EYE))
     dynamic = tuple(variable for variable, (kinematic, _) in kinds.items() if not kinematic)
     groups: dict[int, tuple[Group, list[int]]] = {}
     for index, frame in enumerate(frames):
-        if frame.spec is not None and frame.spec.group is not None:
-            group = frame.spec.group
+        group = frame.spec.group
+        if group is not None:
             groups.setdefault(id(group), (group, []))[1].append(index)
     compositions = tuple((group, tuple(indices)) for group, indices in groups.values())
     return Tree(
@@ -139,9 +136,7 @@ def _balls(
         if len(group.axes) != 3:
             continue
         specs = [frames[index].spec for index in indices[-3:]]
-        outer, middle, inner = (
-            s.coordinate for s in specs if s is not None and s.coordinate is not None
-        )
+        outer, middle, inner = (s.coordinate for s in specs if s.coordinate is not None)
         balls.append(
             Ball(
                 name=group.name,
@@ -167,6 +162,18 @@ def _same_kind(
         )
 
 
+def _behind(carrier: Array, spec: Frame, name: str, parent: str) -> Array:
+    """Return the pose of a constant frame whose parent has the pose `carrier`."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        pose = carrier @ _constant(spec)
+    if not np.isfinite(pose).all():
+        raise DescriptionError(
+            f"frame {name!r}: its constant pose is too far from {parent!r} to compute with; give smaller numbers"
+        )
+    pose.setflags(write=False)
+    return pose
+
+
 def _constant(spec: Frame) -> Array:
     if spec.matrix is not None:
         return spec.matrix
@@ -175,8 +182,3 @@ def _constant(spec: Frame) -> Array:
     if spec.transform in PRIMITIVES:
         return constant_matrix(spec.transform, spec.coordinate.offset)
     return exponential(spec.twist, spec.coordinate.offset)
-
-
-def _frozen(array: Array) -> Array:
-    array.setflags(write=False)
-    return array

@@ -1,8 +1,4 @@
-"""Refuse dynamic variables that move no mass, before the equations of motion meet them.
-
-`check_structure` looks at the tree alone; `check_inertia` at the compiled mechanism, and finds what only
-the numbers show: a rotation whose axis passes through every point mass that it turns.
-"""
+"""Refuse dynamic variables that move no mass, before the equations of motion meet them."""
 
 from __future__ import annotations
 
@@ -12,6 +8,7 @@ import numpy as np
 
 from leastaction import _core
 from leastaction.errors import DescriptionError
+from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.description.tree import WORLD, Tree
 from leastaction.numerics.arrays import Array
 
@@ -21,32 +18,81 @@ ROUNDING = 256.0 * float(np.finfo(np.float64).eps)
 DEPENDENT = 1e-9
 
 
-def check_structure(tree: Tree) -> None:
-    """Raise a `DescriptionError` if a dynamic variable, or a combination of them, moves nothing with mass."""
+def check_masses(
+    tree: Tree,
+    variables: Sequence[str],
+    core: _core.Mechanism,
+    before: _core.Mechanism | None = None,
+) -> None:
+    """Raise a `DescriptionError` if a dynamic variable, or a combination of them, moves no mass.
+
+    First of all where nothing that it moves has a mass; then also where only the numbers show it, as of a
+    rotation whose axis passes through every point mass that it turns. Two configurations of no special
+    shape tell: what vanishes at both vanishes everywhere.
+
+    Parameters
+    ----------
+    tree : Tree
+    variables : sequence of str
+        Names in the order of q.
+    core : _core.Mechanism
+        The compiled mechanism.
+    before : _core.Mechanism, optional
+        The same with other numbers, which was checked: the numbers are looked at again only where an inertia
+        has changed beyond its size.
+    """
+    bodies = [(joint, body, pose) for joint, body, pose in tree.bodies() if joint != WORLD]
     # Whether there is any, not how much: sums of what is there could overflow.
     matter = np.zeros((len(tree.joints), 2))
-    for joint, body, _ in tree.bodies():
-        if joint != WORLD:
-            matter[joint] += body.mass > 0.0, body.inertia.any()
+    for index, body, _ in bodies:
+        matter[index] += body.mass > 0.0, body.inertia.any()
     massive = [
         bool(mass or (inertia and joint.twist[3:].any()))
         for joint, (mass, inertia) in zip(tree.joints, tree.subtree_sums(matter), strict=True)
     ]
-    moved = {
-        name
-        for joint, has in zip(tree.joints, massive, strict=True)
-        if has
-        for name in joint.variables
-    }
+    joints = [index for index, has in enumerate(massive) if has]
+    moved = {name for index in joints for name in tree.joints[index].variables}
     for name in tree.dynamic:
         if name not in moved:
             raise _massless(tree, name, "where nothing has a mass")
-    _check_couplings(tree, massive)
+    _check_couplings(tree, joints)
+
+    nd = len(tree.dynamic)
+    samples = np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(variables)))
+    if before is not None:
+        was, now = (m.inertias(samples[0])[:nd] for m in (before, core))
+        if np.all((now > 1e-6 * was) & (now < 1e6 * was)):
+            return
+    seen = np.zeros(nd, dtype=bool)
+    for q in samples:
+        inertias = core.inertias(q)[:nd]
+        for name, value in zip(variables, inertias, strict=False):
+            if not np.isfinite(value):
+                raise DescriptionError(
+                    f"the inertia that the variable {name!r} moves is {value}: a mass, an inertia, a distance or "
+                    f"a factor in {_frames(tree, [name])} or beyond is too large to compute with; check its unit"
+                )
+        # The inertia of a variable that moves several joints is that of their motions together, so its
+        # rounding is bounded as the square of a sum.
+        roots = dict.fromkeys(variables, 0.0)
+        # What overflows is infinite, and refused above.
+        with np.errstate(over="ignore", invalid="ignore"):
+            bounds = np.sqrt(_rounding(tree, bodies, core.joint_poses(q[None, :])[0]))
+            for joint, bound in zip(tree.joints, bounds, strict=True):
+                for name, factor in joint.coordinate.terms:
+                    roots[name] += abs(factor) * bound
+            seen |= inertias > np.array([roots[name] for name in variables[:nd]]) ** 2
+    for name, has_inertia in zip(variables, seen, strict=False):
+        if not has_inertia:
+            raise _massless(
+                tree,
+                name,
+                "whose point masses all lie on its axis, or whose motions cancel each other",
+            )
 
 
-def _check_couplings(tree: Tree, massive: Sequence[bool]) -> None:
-    """Raise if some motion of the coupled variables leaves every joint still that moves a mass."""
-    joints = [index for index, has in enumerate(massive) if has]
+def _check_couplings(tree: Tree, joints: Sequence[int]) -> None:
+    """Raise if some motion of the coupled variables leaves all these joints still, which move masses."""
     dynamic = set(tree.dynamic)
     coupled = {
         name
@@ -63,10 +109,9 @@ def _check_couplings(tree: Tree, massive: Sequence[bool]) -> None:
     names = [name for name in tree.dynamic if name in coupled - alone]
     if not names:
         return
-    E, _ = tree.coupling(
-        joints, [*names, *(n for n in (*tree.dynamic, *tree.kinematic) if n not in names)]
-    )
-    columns = E[:, : len(names)] / np.abs(E[:, : len(names)]).max(axis=0)
+    joints = [index for index in joints if not coupled.isdisjoint(tree.joints[index].variables)]
+    E, _ = tree.coupling(joints, names)
+    columns = E / np.abs(E).max(axis=0)
     _, sizes, directions = np.linalg.svd(columns)
     if len(columns) >= len(names) and sizes[-1] > DEPENDENT:
         return
@@ -79,74 +124,22 @@ def _check_couplings(tree: Tree, massive: Sequence[bool]) -> None:
     )
 
 
-def check_inertia(tree: Tree, variables: Sequence[str], core: _core.Mechanism) -> None:
-    """Raise a `DescriptionError` if the inertia that a dynamic variable sees vanishes everywhere.
-
-    Two configurations of no special shape tell: what vanishes at both vanishes everywhere.
-    """
-    dynamic = len(tree.dynamic)
-    samples = np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(variables)))
-    seen = np.zeros(dynamic, dtype=bool)
-    for q in samples:
-        inertia = np.diag(core.hessian(q, np.zeros(len(q)))[2])[:dynamic]
-        # What overflows is compared as infinite, and refused below.
-        with np.errstate(over="ignore", invalid="ignore"):
-            bounds = _rounding(tree, core.joint_poses(q[None, :])[0])
-        for name, value in zip(variables, inertia, strict=False):
-            if not np.isfinite(value):
-                raise DescriptionError(
-                    f"the inertia that the variable {name!r} moves is {value}: a mass, an inertia, a distance or "
-                    f"a factor in {_frames(tree, [name])} or beyond is too large to compute with; check its unit"
-                )
-        # The inertia of a variable that moves several joints is that of their motions together, so its
-        # rounding is bounded as the square of a sum.
-        roots = dict.fromkeys(variables, 0.0)
-        for joint, bound in zip(tree.joints, np.sqrt(bounds), strict=True):
-            for name, factor in joint.coordinate.terms:
-                roots[name] += abs(factor) * bound
-        seen |= inertia > [roots[name] ** 2 for name in variables[:dynamic]]
-    for name, has_inertia in zip(variables, seen, strict=False):
-        if not has_inertia:
-            raise _massless(
-                tree,
-                name,
-                "whose point masses all lie on its axis, or whose motions cancel each other",
-            )
-
-
-def recheck_inertia(
-    tree: Tree, variables: Sequence[str], core: _core.Mechanism, before: _core.Mechanism
-) -> None:
-    """Do as `check_inertia` after numbers have changed: in full only if an inertia has changed beyond its size.
-
-    Parameters
-    ----------
-    tree, variables, core
-        As of `check_inertia`.
-    before : _core.Mechanism
-        The mechanism with the numbers before, which was checked.
-    """
-    q = np.random.default_rng(0).uniform(-1.0, 1.0, len(variables))
-    was, now = (
-        np.diag(m.hessian(q, np.zeros(len(q)))[2])[: len(tree.dynamic)] for m in (before, core)
-    )
-    if not np.all((now > 1e-6 * was) & (now < 1e6 * was)):
-        check_inertia(tree, variables, core)
-
-
-def _rounding(tree: Tree, poses: Array) -> Array:
+def _rounding(tree: Tree, bodies: Sequence[tuple[int, Body, Array]], poses: Array) -> Array:
     """Bound on the rounding of the inertia that each joint sees, summed in world coordinates."""
     terms = np.zeros((len(tree.joints), 2))
-    for joint, body, pose in tree.bodies():
-        if joint != WORLD:
-            centre = (poses[joint] @ pose)[:3] @ np.append(body.com, 1.0)
-            terms[joint] += body.mass, body.mass * (centre @ centre) + np.trace(body.inertia)
+    if bodies:
+        joints = np.array([joint for joint, _, _ in bodies])
+        coms = np.array([np.append(body.com, 1.0) for _, body, _ in bodies])
+        masses = np.array([body.mass for _, body, _ in bodies])
+        moments = np.array([body.inertia.trace() for _, body, _ in bodies])
+        places = poses[joints] @ np.array([pose for _, _, pose in bodies])
+        squares = np.sum((places @ coms[:, :, None])[:, :3, 0] ** 2, axis=1)
+        np.add.at(terms, joints, np.stack([masses, masses * squares + moments], axis=1))
     mass, inertia = tree.subtree_sums(terms).T
-    origins = np.array([pose[:3, 3] for pose in poses]).reshape(-1, 3)
     twists = np.array([joint.twist for joint in tree.joints]).reshape(-1, 6)
     slide = np.linalg.norm(twists[:, :3], axis=1)
     turn = np.linalg.norm(twists[:, 3:], axis=1)
-    speed = slide + turn * np.linalg.norm(origins, axis=1)
+    speed = slide + turn * np.linalg.norm(poses[:, :3, 3], axis=1)
     bound: Array = ROUNDING * (turn**2 * inertia + mass * speed**2)
     return bound
 

@@ -27,13 +27,13 @@ class TreeFrame:
     """A frame of the flattened tree.
 
     ``name``: unique. ``parent``: index of the parent frame, -1 for the world frame itself.
-    ``spec``: the description, None for the world. ``joint``: index of the joint that carries it, -1 for
+    ``spec``: the description. ``joint``: index of the joint that carries it, -1 for
     the world. ``pose``: constant pose (4, 4) in the moved frame of that joint.
     """
 
     name: str
     parent: int
-    spec: Frame | None
+    spec: Frame
     joint: int
     pose: Array
 
@@ -125,7 +125,7 @@ class Tree:
         joints : sequence of int
             The joints asked for.
         variables : sequence of str
-            The variables in the order of q.
+            The variables asked for, in the order of the columns.
         """
         column = {name: index for index, name in enumerate(variables)}
         E, s0 = np.zeros((len(joints), len(variables))), np.zeros(len(joints))
@@ -133,16 +133,14 @@ class Tree:
             coordinate = self.joints[joint].coordinate
             s0[row] = coordinate.offset
             for name, factor in coordinate.terms:
-                E[row, column[name]] = factor
+                if name in column:
+                    E[row, column[name]] = factor
         return E, s0
 
     def bodies(self) -> list[tuple[int, Body, Array]]:
         """Every body with the index of its joint and the constant pose of its frame there."""
         return [
-            (frame.joint, body, frame.pose)
-            for frame in self.frames
-            if frame.spec is not None
-            for body in frame.spec.bodies
+            (frame.joint, body, frame.pose) for frame in self.frames for body in frame.spec.bodies
         ]
 
     def ancestors(self, joint: int) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +10,6 @@ import numpy as np
 
 from leastaction import _core
 from leastaction.errors import DescriptionError, closest
-from leastaction.mechanics.description.masses import check_structure
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Compiler, Context, Element
 
@@ -54,7 +54,7 @@ class Plan:
         Raises
         ------
         DescriptionError
-            For a number that an element refuses, or a dynamic variable that is left without a mass.
+            For a number that an element refuses.
         """
         elements, rest = dict(self.elements), dict(self.numbers)
         for parameter, value in numbers.items():
@@ -66,7 +66,6 @@ class Plan:
                 rest[parameter] = value
             else:
                 elements[name] = changed
-        check_structure(tree)
         return replace(self, tree=tree, elements=elements, numbers=rest)
 
     def context(self) -> Context:
@@ -82,29 +81,22 @@ class Plan:
             It holds the slots of the elements' numbers by name, in ``parameters``, and whose they are.
         """
         core = Compiler(builder, self.context())
+        variable = core.context.variables
         for joint in self.tree.joints:
             (name, factor), *more = joint.coordinate.terms
+            offset = joint.coordinate.offset
             index = builder.add_joint(
-                joint.parent,
-                joint.pose,
-                joint.twist,
-                core.variable(name),
-                factor,
-                joint.coordinate.offset,
+                joint.parent, joint.pose, joint.twist, variable[name], factor, offset
             )
             for name, factor in more:
-                builder.couple_joint(index, core.variable(name), factor)
-        for joint_index, body, pose in self.tree.bodies():
-            rotation, origin = pose[:3, :3], pose[:3, 3]
-            # What overflows is refused with the inertia that it makes.
-            with np.errstate(over="ignore", invalid="ignore"):
+                builder.couple_joint(index, variable[name], factor)
+        # What overflows is refused with the inertia that it makes.
+        with np.errstate(over="ignore", invalid="ignore"):
+            for joint_index, body, pose in self.tree.bodies():
+                rotation, origin = pose[:3, :3], pose[:3, 3]
                 inertia = rotation @ body.inertia @ rotation.T
-                builder.add_body(
-                    joint_index,
-                    body.mass,
-                    np.ascontiguousarray(rotation @ body.com + origin),
-                    np.ascontiguousarray((inertia + inertia.T) / 2.0),
-                )
+                centre, symmetric = rotation @ body.com + origin, (inertia + inertia.T) / 2.0
+                builder.add_body(joint_index, body.mass, centre, symmetric)
         for name, element in self.elements.items():
             element.add_to(core.within(name, element.label, element.numbers))
         for name, value in self.numbers.items():
@@ -178,15 +170,14 @@ def plan(
     for element in elements:
         element.check(context)
     _check_body_names(tree)
-    check_structure(tree)
     return result
 
 
 def _check_body_names(tree: Tree) -> None:
     """Refuse a frame that is called like the second body of another one: their parameters would be the same."""
-    heavy = {frame.name for frame in tree.frames if frame.spec is not None and frame.spec.bodies}
+    heavy = {frame.name for frame in tree.frames if frame.spec.bodies}
     for frame in tree.frames:
-        for number in range(2, 1 + (0 if frame.spec is None else len(frame.spec.bodies))):
+        for number in range(2, 1 + len(frame.spec.bodies)):
             if f"{frame.name}.body{number}" in heavy:
                 raise DescriptionError(
                     f"the frame '{frame.name}.body{number}' is called like body {number} of the frame "
@@ -235,14 +226,15 @@ def _ordered(
     order = tuple(given) if listed else ()
     if not listed or not all(isinstance(name, str) for name in order):
         raise DescriptionError(f"{argument}: expected a list of names, got {given!r}")
-    for name in order:
-        if name not in names:
+    known, listed_times = set(names), Counter(order)
+    for name, times in listed_times.items():
+        if name not in known:
             raise DescriptionError(
                 f"{argument}: unknown name {name!r}; {closest(name, names, what=what)}"
             )
-        if order.count(name) > 1:
-            raise DescriptionError(f"{argument}: {name!r} is listed {order.count(name)} times")
-    missing = [name for name in names if name not in order]
+        if times > 1:
+            raise DescriptionError(f"{argument}: {name!r} is listed {times} times")
+    missing = [name for name in names if name not in listed_times]
     if missing:
         raise DescriptionError(
             f"{argument}: the order of the {what} lacks {', '.join(map(repr, missing))}; "

@@ -13,7 +13,7 @@ from leastaction import _core
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.description.branch import Branch
 from leastaction.mechanics.description.flattening import flatten
-from leastaction.mechanics.description.masses import check_inertia, recheck_inertia
+from leastaction.mechanics.description.masses import check_masses
 from leastaction.mechanics.description.tree import Ball, Tree
 from leastaction.mechanics.elements import Element
 from leastaction.mechanics.mechanism.compilation import Plan, plan
@@ -141,7 +141,7 @@ class Mechanism:
             object.__setattr__(self, name, value)
         if like is None:
             check_names(self.tree, context.parameters)
-            check_inertia(self.tree, self.variables, self.core)
+            check_masses(self.tree, self.variables, self.core)
 
     # Names
 
@@ -311,7 +311,7 @@ class Mechanism:
         result = Mechanism.__new__(Mechanism)
         result._compile(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
         if tree is not self.tree:
-            recheck_inertia(tree, result.variables, result.core, self.core)
+            check_masses(tree, self.variables, result.core, self.core)
         return result
 
     def with_free_lengths(self, lengths: Mapping[str, Length]) -> Mechanism:

@@ -61,35 +61,38 @@ def parameter_places(tree: Tree, slots: Mapping[str, int]) -> dict[str, Place]:
 
 def check_names(tree: Tree, slots: Mapping[str, int]) -> None:
     """Raise a `DescriptionError` if a frame or body and an element have a parameter of the same name."""
-    if not slots:
-        return
-    places = _tree_places(tree)
+    frames = {frame.name: index for index, frame in enumerate(tree.frames)}
     for name in slots:
-        if name in places:
-            place = places[name]
-            assert not isinstance(place, ElementNumber)
-            raise DescriptionError(
-                f"duplicate parameter {name!r}: a number of the frame {tree.frames[place.frame].name!r} and "
-                "of an element; give the element another name"
-            )
+        dots = [at for at, letter in enumerate(name) if letter == "."]
+        for frame in (frames[name[:at]] for at in dots if name[:at] in frames):
+            if name in _frame_places(tree, frame):
+                raise DescriptionError(
+                    f"duplicate parameter {name!r}: a number of the frame {tree.frames[frame].name!r} and "
+                    "of an element; give the element another name"
+                )
 
 
 def _tree_places(tree: Tree) -> dict[str, Place]:
     places: dict[str, Place] = {}
-    for index, frame in enumerate(tree.frames):
-        if frame.spec is None:
-            continue
-        for number in range(len(frame.spec.bodies)):
-            stem = frame.name if number == 0 else f"{frame.name}.body{number + 1}"
-            fields = ["mass", *(f"com.{a}" for a in _AXES), *(f"inertia.{m}" for m in _MOMENTS)]
-            places.update({f"{stem}.{field}": BodyNumber(index, number, field) for field in fields})
-        if frame.spec.variables:
-            continue
-        if frame.spec.matrix is None:
-            places[f"{frame.name}.value"] = Length(index, None)
-        else:
-            for axis, letter in enumerate(_AXES):
-                places[f"{frame.name}.translation.{letter}"] = Length(index, axis)
+    for index in range(1, len(tree.frames)):
+        places.update(_frame_places(tree, index))
+    return places
+
+
+def _frame_places(tree: Tree, index: int) -> dict[str, Place]:
+    """Return where the parameters of one frame and its bodies are; the world has none."""
+    frame, places = tree.frames[index], dict[str, Place]()
+    for number in range(len(frame.spec.bodies)):
+        stem = frame.name if number == 0 else f"{frame.name}.body{number + 1}"
+        fields = ["mass", *(f"com.{a}" for a in _AXES), *(f"inertia.{m}" for m in _MOMENTS)]
+        places.update({f"{stem}.{field}": BodyNumber(index, number, field) for field in fields})
+    if frame.spec.variables or index == 0:
+        return places
+    if frame.spec.matrix is None:
+        places[f"{frame.name}.value"] = Length(index, None)
+    else:
+        for axis, letter in enumerate(_AXES):
+            places[f"{frame.name}.translation.{letter}"] = Length(index, axis)
     return places
 
 
@@ -98,7 +101,6 @@ def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
     if isinstance(place, ElementNumber):
         return float(numbers[place.slot])
     spec = tree.frames[place.frame].spec
-    assert spec is not None
     if isinstance(place, Length):
         if place.axis is not None:
             assert spec.matrix is not None
@@ -150,7 +152,6 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
     specs = [frame.spec for frame in tree.frames]
     for (index, number), values in bodies.items():
         spec = specs[index]
-        assert spec is not None
         try:
             changed = _changed(spec.bodies[number], values)
         except DescriptionError as error:
@@ -159,12 +160,11 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
         specs[index] = replace(spec, bodies=(*kept[:number], changed, *kept[number + 1 :]))
     for index, coordinates in lengths.items():
         spec = specs[index]
-        assert spec is not None
         specs[index] = _resized(spec, coordinates)
     return place_frames(
         [frame.name for frame in tree.frames],
-        [spec for spec in specs if spec is not None],
-        [frame.parent for frame in tree.frames if frame.spec is not None],
+        specs[1:],
+        [frame.parent for frame in tree.frames[1:]],
     )
 
 
@@ -216,7 +216,6 @@ def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
         moved frame, in its axes: ``I_o = R I R^T + m (c.c E - c c^T)`` with ``c = R com + o``.
     """
     frame = tree.frames[place.frame]
-    assert frame.spec is not None
     body = frame.spec.bodies[place.body]
     rotation, origin = frame.pose[:3, :3], frame.pose[:3, 3]
     centre = rotation @ body.com + origin
@@ -249,7 +248,6 @@ def freed(tree: Tree, lengths: Mapping[str, Length]) -> Tree:
     moved_to = {0: 0}  # the frame's index in the new tree
     for index, frame in enumerate(tree.frames[1:], start=1):
         spec = frame.spec
-        assert spec is not None
         parent = moved_to[frame.parent]
         own = {p.axis: name for name, p in lengths.items() if p.frame == index}
         if None in own:

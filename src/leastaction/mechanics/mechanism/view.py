@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import io
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
+from typing import Any
 
 from leastaction.mechanics.description.frames import Frame, Group
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.mechanism.compilation import Plan
+
+# What of a tree and of a list is shown: the view of a chain of a thousand links stays short.
+MOST_ROWS = 300
+MOST_NAMES = 200
+_END = "·"  # the text of every node while the lines that lead to it are drawn
 
 
 @dataclass(frozen=True)
@@ -28,8 +35,10 @@ class Row:
     bodies: tuple[str, ...]
 
 
-def tree_rows(tree: Tree) -> Iterator[Row]:
-    """Return the lines that show a tree, from the first frame after the world on."""
+def tree_rows(tree: Tree) -> tuple[list[Row], int]:
+    """Return the lines that show the first frames of a tree, the world left out, and how many more there are."""
+    from rich.tree import Tree as Drawing  # here, so that to import the package is quick
+
     children: list[list[int]] = [[] for _ in tree.frames]
     for index, frame in enumerate(tree.frames[1:], start=1):
         children[frame.parent].append(index)
@@ -39,16 +48,38 @@ def tree_rows(tree: Tree) -> Iterator[Row]:
         for _, indices in tree.compositions
         if all(children[a] == [b] for a, b in pairwise(indices))
     }
+    shown: list[tuple[int, ...]] = []
+    left_out = 0
+    drawing = Drawing(_END)
     # An explicit stack, since a chain may be longer than Python recurses.
-    stack = [(child, "", child == children[0][-1]) for child in reversed(children[0])]
+    stack = [(child, drawing) for child in reversed(children[0])]
     while stack:
-        index, indent, last = stack.pop()
+        index, parent = stack.pop()
         indices = whole.get(index, (index,))
-        specs = [spec for i in indices if (spec := tree.frames[i].spec) is not None]
-        yield _row(f"{indent}{'└─ ' if last else '├─ '}", tree.frames[indices[-1]].name, specs)
-        deeper = indent + ("   " if last else "│  ")
-        below = children[indices[-1]]
-        stack.extend((child, deeper, child == below[-1]) for child in reversed(below))
+        if len(shown) < MOST_ROWS:
+            shown.append(indices)
+            parent = parent.add(_END)
+        else:
+            left_out += 1
+        stack.extend((child, parent) for child in reversed(children[indices[-1]]))
+    rows = [
+        _row(
+            line.removesuffix(_END),
+            tree.frames[indices[-1]].name,
+            [tree.frames[i].spec for i in indices],
+        )
+        for line, indices in zip(_lines(drawing)[1:], shown, strict=True)
+    ]
+    return rows, left_out
+
+
+def _lines(drawing: Any) -> list[str]:
+    """Return a tree drawn by rich as plain lines, however wide."""
+    from rich.console import Console
+
+    file = io.StringIO()
+    Console(file=file, width=10 * MOST_ROWS, color_system=None).print(drawing)
+    return file.getvalue().splitlines()
 
 
 def shared_variables(tree: Tree) -> dict[str, tuple[str, ...]]:
@@ -97,19 +128,37 @@ def tree_view(plan: Plan) -> str:
     str
         Several lines without a newline at the end.
     """
+    rows, left_out = tree_rows(plan.tree)
     lines = [plan.tree.frames[0].name]
-    for row in tree_rows(plan.tree):
+    for row in rows:
         parts = [row.name, row.transform, row.detail, row.kinematic]
         text = [part for part in parts if part] + [f"[{body}]" for body in row.bodies]
         lines.append(row.branch + "  ".join(text))
-    for title, name, description in element_lines(plan):
-        lines.append(f"{title}{f' {name!r}' if name else ''}: {description}")
-    lines.extend(f"{name} = {value:g}" for name, value in plan.numbers.items())
-    for name, frames in shared_variables(plan.tree).items():
-        lines.append(f"{name} moves {len(frames)} frames: {some(frames)}")
+    lines.extend([f"… and {left_out} more"] if left_out else [])
+    lines.extend(
+        first_of(
+            f"{title}{f' {name!r}' if name else ''}: {description}"
+            for title, name, description in element_lines(plan)
+        )
+    )
+    lines.extend(first_of(f"{name} = {value:g}" for name, value in plan.numbers.items()))
+    lines.extend(
+        first_of(
+            f"{name} moves {len(frames)} frames: {some(frames)}"
+            for name, frames in shared_variables(plan.tree).items()
+        )
+    )
     for kind, names in name_lines(plan):
-        lines.append(f"{kind} ({len(names)}){': ' if names else ''}{', '.join(names)}")
+        lines.append(f"{kind} ({len(names)}){': ' if names else ''}{some(names, MOST_NAMES)}")
     return "\n".join(lines)
+
+
+def first_of(lines: Iterable[str]) -> list[str]:
+    """Return the first of many lines, and how many more there are."""
+    given = iter(lines)
+    shown = list(islice(given, MOST_NAMES))
+    rest = sum(1 for _ in given)
+    return [*shown, f"… and {rest} more"] if rest else shown
 
 
 def _row(branch: str, name: str, specs: list[Frame]) -> Row:

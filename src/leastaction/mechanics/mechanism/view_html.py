@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from html import escape
-from itertools import islice
 
 from leastaction.mechanics.mechanism.compilation import Plan
 from leastaction.mechanics.mechanism.view import (
+    MOST_NAMES,
     Row,
     element_lines,
     name_lines,
@@ -14,10 +14,6 @@ from leastaction.mechanics.mechanism.view import (
     some,
     tree_rows,
 )
-
-# Lines of the tree and entries of a list that are shown; a notebook with a chain of a thousand links stays light.
-MOST_ROWS = 300
-MOST_NAMES = 200
 
 # Text has the notebook's own colour and everything else is a tint of it, or of a hue that reads on both
 # a light and a dark ground, so no theme has to be guessed.
@@ -60,6 +56,7 @@ def html_view(plan: Plan) -> str:
         One ``div`` with its own style; no script, nothing is loaded.
     """
     frames = plan.tree.frames
+    rows, left_out = tree_rows(plan.tree)
     counts = [(len(frames), "frames"), *((len(names), kind) for kind, names in name_lines(plan))]
     sizes = ", ".join(
         f"{count} {kind.removesuffix('s') if count == 1 else kind}"
@@ -70,12 +67,10 @@ def html_view(plan: Plan) -> str:
         f'<div class="leastaction"><style>{_STYLE}</style>',
         f"<header>Mechanism<span>{sizes}</span></header>",
         f'<div class="rows"><div><span class="frame">{escape(frames[0].name)}</span></div>',
-        *(_row(row) for row in islice(tree_rows(plan.tree), MOST_ROWS)),
+        *map(_row, rows),
     ]
-    # A composition is one row of several frames, so count what is left by rows.
-    rest = sum(1 for _ in islice(tree_rows(plan.tree), MOST_ROWS, None))
-    if rest:
-        parts.append(f'<div class="soft">… and {rest} more</div>')
+    if left_out:
+        parts.append(f'<div class="soft">… and {left_out} more</div>')
     parts.append("</div>")
     elements = element_lines(plan)
     if elements:

@@ -103,7 +103,7 @@ class Gravity(Potential):
 
 def _bodies(context: Context, frame: str) -> tuple[Body, ...]:
     spec = context.placed(frame).spec
-    return () if spec is None else spec.bodies
+    return spec.bodies
 
 
 def _mass(bodies: Sequence[Body]) -> float:
