@@ -25,6 +25,7 @@ __all__ = [
     "ResultFileError",
     "SingularityWarning",
     "StepError",
+    "UnitWarning",
     "closest",
     "worst_first",
 ]
@@ -185,6 +186,10 @@ class ResultFileError(LeastActionError, ValueError):
 
 class SingularityWarning(UserWarning):
     """A joint came so near to a singularity of its angles that they no longer follow its motion well."""
+
+
+class UnitWarning(UserWarning):
+    """A number looks as if it were in another unit, such as an angle in degrees."""
 
 
 def closest(name: object, known: Iterable[str], *, what: str) -> str:

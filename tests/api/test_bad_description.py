@@ -37,6 +37,9 @@ from leastaction.mechanics import (
     world,
 )
 
+# Angles of many turns are asked for on purpose here.
+pytestmark = pytest.mark.filterwarnings("ignore::leastaction.errors.UnitWarning")
+
 NAN, INF = float("nan"), float("inf")
 
 

@@ -36,7 +36,7 @@ def star(links: int) -> Mechanism:
 
 def coupled(links: int) -> Mechanism:
     """Every joint of a chain driven by two variables, one of them shared by all."""
-    place = world()
+    place = world().tx("all", mass=1.0)
     for k in range(links):
         place = place.ry({f"q{k}": 1.0, "all": 0.5}).tz(-0.1, mass=1.0)
     return Mechanism(place)
@@ -126,6 +126,6 @@ def test_a_core_whose_variable_moves_no_mass_is_singular_and_no_crash():
     core = builder.build()
     np.testing.assert_array_equal(core.inertias(np.zeros(2)), [1.0, 0.0])
     out = _core.Midpoint(core).roll_out(
-        np.array([0.0, 0.1]), np.zeros(4), None, np.zeros((1, 0)), None, None
+        np.array([0.0, 0.1]), np.array([0.0, 0.0, 0.0, 1.0]), None, np.zeros((1, 0)), None, None
     )
     assert out.steps == 0

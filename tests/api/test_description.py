@@ -11,7 +11,7 @@ import pytest
 
 from api.recorder import Recorder
 from conformance.loader import load_case
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, UnitWarning
 from leastaction.mechanics import (
     Body,
     Damping,
@@ -20,12 +20,17 @@ from leastaction.mechanics import (
     JointForce,
     Mechanism,
     pose,
+    prismatic,
+    revolute,
     rx,
     ry,
     rz,
+    screw,
+    twist,
     tx,
     ty,
     tz,
+    var,
     world,
 )
 from leastaction.mechanics.description.flattening import flatten
@@ -389,3 +394,40 @@ def test_the_conformance_loader_reads_every_kind_of_frame(tmp_path):
     case["forces"].append({"type": "unheard_of"})
     (tmp_path / "case.json").write_text(json.dumps(case))
     assert load_case(tmp_path / "case.json").waiting == ["unheard_of"]
+
+
+def test_a_pose_with_a_name_or_a_body_coincides_with_its_parent():
+    for make in (
+        lambda: pose(name="marker"),
+        lambda: pose(name="marker", mass=1.0),
+        lambda: world().pose(name="marker").frame,
+    ):
+        frame = make()
+        assert frame.name == "marker"
+        np.testing.assert_array_equal(frame.matrix, np.eye(4))
+    assert pose(mass=2.0).bodies[0].mass == 2.0
+    mechanism = Mechanism([tx("x", mass=1.0), [pose(name="marker")]])
+    np.testing.assert_array_equal(mechanism.positions([0.5], ["marker"]), [[0.5, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("make", "angle"),
+    [
+        (lambda: rz(90), "90"),
+        (lambda: rz("a", offset=-45.0), "-45"),
+        (lambda: rx(2.0 * var("a") + 180.0), "180"),
+        (lambda: revolute(30.0, axis="x"), "30"),
+        (lambda: screw(-90.0, axis="x", pitch=0.1), "-90"),
+        (lambda: twist(45.0, angular=(0.0, 0.0, 2.0)), "90"),
+        (lambda: world().ry(90), "90"),
+    ],
+)
+def test_degrees_where_radians_belong_are_noticed(make, angle):
+    with pytest.warns(UnitWarning, match=rf"{angle} rad is more than a full turn.*np\.radians"):
+        make()
+
+
+def test_ordinary_angles_and_long_ways_are_not_taken_for_degrees():
+    rz(2.0 * np.pi), rz(-2.0 * np.pi), tz(90.0), prismatic(-500.0, axis="x")
+    twist(90.0, linear=(1.0, 0.0, 0.0))
+    rz({"a": 100.0})

@@ -352,3 +352,25 @@ def test_it_is_cheaper_than_to_describe_again() -> None:
     name = next(name for name in m.parameters if name.endswith(".mass"))
     value = m.parameters[name]
     assert best(lambda: m.with_parameters({name: 1.1 * value})) < best(marionette)
+
+
+def test_a_frame_without_a_name_has_parameters_by_its_variable() -> None:
+    """And is still found by the name that was made for it."""
+    m = Mechanism([tx("cart", mass=2.0), [rz("a", mass=1.0, com=(0, -1, 0)), [rz("a", mass=0.5)]]])
+    assert {n: m.parameters[n] for n in ("cart.mass", "a.com.y", "rz(a)#2.mass")} == {
+        "cart.mass": 2.0,
+        "a.com.y": -1.0,
+        "rz(a)#2.mass": 0.5,
+    }
+    assert "tx(cart).mass" not in m.parameters
+    changed = m.with_parameters({"tx(cart).mass": 3.0, "a.mass": 4.0})
+    assert changed.parameters["cart.mass"] == 3.0
+    assert changed.mass == 7.5
+    # A name that another frame was given is not taken away from it, nor is a coupled coordinate one variable.
+    taken = Mechanism(
+        [tx("cart", mass=2.0), [rz(2.0 * la.var("a"), name="cart", mass=1.0, com=(1, 0, 0))]]
+    )
+    assert taken.parameters["cart.mass"] == 1.0
+    assert taken.parameters["tx(cart).mass"] == 2.0
+    with pytest.raises(ArgumentError, match=r"'tx\(wagon\)\.mass'.*unknown|unknown.*wagon"):
+        m.with_parameters({"tx(wagon).mass": 1.0})

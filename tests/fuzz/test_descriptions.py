@@ -1,5 +1,8 @@
 """Random descriptions, sound and broken: none crashes, none gives NaN, what is broken is a typed error.
 
+# Angles of many turns are asked for on purpose here.
+pytestmark = pytest.mark.filterwarnings("ignore::leastaction.errors.UnitWarning")
+
 A crash of the core would end the process, and pytest with it.
 """
 

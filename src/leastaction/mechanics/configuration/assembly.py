@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, InconsistentStartError
-from leastaction.mechanics.configuration.constraint_projection import (
-    RANK_TOLERANCE,
-    ConstraintProjection,
+from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
+from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
+from leastaction.mechanics.configuration.null_space import (
     Indices,
     free_variables,
+    restoring,
     row_scales,
 )
-from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
 
@@ -212,11 +212,11 @@ def project_velocity(
     InconsistentStartError
         If the held velocities cannot be followed; carries Dh v by constraint name.
     """
-    wanted = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
+    given = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
     jacobian = mechanism.constraint_jacobian(q)
     free = free_variables(mechanism, hold, move_kinematic)
     root = np.sqrt(_weights(mechanism, weights)[free])
-    result = wanted.copy()
+    result = given.copy()
     # A gradient that is not finite leaves a rate that is not, which is refused below.
     if mechanism.nc and len(free) and np.isfinite(jacobian).all():
         # Twice: the second pass removes the rounding that the first leaves.
@@ -224,8 +224,7 @@ def project_velocity(
             rate = jacobian @ result
             if not np.isfinite(rate).all():
                 break
-            change = np.linalg.lstsq(jacobian[:, free] / root, -rate, rcond=RANK_TOLERANCE)[0]
-            result[free] += change / root
+            result[free] += restoring(jacobian[:, free] / root, rate) / root
     with np.errstate(over="ignore", invalid="ignore"):
         rate = jacobian @ result
         limits = tolerance * row_scales(jacobian) * max(1.0, float(np.linalg.norm(result)))
@@ -236,7 +235,7 @@ def project_velocity(
             "Hold fewer variables, or change the velocities of the held ones",
             residuals=residuals,
         )
-    correction, largest = _correction(mechanism, free, result - wanted)
+    correction, largest = _correction(mechanism, free, result - given)
     return VelocityProjection(result, correction, largest, residuals)
 
 

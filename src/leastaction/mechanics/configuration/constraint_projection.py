@@ -3,15 +3,8 @@
     minimise 1/2 (q - q0)^T W (q - q0)   subject to   h(q) = 0
 
 over the free entries of q, W diagonal, by sequential quadratic programming in ``s = W^(1/2) (q - q0)``, where
-the metric is the identity. With ``A = dh/ds`` and the multiplier ``lam = -A^+T s``, a step ``d = n + t`` has
-a part that restores the constraints, ``n = -A^+ h`` (of least norm, so redundant constraints do no harm),
-and a part along them, with Z a basis of the null space of A:
-
-    t = -Z (Z^T B Z)^-1 Z^T (s + B n),   B = 1 + sum_i lam_i d2h_i.
-
-Equations that are redundant on the constraints need not be so beside them: there A has singular values of
-the size of the distance. They are noise, and what they belong to is a direction along the constraints; so
-singular values below a multiple of |h| count as zero where h has next to no part in them.
+the metric is the identity, with steps as in `leastaction.mechanics.configuration.null_space`: the slope is s, and
+``B = 1 + sum_i lam_i d2h_i``.
 
 The curvature of the constraints in B makes the convergence quadratic however far q0 is; without it the
 iteration diverges as soon as the correction is longer than the radius of curvature. Where ``Z^T B Z`` is
@@ -21,88 +14,27 @@ not positive definite, ``t = -Z Z^T s`` descends. The exact penalty
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
-import numpy.typing as npt
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.configuration.null_space import (
+    RANK_TOLERANCE,
+    Indices,
+    NullSpace,
+    all_finite,
+    restoring,
+    row_scales,
+)
+from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 
-if TYPE_CHECKING:
-    from leastaction.mechanics.mechanism.mechanism import Mechanism
-
-Indices = npt.NDArray[np.intp]
-
-# Singular values below this fraction of the largest count as zero: redundant constraints.
-RANK_TOLERANCE = 1e-10
-# Beside the constraints the bound rises with their residual, up to this fraction of the largest.
-LOOSE_RANK_TOLERANCE = 0.03
-_LOOSENING = 10.0
 # Part of the squared residual that a motion of size one may lessen, to first order, where it counts as least.
 _BLOCKED = 1e-4
 # The penalty may fall in the first steps of every so many.
 _FORGETFUL, _PERIOD = 40, 50
 # Steps along the search direction that are shorter are left for plain restoration.
 _SHORTEST = 1e-5
-_LEFT = 0.1  # of |h| at most may be left for a later step
 # Of numbers near the largest double squares overflow; a point where they do is no better than the last.
 _QUIET = np.errstate(over="ignore", invalid="ignore")
-
-
-def row_scales(jacobian: Array) -> Array:
-    """Return the scale that the residual of each constraint is compared with.
-
-    ``max(1, |Dh_i|, |Dh_i|^2 / 4)``: the second makes it a distance in units of q, the third is the square
-    of a `Distance`'s length, whose rounding the residual cannot fall below.
-    """
-    # Of numbers near the largest double the scale is infinite.
-    with np.errstate(over="ignore"):
-        norms = np.linalg.norm(jacobian, axis=1)
-        scales: Array = np.maximum(np.maximum(1.0, norms), norms**2 / 4.0)
-    return scales
-
-
-def free_variables(
-    mechanism: Mechanism, hold: Sequence[str], move_kinematic: bool = False
-) -> Indices:
-    """Return the indices in q of the variables that may move: the dynamic ones that are not held.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    hold : sequence of str
-        Variables that must not move.
-    move_kinematic : bool, optional
-        Let the kinematic variables move too.
-
-    Returns
-    -------
-    ndarray of int
-
-    Raises
-    ------
-    ArgumentError
-        For an unknown name.
-    """
-    if isinstance(hold, str):
-        raise ArgumentError(f"hold: expected a list of variables, got the string {hold!r}")
-    for name in hold:
-        if name not in mechanism.variables:
-            raise ArgumentError(
-                f"hold: unknown variable {name!r}; "
-                f"{closest(name, mechanism.variables, what='variables')}"
-            )
-    count = mechanism.nq if move_kinematic else mechanism.nd
-    held = set(hold)
-    return np.array(
-        [i for i, name in enumerate(mechanism.variables[:count]) if name not in held], dtype=np.intp
-    )
-
-
-def _finite(*arrays: Array) -> bool:
-    return all(bool(np.isfinite(array).all()) for array in arrays)
 
 
 class ConstraintProjection:
@@ -156,7 +88,7 @@ class ConstraintProjection:
             h, jacobian, limits = self._at(s)
             if attempt == 0 or np.all(np.abs(h) <= tolerance * limits):
                 reached = self._configuration(s)
-            if np.all(np.abs(h) <= tolerance * limits) or not _finite(h, jacobian):
+            if np.all(np.abs(h) <= tolerance * limits) or not all_finite(h, jacobian):
                 break
         return reached, total
 
@@ -164,10 +96,10 @@ class ConstraintProjection:
         """Iterate from s; return the point that was reached and the number of steps."""
         h, jacobian, limits = self._at(s)
         penalty = np.ones(len(h))
-        steps, restoring = 0, False
-        while steps < max_iterations and _finite(h, jacobian):
+        steps, only_restoring = 0, False
+        while steps < max_iterations and all_finite(h, jacobian):
             feasible = bool(np.all(np.abs(h) <= tolerance * limits))
-            restoring = restoring and not feasible
+            only_restoring = only_restoring and not feasible
             normal, along, multiplier = self._directions(s, h, jacobian, loose=not feasible)
             if feasible and np.linalg.norm(along) <= 1e-9 * (1.0 + np.linalg.norm(s)):
                 break
@@ -176,12 +108,12 @@ class ConstraintProjection:
             kept = penalty if steps % _PERIOD >= _FORGETFUL else penalty / 2.0
             penalty = np.maximum(kept, 1.0 + 2.0 * np.abs(multiplier))
             following = None
-            if not restoring:
+            if not only_restoring:
                 following = self._search(s, h, jacobian, normal, along, penalty)
             if following is None and not feasible:
                 # The penalty is stuck: plain restoration tells whether the constraints can be met. It goes on
                 # until they are, or the next search would lead back.
-                restoring = True
+                only_restoring = True
                 following = self._restore(s, h, jacobian)
             if following is None:
                 break
@@ -208,26 +140,12 @@ class ConstraintProjection:
         self, s: Array, h: Array, jacobian: Array, *, loose: bool
     ) -> tuple[Array, Array, Array]:
         """Return the restoring part of the step, the part along the constraints, and the multiplier."""
-        if not jacobian.size:
-            return np.zeros(len(s)), -s, np.zeros(len(h))
-        left, sizes, right = np.linalg.svd(jacobian)
-        rank = int(np.sum(sizes > RANK_TOLERANCE * max(1.0, sizes[0])))
-        if loose:
-            parts, size = left.T @ h, float(np.linalg.norm(h))
-            bound = min(LOOSE_RANK_TOLERANCE * sizes[0], _LOOSENING * size)
-            while (
-                rank
-                and sizes[rank - 1] < bound
-                and np.linalg.norm(parts[rank - 1 :]) < _LEFT * size
-            ):
-                rank -= 1
-        inverse = (right[:rank].T / sizes[:rank]) @ left[:, :rank].T
-        normal, multiplier = -inverse @ h, -inverse.T @ s
-        null = right[rank:].T
-        if not null.shape[1]:
-            return normal, np.zeros(len(s)), multiplier
+        space = NullSpace.of(jacobian, h if loose else None)
+        null, normal, multiplier = space.basis, -space.inverse @ h, space.multiplier(s)
+        if not jacobian.size or not null.shape[1]:
+            return normal, -null @ (null.T @ s), multiplier
         curvature = self._curvature(s, multiplier)
-        reduced = np.eye(null.shape[1]) + null.T @ curvature @ null
+        reduced = np.eye(null.shape[1]) + space.reduced(curvature)
         try:
             np.linalg.cholesky(reduced)
         except np.linalg.LinAlgError:
@@ -261,7 +179,7 @@ class ConstraintProjection:
         if falls(trial, h_trial, 1.0):
             return trial
         # A full step along a curved surface leaves it; bringing it back first keeps convergence fast.
-        corrected = trial + np.linalg.lstsq(jacobian, -h_trial, rcond=RANK_TOLERANCE)[0]
+        corrected = trial + restoring(jacobian, h_trial)
         if falls(corrected, self._h(corrected), 1.0):
             return corrected
         length = 0.5
@@ -296,9 +214,9 @@ class ConstraintProjection:
         """Return s after the few restoring steps that still lessen |h|, down to rounding."""
         h, jacobian, _ = self._at(s)
         for _ in range(3):
-            if not jacobian.size or not np.any(h) or not _finite(h, jacobian):
+            if not jacobian.size or not np.any(h) or not all_finite(h, jacobian):
                 break
-            trial = s + np.linalg.lstsq(jacobian, -h, rcond=RANK_TOLERANCE)[0]
+            trial = s + restoring(jacobian, h)
             h_trial, jacobian, _ = self._at(trial)
             if float(np.linalg.norm(h_trial)) >= float(np.linalg.norm(h)):
                 break
@@ -339,7 +257,7 @@ class ConstraintProjection:
         damping, eye = 1e-3, np.eye(len(s))
         for _ in range(max_iterations):
             slope, normal = jacobian.T @ h, jacobian.T @ jacobian
-            if not _finite(h, jacobian) or np.linalg.norm(slope) <= 1e-14 * np.linalg.norm(h):
+            if not all_finite(h, jacobian) or np.linalg.norm(slope) <= 1e-14 * np.linalg.norm(h):
                 break
             # Where the residual is large, its own curvature, left out of `normal`, is of its size.
             size = max(float(np.trace(normal)), float(np.linalg.norm(h)))
@@ -357,5 +275,7 @@ class ConstraintProjection:
         residual = float(np.linalg.norm(h))
         # h is in the left null space of the Jacobian: to first order no motion of size one lessens it.
         slope = jacobian.T @ h
-        blocked = _finite(h, jacobian) and np.linalg.norm(slope) <= _BLOCKED * residual * residual
+        blocked = (
+            all_finite(h, jacobian) and np.linalg.norm(slope) <= _BLOCKED * residual * residual
+        )
         return self._configuration(s), h if blocked else np.zeros(len(h))

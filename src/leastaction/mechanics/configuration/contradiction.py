@@ -9,11 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ContradictoryConstraintsError, worst_first
-from leastaction.mechanics.configuration.constraint_projection import (
-    ConstraintProjection,
-    free_variables,
-    row_scales,
-)
+from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
+from leastaction.mechanics.configuration.null_space import free_variables, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
 

@@ -23,10 +23,12 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, EquilibriumError, worst_first
 from leastaction.mechanics.configuration.assembly import project_configuration
-from leastaction.mechanics.configuration.constraint_projection import (
-    RANK_TOLERANCE,
+from leastaction.mechanics.configuration.null_space import (
     Indices,
+    NullSpace,
+    all_finite,
     free_variables,
+    restoring,
     row_scales,
 )
 from leastaction.mechanics.mechanism.mechanism import Mechanism
@@ -187,20 +189,18 @@ class _Search:
         stiffness = -core.hessian(q, self.rest)[0]
         stiffness[: m.nd] -= core.force_jacobians(q, self.rest, self.u)[0][: m.nd]
         jacobian = m.constraint_jacobian(q)
-        lam, basis = np.zeros(m.nc), np.eye(len(free))
+        space = NullSpace.of(jacobian[:, free])
+        lam = space.multiplier(slope[free])
         if m.nc and len(free):
-            left, sizes, right = np.linalg.svd(jacobian[:, free])
-            rank = int(np.sum(sizes > RANK_TOLERANCE * max(1.0, sizes[0])))
-            lam = -left[:, :rank] @ ((right[:rank] @ slope[free]) / sizes[:rank])
-            basis = right[rank:].T
             stiffness = stiffness + core.constraint_hessian(q, lam)
-        reduced = basis.T @ stiffness[np.ix_(free, free)] @ basis
+        reduced = space.reduced(stiffness[np.ix_(free, free)])
         size = max(
             float(np.abs(potential_slope[free]).max(initial=0.0)),
             float(np.abs(force[free]).max(initial=0.0)),
             float(np.abs(reduced).max(initial=0.0)),
         )
-        return _Point(q, slope, jacobian, lam, basis, reduced, force, size, basis.T @ slope[free])
+        along = space.basis.T @ slope[free]
+        return _Point(q, slope, jacobian, lam, space.basis, reduced, force, size, along)
 
     def run(self, q: Array, kind: str, tolerance: float, max_iterations: int) -> Equilibrium:
         start, radius = q, _FIRST_RADIUS
@@ -300,12 +300,11 @@ class _Search:
         for _ in range(25):
             jacobian = self.m.constraint_jacobian(q)
             values = self.m.constraint_values(q)
-            if not (np.isfinite(values).all() and np.isfinite(jacobian).all()):
+            if not all_finite(values, jacobian):
                 return None
             if np.all(np.abs(values) <= _ON_CONSTRAINTS * row_scales(jacobian)):
                 return q
-            back = np.linalg.lstsq(jacobian[:, self.free], -values, rcond=RANK_TOLERANCE)[0]
-            q[self.free] += back
+            q[self.free] += restoring(jacobian[:, self.free], values)
             if np.linalg.norm(q[self.free] - point.q[self.free]) > allowed:
                 return None
         return None

@@ -19,7 +19,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, InconsistentStartError, LeastActionError, worst_first
 from leastaction.mechanics.configuration.assembly import check_consistent
-from leastaction.mechanics.configuration.constraint_projection import (
+from leastaction.mechanics.configuration.null_space import (
     LOOSE_RANK_TOLERANCE,
     RANK_TOLERANCE,
     row_scales,

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Unpack
-
-import numpy.typing as npt
+from collections.abc import Callable, Sequence
+from typing import Any, Concatenate, ParamSpec
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.description.affine import CoordinateLike
 from leastaction.mechanics.description.compositions import Composition, ball, free, universal
 from leastaction.mechanics.description.frames import (
     Frame,
-    FrameOptions,
-    JointOptions,
     rx,
     ry,
     rz,
@@ -24,6 +19,22 @@ from leastaction.mechanics.description.frames import (
 from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
 from leastaction.mechanics.description.poses import pose
 from leastaction.numerics.names import check_name
+
+P = ParamSpec("P")
+
+
+def _chained(
+    make: Callable[P, Frame | Composition],
+) -> Callable[Concatenate[Branch, P], Branch]:
+    """Return a function that makes a frame as the method that puts it on a branch."""
+
+    def chain(self: Branch, /, *args: P.args, **options: P.kwargs) -> Branch:
+        return self.put(make(*args, **options))
+
+    chain.__name__ = make.__name__
+    chain.__qualname__ = f"Branch.{make.__name__}"
+    chain.__doc__ = f"Put a frame on this one and return its place; see `{make.__name__}`."
+    return chain
 
 
 class Branch:
@@ -93,117 +104,11 @@ class Branch:
         self.children.extend(side.children)
         return self
 
-    def tx(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
-        """Chain a translation along x; see `tx`."""
-        return self.put(tx(value, **options))
-
-    def ty(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
-        """Chain a translation along y; see `ty`."""
-        return self.put(ty(value, **options))
-
-    def tz(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
-        """Chain a translation along z; see `tz`."""
-        return self.put(tz(value, **options))
-
-    def rx(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
-        """Chain a rotation about x; see `rx`."""
-        return self.put(rx(value, **options))
-
-    def ry(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
-        """Chain a rotation about y; see `ry`."""
-        return self.put(ry(value, **options))
-
-    def rz(self, value: CoordinateLike, **options: Unpack[JointOptions]) -> Branch:
-        """Chain a rotation about z; see `rz`."""
-        return self.put(rz(value, **options))
-
-    def pose(
-        self,
-        matrix: npt.ArrayLike | None = None,
-        *,
-        translation: npt.ArrayLike | None = None,
-        rotation: npt.ArrayLike | None = None,
-        **options: Unpack[FrameOptions],
-    ) -> Branch:
-        """Chain a constant pose; see `pose`."""
-        return self.put(pose(matrix, translation=translation, rotation=rotation, **options))
-
-    def twist(
-        self,
-        value: CoordinateLike,
-        *,
-        linear: npt.ArrayLike = (0.0, 0.0, 0.0),
-        angular: npt.ArrayLike = (0.0, 0.0, 0.0),
-        **options: Unpack[JointOptions],
-    ) -> Branch:
-        """Chain a motion along a twist; see `twist`."""
-        return self.put(twist(value, linear=linear, angular=angular, **options))
-
-    def screw(
-        self,
-        value: CoordinateLike,
-        *,
-        axis: npt.ArrayLike | str,
-        point: npt.ArrayLike = (0.0, 0.0, 0.0),
-        pitch: float,
-        **options: Unpack[JointOptions],
-    ) -> Branch:
-        """Chain a screw, its pitch in metres per radian; see `screw`."""
-        return self.put(screw(value, axis=axis, point=point, pitch=pitch, **options))
-
-    def revolute(
-        self,
-        value: CoordinateLike,
-        *,
-        axis: npt.ArrayLike | str,
-        point: npt.ArrayLike = (0.0, 0.0, 0.0),
-        **options: Unpack[JointOptions],
-    ) -> Branch:
-        """Chain a rotation about any axis; see `revolute`."""
-        return self.put(revolute(value, axis=axis, point=point, **options))
-
-    def prismatic(
-        self, value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]
-    ) -> Branch:
-        """Chain a translation along any axis; see `prismatic`."""
-        return self.put(prismatic(value, axis=axis, **options))
-
-    def universal(
-        self,
-        variables: str | Sequence[CoordinateLike],
-        *,
-        axes: str = "xy",
-        kinematic: bool | Sequence[str] = False,
-        **options: Unpack[FrameOptions],
-    ) -> Branch:
-        """Chain a universal joint; see `universal`."""
-        return self.put(universal(variables, axes=axes, kinematic=kinematic, **options))
-
-    def ball(
-        self,
-        variables: str | Sequence[CoordinateLike],
-        *,
-        axes: str = "xyz",
-        kinematic: bool | Sequence[str] = False,
-        **options: Unpack[FrameOptions],
-    ) -> Branch:
-        """Chain a ball joint in Euler angles; see `ball`."""
-        return self.put(ball(variables, axes=axes, kinematic=kinematic, **options))
-
-    def free(
-        self,
-        variables: str | Sequence[CoordinateLike],
-        *,
-        axes: str = "xyz",
-        kinematic: bool | Sequence[str] = False,
-        **options: Unpack[FrameOptions],
-    ) -> Branch:
-        """Chain three translations and a ball joint; see `free`."""
-        return self.put(free(variables, axes=axes, kinematic=kinematic, **options))
-
-    def __repr__(self) -> str:
-        place = self.world_name if self.frame is None else repr(self.frame)
-        return f"<Branch at {place}, {len(self.children)} children>"
+    tx, ty, tz = _chained(tx), _chained(ty), _chained(tz)
+    rx, ry, rz = _chained(rx), _chained(ry), _chained(rz)
+    pose, twist, screw = _chained(pose), _chained(twist), _chained(screw)
+    revolute, prismatic = _chained(revolute), _chained(prismatic)
+    universal, ball, free = _chained(universal), _chained(ball), _chained(free)
 
 
 def world(name: str = "world") -> Branch:

@@ -22,6 +22,7 @@ Both describe the same mechanism.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypedDict, Unpack
@@ -29,12 +30,14 @@ from typing import TypedDict, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import DescriptionError, closest
+from leastaction.errors import DescriptionError, UnitWarning, closest
 from leastaction.mechanics.description.affine import Affine, CoordinateLike, as_affine
 from leastaction.mechanics.description.bodies import Body
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.names import check_name
+
+_FULL_TURN = 2.0 * np.pi * (1.0 + 1e-9)
 
 PRIMITIVES = ("tx", "ty", "tz", "rx", "ry", "rz")
 
@@ -216,12 +219,25 @@ def moving(
         As in `Frame`.
     offset, kinematic, name, mass, com, inertia, bodies
         As in `JointOptions`.
+
+    Warns
+    -----
+    UnitWarning
+        For a constant angle of more than a full turn, most likely one in degrees.
     """
     if name is not None:
         check_name(name, f"the name of a {transform} frame")
     coordinate = as_affine(value, transform, offset)
     label = f"{transform}({coordinate})" if name is None else repr(name)
     prescribed = kinematic_names(kinematic, coordinate.names, f"{transform}({coordinate})")
+    angle = coordinate.offset * float(np.linalg.norm(twist[3:]))
+    if abs(angle) > _FULL_TURN:
+        warnings.warn(
+            f"{transform}({coordinate}): the constant angle {angle:.6g} rad is more than a full turn. Angles "
+            f"are in radians; if degrees are meant, write np.radians({angle:.6g})",
+            UnitWarning,
+            stacklevel=3,
+        )
     return Frame(
         transform,
         coordinate=coordinate,

@@ -33,7 +33,8 @@ def pose(
     Parameters
     ----------
     matrix : array_like, shape (4, 4), optional
-        The homogeneous matrix that takes coordinates in the frame to coordinates in its parent.
+        The homogeneous matrix that takes coordinates in the frame to coordinates in its parent. With neither
+        this nor a translation or rotation, a frame that has a name or bodies coincides with its parent.
     translation : array_like, shape (3,), optional
         Origin of the frame in its parent (m), instead of a matrix.
     rotation : array_like, shape (3, 3), optional
@@ -48,7 +49,7 @@ def pose(
     Raises
     ------
     DescriptionError
-        If both forms are given, a number is not finite, or the rotation is not one. A rotation within
+        If both forms or nothing at all is given, a number is not finite, or the rotation is not one. A rotation within
         1e-8 of orthonormal is taken as the nearest orthonormal one.
     """
     what = "pose" if name is None else f"pose {check_name(name, 'the name of a pose')!r}"
@@ -56,8 +57,11 @@ def pose(
         raise DescriptionError(
             f"{what}: give either a matrix or translation= and rotation=, not both"
         )
-    if matrix is None and translation is None and rotation is None:
-        raise DescriptionError(f"{what}: give a 4x4 matrix, or translation= or rotation= or both")
+    if all(given is None for given in (matrix, translation, rotation, name, mass)) and not bodies:
+        raise DescriptionError(
+            f"{what}: give a 4x4 matrix, or translation= or rotation= or both; or a name= or a mass= for a "
+            "frame that coincides with its parent"
+        )
     placed = np.eye(4)
     if matrix is not None:
         placed = as_array(matrix, f"{what}: matrix", (4, 4), error=DescriptionError).copy()

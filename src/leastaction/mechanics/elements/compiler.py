@@ -61,8 +61,10 @@ class Compiler:
     def slot(self, number: str | float) -> int:
         """Slot of a number of the fields, by the name of its parameter; of a plain one, made once."""
         if isinstance(number, str):
-            known = self.parameters.get(f"{self.element}.{number}")
-            return self.parameter(number, self.numbers[number]) if known is None else known
+            full = f"{self.element}.{number}"
+            if self.owners.get(full) == (self.element, number):
+                return self.parameters[full]
+            return self.parameter(number, self.numbers[number])
         if number not in self._constants:
             self._constants[number] = self.builder.add_number(number)
         return self._constants[number]

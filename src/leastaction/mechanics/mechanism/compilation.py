@@ -169,20 +169,7 @@ def plan(
     context = result.context()
     for element in elements:
         element.check(context)
-    _check_body_names(tree)
     return result
-
-
-def _check_body_names(tree: Tree) -> None:
-    """Refuse a frame that is called like the second body of another one: their parameters would be the same."""
-    heavy = {frame.name for frame in tree.frames if frame.spec.bodies}
-    for frame in tree.frames:
-        for number in range(2, 1 + len(frame.spec.bodies)):
-            if f"{frame.name}.body{number}" in heavy:
-                raise DescriptionError(
-                    f"the frame '{frame.name}.body{number}' is called like body {number} of the frame "
-                    f"{frame.name!r}, so their parameters have the same names; give it another name="
-                )
 
 
 def _named(elements: Sequence[Element]) -> dict[str, Element]:

@@ -272,8 +272,10 @@ class Mechanism:
     def parameters(self) -> dict[str, float]:
         """Every number of the description by name, such as ``"bob.mass"`` or ``"spring.stiffness"``.
 
-        Of bodies the mass (kg), the centre of mass (m) and the inertia (kg m^2); of constant frames the
-        coordinate or the translation (m or rad); of elements their numbers, in the units of each.
+        Those of a frame begin with its name, or where it was given none with that of the variable that moves it:
+        ``tx("cart", mass=1.0)`` has ``"cart.mass"``. Of bodies the mass (kg), the centre of mass (m) and the
+        inertia (kg m^2); of constant frames the coordinate or the translation (m or rad); of elements their
+        numbers, in the units of each.
         """
         numbers = self.core.numbers
         return {
@@ -283,7 +285,7 @@ class Mechanism:
 
     def parameter_places(self, names: Sequence[str]) -> dict[str, Place]:
         """Return where some named parameters are; raise an `ArgumentError` for a name that is none."""
-        return find(parameter_places(self.tree, self._slots), names)
+        return find(self.tree, self._slots, names)
 
     def with_parameters(self, values: Mapping[str, float]) -> Mechanism:
         """Return the same mechanism with other numbers; its structure is shared, not compiled again.

@@ -60,39 +60,64 @@ def parameter_places(tree: Tree, slots: Mapping[str, int]) -> dict[str, Place]:
 
 
 def check_names(tree: Tree, slots: Mapping[str, int]) -> None:
-    """Raise a `DescriptionError` if a frame or body and an element have a parameter of the same name."""
-    frames = {frame.name: index for index, frame in enumerate(tree.frames)}
+    """Raise a `DescriptionError` if two frames or bodies, or one and an element, have a parameter of the same name."""
+    stems = _stems(tree)
+    heavy = {stem for stem, frame in zip(stems, tree.frames, strict=True) if frame.spec.bodies}
+    for stem, frame in zip(stems, tree.frames, strict=True):
+        for number in range(2, 1 + len(frame.spec.bodies)):
+            if f"{stem}.body{number}" in heavy:
+                raise DescriptionError(
+                    f"the frame '{stem}.body{number}' is called like body {number} of the frame {stem!r}, so their "
+                    "parameters have the same names; give it another name="
+                )
+    frames = {stem: index for index, stem in enumerate(stems)}
     for name in slots:
         dots = [at for at, letter in enumerate(name) if letter == "."]
-        for frame in (frames[name[:at]] for at in dots if name[:at] in frames):
-            if name in _frame_places(tree, frame):
+        for index in (frames[name[:at]] for at in dots if name[:at] in frames):
+            if name in _frame_places(tree, index, stems[index]):
                 raise DescriptionError(
-                    f"duplicate parameter {name!r}: a number of the frame {tree.frames[frame].name!r} and "
+                    f"duplicate parameter {name!r}: a number of the frame {tree.frames[index].name!r} and "
                     "of an element; give the element another name"
                 )
 
 
+def _stems(tree: Tree) -> list[str]:
+    """Return what the names of each frame's parameters begin with.
+
+    The frame's name; where none was given and a single variable moves the frame, the name of that.
+    """
+    taken = {frame.name for frame in tree.frames}
+    stems = []
+    for frame in tree.frames:
+        coordinate, stem = frame.spec.coordinate, frame.name
+        if frame.spec.name is None and coordinate is not None and coordinate.plain:
+            stem = coordinate.names[0] if coordinate.names[0] not in taken else stem
+            taken.add(stem)
+        stems.append(stem)
+    return stems
+
+
 def _tree_places(tree: Tree) -> dict[str, Place]:
     places: dict[str, Place] = {}
-    for index in range(1, len(tree.frames)):
-        places.update(_frame_places(tree, index))
+    for index, stem in enumerate(_stems(tree)):
+        places.update(_frame_places(tree, index, stem))
     return places
 
 
-def _frame_places(tree: Tree, index: int) -> dict[str, Place]:
+def _frame_places(tree: Tree, index: int, frame_stem: str) -> dict[str, Place]:
     """Return where the parameters of one frame and its bodies are; the world has none."""
-    frame, places = tree.frames[index], dict[str, Place]()
-    for number in range(len(frame.spec.bodies)):
-        stem = frame.name if number == 0 else f"{frame.name}.body{number + 1}"
+    spec, places = tree.frames[index].spec, dict[str, Place]()
+    for number in range(len(spec.bodies)):
+        stem = frame_stem if number == 0 else f"{frame_stem}.body{number + 1}"
         fields = ["mass", *(f"com.{a}" for a in _AXES), *(f"inertia.{m}" for m in _MOMENTS)]
         places.update({f"{stem}.{field}": BodyNumber(index, number, field) for field in fields})
-    if frame.spec.variables or index == 0:
+    if spec.variables or index == 0:
         return places
-    if frame.spec.matrix is None:
-        places[f"{frame.name}.value"] = Length(index, None)
+    if spec.matrix is None:
+        places[f"{frame_stem}.value"] = Length(index, None)
     else:
         for axis, letter in enumerate(_AXES):
-            places[f"{frame.name}.translation.{letter}"] = Length(index, axis)
+            places[f"{frame_stem}.translation.{letter}"] = Length(index, axis)
     return places
 
 
@@ -116,10 +141,19 @@ def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
     return float(body.inertia[_AXES.index(which[0]), _AXES.index(which[1])])
 
 
-def find(places: Mapping[str, Place], names: Iterable[str]) -> dict[str, Place]:
-    """Return the places of some parameters; raise an `ArgumentError` for a name that is none."""
+def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str, Place]:
+    """Return the places of some parameters; raise an `ArgumentError` for a name that is none.
+
+    Those of a frame are found by the name of the frame too, where `parameter_places` calls it by its variable.
+    """
     if isinstance(names, str):
         raise ArgumentError(f"parameters: expected a list of names, got the string {names!r}")
+    places = parameter_places(tree, slots)
+    if any(name not in places for name in names):
+        by_frame: dict[str, Place] = {}
+        for index, frame in enumerate(tree.frames):
+            by_frame.update(_frame_places(tree, index, frame.name))
+        places = by_frame | places
     found: dict[str, Place] = {}
     for name in names:
         if name not in places:
