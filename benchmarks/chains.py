@@ -17,7 +17,7 @@ _STEPS = 30
 
 def rows(settings: Settings) -> list[Row | Absent]:
     """Measure every length; the chain is let go straight, tilted by half a radian."""
-    result: list[Row | Absent] = []
+    result: list[Row | Absent] = [_building()]
     lengths, times = [], []
     for n in settings.chain_links:
         integrator = MidpointVI(pendulum_chain(n), threads=1)
@@ -68,3 +68,20 @@ def rows(settings: Settings) -> list[Row | Absent]:
             )
         )
     return result
+
+
+def _building() -> Row:
+    """Measure how long a mechanism of many joints takes from its description on."""
+    joints = 3000
+    short, long = (
+        best_of(lambda n=n: pendulum_chain(n), budget=1.0, least=2) for n in (joints // 4, joints)
+    )
+    return timed(
+        GROUP,
+        f"building {joints} joints",
+        long,
+        "mechanism",
+        target=0.5,
+        note=f"{long.best / short.best:.1f} times as long as {joints // 4}",
+        details={"joints": joints},
+    )

@@ -434,11 +434,12 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build_like(const Mechanism& o
                        other.points.size() == points_.size() && other.directions.size() == directions_.size() &&
                        other.numbers.size() == numbers_.size() && other.constraints.size() == constraints_.size() &&
                        other.potentials.size() == potentials_.size() && other.forces.size() == forces_.size();
-    if (!alike) throw std::invalid_argument("the other mechanism is of another structure");
+    Mechanism order;  // which joints carry masses, and which coordinates are variables, are structure too
+    order_variables(order, joint_order(order));
+    if (!alike || order.joint_of_builder != other.joint_of_builder || order.n_massive != other.n_massive ||
+        order.external != other.external || order.plain != other.plain)
+        throw std::invalid_argument("the other mechanism is of another structure");
     auto m = std::make_shared<Mechanism>(other);
-    for (const auto& [joint, body] : bodies_)
-        if (joint >= 0 && !body.is_empty() && m->joint_of_builder[joint] >= m->n_massive)
-            throw std::invalid_argument("a joint that carried no mass has one now: that is another structure");
     set_numbers(*m);
     return m;
 }

@@ -120,7 +120,7 @@ def test_poses_agree_with_an_independent_product_of_transformations():
         values = mechanism.named(q)
         worlds = [np.eye(4)]
         for frame in mechanism.tree.frames[1:]:
-            spec = frame.spec
+            spec = frame.frame
             amount = None if spec.coordinate is None else spec.coordinate.value(values)
             local = np.eye(4)
             if spec.matrix is not None:
@@ -300,7 +300,7 @@ def test_a_mechanism_is_immutable_and_compared_by_identity():
     with pytest.raises(ValueError, match="read-only"):
         mechanism.tree.frames[1].pose[0, 0] = 2.0
     with pytest.raises(AttributeError, match="immutable"):
-        mechanism.tree.frames[1].spec.bodies[0].mass = -1.0
+        mechanism.tree.frames[1].frame.bodies[0].mass = -1.0
     assert copy.copy(mechanism) is mechanism
     assert copy.deepcopy([mechanism])[0] is mechanism
     assert len({mechanism, Mechanism(cart())}) == 2

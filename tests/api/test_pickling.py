@@ -121,6 +121,24 @@ def test_a_mechanism_with_other_numbers_computes_the_same_after_the_trip():
         check_same(back, pickle.loads(pickle.dumps(back)))
 
 
+def test_a_mass_that_is_taken_from_a_prescribed_joint_is_no_trace_of_before():
+    full = la.Mechanism(
+        [la.tx("k", kinematic=True, mass=1.0), la.rz("a", mass=1.0, com=(1, 0, 0))],
+        [la.Gravity((0.0, -9.81, 0.0))],
+    )
+    light = full.with_parameters({"k.mass": 0.0})
+    described = la.Mechanism(
+        [la.tx("k", kinematic=True, mass=0.0), la.rz("a", mass=1.0, com=(1, 0, 0))],
+        [la.Gravity((0.0, -9.81, 0.0))],
+    )
+    for same in (described, pickle.loads(pickle.dumps(light))):
+        check_behaviour(light, same)
+        vi, start = la.MidpointVI(same), [0.3, 0.2]
+        runs = [la.MidpointVI(light), vi]
+        first, second = (r.simulate(r.start(start), 0.1 * np.arange(9)) for r in runs)
+        np.testing.assert_array_equal(first.p, second.p)
+
+
 def test_a_tree_under_construction_comes_back_at_its_place():
     root = la.world("base")
     arm = root.tx("x", name="cart")

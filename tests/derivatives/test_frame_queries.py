@@ -196,7 +196,7 @@ def bodies_moving(mechanism, q, v):
     """Mass, and the integrals of x, x-dot and x x-dot^T over all bodies, by their pseudo-inertias."""
     mass, moment, momentum, product = 0.0, np.zeros(3), np.zeros(3), np.zeros((3, 3))
     for frame in mechanism.tree.frames[1:]:
-        for body in frame.spec.bodies:
+        for body in frame.frame.bodies:
             c = body.com
             J = np.zeros((4, 4))
             J[:3, :3] = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia

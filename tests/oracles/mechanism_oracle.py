@@ -121,8 +121,7 @@ class Oracle:
         self.bodies = [
             _body(frame.name, frame.joint, np.asarray(frame.pose), body)
             for frame in tree.frames
-            if frame.spec is not None
-            for body in frame.spec.bodies
+            for body in frame.frame.bodies
         ]
 
     def _joint(self, joint: Joint) -> JointData:

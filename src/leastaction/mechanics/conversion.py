@@ -86,14 +86,14 @@ def to_discrete(
     dt = np.diff(times)
     x = trajectory.x if trajectory.dense is None and t is None else trajectory(times)
     q, v = x[:, : m.nq], x[:, m.nq :]
-    inputs = trajectory.input(0.5 * (times[1:] + times[:-1]))[:, : m.nu]
+    inputs = trajectory.input(0.5 * (times[1:] + times[:-1]))[:, : m.n_inputs]
     if not sampled:
         start = integrator.start(q[0], v[0], t=float(times[0]))
         return integrator.simulate(start, times, inputs=inputs, rho=q[:, nd:])
     u = trajectory.input(times)
     lam = np.empty((len(times), m.nc))
     if m.nc:
-        out = ContinuousDynamics(m).accelerations(q, v, u[:, : m.nu], u[:, m.nu :])
+        out = ContinuousDynamics(m).accelerations(q, v, u[:, : m.n_inputs], u[:, m.n_inputs :])
         lam = out.lam
     p = to_momentum(m, q, v)
     for k in range(1, len(times) if m.nc else 0):
@@ -189,7 +189,7 @@ def gain_to_discrete(
     mechanism : Mechanism
     q, v : array_like, shape (nq,) or (N, nq)
         The reference motion.
-    K : array_like, shape (nu + nrho, nx) or (N, nu + nrho, nx)
+    K : array_like, shape (n_inputs + nrho, nx) or (N, n_inputs + nrho, nx)
         Gains in continuous time.
     dt : float
         Time step (s).
@@ -205,7 +205,7 @@ def gain_to_discrete(
     gains = _gains(m, K, T)
     # K T^-1, from the right.
     result = np.swapaxes(solve_mass(np.swapaxes(T, -1, -2), np.swapaxes(gains, -1, -2)), -1, -2)
-    result[..., m.nu :, :] = h**2 * result[..., m.nu :, :] - _extrapolation(m, h)
+    result[..., m.n_inputs :, :] = h**2 * result[..., m.n_inputs :, :] - _extrapolation(m, h)
     return result
 
 
@@ -221,7 +221,7 @@ def gain_to_continuous(
     mechanism : Mechanism
     q, v : array_like, shape (nq,) or (N, nq)
         The reference motion; `to_velocity` has v from discrete momenta.
-    K : array_like, shape (nu + nrho, nx) or (N, nu + nrho, nx)
+    K : array_like, shape (n_inputs + nrho, nx) or (N, n_inputs + nrho, nx)
         Gains in discrete time.
     dt : float
         Time step that they were made for (s).
@@ -233,7 +233,7 @@ def gain_to_continuous(
     m, h = mechanism, as_time_step(dt)
     T = legendre_jacobian(m, q, v)
     gains = _gains(m, K, T).copy()
-    gains[..., m.nu :, :] = (gains[..., m.nu :, :] + _extrapolation(m, h)) / h**2
+    gains[..., m.n_inputs :, :] = (gains[..., m.n_inputs :, :] + _extrapolation(m, h)) / h**2
     result: Array = gains @ T
     return result
 
@@ -247,7 +247,7 @@ def _extrapolation(m: Mechanism, dt: float) -> Array:
 
 
 def _gains(m: Mechanism, K: npt.ArrayLike, T: Array) -> Array:
-    return as_array(K, "K", (*T.shape[:-2], m.nu + m.nrho, m.nx))
+    return as_array(K, "K", (*T.shape[:-2], m.n_inputs + m.nrho, m.nx))
 
 
 def _slopes(values: Array, t: Array) -> tuple[Array, Array]:

@@ -38,7 +38,7 @@ class MechanismSystem(ContinuousSystem):
         m = dynamics.mechanism
         self.dynamics = dynamics
         self.mechanism = m
-        self.nx, self.nu = 2 * m.nq, m.nu + m.nrho
+        self.nx, self.nu = 2 * m.nq, m.n_inputs + m.nrho
         self.has_curvature = not any(
             element.equations and element.highest_order < 4 for element in m.elements.values()
         )
@@ -54,7 +54,7 @@ class MechanismSystem(ContinuousSystem):
         rate = np.empty(2 * nq)
         rate[:nq] = x[nq:]
         rate[nq : nq + nd] = out.a[0]
-        rate[nq + nd :] = u[m.nu :]
+        rate[nq + nd :] = u[m.n_inputs :]
         return rate
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
@@ -76,7 +76,7 @@ class MechanismSystem(ContinuousSystem):
         J[:, rows, nq + rows] = 1.0
         J[:, nq : nq + nd] = slopes[:, :nd]
         kinematic = np.arange(m.nrho)
-        J[:, nq + nd + kinematic, self.nx + m.nu + kinematic] = 1.0
+        J[:, nq + nd + kinematic, self.nx + m.n_inputs + kinematic] = 1.0
         second = partial(self.curvatures, x.copy(), u.copy(), t.copy())
         return Linearization(J[:, :, : self.nx], J[:, :, self.nx :], second)
 
@@ -89,7 +89,7 @@ class MechanismSystem(ContinuousSystem):
     def _split(self, x: Array, u: Array) -> tuple[Array, Array, Array, Array]:
         """Return q, v, inputs and accelerations of the kinematic variables."""
         m = self.mechanism
-        parts = (x[:, : m.nq], x[:, m.nq :], u[:, : m.nu], u[:, m.nu :])
+        parts = (x[:, : m.nq], x[:, m.nq :], u[:, : m.n_inputs], u[:, m.n_inputs :])
         q, v, inputs, rho_a = (np.ascontiguousarray(part) for part in parts)
         return q, v, inputs, rho_a
 

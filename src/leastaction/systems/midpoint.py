@@ -44,7 +44,7 @@ class MidpointSystem(DiscreteSystem):
         self.t = as_times(t)
         self.multipliers = multipliers
         self.nx = m.nx + (m.nc if multipliers else 0)
-        self.nu = m.nu + m.nrho
+        self.nu = m.n_inputs + m.nrho
         self.N = len(self.t) - 1
 
     def when(self, k: int) -> str:
@@ -61,7 +61,7 @@ class MidpointSystem(DiscreteSystem):
             state = self.integrator.trajectory(
                 self.t[k : k + 1], x[None, :], u[None, :][:0], nothing
             ).last
-            raise self.integrator.step_error(out, state, u[m.nu :])
+            raise self.integrator.step_error(out, state, u[m.n_inputs :])
         return np.asarray(self._states(out.x, out.lam, full)[1])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:

@@ -34,10 +34,10 @@ class AccelerationDerivatives:
     ----------
     a, lam : ndarray, shape (nd,), (nc,)
         The accelerations and multipliers themselves.
-    all : ndarray, shape (nd + nc, 2 nq + nu + nrho)
+    all : ndarray, shape (nd + nc, 2 nq + n_inputs + nrho)
         Of ``[a; lam]`` by ``[q; v; u; rho_a]``; the other fields are views of it.
     sizes : tuple of int
-        nd, nq, nu.
+        nd, nq, n_inputs.
     """
 
     a: Array = field(repr=False)
@@ -46,8 +46,8 @@ class AccelerationDerivatives:
     sizes: tuple[int, int, int]
 
     def _block(self, rows: slice, argument: int) -> Array:
-        _, nq, nu = self.sizes
-        ends = (0, nq, 2 * nq, 2 * nq + nu, self.all.shape[-1])
+        _, nq, n_inputs = self.sizes
+        ends = (0, nq, 2 * nq, 2 * nq + n_inputs, self.all.shape[-1])
         return self.all[..., rows, ends[argument] : ends[argument + 1]]
 
     @property
@@ -62,7 +62,7 @@ class AccelerationDerivatives:
 
     @property
     def a_du(self) -> Array:
-        """Accelerations by input, shape (nd, nu)."""
+        """Accelerations by input, shape (nd, n_inputs)."""
         return self._block(slice(0, self.sizes[0]), 2)
 
     @property
@@ -82,7 +82,7 @@ class AccelerationDerivatives:
 
     @property
     def lam_du(self) -> Array:
-        """Multipliers by input, shape (nc, nu)."""
+        """Multipliers by input, shape (nc, n_inputs)."""
         return self._block(slice(self.sizes[0], None), 2)
 
     @property
@@ -97,7 +97,7 @@ class AccelerationTensors:
 
     Attributes
     ----------
-    a : ndarray, shape (nd, n, n), n = 2 nq + nu + nrho
+    a : ndarray, shape (nd, n, n), n = 2 nq + n_inputs + nrho
         Of the accelerations.
     lam : ndarray, shape (nc, n, n)
         Of the multipliers.

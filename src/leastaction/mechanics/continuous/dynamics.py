@@ -93,7 +93,7 @@ class ContinuousDynamics:
         ----------
         q, v : array_like, shape (nq,)
             Configuration (rad or m) and velocity. The constraints need not hold exactly: they may have drifted.
-        u : array_like, shape (nu,), optional
+        u : array_like, shape (n_inputs,), optional
             Inputs; zero if not given.
         rho_a : array_like, shape (nrho,), optional
             Accelerations of the kinematic variables; zero if not given.
@@ -133,7 +133,7 @@ class ContinuousDynamics:
             Configuration, velocity and acceleration of all variables.
         lam : array_like, shape (nc,), optional
             Multipliers of constraints that carry their part; zero if not given.
-        u : array_like, shape (nu,), optional
+        u : array_like, shape (n_inputs,), optional
             Inputs of the force elements; zero if not given, so that the result is what inputs have to do.
 
         Returns
@@ -172,7 +172,7 @@ class ContinuousDynamics:
             points.shaped(out.a),
             points.shaped(out.lam),
             points.shaped(out.derivatives),
-            (m.nd, m.nq, m.nu),
+            (m.nd, m.nq, m.n_inputs),
         )
 
     def curvature(
@@ -199,7 +199,7 @@ class ContinuousDynamics:
 
         Returns
         -------
-        ndarray, shape (n, n), n = 2 nq + nu + nrho
+        ndarray, shape (n, n), n = 2 nq + n_inputs + nrho
             Hessian of ``z_a . a + z_lam . lam`` by ``[q; v; u; rho_a]``, symmetric.
 
         Raises

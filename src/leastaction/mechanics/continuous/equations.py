@@ -87,8 +87,8 @@ class Equations:
     def solve(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Return the accelerations (nq,) and the multipliers (nc,) at a state and an input."""
         m = self.mechanism
-        out = self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.nu], u[m.nu :])
-        return np.concatenate([out.a, u[m.nu :]]), out.lam
+        out = self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :])
+        return np.concatenate([out.a, u[m.n_inputs :]]), out.lam
 
     def rate(self, t: float, x: Array) -> Array:
         """Return dx/dt; `DynamicsError` where there is none."""
@@ -103,12 +103,12 @@ class Equations:
             raise DynamicsError(f"the input {bad!r} is not finite", t=t, variable=None)
         # The core itself: all is checked, and the checks of a call by hand would take longer than it.
         out = self.dynamics.core.accelerations(
-            x[None, : m.nq], x[None, m.nq :], u[None, : m.nu], u[None, m.nu :], 1
+            x[None, : m.nq], x[None, m.nq :], u[None, : m.n_inputs], u[None, m.n_inputs :], 1
         )
         if out.solved < 1:
-            self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.nu], u[m.nu :], t)
+            self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :], t)
             raise DynamicsError("the equations of motion have no solution", t=t, variable=None)
-        return np.concatenate([x[m.nq :], out.a[0], u[m.nu :]])
+        return np.concatenate([x[m.nq :], out.a[0], u[m.n_inputs :]])
 
     def jacobian(self, t: float, x: Array) -> Array:
         """Return the derivative of the rate by x, (nx, nx), exact but for laws that give no derivative."""
@@ -117,16 +117,16 @@ class Equations:
         x = self.state(t, x)
         u = self.input(t, x)
         q, v = x[:nq], x[nq:]
-        d = self.dynamics.linearize(q, v, u[: m.nu], u[m.nu :])
+        d = self.dynamics.linearize(q, v, u[: m.n_inputs], u[m.n_inputs :])
         by_x = np.zeros((2 * nq, 2 * nq))
         by_x[:nq, nq:] = np.eye(nq)
         by_x[nq : nq + nd, :nq] = d.a_dq
         by_x[nq : nq + nd, nq:] = d.a_dv
         slope = self.law.jacobian(t, x)
         if slope is not None:
-            by_u = np.zeros((2 * nq, m.nu + m.nrho))
+            by_u = np.zeros((2 * nq, m.n_inputs + m.nrho))
             by_u[nq : nq + nd] = np.hstack([d.a_du, d.a_drho_a])
-            by_u[nq + nd :, m.nu :] = np.eye(m.nrho)
+            by_u[nq + nd :, m.n_inputs :] = np.eye(m.nrho)
             by_x += by_u[:, : len(slope)] @ slope
         if self.motion is not None:
             prescribed = np.r_[nd:nq, nq + nd : 2 * nq]

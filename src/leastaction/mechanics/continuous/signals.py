@@ -201,13 +201,13 @@ class WholeInput:
         return np.unique(np.concatenate([part.breaks for part in self.parts]))
 
     def value(self, t: float, x: Array) -> Array:
-        """Return u (nu + nrho,)."""
+        """Return u (n_inputs + nrho,)."""
         if len(self.parts) == 1:
             return self.parts[0].value(t, x)
         return np.concatenate([part.value(t, x) for part in self.parts])
 
     def jacobian(self, t: float, x: Array) -> Array | None:
-        """Return its derivative by the state (nu + nrho, nx); None for zero."""
+        """Return its derivative by the state (n_inputs + nrho, nx); None for zero."""
         blocks = [part.jacobian(t, x) for part in self.parts]
         if all(block is None for block in blocks):
             return None

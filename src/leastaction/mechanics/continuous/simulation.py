@@ -81,9 +81,10 @@ def simulate(
     t : array_like, shape (N+1,)
         Times of the result (s), increasing; the first is that of the start. The solver chooses its own steps.
     inputs : array_like or callable, optional
-        Force inputs: a constant (nu,); rows (N+1, nu) at the instants, joined by straight lines; rows (N, nu), each
-        held from one instant to the next, at whose jumps the solver stops; or a function ``(t, x) -> (nu,)``, which
-        may have a ``jacobian(t, x) -> (nu, nx)`` for implicit methods, such as `Feedback`. Zero if not given.
+        Force inputs: a constant (n_inputs,); rows (N+1, n_inputs) at the instants, joined by straight lines; rows
+        (N, n_inputs), each held from one instant to the next, at whose jumps the solver stops; or a function
+        ``(t, x) -> (n_inputs,)``, which may have a ``jacobian(t, x) -> (n_inputs, nx)`` for implicit methods, such
+        as `Feedback`. Zero if not given.
     rho : PrescribedMotion, spline of SciPy, or array_like of shape (N+1, nrho), optional
         Motion of the kinematic variables, twice differentiable; through rows a quintic spline is laid. It is kept
         exactly.
@@ -304,7 +305,7 @@ def _result(
         m,
         at,
         states[:, : m.nq],
-        u[:, : m.nu],
+        u[:, : m.n_inputs],
         lam,
         v=states[:, m.nq :],
         a=a,

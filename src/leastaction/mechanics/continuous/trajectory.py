@@ -64,7 +64,7 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         simulation between two of them, that time is the last.
     q, v, a : ndarray, shape (N+1, nq)
         Configurations, velocities, accelerations (m or rad, per second, per second squared).
-    inputs : ndarray, shape (N+1, nu)
+    inputs : ndarray, shape (N+1, n_inputs)
         Force inputs; where they jump, those after the jump.
     lam : ndarray, shape (N+1, nc)
         Multipliers: the force of the constraints is ``Dh(q)^T lam``.
@@ -101,7 +101,7 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
 
     @property
     def u(self) -> Array:
-        """Inputs of the continuous system ``[inputs; rho_a]``, shape (N+1, nu + nrho)."""
+        """Inputs of the continuous system ``[inputs; rho_a]``, shape (N+1, n_inputs + nrho)."""
         return np.hstack([self.inputs, self.rho_a])
 
     def state(self, k: int) -> ContinuousState:
@@ -137,7 +137,7 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         return rows[0] if single else rows
 
     def input(self, t: npt.ArrayLike) -> Array:
-        """Return the input ``[inputs; rho_a]`` at any time: (nu + nrho,), or (n, nu + nrho) for times (n,).
+        """Return the input ``[inputs; rho_a]`` at any time: (n_inputs + nrho,), or (n, n_inputs + nrho) for times (n,).
 
         From the law that was simulated with; on straight lines between the instants where there is none.
         """

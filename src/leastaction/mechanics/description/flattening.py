@@ -42,38 +42,38 @@ def flatten(description: Branch | Sequence[Any]) -> Tree:
         root = Branch(None)
         read_nested(description, root)
     places, parents = preorder(root)
-    specs = [place.frame for place in places[1:] if place.frame is not None]
+    frames = [place.frame for place in places[1:] if place.frame is not None]
     seen: set[int] = set()
-    for spec in specs:
-        check_once(spec, seen)
-    return place_frames(_names(root.world_name, specs, parents[1:]), specs, parents[1:])
+    for frame in frames:
+        check_once(frame, seen)
+    return place_frames(_names(root.world_name, frames, parents[1:]), frames, parents[1:])
 
 
-def _names(world: str, specs: Sequence[Frame], parents: Sequence[int]) -> list[str]:
+def _names(world: str, frames: Sequence[Frame], parents: Sequence[int]) -> list[str]:
     """Name every frame: the given names, and for the others a readable one that depends on the tree only.
 
     A frame with a variable is called after it, ``rz(theta)``; a constant frame after its parent,
     ``cart/ty(-1)``. What is still the same gets a number, ``cart/ty(-1)#2``.
     """
     given: dict[str, Frame | None] = {world: None}
-    for spec in specs:
-        if spec.name is None:
+    for frame in frames:
+        if frame.name is None:
             continue
-        if spec.name in given:
-            other = given[spec.name]
+        if frame.name in given:
+            other = given[frame.name]
             first = "the world frame" if other is None else other.label
             raise DescriptionError(
-                f"duplicate frame name {spec.name!r}: given to {first} and to {spec.label}; "
+                f"duplicate frame name {frame.name!r}: given to {first} and to {frame.label}; "
                 "frame names are unique in a mechanism"
             )
-        given[spec.name] = spec
+        given[frame.name] = frame
     taken = set(given)
     names = [world]
-    for spec, parent in zip(specs, parents, strict=True):
-        if spec.name is not None:
-            names.append(spec.name)
+    for frame, parent in zip(frames, parents, strict=True):
+        if frame.name is not None:
+            names.append(frame.name)
             continue
-        stem = spec.label if spec.variables else f"{names[parent]}/{spec.label}"
+        stem = frame.label if frame.variables else f"{names[parent]}/{frame.label}"
         name, number = stem, 1
         while name in taken:
             number += 1
@@ -83,46 +83,46 @@ def _names(world: str, specs: Sequence[Frame], parents: Sequence[int]) -> list[s
     return names
 
 
-def place_frames(names: Sequence[str], specs: Sequence[Frame], parents: Sequence[int]) -> Tree:
+def place_frames(names: Sequence[str], frames: Sequence[Frame], parents: Sequence[int]) -> Tree:
     """Return the tree of frames with settled names; the world has the first, and parent 0."""
-    frames = [TreeFrame(names[0], -1, Frame("world", matrix=_EYE, name=names[0]), WORLD, _EYE)]
+    placed = [TreeFrame(names[0], -1, Frame("world", matrix=_EYE, name=names[0]), WORLD, _EYE)]
     joints: list[Joint] = []
     kinds: dict[str, tuple[bool, str]] = {}
-    for name, spec, parent in zip(names[1:], specs, parents, strict=True):
-        carrier = frames[parent]
-        if spec.coordinate is None or not spec.coordinate.terms:
-            pose = _behind(carrier.pose, spec, name, names[parent])
-            frames.append(TreeFrame(name, parent, spec, carrier.joint, pose))
+    for name, frame, parent in zip(names[1:], frames, parents, strict=True):
+        carrier = placed[parent]
+        if frame.coordinate is None or not frame.coordinate.terms:
+            pose = _behind(carrier.pose, frame, name, names[parent])
+            placed.append(TreeFrame(name, parent, frame, carrier.joint, pose))
             continue
-        assert spec.twist is not None
-        variables = spec.variables
+        assert frame.twist is not None
+        variables = frame.variables
         for variable in variables:
-            _same_kind(kinds, variable, variable in spec.kinematic, name)
+            _same_kind(kinds, variable, variable in frame.kinematic, name)
         joints.append(
             Joint(
-                frame=len(frames),
+                frame=len(placed),
                 parent=carrier.joint,
                 pose=carrier.pose,
-                twist=spec.twist,
-                coordinate=spec.coordinate,
-                kinematic=len(spec.kinematic) == len(variables),
+                twist=frame.twist,
+                coordinate=frame.coordinate,
+                kinematic=len(frame.kinematic) == len(variables),
             )
         )
-        frames.append(TreeFrame(name, parent, spec, len(joints) - 1, _EYE))
+        placed.append(TreeFrame(name, parent, frame, len(joints) - 1, _EYE))
     dynamic = tuple(variable for variable, (kinematic, _) in kinds.items() if not kinematic)
     groups: dict[int, tuple[Group, list[int]]] = {}
-    for index, frame in enumerate(frames):
-        group = frame.spec.group
+    for index, at in enumerate(placed):
+        group = at.frame.group
         if group is not None:
             groups.setdefault(id(group), (group, []))[1].append(index)
     compositions = tuple((group, tuple(indices)) for group, indices in groups.values())
     return Tree(
-        tuple(frames),
+        tuple(placed),
         tuple(joints),
         dynamic,
         tuple(variable for variable, (kinematic, _) in kinds.items() if kinematic),
         compositions,
-        _balls(frames, compositions, dynamic),
+        _balls(placed, compositions, dynamic),
     )
 
 
@@ -135,8 +135,8 @@ def _balls(
     for group, indices in compositions:
         if len(group.axes) != 3:
             continue
-        specs = [frames[index].spec for index in indices[-3:]]
-        outer, middle, inner = (s.coordinate for s in specs if s.coordinate is not None)
+        turns = [frames[index].frame.coordinate for index in indices[-3:]]
+        outer, middle, inner = (turn for turn in turns if turn is not None)
         balls.append(
             Ball(
                 name=group.name,
@@ -162,10 +162,10 @@ def _same_kind(
         )
 
 
-def _behind(carrier: Array, spec: Frame, name: str, parent: str) -> Array:
+def _behind(carrier: Array, frame: Frame, name: str, parent: str) -> Array:
     """Return the pose of a constant frame whose parent has the pose `carrier`."""
     with np.errstate(over="ignore", invalid="ignore"):
-        pose = carrier @ _constant(spec)
+        pose = carrier @ _constant(frame)
     if not np.isfinite(pose).all():
         raise DescriptionError(
             f"frame {name!r}: its constant pose is too far from {parent!r} to compute with; give smaller numbers"
@@ -174,11 +174,11 @@ def _behind(carrier: Array, spec: Frame, name: str, parent: str) -> Array:
     return pose
 
 
-def _constant(spec: Frame) -> Array:
-    if spec.matrix is not None:
-        return spec.matrix
-    assert spec.coordinate is not None
-    assert spec.twist is not None
-    if spec.transform in PRIMITIVES:
-        return constant_matrix(spec.transform, spec.coordinate.offset)
-    return exponential(spec.twist, spec.coordinate.offset)
+def _constant(frame: Frame) -> Array:
+    if frame.matrix is not None:
+        return frame.matrix
+    assert frame.coordinate is not None
+    assert frame.twist is not None
+    if frame.transform in PRIMITIVES:
+        return constant_matrix(frame.transform, frame.coordinate.offset)
+    return exponential(frame.twist, frame.coordinate.offset)

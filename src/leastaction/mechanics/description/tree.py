@@ -27,13 +27,13 @@ class TreeFrame:
     """A frame of the flattened tree.
 
     ``name``: unique. ``parent``: index of the parent frame, -1 for the world frame itself.
-    ``spec``: the description. ``joint``: index of the joint that carries it, -1 for
+    ``frame``: the description. ``joint``: index of the joint that carries it, -1 for
     the world. ``pose``: constant pose (4, 4) in the moved frame of that joint.
     """
 
     name: str
     parent: int
-    spec: Frame
+    frame: Frame
     joint: int
     pose: Array
 
@@ -140,7 +140,9 @@ class Tree:
     def bodies(self) -> list[tuple[int, Body, Array]]:
         """Every body with the index of its joint and the constant pose of its frame there."""
         return [
-            (frame.joint, body, frame.pose) for frame in self.frames for body in frame.spec.bodies
+            (placed.joint, body, placed.pose)
+            for placed in self.frames
+            for body in placed.frame.bodies
         ]
 
     def ancestors(self, joint: int) -> tuple[int, ...]:

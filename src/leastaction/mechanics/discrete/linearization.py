@@ -55,7 +55,7 @@ class StepDerivatives:
 
     @property
     def B_all(self) -> Array:
-        """Next state, and multipliers, by input, shape (N, ny, nu + nrho)."""
+        """Next state, and multipliers, by input, shape (N, ny, n_inputs + nrho)."""
         return self.core.B
 
     @property
@@ -66,7 +66,7 @@ class StepDerivatives:
 
     @property
     def B(self) -> Array:
-        """Next state by input, shape (N, nx, nu + nrho)."""
+        """Next state by input, shape (N, nx, n_inputs + nrho)."""
         return self.core.B[:, : self.mechanism.nx]
 
     @property
@@ -82,7 +82,7 @@ class StepDerivatives:
 
     @property
     def lam_du(self) -> Array:
-        """Multipliers by input, shape (N, nc, nu + nrho); of no rows unless asked for."""
+        """Multipliers by input, shape (N, nc, n_inputs + nrho); of no rows unless asked for."""
         return self.core.B[:, self.mechanism.nx :]
 
     @property
@@ -102,7 +102,7 @@ class StepDerivatives:
 
         Returns
         -------
-        ndarray, shape (N, nx + nu + nrho, nx + nu + nrho)
+        ndarray, shape (N, nx + n_inputs + nrho, nx + n_inputs + nrho)
             Hessian of ``z_k . x_{k+1} + z_lam_k . lam_k`` by ``[x_k; u_k]``, read-only. Its memory is used again
             once nobody holds it any more.
 
@@ -137,9 +137,9 @@ class StepTensors:
 
     Attributes
     ----------
-    x : ndarray, shape (nx, nx + nu + nrho, nx + nu + nrho)
+    x : ndarray, shape (nx, nx + n_inputs + nrho, nx + n_inputs + nrho)
         Of the next state by ``[x; u]`` twice.
-    lam : ndarray, shape (nc, nx + nu + nrho, nx + nu + nrho)
+    lam : ndarray, shape (nc, nx + n_inputs + nrho, nx + n_inputs + nrho)
         Of the multipliers.
     """
 

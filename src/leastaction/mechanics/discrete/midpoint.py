@@ -184,7 +184,7 @@ class MidpointVI(Integrator):
             Configurations on the constraints.
         dt : float
             Time from q0 to q1 (s).
-        inputs : array_like, shape (nu,), optional
+        inputs : array_like, shape (n_inputs,), optional
             Inputs over that step; zero if not given.
         t : float, optional
             Time at q1 (s).
@@ -216,7 +216,7 @@ class MidpointVI(Integrator):
         state : State
         dt : float
             Time step (s).
-        inputs : array_like, shape (nu,), optional
+        inputs : array_like, shape (n_inputs,), optional
             Inputs over the step; zero if not given.
         rho_next : array_like, shape (nrho,), optional
             Kinematic variables at its end; unchanged if not given.
@@ -270,7 +270,7 @@ class MidpointVI(Integrator):
         start : State
         t : array_like, shape (N+1,)
             Times (s), increasing, the first one that of the start.
-        inputs : array_like (nu,) or (N, nu), or callable, optional
+        inputs : array_like (n_inputs,) or (N, n_inputs), or callable, optional
             Inputs: constant, one row a step, or a function of the time at the middle of a step; or a feedback
             ``(t, x)``, such as `Feedback`, of the time and the state ``x = [q; rho; p; v_rho]`` at the start
             of each step, held over it. One input may be given as (N,). Zero if not given.
@@ -308,7 +308,7 @@ class MidpointVI(Integrator):
         self._check_lengths(np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
         law = inputs if takes_state(inputs) else None
         forces = None if law is not None else cast(Signal, inputs)
-        u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.nu)), rho_next])
+        u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
         x, lam = np.empty((N + 1, m.nx)), np.empty((N, m.nc))
         x[0] = self._vector(start)
         done, redundant = 0, False
@@ -336,7 +336,7 @@ class MidpointVI(Integrator):
                 if done < stop:
                     status = SimulationStatus.STEP_FAILED
                     last = state_of(m, float(times[done]), x[done])
-                    message = str(self.step_error(out, last, u[done, m.nu :]))
+                    message = str(self.step_error(out, last, u[done, m.n_inputs :]))
                     break
                 if progress is not None and done > begun:
                     progress(done, N)
@@ -365,13 +365,13 @@ class MidpointVI(Integrator):
         message: str = "completed",
         rank_deficient: bool = False,
     ) -> Trajectory:
-        """Return arrays of states (N+1, nx), inputs (N, nu + nrho) and multipliers as a `Trajectory`."""
+        """Return arrays of states (N+1, nx), inputs (N, n_inputs + nrho) and multipliers as a `Trajectory`."""
         m = self.mechanism
         return Trajectory(
             m,
             t,
             x[:, : m.nq],
-            u[:, : m.nu],
+            u[:, : m.n_inputs],
             lam,
             p=x[:, m.nq : m.nq + m.nd],
             v_rho=x[:, m.nq + m.nd :],
@@ -424,7 +424,7 @@ class MidpointVI(Integrator):
         multipliers: bool = False,
         out: StepDerivatives | None = None,
     ) -> StepDerivatives:
-        """Return the derivatives along states x (N+1, nx) and inputs u (N, nu + nrho) at times t.
+        """Return the derivatives along states x (N+1, nx) and inputs u (N, n_inputs + nrho) at times t.
 
         The next states may be off; then the derivatives are those of the steps near them. See `linearize`.
         """
@@ -546,11 +546,11 @@ class MidpointVI(Integrator):
         )
 
     def _inputs(self, inputs: npt.ArrayLike | None) -> Array:
-        """Return the inputs of one step (nu,), zero if not given."""
+        """Return the inputs of one step (n_inputs,), zero if not given."""
         m = self.mechanism
         if inputs is None:
-            return np.zeros(m.nu)
-        return as_array(inputs, "inputs", (m.nu,), names=m.inputs)
+            return np.zeros(m.n_inputs)
+        return as_array(inputs, "inputs", (m.n_inputs,), names=m.inputs)
 
     def _check_lengths(self, q: Array, t: Array) -> None:
         """Complain about a prescribed distance that is not positive: it has no direction to pull in."""

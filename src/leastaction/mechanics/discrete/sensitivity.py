@@ -291,7 +291,10 @@ def _by_lengths(
     )
     u = np.concatenate([trajectory.u, held[1:]], axis=1)
     d = linearize_arrays(vi.like(freed), trajectory.t, x, u, multipliers=True)
-    at_start, at_end = slice(m.nq, m.nq + count), slice(m.nu + m.nrho, m.nu + m.nrho + count)
+    at_start, at_end = (
+        slice(m.nq, m.nq + count),
+        slice(m.n_inputs + m.nrho, m.n_inputs + m.nrho + count),
+    )
     by_x = d.A[:, :, at_start] + d.B[:, :, at_end]
     by_lam = d.lam_dx[:, :, at_start] + d.lam_du[:, :, at_end]
     rows = [*range(m.nq), *range(m.nq + count, m.nq + count + m.nq)]

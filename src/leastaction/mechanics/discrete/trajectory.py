@@ -77,7 +77,7 @@ class Trajectory(BaseTrajectory[State]):
     ----------
     mechanism, t, q
         As of `BaseTrajectory`.
-    inputs : ndarray, shape (N, nu)
+    inputs : ndarray, shape (N, n_inputs)
         Force inputs, held over each step.
     lam : ndarray, shape (N, nc)
         Multipliers of each step: impulses ``Dh(q_k)^T lam_k`` act at its start.
@@ -106,7 +106,7 @@ class Trajectory(BaseTrajectory[State]):
 
     @property
     def u(self) -> Array:
-        """Inputs of the discrete system ``[inputs; rho_next]``, shape (N, nu + nrho)."""
+        """Inputs of the discrete system ``[inputs; rho_next]``, shape (N, n_inputs + nrho)."""
         return np.hstack([self.inputs, self.rho[1:]])
 
     @property

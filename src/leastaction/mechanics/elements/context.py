@@ -108,14 +108,14 @@ class Context:
         origin, joint = placed.pose[:3, 3], placed.joint
         reach = float(np.abs(origin).max())
         while joint != WORLD and joint not in common:
-            spec = self.tree.joints[joint]
-            value = spec.coordinate.offset + sum(
-                f * values[name] for name, f in spec.coordinate.terms
+            passed = self.tree.joints[joint]
+            value = passed.coordinate.offset + sum(
+                f * values[name] for name, f in passed.coordinate.terms
             )
-            motion = spec.pose @ exponential(spec.twist, value)
+            motion = passed.pose @ exponential(passed.twist, value)
             origin = motion[:3, :3] @ origin + motion[:3, 3]
-            reach += float(np.abs(spec.pose[:3, 3]).max() + np.abs(motion[:3, 3]).max())
-            joint = spec.parent
+            reach += float(np.abs(passed.pose[:3, 3]).max() + np.abs(motion[:3, 3]).max())
+            joint = passed.parent
         return origin, reach
 
     def _above(self, frame: str) -> tuple[int, ...]:

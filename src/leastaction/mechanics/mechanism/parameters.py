@@ -62,9 +62,9 @@ def parameter_places(tree: Tree, slots: Mapping[str, int]) -> dict[str, Place]:
 def check_names(tree: Tree, slots: Mapping[str, int]) -> None:
     """Raise a `DescriptionError` if two frames or bodies, or one and an element, have a parameter of the same name."""
     stems = _stems(tree)
-    heavy = {stem for stem, frame in zip(stems, tree.frames, strict=True) if frame.spec.bodies}
-    for stem, frame in zip(stems, tree.frames, strict=True):
-        for number in range(2, 1 + len(frame.spec.bodies)):
+    heavy = {stem for stem, placed in zip(stems, tree.frames, strict=True) if placed.frame.bodies}
+    for stem, placed in zip(stems, tree.frames, strict=True):
+        for number in range(2, 1 + len(placed.frame.bodies)):
             if f"{stem}.body{number}" in heavy:
                 raise DescriptionError(
                     f"the frame '{stem}.body{number}' is called like body {number} of the frame {stem!r}, so their "
@@ -88,9 +88,9 @@ def _stems(tree: Tree) -> list[str]:
     """
     taken = {frame.name for frame in tree.frames}
     stems = []
-    for frame in tree.frames:
-        coordinate, stem = frame.spec.coordinate, frame.name
-        if frame.spec.name is None and coordinate is not None and coordinate.plain:
+    for placed in tree.frames:
+        coordinate, stem = placed.frame.coordinate, placed.name
+        if placed.frame.name is None and coordinate is not None and coordinate.plain:
             stem = coordinate.names[0] if coordinate.names[0] not in taken else stem
             taken.add(stem)
         stems.append(stem)
@@ -106,14 +106,14 @@ def _tree_places(tree: Tree) -> dict[str, Place]:
 
 def _frame_places(tree: Tree, index: int, frame_stem: str) -> dict[str, Place]:
     """Return where the parameters of one frame and its bodies are; the world has none."""
-    spec, places = tree.frames[index].spec, dict[str, Place]()
-    for number in range(len(spec.bodies)):
+    frame, places = tree.frames[index].frame, dict[str, Place]()
+    for number in range(len(frame.bodies)):
         stem = frame_stem if number == 0 else f"{frame_stem}.body{number + 1}"
         fields = ["mass", *(f"com.{a}" for a in _AXES), *(f"inertia.{m}" for m in _MOMENTS)]
         places.update({f"{stem}.{field}": BodyNumber(index, number, field) for field in fields})
-    if spec.variables or index == 0:
+    if frame.variables or index == 0:
         return places
-    if spec.matrix is None:
+    if frame.matrix is None:
         places[f"{frame_stem}.value"] = Length(index, None)
     else:
         for axis, letter in enumerate(_AXES):
@@ -125,14 +125,14 @@ def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
     """Return the value of a parameter; ``numbers`` are those of the core."""
     if isinstance(place, ElementNumber):
         return float(numbers[place.slot])
-    spec = tree.frames[place.frame].spec
+    frame = tree.frames[place.frame].frame
     if isinstance(place, Length):
         if place.axis is not None:
-            assert spec.matrix is not None
-            return float(spec.matrix[place.axis, 3])
-        assert spec.coordinate is not None
-        return spec.coordinate.offset
-    body = spec.bodies[place.body]
+            assert frame.matrix is not None
+            return float(frame.matrix[place.axis, 3])
+        assert frame.coordinate is not None
+        return frame.coordinate.offset
+    body = frame.bodies[place.body]
     kind, _, which = place.field.partition(".")
     if kind == "mass":
         return body.mass
@@ -183,22 +183,22 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
             lengths.setdefault(place.frame, {})[place.axis] = value
     if not bodies and not lengths:
         return tree
-    specs = [frame.spec for frame in tree.frames]
+    frames = [placed.frame for placed in tree.frames]
     for (index, number), values in bodies.items():
-        spec = specs[index]
+        frame = frames[index]
         try:
-            changed = _changed(spec.bodies[number], values)
+            changed = _changed(frame.bodies[number], values)
         except DescriptionError as error:
             raise DescriptionError(f"frame {tree.frames[index].name!r}: {error}") from None
-        kept = spec.bodies
-        specs[index] = replace(spec, bodies=(*kept[:number], changed, *kept[number + 1 :]))
+        kept = frame.bodies
+        frames[index] = replace(frame, bodies=(*kept[:number], changed, *kept[number + 1 :]))
     for index, coordinates in lengths.items():
-        spec = specs[index]
-        specs[index] = _resized(spec, coordinates)
+        frame = frames[index]
+        frames[index] = _resized(frame, coordinates)
     return place_frames(
-        [frame.name for frame in tree.frames],
-        specs[1:],
-        [frame.parent for frame in tree.frames[1:]],
+        [placed.name for placed in tree.frames],
+        frames[1:],
+        [placed.parent for placed in tree.frames[1:]],
     )
 
 
@@ -227,16 +227,16 @@ def _changed(body: Body, values: Mapping[str, float]) -> Body:
     return Body(mass, com=com, inertia=inertia, allow_nonphysical=body.allow_nonphysical)
 
 
-def _resized(spec: Frame, coordinates: Mapping[int | None, float]) -> Frame:
+def _resized(frame: Frame, coordinates: Mapping[int | None, float]) -> Frame:
     """Return a constant frame with another coordinate (None), or other components of its translation."""
     if None in coordinates:
-        return replace(spec, coordinate=Affine((), coordinates[None]))
-    assert spec.matrix is not None
-    matrix = spec.matrix.copy()
+        return replace(frame, coordinate=Affine((), coordinates[None]))
+    assert frame.matrix is not None
+    matrix = frame.matrix.copy()
     for axis, value in coordinates.items():
         matrix[axis, 3] = value
     matrix.setflags(write=False)
-    return replace(spec, matrix=matrix)
+    return replace(frame, matrix=matrix)
 
 
 def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
@@ -249,9 +249,9 @@ def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
         Of mass, first moment and rotational inertia (xx yy zz xy xz yz) about the origin of the joint's
         moved frame, in its axes: ``I_o = R I R^T + m (c.c E - c c^T)`` with ``c = R com + o``.
     """
-    frame = tree.frames[place.frame]
-    body = frame.spec.bodies[place.body]
-    rotation, origin = frame.pose[:3, :3], frame.pose[:3, 3]
+    placed = tree.frames[place.frame]
+    body = placed.frame.bodies[place.body]
+    rotation, origin = placed.pose[:3, :3], placed.pose[:3, 3]
     centre = rotation @ body.com + origin
     kind, _, which = place.field.partition(".")
     mass, moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
@@ -269,7 +269,7 @@ def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
         unit[i, j] = unit[j, i] = 1.0
         inertia = rotation @ unit @ rotation.T
     upper = [inertia[_AXES.index(m[0]), _AXES.index(m[1])] for m in _MOMENTS]
-    return frame.joint, np.array([mass, *moment, *upper])
+    return placed.joint, np.array([mass, *moment, *upper])
 
 
 def freed(tree: Tree, lengths: Mapping[str, Length]) -> Tree:
@@ -278,29 +278,29 @@ def freed(tree: Tree, lengths: Mapping[str, Length]) -> Tree:
     What moves with a length then moves with a variable, so that derivatives by the one are derivatives by
     the other. A `pose` is split into translations and its rotation.
     """
-    names, parents, specs = [tree.frames[0].name], [], []
+    names, parents, frames = [tree.frames[0].name], [], []
     moved_to = {0: 0}  # the frame's index in the new tree
-    for index, frame in enumerate(tree.frames[1:], start=1):
-        spec = frame.spec
-        parent = moved_to[frame.parent]
+    for index, placed in enumerate(tree.frames[1:], start=1):
+        frame = placed.frame
+        parent = moved_to[placed.parent]
         own = {p.axis: name for name, p in lengths.items() if p.frame == index}
         if None in own:
-            spec = replace(spec, coordinate=Affine(((own[None], 1.0),)), kinematic=(own[None],))
+            frame = replace(frame, coordinate=Affine(((own[None], 1.0),)), kinematic=(own[None],))
         elif own:
-            assert spec.matrix is not None
-            offset = np.where([axis in own for axis in range(3)], 0.0, spec.matrix[:3, 3])
+            assert frame.matrix is not None
+            offset = np.where([axis in own for axis in range(3)], 0.0, frame.matrix[:3, 3])
             for axis, name in own.items():
                 assert axis is not None
                 unit = np.eye(6)[axis]
                 slide = Frame(PRIMITIVES[axis], Affine(((name, 1.0),)), unit, kinematic=(name,))
                 names.append(f"{name} (slide)")
-                specs.append(slide)
+                frames.append(slide)
                 parents.append(parent)
                 parent = len(names) - 1
-            rest = pose(translation=offset, rotation=spec.matrix[:3, :3])
-            spec = replace(spec, matrix=rest.matrix)
+            rest = pose(translation=offset, rotation=frame.matrix[:3, :3])
+            frame = replace(frame, matrix=rest.matrix)
         moved_to[index] = len(names)
-        names.append(frame.name)
-        specs.append(spec)
+        names.append(placed.name)
+        frames.append(frame)
         parents.append(parent)
-    return place_frames(names, specs, parents)
+    return place_frames(names, frames, parents)

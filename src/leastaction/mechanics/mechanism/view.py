@@ -66,7 +66,7 @@ def tree_rows(tree: Tree) -> tuple[list[Row], int]:
         _row(
             line.removesuffix(_END),
             tree.frames[indices[-1]].name,
-            [tree.frames[i].spec for i in indices],
+            [tree.frames[i].frame for i in indices],
         )
         for line, indices in zip(_lines(drawing)[1:], shown, strict=True)
     ]
@@ -161,17 +161,17 @@ def first_of(lines: Iterable[str]) -> list[str]:
     return [*shown, f"… and {rest} more"] if rest else shown
 
 
-def _row(branch: str, name: str, specs: list[Frame]) -> Row:
-    last, group = specs[-1], specs[-1].group
-    variables = tuple(dict.fromkeys(v for spec in specs for v in spec.variables))
-    if len(specs) > 1 and group is not None:
-        transform, detail = _composition(group, [str(spec.coordinate) for spec in specs])
+def _row(branch: str, name: str, frames: list[Frame]) -> Row:
+    last, group = frames[-1], frames[-1].group
+    variables = tuple(dict.fromkeys(v for frame in frames for v in frame.variables))
+    if len(frames) > 1 and group is not None:
+        transform, detail = _composition(group, [str(frame.coordinate) for frame in frames])
     else:
         # The name of a frame that was given none tells its transformation, unless a number was changed.
         told = last.name is None and last.label in name
         transform = "" if told else last.label
         detail = last.detail
-    prescribed = [v for v in variables if any(v in spec.kinematic for spec in specs)]
+    prescribed = [v for v in variables if any(v in frame.kinematic for frame in frames)]
     kinematic = "kinematic"
     if len(prescribed) < len(variables):
         kinematic += f": {', '.join(prescribed)}"
@@ -181,7 +181,7 @@ def _row(branch: str, name: str, specs: list[Frame]) -> Row:
         transform,
         detail,
         kinematic if prescribed else "",
-        tuple(_body_text(spec, i) for spec in specs for i in range(len(spec.bodies))),
+        tuple(_body_text(frame, i) for frame in frames for i in range(len(frame.bodies))),
     )
 
 
@@ -194,8 +194,8 @@ def _composition(group: Group, coordinates: list[str]) -> tuple[str, str]:
     return f"{group.kind}({', '.join(coordinates)})", f"axes {group.axes}"
 
 
-def _body_text(spec: Frame, index: int) -> str:
-    body = spec.bodies[index]
+def _body_text(frame: Frame, index: int) -> str:
+    body = frame.bodies[index]
     text = f"{body.mass:g} kg"
     if body.inertia.any():
         xx, yy, zz = body.inertia.diagonal()

@@ -102,8 +102,7 @@ class Gravity(Potential):
 
 
 def _bodies(context: Context, frame: str) -> tuple[Body, ...]:
-    spec = context.placed(frame).spec
-    return spec.bodies
+    return context.placed(frame).frame.bodies
 
 
 def _mass(bodies: Sequence[Body]) -> float:
