@@ -78,3 +78,25 @@ def test_gravity_on_some_masses_goes_with_one_on_all_in_any_order():
     np.testing.assert_allclose(*gradients, rtol=1e-15)
     with pytest.raises(DescriptionError, match="only one Gravity"):
         Mechanism(arm(), [every, some, la.Gravity()])
+
+
+def test_the_tension_of_a_string_that_is_called_like_its_length():
+    """`linear` strings are told by their lengths, so both names are often the same."""
+    m = Mechanism(
+        [rz("a"), [ty(-1.0, name="bob", mass=1.0)], tz(0.0, name="hook")],
+        [la.Gravity((0.0, -9.8, 0.0)), la.PathLength(["hook", "bob"], "string", name="string")],
+    )
+    assert "string" in m.variables
+    assert "string" in m.constraints
+    vi = la.MidpointVI(m)
+    start = vi.start(m.configuration({"a": 0.0, "string": 1.0}))
+    run = vi.simulate(start, 0.01 * np.arange(4))
+    (pull,) = run.tensions().values()
+    assert pull.shape == (3,)
+    other = Mechanism(
+        [rz("a"), [ty(-1.0, name="bob", mass=1.0)], tz(0.0, name="hook")],
+        [la.Gravity((0.0, -9.8, 0.0)), la.PathLength(["hook", "bob"], "length", name="string")],
+    )
+    vi = la.MidpointVI(other)
+    same = vi.simulate(vi.start(start.q), 0.01 * np.arange(4)).tensions()["string"]
+    np.testing.assert_array_equal(pull, same)

@@ -57,11 +57,13 @@ class Body:
         number = as_number(mass, "mass", error=DescriptionError)
         if number < 0.0:
             raise DescriptionError(f"mass: got {number} kg; a mass is zero or positive")
-        centre = as_array((0.0,) * 3 if com is None else com, "com", (3,), error=DescriptionError)
-        matrix = _inertia_matrix((0.0,) * 3 if inertia is None else inertia)
         allowed = as_flag(allow_nonphysical, "allow_nonphysical", error=DescriptionError)
-        _check_inertia(matrix, triangle=not allowed)
-        centre, matrix = centre.copy(), matrix.copy()
+        centre, matrix = np.zeros(3), np.zeros((3, 3))
+        if com is not None:
+            centre = as_array(com, "com", (3,), error=DescriptionError).copy()
+        if inertia is not None:
+            matrix = _inertia_matrix(inertia).copy()
+            _check_inertia(matrix, triangle=not allowed)
         for array in (centre, matrix):
             array.setflags(write=False)
         for field, value in (

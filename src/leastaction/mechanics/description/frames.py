@@ -230,7 +230,7 @@ def moving(
     coordinate = as_affine(value, transform, offset)
     label = f"{transform}({coordinate})" if name is None else repr(name)
     prescribed = kinematic_names(kinematic, coordinate.names, f"{transform}({coordinate})")
-    angle = coordinate.offset * float(np.linalg.norm(twist[3:]))
+    angle = coordinate.offset and coordinate.offset * float(np.linalg.norm(twist[3:]))
     if abs(angle) > _FULL_TURN:
         warnings.warn(
             f"{transform}({coordinate}): the constant angle {angle:.6g} rad is more than a full turn. Angles "

@@ -308,7 +308,9 @@ class MidpointVI(Integrator):
         self._check_lengths(np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
         law = inputs if takes_state(inputs) else None
         forces = None if law is not None else cast(Signal, inputs)
-        u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
+        u = np.hstack(
+            [signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next]
+        )
         x, lam = np.empty((N + 1, m.nx)), np.empty((N, m.nc))
         x[0] = self._vector(start)
         done, redundant = 0, False
@@ -319,7 +321,9 @@ class MidpointVI(Integrator):
                 if law is not None:
                     at = float(times[done])
                     given = law(at, read_only(x[done]))
-                    u[done, : m.nu] = as_array(given, f"inputs({at:g}, x)", (m.nu,), names=m.inputs)
+                    u[done, : m.n_inputs] = as_array(
+                        given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs
+                    )
                 velocity = None
                 if done:
                     velocity = (x[done, : m.nd] - x[done - 1, : m.nd]) / (

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.configuration.constraint_projection import free_variables
+from leastaction.mechanics.configuration.null_space import free_variables
 from leastaction.mechanics.description.tree import WORLD
 from leastaction.mechanics.discrete.derivatives import linearize, linearize_arrays
 from leastaction.mechanics.discrete.integrator import Integrator
@@ -139,7 +139,7 @@ def _start_by(
     m, q = trajectory.mechanism, trajectory.q[0]
     free = free_variables(m, hold or ())
     # A step of a mechanism at rest ends where the constraints are, whatever they depend on.
-    dt, none = 1e-2, np.zeros(m.nu)
+    dt, none = 1e-2, np.zeros(m.n_inputs)
     p, _ = vi.core.momenta(q, q, none, dt)
     still = Trajectory(
         mechanism=m,
