@@ -26,14 +26,14 @@ def rows(settings: Settings) -> list[Row | Absent]:
         x0 = integrator.start(q).x
         t, u = DT * np.arange(_STEPS + 1), np.empty((_STEPS, 0))
         core = integrator.core
-        out = core.roll_out(t, x0, None, u, None, None)
+        out = core.roll_out(t, x0, None, u, None)
         if out.steps < _STEPS:
             result.append(
                 Absent(GROUP, f"chain of {n} links", f"failed after {out.steps} steps")
             )
             continue
         timing = best_of(
-            lambda core=core, t=t, x0=x0, u=u: core.roll_out(t, x0, None, u, None, None),
+            lambda core=core, t=t, x0=x0, u=u: core.roll_out(t, x0, None, u, None),
             budget=settings.budget,
             least=1,
         )

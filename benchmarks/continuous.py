@@ -77,7 +77,7 @@ def _marionette(case: Case, settings: Settings) -> list[Row]:
 def _motion(case: Case) -> tuple[Array, Array, Array, Array]:
     """Return q, v, u and rho_a of points along the case's motion."""
     m = case.mechanism
-    x = MidpointVI(m).core.roll_out(case.t, case.x0, None, case.u, None, None).x
+    x = MidpointVI(m).core.roll_out(case.t, case.x0, None, case.u, None).x
     q = x[:, : m.nq]
     v = np.gradient(q, case.t, axis=0)
     rho_a = np.gradient(v[:, m.nd :], case.t, axis=0)

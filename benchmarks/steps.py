@@ -19,13 +19,13 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
     integrator = MidpointVI(case.mechanism, threads=1)
     t, x0, u = case.t, case.x0, case.u
     N = case.steps
-    out = integrator.core.roll_out(t, x0, None, u, None, None)
+    out = integrator.core.roll_out(t, x0, None, u, None)
     if out.steps < N:
         raise RuntimeError(f"{case.name}: the roll-out failed after {out['steps']} of {N} steps")
     x = out.x
 
     step = best_of(
-        lambda: integrator.core.roll_out(t, x0, None, u, None, None), budget=settings.budget
+        lambda: integrator.core.roll_out(t, x0, None, u, None), budget=settings.budget
     )
     first = _first(integrator, case, x, settings)
     second = _second(integrator, case, x, settings)
@@ -99,9 +99,9 @@ def _second(integrator: MidpointVI, case: Case, x: np.ndarray, settings: Setting
 def _left_split(case: Case, settings: Settings) -> Row:
     """The step as the dissertation splits forces; its states are held against the stored ones."""
     core = MidpointVI(case.mechanism, split="left", threads=1).core
-    out = core.roll_out(case.t, case.x0, None, case.u, None, None)
+    out = core.roll_out(case.t, case.x0, None, case.u, None)
     timing = best_of(
-        lambda: core.roll_out(case.t, case.x0, None, case.u, None, None), budget=settings.budget
+        lambda: core.roll_out(case.t, case.x0, None, case.u, None), budget=settings.budget
     )
     note, details = "", {}
     if case.q is not None:

@@ -59,10 +59,10 @@ def rows(settings: Settings) -> list[Row | Absent]:
 def _measure(m: Mechanism, q0, t, u, settings: Settings):
     integrator = MidpointVI(m, threads=1)
     x0 = integrator.start(q0).x
-    out = integrator.core.roll_out(t, x0, None, u, None, None)
+    out = integrator.core.roll_out(t, x0, None, u, None)
     if out.steps < len(t) - 1:
         raise RuntimeError(f"the roll-out failed after {out['steps']} of {len(t) - 1} steps")
     timing = best_of(
-        lambda: integrator.core.roll_out(t, x0, None, u, None, None), budget=settings.budget
+        lambda: integrator.core.roll_out(t, x0, None, u, None), budget=settings.budget
     )
     return timing, out.x[:, : m.nq]

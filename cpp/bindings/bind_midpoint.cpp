@@ -44,18 +44,19 @@ std::size_t check(const Mechanism& m, const In<1>& t, const In<2>& x, const In<2
 }
 
 RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1>& x0, const std::optional<In<2>>& xbar,
-                            const In<2>& ubar, const std::optional<In<3>>& K, const std::optional<In<1>>& velocity) {
+                            const In<2>& ubar, const std::optional<In<3>>& K) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = steps_of(t), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
     expect(x0.size(), nx, "x0");
     expect(ubar.size(), N * nu, "ubar");
-    if (K) {
-        if (!xbar) throw std::invalid_argument("feedback gains need a nominal trajectory xbar");
+    if (xbar) {
         expect(xbar->shape(0), N + 1, "xbar");
         expect(xbar->shape(1), nx, "state in xbar");
+    }
+    if (K) {
+        if (!xbar) throw std::invalid_argument("feedback gains need a nominal trajectory xbar");
         expect(K->size(), N * nu * nx, "K");
     }
-    if (velocity) expect(velocity->size(), m.n_dynamic, "velocity");
     Out X = new_array({N + 1, nx}), U = new_array({N, nu}), lam = new_array({N, nc});
     std::copy_n(x0.data(), nx, X.data());
     auto workspace = midpoint.workspace();
@@ -63,9 +64,8 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
     RollOut result;
     {
         nb::gil_scoped_release release;
-        result =
-            roll_out(step, static_cast<int>(N), t.data(), K ? xbar->data() : nullptr, ubar.data(),
-                     K ? K->data() : nullptr, velocity ? velocity->data() : nullptr, X.data(), U.data(), lam.data());
+        result = roll_out(step, static_cast<int>(N), t.data(), xbar ? xbar->data() : nullptr, ubar.data(),
+                          K ? K->data() : nullptr, X.data(), U.data(), lam.data());
     }
     std::vector<double> residual(m.n_dynamic + nc, 0.0);
     if (result.failure.status != StepStatus::converged) {
@@ -195,7 +195,14 @@ void bind_midpoint(nb::module_& module) {
         .value("converged", StepStatus::converged)
         .value("no_convergence", StepStatus::no_convergence)
         .value("not_finite", StepStatus::not_finite)
-        .value("singular", StepStatus::singular);
+        .value("singular", StepStatus::singular)
+        .value("too_coarse", StepStatus::too_coarse);
+    using W = WorstStep;
+    nb::class_<W>(module, "WorstStep", "The coarsest step of a roll-out.")
+        .def_ro("k", &W::k, "Its number; -1: there was no step.")
+        .def_ro("s", &W::s, "Determinant of its Newton matrix for dt -> 0 over that at its end.")
+        .def_ro("angle", &W::angle, "Largest angle that it moved (rad).")
+        .def_ro("variable", &W::variable, "Whose; -1: nothing turned.");
     using R = RollOutResult;
     nb::class_<R> rolled(module, "RollOut", "Steps one after the other, up to the first that failed.");
     array_field(rolled, "x", &R::x, "States (N+1, nx).");
@@ -210,6 +217,11 @@ void bind_midpoint(nb::module_& module) {
     report("iterations", &RollOut::iterations, "Newton iterations of all steps.");
     report("factorizations", &RollOut::factorizations, "Newton matrices of all steps.");
     report("rank_deficient", &RollOut::rank_deficient, "Whether constraints were redundant somewhere.");
+    report("worst", &RollOut::worst, "The coarsest step, which may be the one that failed.");
+    report("followed", &RollOut::followed, "Steps whose solution was followed from dt -> 0.");
+    rolled.def_prop_ro(
+        "reached", [](const R& r) { return r.report.failure.reached; },
+        "Of a step that is too coarse: the longest that could be followed (s).");
     rolled.def_prop_ro("status", [](const R& r) { return r.report.failure.status; }, "Of the last step.");
     rolled.def_prop_ro(
         "failed_iterations", [](const R& r) { return r.report.failure.iterations; },
@@ -230,7 +242,7 @@ void bind_midpoint(nb::module_& module) {
             },
             "mechanism"_a, "split"_a = Split::symmetric, "tolerance"_a = 1e-13, "max_iterations"_a = 50,
             "solver"_a = Solver::automatic)
-        .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(), "velocity"_a.none(),
+        .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
              "Steps from x0 over the times t under u = ubar - K (x - xbar).")
         .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a, "threads"_a = 0,
              "Derivatives of every step by directions of the elements' numbers and of inertias.")

@@ -34,8 +34,16 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
-    for (auto* a : {&residual, &residual_scale, &first_scale_, &correction_}) sized(*a, ny);
+    for (auto* a : {&residual, &residual_kept_, &residual_scale, &first_scale_, &correction_}) sized(*a, ny);
     for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
+    for (auto* a : {&mobility_, &pivots_, &path_v_, &path_slope_}) sized(*a, nd);
+    sized(rho2_, mechanism_->n_kinematic);
+    sized(turn_, nq);
+    for (const Joint& joint : mechanism_->joints) {
+        const auto& w = joint.twist.w;
+        const double turn = std::sqrt(w.x * w.x + w.y * w.y + w.z * w.z);
+        joint.each_term([&](int i, double factor) { turn_[i] = std::max(turn_[i], turn * std::abs(factor)); });
+    }
     const bool fits = mechanism_->plain && mechanism_->only_tree_couples;
     if (fits && (settings.solver == Solver::tree ||
                  (settings.solver == Solver::automatic && TreeNewton::is_faster(*mechanism_))))
@@ -54,7 +62,7 @@ void MidpointStep::constraint_gradients(const Placement<double>& at, const doubl
 void MidpointStep::place_start() {
     place(mechanism_->constraint_joints, q1.data(), at1_);
     constraint_gradients(at1_, q1.data(), C1_.data());
-    have_factors_ = false;
+    have_factors_ = have_pivots_ = have_limit_ = false;
     old_rate_ = no_contraction;
     std::fill(root_inertia_.begin(), root_inertia_.end(), 0.0);
 }
@@ -72,6 +80,7 @@ void MidpointStep::advance() {
     p1.swap(p2);
     std::swap(at1_, at2_);
     C1_.swap(C2_);
+    have_limit_ = false;
 }
 
 void MidpointStep::evaluate(double dt) {
@@ -247,6 +256,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
         if (fresh && !(merit < previous) && halvings < max_halvings) {
             // A Newton step that makes things worse was too long: halve it.
             ++halvings;
+            ++report.setbacks;
             for (int i = 0; i < nd_; ++i) q2[i] = 0.5 * (q2[i] + q2_kept_[i]);
             for (int c = 0; c < nc_; ++c) lam[c] = 0.5 * (lam[c] + lam_kept_[c]);
             continue;
@@ -257,6 +267,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
             lam = lam_kept_;
             previous = none;
             have_factors_ = false;
+            ++report.setbacks;
             continue;
         }
         fresh = !have_factors_ || wants_refresh(report, merit, previous);

@@ -24,7 +24,7 @@ namespace leastaction {
 enum class Split { symmetric, left };
 // What eliminates the Newton matrix: NewtonMatrix, or TreeNewton where nothing couples variables but the tree.
 enum class Solver { automatic, dense, tree };
-enum class StepStatus { converged = 0, no_convergence = 1, not_finite = 2, singular = 3 };
+enum class StepStatus { converged = 0, no_convergence = 1, not_finite = 2, singular = 3, too_coarse = 4 };
 
 struct MidpointSettings {
     Split split = Split::symmetric;
@@ -39,6 +39,10 @@ struct StepReport {
     int factorizations = 0;
     double residual = 0;          // largest relative residual
     bool rank_deficient = false;  // constraints were redundant: least-norm multiplier
+    int setbacks = 0;             // corrections that were taken back, wholly or in part
+    bool followed = false;        // the root was followed from dt -> 0; then, or by judge():
+    double s = NAN;               // the determinant of the Newton matrix for dt -> 0 over that of the solution
+    double reached = 0;           // of a step that is too coarse: the longest that could be followed (s)
 };
 
 // What of a force over a step of length dt counts to its start, and to its end.
@@ -60,6 +64,17 @@ public:
     // `known`: q2 is the solution already and only lam is sought, with differentiate() to follow; then p2 is not to the
     // last digit.
     StepReport solve(double dt, bool known = false);
+    // The solution that is continuous with q2 = q1 for dt -> 0, whatever the guess, or the status `too_coarse` where
+    // there is none (root.cpp).
+    StepReport find(double dt);
+    // Makes the guess q2 = q1 + dt v(q1, p1), with v on the constraints: the limit of the solution for dt -> 0.
+    // False where the equations of motion are singular.
+    bool guess_limit(double dt);
+    // After guess_limit() and a solution: s at (q1, q2).
+    double judge(double dt);
+    // The most that an angle moves from q1 to q2, and the variable.
+    double largest_turn() const;
+    int most_turned() const;
     // The momenta at both ends of the segment from q1 to q2 under u, without constraints:
     // p1 = -(D1Ld + fd-) into `start`, p2 = D2Ld + fd+ into the member p2.
     void momenta(double dt, std::vector<double>& start);
@@ -100,6 +115,12 @@ private:
     void note_inertia(int i, double inertia) {
         if (std::isfinite(inertia)) root_inertia_[i] = std::sqrt(std::abs(inertia));
     }
+    bool is_trusted(double dt, const StepReport& report);
+    bool keeps_constraint_directions() const;
+    bool follow(double from, double to, double dt);
+    StepReport follow_from_limit(double dt, const StepReport& first);
+    double determinant_ratio(double dt);
+    void keep_pivots(double dt);
 
     std::shared_ptr<const Mechanism> mechanism_;
     MidpointSettings settings_;
@@ -124,6 +145,14 @@ private:
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;
     std::vector<double> correction_, q2_kept_, lam_kept_, first_scale_;
+    // For find(): |angle| moved by a variable; pivots of the Newton matrix of the last step found, times dt; and the
+    // solution at a part of the time step, by its velocity and how that changes with the part.
+    std::vector<double> turn_, mobility_, pivots_, path_v_, path_slope_, rho2_,
+        residual_kept_;
+    double path_s_ = 1;
+    bool s_is_by_constraints_ = false;  // its sign is not that of M's part
+    bool have_pivots_ = false, have_limit_ = false;
+    NewtonMatrix::Determinant limit_;  // of the Newton matrix for dt -> 0, as of a dt of 1
     bool have_factors_ = false;
     bool in_tree_ = false;               // they are tree_'s
     bool factored_at_solution_ = false;  // dense factors and pair derivatives are those of the solution

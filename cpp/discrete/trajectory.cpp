@@ -8,81 +8,133 @@ namespace leastaction {
 
 namespace {
 
-// Solves a step from the best guess that there is: velocities and multipliers go on as the parabola through their last
-// values does. Where that leads nowhere, because the motion changes too fast, from the last velocity, then from rest.
-StepReport step_from_guesses(MidpointStep& step, double dt, int k, const std::vector<double>& v,
-                             const std::vector<double>& v1, const std::vector<double>& v2, std::vector<double>& newest,
-                             std::vector<double>& lam1, std::vector<double>& lam2) {
-    const double weights[3][3] = {{3, -3, 1}, {1, 0, 0}, {0, 0, 0}};
-    const double line[3] = {2, -1, 0};
-    newest = step.lam;
-    StepReport report;
-    long iterations = 0, factorizations = 0;
-    for (int attempt = k >= 2 ? 0 : 1; attempt < 3; ++attempt) {
-        const double* c = attempt == 0 && k == 2 ? line : weights[attempt];
-        for (std::size_t i = 0; i < v.size(); ++i)
-            step.q2[i] = step.q1[i] + dt * (c[0] * v[i] + c[1] * v1[i] + c[2] * v2[i]);
-        for (std::size_t i = 0; i < newest.size(); ++i)
-            step.lam[i] = c[0] * newest[i] + c[1] * lam1[i] + c[2] * lam2[i];
-        report = step.solve(dt);
-        iterations += report.iterations;
-        factorizations += report.factorizations;
-        if (report.status == StepStatus::converged) break;
+// Guesses of the next dynamic velocities and multipliers. Those of the last steps go on as the parabola through them does;
+// where a reference motion is known, what goes on is the deviation of the velocities from its, if that foretold the last
+// step better.
+class Extrapolation {
+public:
+    explicit Extrapolation(const Layout& at) : velocity_(at.nd), deviation_(at.nd), multipliers_(at.nc) {}
+
+    // Guesses of a step from q1, with the reference's velocity over it, or null.
+    void guess(MidpointStep& step, double dt, const double* reference) {
+        velocity_.extrapolate();
+        deviation_.extrapolate();
+        multipliers_.extrapolate();
+        const bool by_reference = reference && deviation_.count > 0 && deviation_.error <= velocity_.error;
+        for (std::size_t i = 0; i < velocity_.next.size(); ++i)
+            step.q2[i] = step.q1[i] + dt * (by_reference ? reference[i] + deviation_.next[i] : velocity_.next[i]);
+        step.lam = multipliers_.next;
     }
-    report.iterations = static_cast<int>(iterations);
-    report.factorizations = static_cast<int>(factorizations);
-    lam2.swap(lam1);
-    lam1.swap(newest);
-    return report;
-}
+    void take(const MidpointStep& step, double dt, const double* reference) {
+        for (std::size_t i = 0; i < velocity_.next.size(); ++i) {
+            const double v = (step.q2[i] - step.q1[i]) / dt;
+            velocity_.newest()[i] = v;
+            if (reference) deviation_.newest()[i] = v - reference[i];
+        }
+        multipliers_.newest() = step.lam;
+        velocity_.note();
+        deviation_.note();
+        multipliers_.note();
+    }
+
+private:
+    struct Series {
+        explicit Series(std::size_t n) : next(n), values{next, next, next} {}
+        std::vector<double> next, values[3];  // the newest first
+        int count = 0;
+        double error = 0;  // of the last guess
+
+        std::vector<double>& newest() { return values[2]; }  // to be filled before note()
+        void note() {
+            error = 0;
+            for (std::size_t i = 0; i < next.size(); ++i) {
+                const double d = next[i] - values[2][i];
+                error += d * d;
+            }
+            values[2].swap(values[1]);
+            values[1].swap(values[0]);
+            count = std::min(count + 1, 3);
+        }
+        void extrapolate() {
+            constexpr double weights[4][3] = {{0, 0, 0}, {1, 0, 0}, {2, -1, 0}, {3, -3, 1}};
+            const double* c = weights[count];
+            for (std::size_t i = 0; i < next.size(); ++i)
+                next[i] = c[0] * values[0][i] + c[1] * values[1][i] + c[2] * values[2][i];
+        }
+    };
+    Series velocity_, deviation_, multipliers_;
+};
+
+// How coarse a step is, to find the worst: far moves, and determinants towards a fold.
+double coarseness(double s, double turn) { return std::max(s, 1.0) * (1.0 + turn); }
 
 }  // namespace
 
 RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
-                 const double* K, const double* velocity, double* X, double* U, double* lam) {
+                 const double* K, double* X, double* U, double* lam) {
     const Layout at(step.mechanism());
     RollOut out;
-    // Dynamic velocities and multipliers of the last steps, the newest first, to extrapolate from.
-    std::vector<double> v(at.nd, 0.0), v1(at.nd, 0.0), v2(at.nd, 0.0), newest(at.nc, 0.0), lam1(at.nc, 0.0),
-        lam2(at.nc, 0.0);
-    if (velocity)
-        for (int i = 0; i < at.nd; ++i) v[i] = velocity[at.m.external[i]];
-    std::vector<double> deviation(at.nx);
-    std::fill(step.lam.begin(), step.lam.end(), 0.0);
+    Extrapolation series(at);
+    std::vector<double> deviation(at.nx), reference(at.nd);
+    const auto note_worst = [&](int k, double s) {
+        const int most = step.most_turned();
+        out.worst = {k, s, step.largest_turn(), most < 0 ? -1 : at.m.external[most]};
+    };
     for (int k = 0; k < steps; ++k) {
         const double* x = X + static_cast<std::size_t>(k) * at.nx;
         double* u = U + static_cast<std::size_t>(k) * at.nu;
+        const double* xbar_k = xbar ? xbar + static_cast<std::size_t>(k) * at.nx : nullptr;
         std::copy(ubar + static_cast<std::size_t>(k) * at.nu, ubar + static_cast<std::size_t>(k + 1) * at.nu, u);
         if (K) {
             const double* K_k = K + static_cast<std::size_t>(k) * at.nu * at.nx;
-            for (int i = 0; i < at.nx; ++i) deviation[i] = x[i] - xbar[static_cast<std::size_t>(k) * at.nx + i];
+            for (int i = 0; i < at.nx; ++i) deviation[i] = x[i] - xbar_k[i];
             Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gain(K_k, at.nu,
                                                                                                           at.nx);
             Eigen::Map<Eigen::VectorXd> input(u, at.nu);
             input.noalias() -= gain * Eigen::Map<const Eigen::VectorXd>(deviation.data(), at.nx);
         }
         const double dt = t[k + 1] - t[k];
+        if (xbar)
+            for (int i = 0; i < at.nd; ++i)
+                reference[i] = (xbar_k[at.nx + at.m.external[i]] - xbar_k[at.m.external[i]]) / dt;
         if (k == 0) {
             at.start(x, u, step);
             step.place_start();
+            if (!step.guess_limit(dt)) at.start(x, u, step);
         } else {
             at.input(u, step);
+            series.guess(step, dt, xbar ? reference.data() : nullptr);
         }
-        const StepReport report = step_from_guesses(step, dt, k, v, v1, v2, newest, lam1, lam2);
+        const StepReport report = step.find(dt);
         out.iterations += report.iterations;
         out.factorizations += report.factorizations;
         out.rank_deficient = out.rank_deficient || report.rank_deficient;
+        out.followed += report.followed;
         if (report.status != StepStatus::converged) {
             out.failure = report;
+            note_worst(k, report.s);
             return out;
         }
+        const double turn = step.largest_turn();
+        const bool first_followed = report.followed && std::isnan(out.worst.s);
+        if (first_followed || (report.followed ? coarseness(report.s, turn) > coarseness(out.worst.s, out.worst.angle)
+                                               : std::isnan(out.worst.s) && turn >= out.worst.angle))
+            note_worst(k, report.s);
         at.state(step, dt, X + static_cast<std::size_t>(k + 1) * at.nx);
         std::copy(step.lam.begin(), step.lam.end(), lam + static_cast<std::size_t>(k) * at.nc);
-        v2.swap(v1);
-        v1.swap(v);
-        for (int i = 0; i < at.nd; ++i) v[i] = (step.q2[i] - step.q1[i]) / dt;
+        series.take(step, dt, xbar ? reference.data() : nullptr);
         step.advance();
         out.steps = k + 1;
+    }
+    const int k = out.worst.k;
+    if (k >= 0 && std::isnan(out.worst.s)) {
+        const double* x = X + static_cast<std::size_t>(k) * at.nx;
+        at.start(x, U + static_cast<std::size_t>(k) * at.nu, step);
+        step.place_start();
+        if (step.guess_limit(t[k + 1] - t[k])) {
+            for (int i = 0; i < at.nd; ++i) step.q2[i] = x[at.nx + at.m.external[i]];
+            out.worst.s = step.judge(t[k + 1] - t[k]);
+        }
     }
     return out;
 }

@@ -6,17 +6,26 @@
 
 namespace leastaction {
 
+// The coarsest step: of those that were followed, or, if none was, the one that turned an angle the furthest.
+struct WorstStep {
+    int k = -1;
+    double s = NAN, angle = 0;
+    int variable = -1;  // the user's; -1: nothing turned
+};
+
 struct RollOut {
     int steps = 0;  // how many steps succeeded
     StepReport failure;
     bool rank_deficient = false;
     long iterations = 0, factorizations = 0;
+    long followed = 0;  // steps whose solution had to be followed from dt -> 0
+    WorstStep worst;
 };
 
 // Follows u_k = ubar_k - K_k (x_k - xbar_k) from X[0]; K null: open loop. Fills X[1..], U and lam up to the failed step.
-// `velocity` (n_dynamic, may be null) is a guess of the first step's dynamic velocity. After a failure, `last` holds the
-// step that failed (residuals, unknowns).
+// `xbar` (may be null without K) is where the motion is expected. After a failure, `step` holds the step that failed
+// (residuals, unknowns).
 RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
-                 const double* K, const double* velocity, double* X, double* U, double* lam);
+                 const double* K, double* X, double* U, double* lam);
 
 }  // namespace leastaction

@@ -58,6 +58,8 @@ NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
       M_inv_C1t_(Matrix::Zero(n_, nc_padded_)),
       C2_(nc_, n_),
       schur_(nc_, nc_padded_ + lanes),
+      unfactored_(nc_, nc_),
+      reduced_(nc_, nc_),
       pivots_(nc_),
       padded_(n_ + lanes),
       column_(nc_) {}
@@ -74,6 +76,7 @@ bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
 
 bool NewtonMatrix::factor(TreeNewton& tree, const double* C1, const double* C2, int ld) {
     tree_ = &tree;
+    tree.copy_reciprocals(reciprocal_.data());
     return factor_schur(C1, C2, ld);
 }
 
@@ -110,12 +113,14 @@ bool NewtonMatrix::factor_schur(const double* C1, const double* C2, int ld) {
     schur_.leftCols(nc_).noalias() = C2_.lazyProduct(M_inv_C1t_.leftCols(nc_));
     unfactored_ = schur_.leftCols(nc_);
     double largest = 0, smallest = INFINITY;
+    schur_keeps_sign_ = true;  // of no constraints
     for (int k = 0; k < nc_; ++k) {
         int best = k;
         for (int i = k + 1; i < nc_; ++i)
             if (std::abs(schur_(i, k)) > std::abs(schur_(best, k))) best = i;
         pivots_[k] = best;
         if (best != k) schur_.row(k).swap(schur_.row(best));
+        if ((best != k) != (schur_(k, k) > 0)) schur_keeps_sign_ = !schur_keeps_sign_;
         const double pivot = std::abs(schur_(k, k));
         if (!std::isfinite(pivot)) return false;
         largest = std::max(largest, pivot);
@@ -131,6 +136,59 @@ bool NewtonMatrix::factor_schur(const double* C1, const double* C2, int ld) {
         schur_least_norm_.compute(unfactored_, rank_tolerance);
     }
     return true;
+}
+
+void NewtonMatrix::choose_independent() {
+    // C1 = C2: the Schur complement is symmetric and definite but for redundancy, and pivots stand on its diagonal.
+    independent_.clear();
+    reduced_ = unfactored_;
+    double largest = 0;
+    for (int k = 0; k < nc_; ++k) {
+        int best = -1;
+        for (int i = 0; i < nc_; ++i) {
+            const bool taken = std::find(independent_.begin(), independent_.end(), i) != independent_.end();
+            if (!taken && (best < 0 || std::abs(reduced_(i, i)) > std::abs(reduced_(best, best)))) best = i;
+        }
+        const double pivot = reduced_(best, best);
+        largest = std::max(largest, std::abs(pivot));
+        if (!(std::abs(pivot) > 10.0 * rank_tolerance * largest)) break;
+        independent_.push_back(best);
+        for (int i = 0; i < nc_; ++i) {
+            if (std::find(independent_.begin(), independent_.end(), i) != independent_.end()) continue;
+            const double l = reduced_(i, best) / pivot;
+            for (int j = 0; j < nc_; ++j) reduced_(i, j) -= l * reduced_(best, j);
+        }
+    }
+}
+
+NewtonMatrix::Determinant NewtonMatrix::determinant() {
+    Determinant out;
+    const auto take = [&out](double factor) {
+        out.log2 += std::log2(std::abs(factor));
+        if (factor < 0) out.sign = -out.sign;
+    };
+    for (const double reciprocal : reciprocal_) take(1.0 / reciprocal);
+    out.sign_of_M = out.sign;
+    const int n = static_cast<int>(independent_.size());
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) reduced_(i, j) = unfactored_(independent_[i], independent_[j]);
+    for (int k = 0; k < n; ++k) {
+        int best = k;
+        for (int i = k + 1; i < n; ++i)
+            if (std::abs(reduced_(i, k)) > std::abs(reduced_(best, k))) best = i;
+        if (best != k) {
+            reduced_.row(k).swap(reduced_.row(best));
+            out.sign = -out.sign;
+        }
+        const double pivot = reduced_(k, k);
+        take(pivot);
+        if (pivot == 0) return out;
+        for (int i = k + 1; i < n; ++i) {
+            const double l = reduced_(i, k) / pivot;
+            for (int j = k + 1; j < n; ++j) reduced_(i, j) -= l * reduced_(k, j);
+        }
+    }
+    return out;
 }
 
 void NewtonMatrix::take_least_norm(const double* C1, int ld, double* lam) {

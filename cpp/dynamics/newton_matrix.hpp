@@ -51,6 +51,19 @@ public:
     // The same where `tree`, which must outlive the factors, has factored M.
     bool factor(TreeNewton& tree, const double* C1, const double* C2, int ld);
     bool rank_deficient() const { return rank_deficient_; }
+    // Reciprocals of the pivots of M, of the last factor(): all negative where -M is near an inertia.
+    const std::vector<double>& reciprocal_pivots() const { return reciprocal_; }
+    // Determinant of the bordered matrix with as many constraints as are independent; choose_independent() lists them
+    // for a matrix with C1 = C2.
+    struct Determinant {
+        double log2 = 0;
+        int sign = 1, sign_of_M = 1;
+    };
+    // Whether the sign of the Schur complement is that of one with C1 = C2 and a definite -M.
+    bool schur_keeps_sign() const { return rank_deficient_ || schur_keeps_sign_; }
+    void choose_independent();
+    int independent() const { return static_cast<int>(independent_.size()); }
+    Determinant determinant();
     // Of all multipliers with the same C1' lam the one of least norm: what redundancy leaves open would otherwise be
     // carried on, and grow, from guess to guess. C1 as in factor().
     void take_least_norm(const double* C1, int ld, double* lam);
@@ -80,12 +93,14 @@ private:
     Matrix C2_;                       // nc x n
     Matrix schur_;                    // nc x nc, padded; its LU factors
     Matrix unfactored_;
+    Matrix reduced_;                // rows and columns of unfactored_ that count in the determinant
+    std::vector<int> independent_;  // constraints
     std::vector<int> pivots_;
     LeastNorm schur_least_norm_, C1t_least_norm_;
     Eigen::VectorXd C1t_lam_;
     std::vector<double> padded_;  // a right-hand side, with room for the last lanes
     Eigen::VectorXd column_;
-    bool rank_deficient_ = false;
+    bool rank_deficient_ = false, schur_keeps_sign_ = true;
 };
 
 }  // namespace leastaction

@@ -40,6 +40,10 @@ public:
     bool factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal);
     // The mass matrix at the point of the last composites(): a = [Y; 0], b = c = [S; 0].
     bool factor(const NewtonEuler& bodies);
+    // Reciprocals of the pivots, by dynamic variable.
+    void copy_reciprocals(double* out) const {
+        for (const Factors& at : factors_) *out++ = at.reciprocal;
+    }
     // Overwrites b (n_dynamic) by the solution.
     void solve(double* b);
     // The same for many right-hand sides, row-major with leading dimension ld, a multiple of `lanes`.

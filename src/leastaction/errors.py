@@ -14,6 +14,7 @@ from typing import Any
 
 __all__ = [
     "ArgumentError",
+    "CoarseStepWarning",
     "ContradictoryConstraintsError",
     "DescriptionError",
     "DynamicsError",
@@ -134,6 +135,8 @@ class StepError(LeastActionError):
         Iterations of the solver that were made.
     state : Any
         The last good state, from which the simulation can go on with another step or input.
+    quality : Any
+        How coarse the step was, a `StepQuality`; None where that is not known.
     """
 
     def __init__(
@@ -144,8 +147,10 @@ class StepError(LeastActionError):
         residuals: Mapping[str, float],
         iteration: int,
         state: Any = None,
+        quality: Any = None,
     ) -> None:
         super().__init__(message)
+        self.quality = quality
         self.t = float(t)
         self.residuals: dict[str, float] = worst_first(residuals)
         self.iteration = int(iteration)
@@ -182,6 +187,10 @@ class OutputError(LeastActionError, OSError):
 
 class ResultFileError(LeastActionError, ValueError):
     """A saved result cannot be read back, or belongs to another mechanism."""
+
+
+class CoarseStepWarning(UserWarning):
+    """A time step is so long that its solution is far from that of a short one, and about to be lost."""
 
 
 class SingularityWarning(UserWarning):

@@ -23,7 +23,7 @@ def run(
     split: str = "symmetric",
 ) -> _core.RollOut:
     midpoint = _core.Midpoint(mechanism, split=_core.Split[split], solver=_core.Solver[solver])
-    return midpoint.roll_out(t, x0, None, u, None, None)
+    return midpoint.roll_out(t, x0, None, u, None)
 
 
 def assert_same(ours: _core.RollOut, dense: _core.RollOut, tolerance: float) -> None:

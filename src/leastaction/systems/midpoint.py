@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from leastaction._core import StepStatus
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.discrete.linearization import StepDerivatives
 from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array, as_times
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
@@ -55,7 +57,7 @@ class MidpointSystem(DiscreteSystem):
         """Return the next state (nx,); `StepError` where the step has no solution."""
         m = self.integrator.mechanism
         full, x = x, np.ascontiguousarray(x[: m.nx])
-        out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None, None)
+        out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None)
         if out.steps < 1:
             nothing = np.empty((0, m.nc))
             state = self.integrator.trajectory(
@@ -82,26 +84,25 @@ class MidpointSystem(DiscreteSystem):
             # The core feeds back no multipliers. Nothing depends on them, so no optimal gain is lost with
             # theirs; a gain that does have them takes the slow way.
             return super().rollout(x0, xbar, ubar, K, start, stop)
-        velocity = None
-        if start:
-            # The state holds no velocity of the dynamic variables; that of the reference is a good guess.
-            dt = self.t[start] - self.t[start - 1]
-            velocity = (xbar[start, : m.nd] - xbar[start - 1, : m.nd]) / dt
         out = self.integrator.core.roll_out(
             self.t[start : stop + 1],
             x0[: m.nx],
             self._bare(xbar[start : stop + 1]),
             ubar[start:stop],
             np.ascontiguousarray(K[start:stop, :, : m.nx]),
-            velocity,
         )
         done = out.steps
         failure = None
+        worst = quality_of(m, out, self.t[start : stop + 1])
         if done < stop - start:
             k = start + done
             failure = f"{self.when(k)} could not be solved"
+            if out.status == StepStatus.too_coarse and worst is not None:
+                failure += f", the time step is too coarse: s = {worst.s:.3g}"
+                if worst.variable:
+                    failure += f", {worst.variable!r} moves at {worst.angle:.3g} rad a step"
         x = self._states(out.x[: done + 1], out.lam[:done], x0)
-        return Rollout(x, out.u[:done], done, failure)
+        return Rollout(x, out.u[:done], done, failure, worst)
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         """Return the derivatives along a trajectory; see `DiscreteSystem`."""

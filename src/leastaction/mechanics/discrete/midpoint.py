@@ -9,6 +9,7 @@ for the dynamic variables of q2 and the multipliers lam; the kinematic variables
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Literal, cast, final
@@ -17,13 +18,20 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction import _core
-from leastaction.errors import ArgumentError, InconsistentStartError, StepError, worst_first
+from leastaction.errors import (
+    ArgumentError,
+    CoarseStepWarning,
+    InconsistentStartError,
+    StepError,
+    worst_first,
+)
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
 from leastaction.mechanics.discrete import sensitivity as parameters
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
+from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.sensitivity import Sensitivity, StepSensitivity
 from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import (
@@ -45,6 +53,7 @@ from leastaction.numerics.arrays import (
     read_only,
 )
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
+from leastaction.numerics.step_quality import StepQuality, coarsest
 
 Split = Literal["symmetric", "left"]
 
@@ -52,6 +61,7 @@ _REASONS = {
     _core.StepStatus.no_convergence: "Newton's method did not converge in {iterations} iterations",
     _core.StepStatus.not_finite: "the equations of the step are not finite",
     _core.StepStatus.singular: "the equations of the step are singular",
+    _core.StepStatus.too_coarse: "the time step is too coarse",
 }
 _VELOCITY_TOLERANCE = 1e-6
 _CHUNK = 2000  # steps between looks at Ctrl-C
@@ -230,6 +240,8 @@ class MidpointVI(Integrator):
 
         Warns
         -----
+        CoarseStepWarning
+            If the time step is so coarse that the solution is about to be lost.
         SingularityWarning
             If the step ends near the singularity of a `ball` or `free` joint.
         """
@@ -245,14 +257,17 @@ class MidpointVI(Integrator):
         t = np.array([as_number(state.t, "state.t"), state.t + h])
         self._check_lengths(np.concatenate([state.q[: m.nd], rho])[None, :], t[1:])
         out = self.core.roll_out(
-            t, self._vector(state), None, np.concatenate([u, rho])[None, :], None, None
+            t, self._vector(state), None, np.concatenate([u, rho])[None, :], None
         )
         if out.steps < 1:
             raise self.step_error(out, state, rho)
         x = out.x[1]
         # The start is the end of the step before, which has told of it.
         self._watch.look(t[1:], x[None, : m.nq])
-        return Step(state_of(m, float(t[1]), x), out.lam[0], out.iterations)
+        quality = quality_of(m, out, t)
+        if quality is not None and quality.is_coarse:
+            warnings.warn(str(quality), CoarseStepWarning, stacklevel=2)
+        return Step(state_of(m, float(t[1]), x), out.lam[0], out.iterations, quality)
 
     def simulate(
         self,
@@ -292,6 +307,9 @@ class MidpointVI(Integrator):
 
         Warns
         -----
+        CoarseStepWarning
+            If the time step is so coarse somewhere that the solution is about to be lost; see
+            `Trajectory.worst_step`.
         SingularityWarning
             If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
         """
@@ -314,6 +332,7 @@ class MidpointVI(Integrator):
         x, lam = np.empty((N + 1, m.nx)), np.empty((N, m.nc))
         x[0] = self._vector(start)
         done, redundant = 0, False
+        qualities: list[StepQuality | None] = []
         status, message = SimulationStatus.COMPLETED, f"completed {N} steps"
         try:
             while done < N:
@@ -324,14 +343,10 @@ class MidpointVI(Integrator):
                     u[done, : m.n_inputs] = as_array(
                         given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs
                     )
-                velocity = None
-                if done:
-                    velocity = (x[done, : m.nd] - x[done - 1, : m.nd]) / (
-                        times[done] - times[done - 1]
-                    )
                 out = self.core.roll_out(
-                    times[done : stop + 1], x[done].copy(), None, u[done:stop], None, velocity
+                    times[done : stop + 1], x[done].copy(), None, u[done:stop], None
                 )
+                qualities.append(quality_of(m, out, times[done:]))
                 made = out.steps
                 x[done + 1 : done + 1 + made] = out.x[1 : made + 1]
                 lam[done : done + made] = out.lam[:made]
@@ -347,7 +362,10 @@ class MidpointVI(Integrator):
         except KeyboardInterrupt:
             status = SimulationStatus.INTERRUPTED
             message = f"interrupted after {done} of {N} steps"
-        self._watch.look(times[: done + 1], x[: done + 1, : m.nq])
+        passages = self._watch.look(times[: done + 1], x[: done + 1, : m.nq])
+        worst = coarsest(qualities)
+        if worst is not None and worst.is_coarse:
+            warnings.warn(str(worst), CoarseStepWarning, stacklevel=2)
         return self.trajectory(
             times[: done + 1],
             x[: done + 1],
@@ -356,6 +374,8 @@ class MidpointVI(Integrator):
             status=status,
             message=message,
             rank_deficient=redundant,
+            worst_step=worst,
+            singularities=passages,
         )
 
     def trajectory(
@@ -368,6 +388,8 @@ class MidpointVI(Integrator):
         status: SimulationStatus = SimulationStatus.COMPLETED,
         message: str = "completed",
         rank_deficient: bool = False,
+        worst_step: StepQuality | None = None,
+        singularities: tuple[str, ...] = (),
     ) -> Trajectory:
         """Return arrays of states (N+1, nx), inputs (N, n_inputs + nrho) and multipliers as a `Trajectory`."""
         m = self.mechanism
@@ -382,6 +404,8 @@ class MidpointVI(Integrator):
             status=status,
             message=message,
             rank_deficient=rank_deficient,
+            worst_step=worst_step,
+            singularities=singularities,
         )
 
     # Derivatives
@@ -541,12 +565,24 @@ class MidpointVI(Integrator):
         residuals = worst_first(dict(zip(names, out.residual, strict=True)))
         shown = ", ".join(f"{name}: {value:.2g}" for name, value in list(residuals.items())[:3])
         reason = _REASONS[out.status].format(iterations=out.failed_iterations)
+        quality = quality_of(m, out, np.full(out.steps + 1, state.t))
+        if quality is not None and out.status == _core.StepStatus.too_coarse:
+            # Newton's method may have found a solution, but not the one that a shorter step leads to.
+            shown = (
+                f"its solution can be followed from short ones up to {out.reached:.3g} s, where s = "
+                f"{quality.s:.3g}"
+            )
+            if quality.variable:
+                shown += f" and {quality.variable!r} moves at {quality.angle:.3g} rad a step"
+        else:
+            shown = f"largest residuals {shown}"
         return StepError(
-            f"the step at t = {state.t:.6g} s failed: {reason}; largest residuals {shown}. {advice}",
+            f"the step at t = {state.t:.6g} s failed: {reason}; {shown}. {advice}",
             t=state.t,
             residuals=residuals,
             iteration=out.failed_iterations,
             state=state,
+            quality=quality,
         )
 
     def _inputs(self, inputs: npt.ArrayLike | None) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.step_quality import StepQuality
 
 
 @dataclass(frozen=True)
@@ -20,8 +21,11 @@ class Step:
         Multipliers (impulses).
     iterations : int
         Newton iterations.
+    quality : StepQuality or None
+        How coarse it was.
     """
 
     state: State
     lam: Array
     iterations: int
+    quality: StepQuality | None = None

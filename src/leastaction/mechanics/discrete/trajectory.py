@@ -12,6 +12,7 @@ from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.step_quality import StepQuality
 
 _LOOKS = 7  # instants at which a run is asked for equations that are redundant
 
@@ -91,6 +92,10 @@ class Trajectory(BaseTrajectory[State]):
     rank_deficient : bool
         Whether constraints were redundant somewhere, so that the least multiplier was taken; see
         `redundant`.
+    worst_step : StepQuality or None
+        The coarsest step, which may be the one that failed; None if there was none.
+    singularities : tuple of str
+        What there is to say of joints that came near the singularity of their angles.
     """
 
     p: Array = field(repr=False)
@@ -98,6 +103,8 @@ class Trajectory(BaseTrajectory[State]):
     status: SimulationStatus = SimulationStatus.COMPLETED
     message: str = "completed"
     rank_deficient: bool = False
+    worst_step: StepQuality | None = None
+    singularities: tuple[str, ...] = ()
 
     @property
     def x(self) -> Array:
@@ -135,7 +142,7 @@ class Trajectory(BaseTrajectory[State]):
         return result
 
     def __str__(self) -> str:
-        """Return what happened in a few lines: steps, times, and equations that were redundant."""
+        """Return what happened in a few lines: steps, times, redundant equations, the coarsest step."""
         lines = [f"{self.steps} steps, t = {self.t[0]:g} to {self.t[-1]:g} s: {self.message}"]
         if self.rank_deficient:
             redundant = self.redundant
@@ -145,6 +152,9 @@ class Trajectory(BaseTrajectory[State]):
             if not redundant:
                 lines.append("redundant: equations in a singular configuration, for an instant")
             lines.append("multipliers are those of least norm")
+        if self.worst_step is not None:
+            lines.append(str(self.worst_step))
+        lines += self.singularities
         return "\n".join(lines)
 
     def state(self, k: int) -> State:

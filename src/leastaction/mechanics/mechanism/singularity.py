@@ -44,7 +44,7 @@ class SingularityWatch:
             for name, factor in middle.terms:
                 self._factors[column[name], index] = factor / np.pi
 
-    def look(self, t: Array, q: Array, *, stacklevel: int = 3) -> None:
+    def look(self, t: Array, q: Array, *, stacklevel: int = 3) -> tuple[str, ...]:
         """Warn of every ball joint that comes near its singularity or goes through it between two instants.
 
         Parameters
@@ -56,28 +56,32 @@ class SingularityWatch:
         stacklevel : int, optional
             How many calls out the warning points to; the caller's caller.
 
+        Returns
+        -------
+        tuple of str
+            The warnings.
+
         Warns
         -----
         SingularityWarning
             Once for every joint: its name, its middle angle, and the step and the time when it came near.
         """
         if not self.balls:
-            return
+            return ()
         turns = q @ self._factors + self._offsets
         near = np.abs(turns - np.rint(turns)) < NEAR / np.pi
         # A change of the floor means that a singular angle was passed.
         near[1:] |= np.floor(turns[1:]) != np.floor(turns[:-1])
         if not near.any():
-            return
+            return ()
+        found = []
         for index, ball in enumerate(self.balls):
             if near[:, index].any():
                 k = int(np.argmax(near[:, index]))
                 step = f"step {k}, " if len(t) > 1 else ""
-                warnings.warn(
-                    _message(ball, float(turns[k, index]), f"{step}t = {t[k]:.6g} s"),
-                    SingularityWarning,
-                    stacklevel=stacklevel,
-                )
+                found.append(_message(ball, float(turns[k, index]), f"{step}t = {t[k]:.6g} s"))
+                warnings.warn(found[-1], SingularityWarning, stacklevel=stacklevel)
+        return tuple(found)
 
 
 def _message(ball: Ball, turns: float, when: str) -> str:

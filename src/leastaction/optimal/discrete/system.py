@@ -15,6 +15,7 @@ import numpy as np
 
 from leastaction.errors import StepError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.system import Linearization, System
 
 __all__ = ["DiscreteSystem", "Rollout", "linearized"]
@@ -34,12 +35,15 @@ class Rollout:
         Number of steps that succeeded.
     failure : str or None
         Why the roll-out ended early; None if it did not.
+    worst_step : StepQuality or None
+        The coarsest step, which may be the one that failed; None where the system does not know.
     """
 
     x: Array
     u: Array
     steps_done: int
     failure: str | None = None
+    worst_step: StepQuality | None = None
 
     @property
     def complete(self) -> bool:
