@@ -147,8 +147,7 @@ private:
     std::vector<double> correction_, q2_kept_, lam_kept_, first_scale_;
     // For find(): |angle| moved by a variable; pivots of the Newton matrix of the last step found, times dt; and the
     // solution at a part of the time step, by its velocity and how that changes with the part.
-    std::vector<double> turn_, mobility_, pivots_, path_v_, path_slope_, rho2_,
-        residual_kept_;
+    std::vector<double> turn_, mobility_, pivots_, path_v_, path_slope_, rho2_, residual_kept_;
     double path_s_ = 1;
     bool s_is_by_constraints_ = false;  // its sign is not that of M's part
     bool have_pivots_ = false, have_limit_ = false;

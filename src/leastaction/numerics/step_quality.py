@@ -42,9 +42,7 @@ class StepQuality:
     @property
     def is_coarse(self) -> bool:
         """Whether the time step is too long for the motion."""
-        if self.s >= _COARSE_RATIO or self.angle >= 2.0 * _FAR:
-            return True
-        return 0.0 < self.s <= _STIFF_RATIO and self.angle >= _FAR
+        return self.s >= _COARSE_RATIO or (0.0 < self.s <= _STIFF_RATIO and self.angle >= _FAR)
 
     @property
     def coarseness(self) -> float:

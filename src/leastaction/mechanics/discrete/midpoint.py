@@ -364,7 +364,7 @@ class MidpointVI(Integrator):
             message = f"interrupted after {done} of {N} steps"
         passages = self._watch.look(times[: done + 1], x[: done + 1, : m.nq])
         worst = coarsest(qualities)
-        if worst is not None and worst.is_coarse:
+        if worst is not None and worst.is_coarse and status is not SimulationStatus.STEP_FAILED:
             warnings.warn(str(worst), CoarseStepWarning, stacklevel=2)
         return self.trajectory(
             times[: done + 1],
@@ -563,21 +563,18 @@ class MidpointVI(Integrator):
         names = [f"dynamics of {name!r}" for name in m.dynamic]
         names += [f"constraint {name!r}" for name in m.constraints]
         residuals = worst_first(dict(zip(names, out.residual, strict=True)))
-        shown = ", ".join(f"{name}: {value:.2g}" for name, value in list(residuals.items())[:3])
         reason = _REASONS[out.status].format(iterations=out.failed_iterations)
         quality = quality_of(m, out, np.full(out.steps + 1, state.t))
         if quality is not None and out.status == _core.StepStatus.too_coarse:
-            # Newton's method may have found a solution, but not the one that a shorter step leads to.
-            shown = (
-                f"its solution can be followed from short ones up to {out.reached:.3g} s, where s = "
-                f"{quality.s:.3g}"
-            )
+            reason += f": its solution can be followed from short ones up to {out.reached:.3g} s, where s = {quality.s:.3g}"
             if quality.variable:
-                shown += f" and {quality.variable!r} moves at {quality.angle:.3g} rad a step"
-        else:
-            shown = f"largest residuals {shown}"
+                reason += f" and {quality.variable!r} moves at {quality.angle:.3g} rad a step"
+        # Where Newton's method came to a solution, but not to that of short steps, they are all met.
+        if not max(map(abs, residuals.values()), default=0.0) < 1e-9:
+            shown = [f"{name}: {value:.2g}" for name, value in list(residuals.items())[:3]]
+            reason += f"; largest residuals {', '.join(shown)}"
         return StepError(
-            f"the step at t = {state.t:.6g} s failed: {reason}; {shown}. {advice}",
+            f"the step at t = {state.t:.6g} s failed: {reason}. {advice}",
             t=state.t,
             residuals=residuals,
             iteration=out.failed_iterations,
