@@ -18,6 +18,7 @@ __all__ = [
     "ContradictoryConstraintsError",
     "DescriptionError",
     "DynamicsError",
+    "EnergyBalanceWarning",
     "EquilibriumError",
     "InconsistentStartError",
     "LeastActionError",
@@ -191,6 +192,10 @@ class ResultFileError(LeastActionError, ValueError):
 
 class CoarseStepWarning(UserWarning):
     """A time step is so long that its solution is far from that of a short one, and about to be lost."""
+
+
+class EnergyBalanceWarning(UserWarning):
+    """A simulation lost or gained energy beside the work that was done."""
 
 
 class SingularityWarning(UserWarning):

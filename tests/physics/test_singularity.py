@@ -6,6 +6,8 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from leastaction.errors import SingularityWarning
 from leastaction.mechanics import Mechanism, MidpointVI, ball, free, rx, ry, rz, tz, var
@@ -46,6 +48,7 @@ def test_a_motion_that_stays_away_does_not_warn():
     turning(mechanism, "torso.rx", 1.4, 1.0, np.linspace(0.0, 1.0, 101))
 
 
+@pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning")
 def test_a_long_step_over_the_singularity_is_seen_too():
     mechanism = Mechanism([ball("hip", **BODY)])
     for angle, rate in ((1.4, 4.0), (-1.4, -4.0), (1.8, -4.0)):
@@ -115,3 +118,39 @@ def test_near_the_singularity_angles_turn_as_much_faster_as_is_said(axes):
         assert np.abs(np.linalg.norm(rates, axis=1)[[0, 2]] - 1 / np.sin(d)).max() < 1e-10
         assert np.linalg.eigvalsh(J.T @ J)[0] == pytest.approx(1 - np.cos(d), rel=1e-10)
     assert 1 / np.sin(NEAR) == pytest.approx(20, rel=1e-3)
+
+
+def test_the_warning_is_as_wide_as_accuracy_suffers_and_part_of_the_run():
+    """A body that turns at 5 rad/s with steps of 10 ms, against its rotation as a quaternion."""
+    inertia = np.array([0.1, 0.25, 0.3])
+    mechanism = Mechanism([ball("b", mass=1.0, inertia=tuple(inertia))])
+    vi, t = MidpointVI(mechanism), 0.01 * np.arange(101)
+
+    def rates(_: float, y: np.ndarray) -> np.ndarray:
+        i, j, k, s = y[:4]
+        spin = np.array([[s, -k, j], [k, s, -i], [-j, i, s], [-i, -j, -k]]) @ y[4:]
+        return np.concatenate([0.5 * spin, -np.cross(y[4:], inertia * y[4:]) / inertia])
+
+    rng = np.random.default_rng(0)
+    quiet, warned = [], []
+    for _ in range(30):
+        q = rng.uniform(-1.0, 1.0, 3) * [3.0, 0.8, 3.0]
+        w = rng.normal(size=3)
+        w *= 5.0 / np.linalg.norm(w)
+        turned = [Rotation.from_euler("XYZ", q + 1e-6 * e) for e in np.eye(3)]
+        here = Rotation.from_euler("XYZ", q)
+        by_angles = np.array([(here.inv() * r).as_rotvec() / 1e-6 for r in turned]).T
+        y0 = np.concatenate([here.as_quat(), w])
+        y = solve_ivp(rates, (0.0, 1.0), y0, rtol=1e-9, atol=1e-10, method="DOP853").y[:4, -1]
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            run = vi.simulate(vi.start(q, np.linalg.solve(by_angles, w)), t)
+        end = Rotation.from_euler("XYZ", run.q[-1])
+        error = (Rotation.from_quat(y).inv() * end).magnitude()
+        told = [w for w in caught if w.category is SingularityWarning]
+        assert len(run.singularities) == len(told)
+        assert all(message in str(run) for message in run.singularities)
+        (warned if told else quiet).append(error)
+    assert len(quiet) > 15
+    assert max(quiet) < 0.02
+    assert max(warned) > 0.03

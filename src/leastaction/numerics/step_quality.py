@@ -13,6 +13,8 @@ _COARSE_RATIO = 2.0
 # motion is not resolved; where they did not, stiff springs or dampers are, which a step may pass over.
 _STIFF_RATIO = 0.5
 _FAR = 0.5
+# Where angles hardly moved (rad), s grows because constraints are about to lose rank, at whatever time step.
+_MOVED = 0.2
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,9 @@ class StepQuality:
     @property
     def is_coarse(self) -> bool:
         """Whether the time step is too long for the motion."""
-        return self.s >= _COARSE_RATIO or (0.0 < self.s <= _STIFF_RATIO and self.angle >= _FAR)
+        if self.s >= _COARSE_RATIO:
+            return self.angle >= _MOVED or not self.variable
+        return 0.0 < self.s <= _STIFF_RATIO and self.angle >= _FAR
 
     @property
     def coarseness(self) -> float:

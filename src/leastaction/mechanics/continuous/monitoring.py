@@ -1,26 +1,32 @@
 """Whether a simulation lost energy, or its way, where the constraints lose rank.
 
-Where the gradients of the constraints become dependent (a lift with its links upright, a parallelogram drawn out
-straight) the accelerations are not determined, two ways cross, and a solver's error control may step over the place without
-noticing. What tells of it: the energy's balance, for between two instants energy changes by the work of inputs, damping
-and prescribed motion and by nothing else; and the determinant of ``Dh(q_k) M^-1 Dh(q_k+1)^T``, which changes its sign.
+Where the gradients of the constraints become dependent (a lift with its links upright, a parallelogram drawn
+out straight) the accelerations are not determined, two ways cross, and a solver's error control may step over
+the place without noticing. What tells of it: the energy's balance, for between two instants energy changes by
+the work of inputs, damping and prescribed motion and by nothing else; and the determinant of
+``Dh(q_k) M^-1 Dh(q_k+1)^T``, which changes its sign.
 """
 
 from __future__ import annotations
 
+import itertools
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from leastaction.errors import EnergyBalanceWarning
+from leastaction.errors import EnergyBalanceWarning, LeastActionError
+from leastaction.mechanics.continuous.equations import Equations
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.ode import Interpolant
 
 # Part of the energy that moves about which may be lost in all before it is told; or this many relative tolerances.
 _LOST = 1e-3
 _TOLERANCES = 1e3
-_H = 1e-6  # s; of the difference that stands for the rate of the energy
+_NODES = (0.5 - np.sqrt(3.0) / 6.0, 0.5 + np.sqrt(3.0) / 6.0)  # Gauss: none where inputs jump
+_DIFFERENCE = 1e-5  # of states, for the rate of the energy
 
 
 @dataclass(frozen=True)
@@ -64,49 +70,68 @@ class EnergyBalance:
 
     def __str__(self) -> str:
         """Return the balance in a sentence."""
-        return f"energy: {self.lost:.2g} J of {self.scale:.3g} J lost beside the work that was done"
+        passed = (
+            f"; constraints lost rank in the step to t = {self.crossings[0]:.6g} s"
+            if self.crossings
+            else ""
+        )
+        return f"energy: {self.lost:.2g} J of {self.scale:.3g} J lost beside the work that was done{passed}"
 
 
-def energy_rate(m: Mechanism, x: Array, rate: Array) -> Array:
-    """Return the rate of the energy (W) in states (N, nx) of a given rate (N, nx)."""
-    ahead, behind = x + _H * rate, x - _H * rate
-    nq = m.nq
-    difference = (
-        m.energy(ahead[:, :nq], ahead[:, nq:]).total
-        - m.energy(behind[:, :nq], behind[:, nq:]).total
-    )
-    return np.asarray(difference / (2.0 * _H))
-
-
-def balance(
-    m: Mechanism, t: Array, x: Array, rates: Array, middles: Array, middle_rates: Array
-) -> EnergyBalance:
+def balance(equations: Equations, pieces: Sequence[Interpolant], end: float) -> EnergyBalance:
     """Return the balance of a simulation.
 
     Parameters
     ----------
-    m : Mechanism
-    t : ndarray, shape (N+1,)
-        Ends of the solver's steps (s), the start first.
-    x, rates : ndarray, shape (N+1, nx)
-        States there and their rates.
-    middles, middle_rates : ndarray, shape (N, nx)
-        The same in the middle of each step.
+    equations : Equations
+    pieces : sequence of Interpolant
+        Its steps, one after the other.
+    end : float
+        Where it ended (s), which may be inside the last step.
     """
+    m = equations.mechanism
+    starts = np.array([piece.start for piece in pieces])
+    ends = np.minimum([piece.end for piece in pieces], end)
+    t = np.append(starts, ends[-1])
+    x = np.array([equations.state(at, piece(at)) for at, piece in zip(starts, pieces, strict=True)])
+    x = np.vstack([x, equations.state(ends[-1], pieces[-1](ends[-1]))])
     energy = m.energy(x[:, : m.nq], x[:, m.nq :])
-    power, between = energy_rate(m, x, rates), energy_rate(m, middles, middle_rates)
-    # Simpson's rule; where there is no power to be had, as if there were none.
-    work = np.nan_to_num(np.diff(t) / 6.0 * (power[:-1] + 4.0 * between + power[1:]))
+    work = np.zeros(len(pieces))
+    for node in _NODES:
+        inside = starts + node * (ends - starts)
+        states = np.array(
+            [equations.state(at, piece(at)) for at, piece in zip(inside, pieces, strict=True)]
+        )
+        rates = np.array([_rate(equations, *pair) for pair in zip(inside, states, strict=True)])
+        work += 0.5 * (ends - starts) * _power(m, states, rates)
     lost = work - np.diff(energy.total)
+    k = int(np.argmax(np.abs(lost)))
+    crossed = t[1:][crossings(m, x[:, : m.nq])]
     scale = float(np.max(energy.kinetic) + np.ptp(energy.total))
-    k = int(np.argmax(np.abs(lost))) if len(lost) else 0
     return EnergyBalance(
-        float(np.sum(lost)),
-        scale,
-        float(lost[k]) if len(lost) else 0.0,
-        float(t[k + 1]) if len(lost) else float(t[0]),
-        tuple(float(at) for at in t[1:][crossings(m, x[:, : m.nq])]),
+        float(np.sum(lost)), scale, float(lost[k]), float(ends[k]), tuple(map(float, crossed))
     )
+
+
+def _rate(equations: Equations, t: float, x: Array) -> Array:
+    """Return dx/dt; zero where there is none."""
+    try:
+        a, _ = equations.solve(x, equations.input(t, x))
+    except LeastActionError:
+        return np.zeros_like(x)
+    return np.concatenate([x[len(a) :], a])
+
+
+def _power(m: Mechanism, x: Array, rate: Array) -> Array:
+    """Return the rate of the energy (W) in states (N, nx) of a given rate (N, nx)."""
+    # The energy changes by the work that is done: its difference along the motion is that of all forces that do some.
+    size = _DIFFERENCE / (1.0 + np.abs(rate).max(axis=1, keepdims=True))
+    ahead, behind = x + size * rate, x - size * rate
+    difference = (
+        m.energy(ahead[:, : m.nq], ahead[:, m.nq :]).total
+        - m.energy(behind[:, : m.nq], behind[:, m.nq :]).total
+    )
+    return np.asarray(difference / (2.0 * size[:, 0]))
 
 
 def crossings(m: Mechanism, q: Array) -> Array:
@@ -115,7 +140,7 @@ def crossings(m: Mechanism, q: Array) -> Array:
     if not m.nc:
         return crossed
     gradients = [m.constraint_jacobian(row)[:, : m.nd] for row in q]
-    for k, (before, after) in enumerate(zip(gradients[:-1], gradients[1:], strict=True)):
+    for k, (before, after) in enumerate(itertools.pairwise(gradients)):
         if np.linalg.matrix_rank(before) < m.nc:
             continue  # redundant equations, or a start in such a configuration
         inertia = m.mass_matrix(q[k])[: m.nd, : m.nd]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.equations import Equations
 from leastaction.mechanics.continuous.events import Event, EventRecord, watch
 from leastaction.mechanics.continuous.integration import Progress
+from leastaction.mechanics.continuous.monitoring import balance as energy_balance
+from leastaction.mechanics.continuous.monitoring import tell
 from leastaction.mechanics.continuous.signals import (
     ContinuousSignal,
     InputLaw,
@@ -110,7 +113,7 @@ def simulate(
         deviations die out by Baumgarte's stabilisation; or not at all. `Baumgarte` takes starts off the
         constraints too.
     dense_output : bool, optional
-        Keep what is needed for states between the instants.
+        Keep what is needed for states between the instants, and for the balance of the energy.
     progress : callable, optional
         Called after each step with the time that it came to and the last time.
 
@@ -130,6 +133,9 @@ def simulate(
 
     Warns
     -----
+    EnergyBalanceWarning
+        If energy was lost or gained beside the work that was done, such as where constraints lose rank;
+        looked for where `dense_output` is kept.
     SingularityWarning
         If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
     """
@@ -188,8 +194,12 @@ def simulate(
         )
     records = {event.name: event.record(m.nx) for event in watched}
     result = _result(equations, done, status, message, records, dense_output)
-    SingularityWatch(m.balls, m.variables).look(result.t, result.q)
-    return result
+    told = SingularityWatch(m.balls, m.variables).look(result.t, result.q)
+    if not done.pieces:
+        return replace(result, warnings=told)
+    balance = energy_balance(equations, done.pieces, done.reached)
+    complaint = tell(balance, float(rtol))
+    return replace(result, balance=balance, warnings=(*told, *([complaint] if complaint else [])))
 
 
 def _motion(

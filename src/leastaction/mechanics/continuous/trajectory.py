@@ -13,6 +13,7 @@ import numpy.typing as npt
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.events import EventRecord
 from leastaction.mechanics.continuous.integration import SolverCounts
+from leastaction.mechanics.continuous.monitoring import EnergyBalance
 from leastaction.mechanics.continuous.stabilisation import Drift
 from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
@@ -77,6 +78,10 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         When each event took place.
     effort : SolverCounts
         What it took.
+    balance : EnergyBalance or None
+        Energy against the work that was done; None without dense output.
+    warnings : tuple of str
+        What was warned of: an energy that does not balance, joints near the singularity of their angles.
     """
 
     v: Array = field(repr=False)
@@ -86,6 +91,8 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     drift: Mapping[str, Drift] = field(default_factory=dict, repr=False)
     events: Mapping[str, EventRecord] = field(default_factory=dict, repr=False)
     effort: SolverCounts = field(default=SolverCounts(0, 0, 0), repr=False)
+    balance: EnergyBalance | None = None
+    warnings: tuple[str, ...] = ()
     dense: Callable[[float], Array] | None = field(default=None, repr=False)
     law: Callable[[float, Array], Array] | None = field(default=None, repr=False)
 
@@ -174,7 +181,9 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         lines += [
             f"drift of {name!r}: {d.h:.2g}, of its rate {d.rate:.2g}" for name, d in worst[:3]
         ]
-        return "\n".join(lines)
+        if self.balance is not None:
+            lines.append(str(self.balance))
+        return "\n".join([*lines, *self.warnings])
 
     def _times(self, t: npt.ArrayLike) -> tuple[bool, Array]:
         single = not shape_of(t)

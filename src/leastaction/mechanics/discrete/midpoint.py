@@ -263,7 +263,7 @@ class MidpointVI(Integrator):
             raise self.step_error(out, state, rho)
         x = out.x[1]
         # The start is the end of the step before, which has told of it.
-        self._watch.look(t[1:], x[None, : m.nq])
+        self._watch.look(t[1:], x[None, : m.nq], before=state.q)
         quality = quality_of(m, out, t)
         if quality is not None and quality.is_coarse:
             warnings.warn(str(quality), CoarseStepWarning, stacklevel=2)
@@ -566,7 +566,8 @@ class MidpointVI(Integrator):
         reason = _REASONS[out.status].format(iterations=out.failed_iterations)
         quality = quality_of(m, out, np.full(out.steps + 1, state.t))
         if quality is not None and out.status == _core.StepStatus.too_coarse:
-            reason += f": its solution can be followed from short ones up to {out.reached:.3g} s, where s = {quality.s:.3g}"
+            reason += f": its solution can be followed from short ones up to {out.reached:.3g} s, "
+            reason += f"where s = {quality.s:.3g}"
             if quality.variable:
                 reason += f" and {quality.variable!r} moves at {quality.angle:.3g} rad a step"
         # Where Newton's method came to a solution, but not to that of short steps, they are all met.
