@@ -21,7 +21,7 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
     N = case.steps
     out = integrator.core.roll_out(t, x0, None, u, None)
     if out.steps < N:
-        raise RuntimeError(f"{case.name}: the roll-out failed after {out['steps']} of {N} steps")
+        raise RuntimeError(f"{case.name}: the roll-out failed after {out.steps} of {N} steps")
     x = out.x
 
     step = best_of(
@@ -38,7 +38,7 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
             "step",
             target=12 * MICRO,
             dissertation=1370 * MICRO,
-            note=f"{newton:.2f} Newton iterations, {out['factorizations'] / N:.2f} factorisations",
+            note=f"{newton:.2f} Newton iterations, {out.factorizations / N:.2f} factorisations",
             details={"newton_iterations": newton, "steps": N, "mechanism": case.name},
         ),
         _left_split(case, settings),

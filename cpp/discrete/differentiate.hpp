@@ -10,7 +10,7 @@
 
 #include <vector>
 
-#include "discrete/midpoint.hpp"
+#include "discrete/newton_step.hpp"
 #include "numerics/aligned.hpp"
 
 namespace leastaction {

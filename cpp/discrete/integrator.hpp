@@ -5,7 +5,7 @@
 
 #include "discrete/curvature.hpp"
 #include "discrete/differentiate.hpp"
-#include "discrete/midpoint.hpp"
+#include "discrete/newton_step.hpp"
 #include "numerics/pool.hpp"
 
 namespace leastaction {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "discrete/curvature.hpp"
-#include "discrete/midpoint.hpp"
+#include "discrete/newton_step.hpp"
 
 namespace leastaction {
 

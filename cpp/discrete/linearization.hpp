@@ -3,7 +3,7 @@
 //
 //   A = dy/dx,   B = dy/du,   H = d2(w.y)/dth2 with weights w,
 //
-// exact, by the implicit function theorem (see midpoint.hpp). Arrays are row-major, time first, in the user's order of
+// exact, by the implicit function theorem (see newton_step.hpp). Arrays are row-major, time first, in the user's order of
 // variables: X (N+1, nx), U (N, nu), lam (N, nc), times t (N+1).
 #pragma once
 

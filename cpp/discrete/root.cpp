@@ -22,7 +22,7 @@
 #include <cmath>
 #include <limits>
 
-#include "discrete/midpoint.hpp"
+#include "discrete/newton_step.hpp"
 
 namespace leastaction {
 

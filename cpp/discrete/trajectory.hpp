@@ -2,7 +2,7 @@
 // first, in the user's order of variables: X (N+1, nx), U (N, nu), lam (N, nc), times t (N+1).
 #pragma once
 
-#include "discrete/midpoint.hpp"
+#include "discrete/newton_step.hpp"
 
 namespace leastaction {
 

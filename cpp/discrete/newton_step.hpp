@@ -1,4 +1,4 @@
-// The midpoint variational integrator and its exact derivatives (dissertation chapter 4 and appendix A.2).
+// One step of the midpoint variational integrator, by Newton's method (dissertation chapter 4 and appendix A.2).
 //
 // With Ld(q1, q2) = dt L((q1 + q2)/2, (q2 - q1)/dt) one step solves, for the dynamic part of q2 and the multipliers,
 //

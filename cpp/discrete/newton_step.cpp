@@ -1,4 +1,4 @@
-#include "discrete/midpoint.hpp"
+#include "discrete/newton_step.hpp"
 
 #include <algorithm>
 #include <cmath>
