@@ -75,6 +75,7 @@ class Tree:
             nrho=self.n_kinematic,
             nq=self.nq,
             nu=self.inputs.shape[1],
+            n_inputs=self.inputs.shape[1],
             nc=len(self.ends),
             nx=2 * self.nq,
             variables=names,
