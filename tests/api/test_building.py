@@ -126,6 +126,6 @@ def test_a_core_whose_variable_moves_no_mass_is_singular_and_no_crash():
     core = builder.build()
     np.testing.assert_array_equal(core.inertias(np.zeros(2)), [1.0, 0.0])
     out = _core.Midpoint(core).roll_out(
-        np.array([0.0, 0.1]), np.array([0.0, 0.0, 0.0, 1.0]), None, np.zeros((1, 0)), None, None
+        np.array([0.0, 0.1]), np.array([0.0, 0.0, 0.0, 1.0]), None, np.zeros((1, 0)), None
     )
     assert out.steps == 0
