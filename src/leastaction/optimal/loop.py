@@ -39,8 +39,8 @@ _CHAIN = ("newton", "quasi-newton", "steepest")
 _BACKTRACKS = {"newton": 4, "quasi-newton": 6, "negative-curvature": 8}
 _BACKTRACKS_SHIFTED = 2
 
-# Levenberg-Marquardt's weights: the least and the largest, and the factor between them.
-_LEAST_SHIFT, _LARGEST_SHIFT, _MORE_SHIFT = 1e-3, 1e9, 10.0
+# Levenberg-Marquardt's weights: the least, and the factor from one to the next.
+_LEAST_SHIFT, _MORE_SHIFT = 1e-3, 10.0
 
 # A model without a minimum is tried again with this part of its curvature; less than the least is not worth having.
 _LESS_CURVATURE = 0.3
@@ -134,6 +134,8 @@ class Problem(ABC, Generic[M, D, I]):
     """Whether Newton's undamped model can be trusted to tell a minimum from a saddle."""
     note: str = ""
     """What is to be said of where it starts."""
+    largest_shift: float = 1e9
+    """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
     patience: int = 1
     """Steps in a row that lower the cost by no more than its noise, after which it is at its minimum."""
 
@@ -297,7 +299,7 @@ class Loop(Generic[M, D, I]):
         """
         automatic = self.settings.method == "auto"
         shift = self.schedule.shift
-        while shift < _LARGEST_SHIFT:
+        while shift < self.problem.largest_shift:
             searched = False
             for method in self._methods():
                 if method == "steepest" and automatic and (searched or shift > 0.0):

@@ -77,6 +77,9 @@ class ContinuousProblem(
     # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.
     patience = 2
 
+    # The Riccati equation is the stiffer the larger the weights, and it is integrated explicitly.
+    largest_shift = 10.0
+
     def __init__(
         self,
         system: ContinuousSystem,
