@@ -4,6 +4,7 @@
 #   make test                 the test suite        (ARGS="-k midpoint", SLOW=1, ORACLES=1, WORKERS=0)
 #   make bench                the benchmarks        (ARGS=--json)
 #   make lint                 everything that is checked without running
+#   make variants             the fast tests in the variants of the core that are not the default here
 #   make lowest               the fast tests with the lowest versions that pyproject.toml states
 #   make sanitize             tests of the core with its memory, its arithmetic and Eigen's assertions checked (slow)
 #   make build                compile the C++ that changed   (VARIANTS=v3: only that instruction set)
@@ -31,7 +32,7 @@ export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export CMAKE_GENERATOR ?= Ninja
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench lint lowest sanitize format clean
+.PHONY: help setup build demo test bench lint variants lowest sanitize format clean
 
 help:
 	@sed -n '3,/^$$/s/^# \{0,1\}//p' $(MAKEFILE_LIST)
@@ -89,6 +90,12 @@ lint: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extr
 	$(BIN)/lint-imports
 
 # An environment of its own beside $(VENV), with the modules that are compiled already.
+# The fast tests in the variants of the core that are not the default of this machine.
+variants: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test
+	for variant in $$($(BIN)/python -c 'from leastaction import _core; print(*[v for v in _core.available_variants() if v != _core.variant])'); do \
+	  LEASTACTION_CORE=$$variant $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS) || exit 1; \
+	done
+
 lowest: $(STAMPS)/compiled
 	@test -x $(LOWEST)/bin/python || $(PYTHON) -m venv $(LOWEST)
 	@$(BIN)/python -c 'import re, tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; x = p["optional-dependencies"]; print("\n".join(re.sub(">=([^,]*).*", r"==\1", r) for r in p["dependencies"] + x["viz"] + x["expressions"] + x["test"]))' > $(LOWEST)/lowest.txt
