@@ -28,9 +28,7 @@ def rows(settings: Settings) -> list[Row | Absent]:
         core = integrator.core
         out = core.roll_out(t, x0, None, u, None)
         if out.steps < _STEPS:
-            result.append(
-                Absent(GROUP, f"chain of {n} links", f"failed after {out.steps} steps")
-            )
+            result.append(Absent(GROUP, f"chain of {n} links", f"failed after {out.steps} steps"))
             continue
         timing = best_of(
             lambda core=core, t=t, x0=x0, u=u: core.roll_out(t, x0, None, u, None),

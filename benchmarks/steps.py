@@ -24,9 +24,7 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
         raise RuntimeError(f"{case.name}: the roll-out failed after {out.steps} of {N} steps")
     x = out.x
 
-    step = best_of(
-        lambda: integrator.core.roll_out(t, x0, None, u, None), budget=settings.budget
-    )
+    step = best_of(lambda: integrator.core.roll_out(t, x0, None, u, None), budget=settings.budget)
     first = _first(integrator, case, x, settings)
     second = _second(integrator, case, x, settings)
     newton = out.iterations / N

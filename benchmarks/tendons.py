@@ -62,7 +62,5 @@ def _measure(m: Mechanism, q0, t, u, settings: Settings):
     out = integrator.core.roll_out(t, x0, None, u, None)
     if out.steps < len(t) - 1:
         raise RuntimeError(f"the roll-out failed after {out.steps} of {len(t) - 1} steps")
-    timing = best_of(
-        lambda: integrator.core.roll_out(t, x0, None, u, None), budget=settings.budget
-    )
+    timing = best_of(lambda: integrator.core.roll_out(t, x0, None, u, None), budget=settings.budget)
     return timing, out.x[:, : m.nq]

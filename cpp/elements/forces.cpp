@@ -112,8 +112,8 @@ void CoordinateForce::measure(const ForcePoint<T>& point, Order order, LocalForc
 
 void CoordinateForce::evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const {
     const int m = static_cast<int>(support_.size());
-    const Workspace<Dual<double>> room(out.work, static_cast<int>(coordinates_.size()), m, static_cast<int>(inputs_.size()),
-                                  false);
+    const Workspace<Dual<double>> room(out.work, static_cast<int>(coordinates_.size()), m,
+                                       static_cast<int>(inputs_.size()), false);
     measure(point, Order::value, out);
     Dual<double> F;
     magnitude_->evaluate(point.at, room.y, room.size, Order::value, F, room.gradient, room.hessian);
