@@ -195,7 +195,8 @@ def simulate(
     records = {event.name: event.record(m.nx) for event in watched}
     result = _result(equations, done, status, message, records, dense_output)
     told = SingularityWatch(m.balls, m.variables).look(result.t, result.q)
-    if not done.pieces:
+    # A run that failed has said so, and of a motion that blows up the energy means nothing.
+    if not done.pieces or status is IntegrationStatus.FAILED:
         return replace(result, warnings=told)
     balance = energy_balance(equations, done.pieces, done.reached)
     complaint = tell(balance, float(rtol))
