@@ -1,8 +1,5 @@
 """Random descriptions, sound and broken: none crashes, none gives NaN, what is broken is a typed error.
 
-# Angles of many turns are asked for on purpose here.
-pytestmark = pytest.mark.filterwarnings("ignore::leastaction.errors.UnitWarning")
-
 A crash of the core would end the process, and pytest with it.
 """
 
@@ -22,6 +19,9 @@ from fuzz.pieces import ELEMENTS
 from fuzz.questions import Answers, ask_all, changes
 from leastaction import mechanics as la
 from leastaction.errors import LeastActionError
+
+# Angles of many turns are asked for on purpose here.
+pytestmark = pytest.mark.filterwarnings("ignore::leastaction.errors.UnitWarning")
 
 # Numbers so large or small that results overflow, and functions of the user's own that have no value: what is
 # asked of such a mechanism may be infinite or NaN. What it has moved through is finite all the same.
