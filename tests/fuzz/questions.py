@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.errors import LeastActionError, SingularityWarning
+from leastaction.errors import CoarseStepWarning, LeastActionError, SingularityWarning
 from leastaction.mechanics import (
     Mechanism,
     MidpointVI,
@@ -108,7 +108,9 @@ def _move(answers: Answers, m: Mechanism, rng: np.random.Generator, q: Any, v: A
     rho = q[m.nd :] + np.outer(np.arange(STEPS + 1), v[m.nd :]) * DT
     try:
         with warnings.catch_warnings():
+            # Random motions are wild.
             warnings.simplefilter("ignore", SingularityWarning)
+            warnings.simplefilter("ignore", CoarseStepWarning)
             trajectory = vi.simulate(start, times, inputs=rng.uniform(-1, 1, m.nu), rho=rho)
     except LeastActionError as error:
         answers.errors.append(("simulate", error))
