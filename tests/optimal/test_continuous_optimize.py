@@ -579,5 +579,5 @@ def test_a_start_that_cannot_be_simulated():
         lambda x, u, t: np.array([x[0] ** 2 + u[0]]), nx=1, nu=1, derivatives="complex-step"
     )
     cost = ContinuousQuadraticCost([0.0], [0.0], Q=[1.0], R=[1.0])
-    with pytest.raises(ArgumentError, match=r"failed at t = 1 s: the integrator gave up"):
+    with pytest.raises(ArgumentError, match=r"failed at t = 1 s: the solver gave up"):
         optimize_continuous(system, cost, initial=([1.0], [0.0]), horizon=(0, 2))
