@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 # Before NumPy, JAX and Matplotlib are imported: tests share their cores with each other, oracles
 # compute in double precision, and figures need no screen.
@@ -34,6 +37,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     slow = [item for item in items if "slow" in item.keywords]
     config.hook.pytest_deselected(items=slow)
     items[:] = [item for item in items if "slow" not in item.keywords]
+
+
+# Linux gives a process 65530 areas of memory, and every function that JAX compiles takes dozens: the compiler
+# crashes when none is left.
+_AREAS = Path("/proc/self/maps")
+_MOST_AREAS = 20_000
+
+
+@pytest.fixture(autouse=True)
+def _compiled_oracles_are_dropped() -> Iterator[None]:
+    """Drop what JAX compiled for the tests so far before the system's bookkeeping of it overflows."""
+    yield
+    jax = sys.modules.get("jax")
+    if jax is not None and _AREAS.exists() and _AREAS.read_bytes().count(b"\n") > _MOST_AREAS:
+        jax.clear_caches()
 
 
 @pytest.fixture
