@@ -20,12 +20,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks", description="Times of leastaction, beside its targets."
     )
-    parser.add_argument(
-        "--json", action="store_true", help="one JSON object on stdout, nothing else"
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="a few seconds: short problems, which have no targets"
-    )
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout, nothing else")
+    parser.add_argument("--quick", action="store_true", help="a few seconds: short problems, which have no targets")
     parser.add_argument(
         "--only",
         action="append",
@@ -36,9 +32,7 @@ def main() -> int:
     arguments = parser.parse_args()
     # Whatever a library prints while it is measured does not belong to the result.
     with redirect_stdout(sys.stderr):
-        measured = suite.run(
-            quick=arguments.quick, only=arguments.only, progress=report.progress(sys.stderr)
-        )
+        measured = suite.run(quick=arguments.quick, only=arguments.only, progress=report.progress(sys.stderr))
     if arguments.json:
         print(report.as_json(measured))
     else:

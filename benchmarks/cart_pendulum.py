@@ -40,10 +40,7 @@ def problem(steps: int) -> Problem:
     x_wanted = np.zeros((steps + 1, 4))
     share = np.clip((t / t[-1] - 0.3) / 0.4, 0.0, 1.0)
     x_wanted[:, 1] = 0.5 * np.pi * (1.0 - np.cos(2.0 * np.pi * share))
-    systems = [
-        MidpointSystem(MidpointVI(cart_pendulum(pivot_torque=torque), threads=1), t)
-        for torque in (True, False)
-    ]
+    systems = [MidpointSystem(MidpointVI(cart_pendulum(pivot_torque=torque), threads=1), t) for torque in (True, False)]
     return Problem(*systems, x_wanted, t)
 
 
@@ -66,9 +63,7 @@ def rows(settings: Settings) -> list[Row | Absent]:
     """Measure all four together, on one thread."""
     given = problem(settings.steps)
     solved: list[list[OptimizationResult]] = []
-    timing = best_of(
-        lambda: solved.append(solve(given)), budget=settings.budget, least=settings.repeats
-    )
+    timing = best_of(lambda: solved.append(solve(given)), budget=settings.budget, least=settings.repeats)
     runs = solved[-1]
     highest = float(runs[-1].x[:, 1].max())
     iterations = [run.iterations for run in runs]
@@ -80,8 +75,7 @@ def rows(settings: Settings) -> list[Row | Absent]:
             "run",
             target=settings.target(0.1),
             dissertation=settings.target(9.7),
-            note=f"{' + '.join(map(str, iterations))} iterations, "
-            f"reaches {np.degrees(highest):.0f} degrees",
+            note=f"{' + '.join(map(str, iterations))} iterations, reaches {np.degrees(highest):.0f} degrees",
             details={
                 "iterations": iterations,
                 "status": [run.status.name for run in runs],

@@ -46,8 +46,7 @@ def rows(settings: Settings) -> list[Row | Absent]:
                 "step",
                 target=n * MICRO,
                 dissertation=DISSERTATION.get(n),
-                note=f"{seconds / n / MICRO:.2f} us per link, "
-                f"{out.iterations / _STEPS:.2f} Newton iterations",
+                note=f"{seconds / n / MICRO:.2f} us per link, {out.iterations / _STEPS:.2f} Newton iterations",
                 details={"links": n, "seconds_per_link": seconds / n},
             )
         )
@@ -71,9 +70,7 @@ def rows(settings: Settings) -> list[Row | Absent]:
 def _building() -> Row:
     """Measure how long a mechanism of many joints takes from its description on."""
     joints = 3000
-    short, long = (
-        best_of(lambda n=n: pendulum_chain(n), budget=1.0, least=2) for n in (joints // 4, joints)
-    )
+    short, long = (best_of(lambda n=n: pendulum_chain(n), budget=1.0, least=2) for n in (joints // 4, joints))
     return timed(
         GROUP,
         f"building {joints} joints",

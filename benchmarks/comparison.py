@@ -96,9 +96,7 @@ def _momentum(free: Problem, motion: Motion) -> float:
     return float(np.abs(p - p[0]).max() / abs(p[0]))
 
 
-def _runs(
-    problem: Problem, quick: bool
-) -> Iterator[tuple[str, str, Callable[[Problem], tuple[float, Motion]]]]:
+def _runs(problem: Problem, quick: bool) -> Iterator[tuple[str, str, Callable[[Problem], tuple[float, Motion]]]]:
     steps = [problem.steps * 2**k for k in range(2 if quick else 6)]
     for n in steps:
         yield "midpoint VI", f"{n} steps", lambda p, n=n: _midpoint(p, n)

@@ -86,9 +86,7 @@ def lift(segments: int = 3) -> Problem:
         for side, branch in turned.items():
             branch.tx(0.5, name=f"middle_{side}{n}")
         ends = {"R": turned["L"].tx(1.0), "L": turned["R"].tx(1.0)}
-    pins = [
-        PointToPoint(f"middle_L{n}", f"middle_R{n}", "xz", name=f"pin{n}") for n in range(segments)
-    ]
+    pins = [PointToPoint(f"middle_L{n}", f"middle_R{n}", "xz", name=f"pin{n}") for n in range(segments)]
     m = Mechanism(tree, [Gravity((0.0, 0.0, -G)), *pins])
     angle = 0.6
 
@@ -109,9 +107,7 @@ def lift(segments: int = 3) -> Problem:
         return [y[1], (2.0 * G * c * arms.sum() - 0.5 * slope * y[1] ** 2) / inertia]
 
     def reference(t: Array) -> Array:
-        out = solve_ivp(
-            rate, (t[0], t[-1]), [angle, 0.0], t_eval=t, method="DOP853", rtol=1e-12, atol=1e-12
-        )
+        out = solve_ivp(rate, (t[0], t[-1]), [angle, 0.0], t_eval=t, method="DOP853", rtol=1e-12, atol=1e-12)
         return at(out.y[0])
 
     def xml(integrator: str, dt: float) -> str:

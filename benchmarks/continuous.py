@@ -58,17 +58,13 @@ def _marionette(case: Case, settings: Settings) -> list[Row]:
         timed(
             GROUP,
             "accelerations, one point alone",
-            best_of(lambda: [core.accelerations(*one, 1) for _ in range(_POINTS)], budget=budget)
-            / _POINTS,
+            best_of(lambda: [core.accelerations(*one, 1) for _ in range(_POINTS)], budget=budget) / _POINTS,
             "call",
         ),
         timed(
             GROUP,
             "accelerations, one point alone, arguments checked",
-            best_of(
-                lambda: [dynamics.accelerations(*checked) for _ in range(_POINTS)], budget=budget
-            )
-            / _POINTS,
+            best_of(lambda: [dynamics.accelerations(*checked) for _ in range(_POINTS)], budget=budget) / _POINTS,
             "call",
         ),
     ]

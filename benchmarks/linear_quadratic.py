@@ -72,9 +72,7 @@ def _marionette(case: Case, settings: Settings, size: str) -> list[Row]:
 
 def _time(settings: Settings, A: Array, B: Array, **weights: Any) -> Timing:
     workspace = Workspace(len(B), *B.shape[1:])
-    return best_of(
-        lambda: solve_linear_quadratic(A, B, workspace=workspace, **weights), budget=settings.budget
-    )
+    return best_of(lambda: solve_linear_quadratic(A, B, workspace=workspace, **weights), budget=settings.budget)
 
 
 def _dense(N: int, nx: int, nu: int) -> tuple[Array, Array, Array, Array]:

@@ -51,9 +51,7 @@ def problem(case: Case, steps: int, *, threads: int = 1) -> Problem:
     Q = np.full(m.nx, _RATES)
     Q[: m.nd] = _BODY
     Q[m.nd : m.nq] = _STRINGS
-    cost = QuadraticCost(
-        x_wanted, np.zeros((steps, m.nu + m.nrho)), Q=Q, R=np.full(m.nu + m.nrho, _INPUTS)
-    )
+    cost = QuadraticCost(x_wanted, np.zeros((steps, m.nu + m.nrho)), Q=Q, R=np.full(m.nu + m.nrho, _INPUTS))
     return Problem(MidpointSystem(integrator, t), cost, t, wanted, held.x, held.u)
 
 
@@ -80,8 +78,7 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
         result.append(
             timed(
                 GROUP,
-                f"marionette optimisation, {settings.steps} steps"
-                + ("" if threads == 1 else ", all threads"),
+                f"marionette optimisation, {settings.steps} steps" + ("" if threads == 1 else ", all threads"),
                 timing,
                 "run",
                 threads=threads,

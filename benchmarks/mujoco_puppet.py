@@ -145,13 +145,8 @@ def mjcf(mechanism: Mechanism, x0: Array, dt: float) -> str:
         if index in inertias:
             mass, com, inertia = inertias[index]
             entries = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-            lines.append(
-                f'<inertial mass="{mass!r}" pos="{_numbers(com)}" fullinertia="{_numbers(entries)}"/>'
-            )
-        lines += [
-            f'<site name="{name}" pos="{_numbers(frames[name].pose[:3, 3])}"/>'
-            for name in sites.get(index, [])
-        ]
+            lines.append(f'<inertial mass="{mass!r}" pos="{_numbers(com)}" fullinertia="{_numbers(entries)}"/>')
+        lines += [f'<site name="{name}" pos="{_numbers(frames[name].pose[:3, 3])}"/>' for name in sites.get(index, [])]
         lines += [body(child) for child in children.get(index, [])]
         return "".join([*lines, "</body>"])
 

@@ -46,10 +46,7 @@ class Planar:
 
 
 def _rods(*inputs: int) -> Planar:
-    links = tuple(
-        (length, mass, 0.5 * length, mass * length**2 / 12.0)
-        for length, mass in ((1.0, 1.0), (0.8, 0.8))
-    )
+    links = tuple((length, mass, 0.5 * length, mass * length**2 / 12.0) for length, mass in ((1.0, 1.0), (0.8, 0.8)))
     return Planar(0.0, links, inputs, 0.02)
 
 
@@ -58,9 +55,7 @@ PLANAR = {
     "double cart": Planar(2.0, ((0.8, 0.4, 0.8, 0.0),) * 2, (0,), 0.02),
     "acrobot": _rods(1),
     "pendubot": _rods(0),
-    "planar arm": Planar(
-        0.0, tuple((0.4, 1.5 / (1.0 + 0.3 * k), 0.2, 0.03) for k in range(3)), (0, 1, 2), 0.05
-    ),
+    "planar arm": Planar(0.0, tuple((0.4, 1.5 / (1.0 + 0.3 * k), 0.2, 0.03) for k in range(3)), (0, 1, 2), 0.05),
     "chain of 3": Planar(1.0, ((0.5, 0.5, 0.5, 0.0),) * 3, (0,), 0.05),
     "chain of 8": Planar(0.0, ((0.5, 0.5, 0.5, 0.0),) * 8, tuple(range(8)), 0.05),
 }
@@ -118,15 +113,11 @@ def _step(planar: Planar, dt: float) -> Any:
     force = -planar.damping * (q2 - q1) / dt
     for column, row in enumerate(planar.inputs):
         force[row] += u[column]
-    residual = ca.vertcat(
-        p1 + ca.gradient(Ld, q1) + 0.5 * dt * force, ca.gradient(Ld, q2) + 0.5 * dt * force - p2
-    )
+    residual = ca.vertcat(p1 + ca.gradient(Ld, q1) + 0.5 * dt * force, ca.gradient(Ld, q2) + 0.5 * dt * force - p2)
     return ca.Function("step", [ca.vertcat(q1, p1), u, ca.vertcat(q2, p2)], [residual])
 
 
-def _ipopt(
-    planar: Planar, given: Given, x: np.ndarray, u: np.ndarray
-) -> tuple[float, str, float, int]:
+def _ipopt(planar: Planar, given: Given, x: np.ndarray, u: np.ndarray) -> tuple[float, str, float, int]:
     """Return Ipopt's cost, status, seconds and iterations."""
     import casadi as ca
 
@@ -138,10 +129,7 @@ def _ipopt(
     dx, du = X - ca.DM(cost.x_wanted.T), U - ca.DM(cost.u_wanted.T)
     weights = np.tile(cost.Q[:, None], N + 1)
     weights[:, -1] = cost.Q_final
-    value = 0.5 * (
-        ca.sum(ca.vec(ca.DM(weights) * dx**2))
-        + ca.sum(ca.vec(ca.DM(np.tile(cost.R[:, None], N)) * du**2))
-    )
+    value = 0.5 * (ca.sum(ca.vec(ca.DM(weights) * dx**2)) + ca.sum(ca.vec(ca.DM(np.tile(cost.R[:, None], N)) * du**2)))
     unknowns = ca.vertcat(ca.vec(X), ca.vec(U))
     options = {
         "print_time": False,
@@ -158,9 +146,7 @@ def _ipopt(
     upper = -lower
     lower[:nx] = upper[:nx] = x[0]
     began = time.process_time()
-    found = solver(
-        x0=np.concatenate([x.ravel(), u.ravel()]), lbx=lower, ubx=upper, lbg=0.0, ubg=0.0
-    )
+    found = solver(x0=np.concatenate([x.ravel(), u.ravel()]), lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
     seconds = time.process_time() - began
     stats = solver.stats()
     return float(found["f"]), str(stats["return_status"]), seconds, int(stats["iter_count"])
@@ -187,9 +173,7 @@ def compare(problem: Problem) -> Comparison:
         ours = (np.inf, type(error).__name__, 0)
     seconds = time.process_time() - began
     theirs = _ipopt(planar, given, x, u)
-    return Comparison(
-        problem.name, ours[0], theirs[0], ours[1], theirs[1], seconds, theirs[2], ours[2], theirs[3]
-    )
+    return Comparison(problem.name, ours[0], theirs[0], ours[1], theirs[1], seconds, theirs[2], ours[2], theirs[3])
 
 
 def main() -> int:
@@ -215,12 +199,8 @@ def main() -> int:
         print(json.dumps([asdict(row) for row in rows], indent=1))
     elif rows:
         worse = [row.name for row in rows if row.better < -1e-6]
-        print(
-            f"\n{len(rows)} problems, median of the time ratio {np.median([r.ratio for r in rows]):.1f}"
-        )
-        print(
-            f"a lower cost than ours in {len(worse)}, a higher one in {sum(r.better > 1e-6 for r in rows)}"
-        )
+        print(f"\n{len(rows)} problems, median of the time ratio {np.median([r.ratio for r in rows]):.1f}")
+        print(f"a lower cost than ours in {len(worse)}, a higher one in {sum(r.better > 1e-6 for r in rows)}")
         for name in worse:
             print(f"    {name}")
     return 0

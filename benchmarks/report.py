@@ -180,9 +180,5 @@ def _number(value: float | None) -> str:
 def _time(seconds: float) -> str:
     for size, name in ((1.0, "s"), (1e-3, "ms"), (1e-6, "us")):
         if seconds >= size:
-            return (
-                f"{seconds / size:.3g} {name}"
-                if seconds < 100 * size
-                else f"{seconds / size:.0f} {name}"
-            )
+            return f"{seconds / size:.3g} {name}" if seconds < 100 * size else f"{seconds / size:.0f} {name}"
     return f"{seconds / 1e-9:.3g} ns"

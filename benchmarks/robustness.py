@@ -113,10 +113,7 @@ def certify(given: Given, x: np.ndarray, u: np.ndarray) -> Certificate:
     for trial in range(_DIRECTIONS):
         knots = rng.normal(size=(6 + 4 * trial, system.nu))
         smooth = np.stack(
-            [
-                np.interp(np.linspace(0, 1, system.N), np.linspace(0, 1, len(knots)), c)
-                for c in knots.T
-            ],
+            [np.interp(np.linspace(0, 1, system.N), np.linspace(0, 1, len(knots)), c) for c in knots.T],
             axis=1,
         )
         for size in (1e-3, 1e-2):
@@ -189,14 +186,11 @@ def summary(outcomes: list[Outcome]) -> dict[str, float]:
     return {
         "problems": len(outcomes),
         "certified": len(good),
-        "said converged, is no minimum": sum(
-            o.status in ("CONVERGED", "STALLED") and not o.minimum for o in outcomes
-        ),
+        "said converged, is no minimum": sum(o.status in ("CONVERGED", "STALLED") and not o.minimum for o in outcomes),
         "solves": solves,
         "indefinite share": sum(o.indefinite for o in outcomes) / max(solves, 1),
         "iterations": sum(o.iterations for o in outcomes),
-        "roll-outs per iteration, converged": sum(o.rollouts for o in good)
-        / max(sum(o.iterations for o in good), 1),
+        "roll-outs per iteration, converged": sum(o.rollouts for o in good) / max(sum(o.iterations for o in good), 1),
         "seconds": sum(o.seconds for o in outcomes),
     }
 

@@ -182,9 +182,7 @@ def _hung(*angles: float) -> dict[str, float]:
 _HOOKS = [(0.3 + 0.35 * k, 0.8) for k in range(4)]
 
 
-def _start(
-    kind: str, system: MidpointSystem, q0: Array, wanted: Array, seed: int, size: float
-) -> tuple[Array, Array]:
+def _start(kind: str, system: MidpointSystem, q0: Array, wanted: Array, seed: int, size: float) -> tuple[Array, Array]:
     """Return x, u of a start: "rest", "random" inputs, "line" (a straight line to the goal), "noise"."""
     m, N = system.integrator.mechanism, system.N
     rng = np.random.default_rng(seed)

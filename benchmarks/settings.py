@@ -35,6 +35,4 @@ FULL = Settings(
     steps=1000,
     repeats=3,
 )
-QUICK = Settings(
-    quick=True, budget=0.02, chain_links=(10, 20, 40, 80), stages=50, steps=100, repeats=1
-)
+QUICK = Settings(quick=True, budget=0.02, chain_links=(10, 20, 40, 80), stages=50, steps=100, repeats=1)

@@ -72,9 +72,7 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
         a, b = _first(parallel, case, x, settings), _second(parallel, case, x, settings)
         result += [
             timed(GROUP, "first derivatives A, B, all threads", a / N, "step", threads=threads),
-            timed(
-                GROUP, "second derivatives, contracted, all threads", b / N, "step", threads=threads
-            ),
+            timed(GROUP, "second derivatives, contracted, all threads", b / N, "step", threads=threads),
         ]
     return result
 
@@ -82,9 +80,7 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
 def _first(integrator: MidpointVI, case: Case, x: np.ndarray, settings: Settings) -> Timing:
     """Time A, B of the whole motion, written over those of the call before as an optimisation does."""
     d = integrator.linearize_arrays(case.t, x, case.u)
-    return best_of(
-        lambda: integrator.linearize_arrays(case.t, x, case.u, out=d), budget=settings.budget
-    )
+    return best_of(lambda: integrator.linearize_arrays(case.t, x, case.u, out=d), budget=settings.budget)
 
 
 def _second(integrator: MidpointVI, case: Case, x: np.ndarray, settings: Settings) -> Timing:
@@ -98,9 +94,7 @@ def _left_split(case: Case, settings: Settings) -> Row:
     """The step as the dissertation splits forces; its states are held against the stored ones."""
     core = MidpointVI(case.mechanism, split="left", threads=1).core
     out = core.roll_out(case.t, case.x0, None, case.u, None)
-    timing = best_of(
-        lambda: core.roll_out(case.t, case.x0, None, case.u, None), budget=settings.budget
-    )
+    timing = best_of(lambda: core.roll_out(case.t, case.x0, None, case.u, None), budget=settings.budget)
     note, details = "", {}
     if case.q is not None:
         difference = float(np.abs(out.x[:, : case.mechanism.nq] - case.q).max())

@@ -26,17 +26,12 @@ def rows(settings: Settings) -> list[Row | Absent]:
     first, run = _measure(drawn, q0, t, tension, settings)
     q, v = 0.5 * (run[1:] + run[:-1]), np.diff(run, axis=0) / _DT
     torque = np.array(
-        [
-            drawn.core.force(a, b, u) - drawn.core.force(a, b, 0 * u)
-            for a, b, u in zip(q, v, tension, strict=True)
-        ]
+        [drawn.core.force(a, b, u) - drawn.core.force(a, b, 0 * u) for a, b, u in zip(q, v, tension, strict=True)]
     )
     order = [driven.variables.index(name) for name in driven.inputs]
     second, other = _measure(driven, q0, t, np.ascontiguousarray(torque[:, order]), settings)
     apart = float(np.abs(run - other).max())
-    points = sum(
-        len(e.frames) for e in drawn.elements.values() if hasattr(e, "frames") and e.frames
-    )
+    points = sum(len(e.frames) for e in drawn.elements.values() if hasattr(e, "frames") and e.frames)
     return [
         timed(
             GROUP,

@@ -99,6 +99,4 @@ class Absent:
 
 def timed(group: str, name: str, timing: Timing, per: str, **others: Any) -> Row:
     """Return the row of a timing."""
-    return Row(
-        group, name, timing.best, per, median=timing.median, repeats=timing.repeats, **others
-    )
+    return Row(group, name, timing.best, per, median=timing.median, repeats=timing.repeats, **others)

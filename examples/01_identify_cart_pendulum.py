@@ -91,9 +91,7 @@ class Identified:
     chi2: float  # of the residuals, per degree of freedom: 1 if the model and the noise are right
     simulations: dict[str, int]
     seconds: dict[str, float]
-    jacobian_errors: dict[
-        str, float
-    ]  # relative to the largest entry of each column, at the estimate
+    jacobian_errors: dict[str, float]  # relative to the largest entry of each column, at the estimate
 
 
 def measurements() -> np.ndarray:
@@ -146,9 +144,7 @@ def draw(measured: np.ndarray, found: Identified) -> Figure:
         rest.axhspan(-2.0, 2.0, color="tab:blue", alpha=0.1, lw=0)
         rest.set(ylim=(-4.5, 4.5), yticks=(-2, 0, 2), ylabel=("cart", "pendulum")[i])
     axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
-    axes[2].set_title(
-        "measured less fit, in units of the noise; band: twice the noise", fontsize=10
-    )
+    axes[2].set_title("measured less fit, in units of the noise; band: twice the noise", fontsize=10)
     axes[3].set(xlabel="time (s)", xlim=(0.0, t[-1]))
     return figure
 

@@ -150,9 +150,7 @@ def check(cam: Trajectory, ball: Trajectory, nut: Trajectory) -> Result:
     s, slope = (sympy.lambdify(angle, e)(middle) for e in (travel(angle), travel(angle).diff()))
     s += nut["z"][0]  # from where it started
     n = nut.mechanism.parameters
-    speed = np.sqrt(
-        2.0 * n["nut.mass"] * GRAVITY * s / (n["screw.inertia.zz"] + n["nut.mass"] * slope**2)
-    )
+    speed = np.sqrt(2.0 * n["nut.mass"] * GRAVITY * s / (n["screw.inertia.zz"] + n["nut.mass"] * slope**2))
     w = np.diff(nut["angle"]) / np.diff(nut.t)
     return Result(
         cam,
@@ -178,9 +176,7 @@ def draw(result: Result) -> Figure:
     force = -cam["cam"] / np.diff(cam.t)
     contact.plot(turned[1:-1], force[1:], color="tab:red")
     contact.axhline(0.0, color="0.5", lw=0.8)
-    contact.fill_between(
-        turned[1:-1], np.minimum(force[1:], 0.0), color="tab:red", alpha=0.25, lw=0
-    )
+    contact.fill_between(turned[1:-1], np.minimum(force[1:], 0.0), color="tab:red", alpha=0.25, lw=0)
     contact.set(xlabel="turns of the cam", ylabel="force on the follower (N)", xlim=(0.0, 2.0))
     contact.text(1.0, 1.2, "shaded: the cam\nwould have to pull", ha="center", fontsize=9)
     wanted = np.where(ball.t < ball.t[-1] / 3.0, 20.0, 16.0)

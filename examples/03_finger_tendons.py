@@ -60,9 +60,7 @@ def finger(*elements: Element) -> Mechanism:
 def muscle(name: str, frames: list[str]) -> TendonForce:
     """Return a muscle that is strongest at the length that its tendon has in the straight finger."""
     slack = path_length(finger(), np.zeros(3), frames)
-    curve = Curve.from_function(
-        lambda length: float(np.exp(-(((length - slack) / 0.03) ** 2))), 0.05, 0.25
-    )
+    curve = Curve.from_function(lambda length: float(np.exp(-(((length - slack) / 0.03) ** 2))), 0.05, 0.25)
     return TendonForce(frames, name, STRENGTH[name], force_length=curve, name=name)
 
 
@@ -181,11 +179,7 @@ def main(output: Path) -> Result:
     """Simulate, check, print and draw."""
     result = simulate()
     bent = np.degrees(result.motion.q).max(axis=0)
-    print(
-        "bends to "
-        + ", ".join(f"{a:.0f} ({j})" for j, a in zip(JOINTS, bent, strict=True))
-        + " degrees"
-    )
+    print("bends to " + ", ".join(f"{a:.0f} ({j})" for j, a in zip(JOINTS, bent, strict=True)) + " degrees")
     for name, values in result.tensions.items():
         span = 1e3 * np.ptp(result.lengths[name])
         print(f"{name}: travels {span:.1f} mm, pulls with up to {values.max():.1f} N")

@@ -154,13 +154,9 @@ def draw(result: Result) -> Figure:
     axis = below.subplots()
     for k, (color, name) in enumerate((("tab:green", "slow mode"), ("tab:purple", "fast mode"))):
         said = result.rest.frequencies[k] / (2.0 * np.pi)
-        label = (
-            f"{name}: {result.frequencies[k]:.4f} Hz simulated, {said:.4f} Hz by the equilibrium"
-        )
+        label = f"{name}: {result.frequencies[k]:.4f} Hz simulated, {said:.4f} Hz by the equilibrium"
         axis.plot(result.swing.t[shown], 1e3 * result.along[shown, k], color=color, label=label)
-    axis.set(
-        xlabel="time (s)", ylabel="swing of the joint that\nmoves most (mrad)", xlim=(0.0, 2.0)
-    )
+    axis.set(xlabel="time (s)", ylabel="swing of the joint that\nmoves most (mrad)", xlim=(0.0, 2.0))
     axis.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return figure
 

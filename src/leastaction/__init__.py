@@ -110,11 +110,7 @@ from leastaction.optimal import (
     optimize_continuous,
     regulate,
 )
-from leastaction.optimal.continuous import (
-    ContinuousQuadraticCost,
-    regulate_continuous,
-    steady_state_regulator,
-)
+from leastaction.optimal.continuous import ContinuousQuadraticCost, regulate_continuous, steady_state_regulator
 from leastaction.systems import MechanismSystem, MidpointSystem
 
 __all__ = [

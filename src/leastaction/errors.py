@@ -109,14 +109,7 @@ class EquilibriumError(LeastActionError):
         The `Equilibrium` that was come to, which is none; None if not even the constraints could be met.
     """
 
-    def __init__(
-        self,
-        message: str,
-        *,
-        residuals: Mapping[str, float],
-        iteration: int,
-        reached: Any = None,
-    ) -> None:
+    def __init__(self, message: str, *, residuals: Mapping[str, float], iteration: int, reached: Any = None) -> None:
         super().__init__(message)
         self.residuals: dict[str, float] = worst_first(residuals)
         self.iteration = int(iteration)

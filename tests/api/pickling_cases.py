@@ -106,9 +106,7 @@ def late(t, x):
 
 
 def dynamics() -> la.ContinuousDynamics:
-    return la.ContinuousDynamics(
-        strung(), constraint_damping=2.0, constraint_stiffness=1.0, threads=1
-    )
+    return la.ContinuousDynamics(strung(), constraint_damping=2.0, constraint_stiffness=1.0, threads=1)
 
 
 def system() -> la.MidpointSystem:
@@ -117,9 +115,7 @@ def system() -> la.MidpointSystem:
 
 def cost() -> la.QuadraticCost:
     s = system()
-    return la.QuadraticCost(
-        np.ones((s.N + 1, s.nx)), np.zeros((s.N, s.nu)), Q=np.ones(s.nx), R=np.eye(s.nu)
-    )
+    return la.QuadraticCost(np.ones((s.N + 1, s.nx)), np.zeros((s.N, s.nu)), Q=np.ones(s.nx), R=np.eye(s.nu))
 
 
 @cache
@@ -141,15 +137,11 @@ def optimised_continuous() -> Any:
 
 
 def oscillating() -> continuous.FunctionContinuousSystem:
-    return continuous.FunctionContinuousSystem(
-        oscillator_rate, nx=2, nu=1, derivatives="finite-differences"
-    )
+    return continuous.FunctionContinuousSystem(oscillator_rate, nx=2, nu=1, derivatives="finite-differences")
 
 
 def continuous_cost() -> la.ContinuousQuadraticCost:
-    return la.ContinuousQuadraticCost(
-        np.zeros(2), np.zeros(1), Q=np.ones(2), R=np.ones(1), Q_final=np.ones(2)
-    )
+    return la.ContinuousQuadraticCost(np.zeros(2), np.zeros(1), Q=np.ones(2), R=np.ones(1), Q_final=np.ones(2))
 
 
 PUBLIC: dict[str, Callable[[], Any]] = {
@@ -168,9 +160,7 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "ElasticString": lambda: la.ElasticString(["bob", "hand"], stiffness=3.0, length=1.0),
     "Event": lambda: la.Event(late),
     "ExpressionConstraint": lambda: la.ExpressionConstraint(la.point("bob")[0] - la.variable("x")),
-    "ExpressionForce": lambda: la.ExpressionForce(
-        la.input_("u") * la.parameter("k", 2.0) * la.speed("x"), along="x"
-    ),
+    "ExpressionForce": lambda: la.ExpressionForce(la.input_("u") * la.parameter("k", 2.0) * la.speed("x"), along="x"),
     "ExpressionPotential": lambda: la.ExpressionPotential(la.distance("bob", "hand") ** 2),
     "Feedback": lambda: la.Feedback(np.ones((1, 4)), np.zeros(4), np.zeros(1)),
     "FixedOrientation": lambda: la.FixedOrientation("bob", "hand"),
@@ -198,9 +188,7 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "PointOnLine": lambda: la.PointOnLine("bob", "hand", direction="x"),
     "PointOnPlane": lambda: la.PointOnPlane("bob", "hand", normal="x"),
     "PointToPoint": lambda: la.PointToPoint("bob", "hand"),
-    "PrescribedMotion": lambda: la.PrescribedMotion.through(
-        np.arange(8.0), np.arange(8.0)[:, None] ** 2
-    ),
+    "PrescribedMotion": lambda: la.PrescribedMotion.through(np.arange(8.0), np.arange(8.0)[:, None] ** 2),
     "PrescribedPath": lambda: la.PrescribedPath("bob", x="px", z="pz"),
     "Projection": lambda: la.Projection(),
     "PythonConstraint": lambda: la.PythonConstraint(Square(), points=["bob"]),
@@ -230,17 +218,13 @@ OTHERS: dict[str, Callable[[], Any]] = {
     "Equilibrium": lambda: la.equilibrium(mechanism(), mechanism().configuration()),
     "Frame": lambda: la.pose(translation=[1.0, 0.0, 0.0], name="f", mass=1.0),
     "FunctionContinuousSystem": oscillating,
-    "FunctionSystem": lambda: optimal.FunctionSystem(
-        oscillator, nx=2, nu=1, N=5, derivatives="finite-differences"
-    ),
+    "FunctionSystem": lambda: optimal.FunctionSystem(oscillator, nx=2, nu=1, N=5, derivatives="finite-differences"),
     "LinearSystem": lambda: optimal.LinearSystem(np.ones((5, 2, 2)), np.ones((5, 2, 1))),
     "Step": lambda: integrator().step(start(), 0.01),
     "an expression": lambda: la.direction("bob", "x")[0] * la.speed("x"),
     "a description": lambda: [la.tx("x"), [la.rz({"x": 2.0}, offset=0.1)]],
     "DescriptionError": lambda: la.errors.DescriptionError("what was given"),
-    "StepError": lambda: la.errors.StepError(
-        "no solution", t=1.0, residuals={"x": 1.0}, iteration=3, state=start()
-    ),
+    "StepError": lambda: la.errors.StepError("no solution", t=1.0, residuals={"x": 1.0}, iteration=3, state=start()),
 }
 """What the public functions return and take besides."""
 
@@ -281,11 +265,7 @@ def parts(value: Any, where: str = "", seen: set[int] | None = None) -> Iterator
 
 def writable(value: Any) -> set[str]:
     """The paths of the arrays in a value that can be written to."""
-    return {
-        where
-        for where, part in parts(value)
-        if isinstance(part, np.ndarray) and part.flags.writeable
-    }
+    return {where for where, part in parts(value) if isinstance(part, np.ndarray) and part.flags.writeable}
 
 
 def look(value: Any) -> tuple[Any, set[str]]:

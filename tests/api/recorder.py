@@ -136,9 +136,7 @@ class Recorder:
 
     def add_constraint(self, coordinate, slot=-1, variable=-1):
         number = None if slot < 0 else self.numbers[slot]
-        self.elements.append(
-            ("constraint", self.scalars[coordinate], number, None if variable < 0 else variable)
-        )
+        self.elements.append(("constraint", self.scalars[coordinate], number, None if variable < 0 else variable))
 
     def add_potential(self, coordinate, law=-1):
         shape = None if law < 0 else self.laws[law]
@@ -147,9 +145,7 @@ class Recorder:
     def add_force(self, coordinate, gain_slot, input=-1, law_s=-1, law_v=-1):  # noqa: A002
         laws = [None if law < 0 else self.laws[law] for law in (law_s, law_v)]
         given = None if input < 0 else input
-        self.elements.append(
-            ("force", self.scalars[coordinate], self.numbers[gain_slot], given, *laws)
-        )
+        self.elements.append(("force", self.scalars[coordinate], self.numbers[gain_slot], given, *laws))
 
     def add_tape_force(self, coordinates, inputs, tape, slots):
         assert tape.n_inputs == 2 * len(coordinates) + len(inputs) + len(slots)
@@ -170,9 +166,7 @@ class Recorder:
     def joint_poses(self, q):
         """World pose of the moved frame of every joint."""
         poses = []
-        for (parent, base, twist, _), (factors, offset) in zip(
-            self.joints, self.coordinates, strict=True
-        ):
+        for (parent, base, twist, _), (factors, offset) in zip(self.joints, self.coordinates, strict=True):
             carrier = np.eye(4) if parent < 0 else poses[parent]
             s = offset + sum(factor * q[variable] for variable, factor in factors.items())
             poses.append(carrier @ base @ expm(twist_matrix(twist) * s))

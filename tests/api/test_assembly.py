@@ -228,9 +228,7 @@ def test_a_prescribed_length_that_is_too_short_is_named():
 
 def test_a_loop_that_cannot_close_names_its_equations():
     arm = [rx("a"), [tz(-1.0, mass=1.0), [rx("b"), [tz(-1.0, name="tip", mass=1.0)]]]]
-    mechanism = Mechanism(
-        [*arm, ty(3.0, name="wall")], [PointToPoint("tip", "wall", "yz", name="loop")]
-    )
+    mechanism = Mechanism([*arm, ty(3.0, name="wall")], [PointToPoint("tip", "wall", "yz", name="loop")])
     with pytest.raises(ContradictoryConstraintsError, match=r"'loop.y'.*out of reach") as caught:
         project_configuration(mechanism, [1.2, 0.3])
     assert caught.value.constraints == ("loop.y",)
@@ -322,9 +320,7 @@ def test_what_is_not_a_number_is_not_on_the_constraints():
 
 def test_a_rod_out_of_reach_is_named():
     reach = [rx("a"), [tz(-1.0, mass=1.0), [ry("b"), [tx(1.0, name="tip", mass=1.0)]]]]
-    mechanism = Mechanism(
-        [*reach, tx(9.0, name="wall")], [Distance("tip", "wall", 1.0, name="rope")]
-    )
+    mechanism = Mechanism([*reach, tx(9.0, name="wall")], [Distance("tip", "wall", 1.0, name="rope")])
     with pytest.raises(ContradictoryConstraintsError, match="'rope' is out of reach") as caught:
         project_configuration(mechanism, (0.1, 0.2))
     assert caught.value.constraints == ("rope",)
@@ -333,9 +329,7 @@ def test_a_rod_out_of_reach_is_named():
 
 def test_an_inconsistent_start_is_named_with_its_residual():
     mechanism = point(rod())
-    with pytest.raises(
-        InconsistentStartError, match=r"'rod' is off by 24.*project_configuration"
-    ) as caught:
+    with pytest.raises(InconsistentStartError, match=r"'rod' is off by 24.*project_configuration") as caught:
         check_consistent(mechanism, (3.0, 4.0))
     assert caught.value.residuals == {"rod": pytest.approx(24.0)}
     check_consistent(mechanism, (0.6, 0.8 + 1e-10))
@@ -386,7 +380,5 @@ def test_bad_arguments(case):
     options = {name: value for name, value in options.items() if name != "q"}
     with pytest.raises(ArgumentError, match=pattern):
         project_configuration(point(rod()), q, **options)
-    with pytest.raises(
-        ArgumentError, match=pattern.replace("q", "v", 1) if "q" in pattern else pattern
-    ):
+    with pytest.raises(ArgumentError, match=pattern.replace("q", "v", 1) if "q" in pattern else pattern):
         project_velocity(point(rod()), [0.6, 0.8], q, **options)

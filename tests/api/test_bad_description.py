@@ -420,9 +420,7 @@ def build(tree):
 @given(tree=trees, acting=elements, order=st.one_of(st.none(), st.lists(names, max_size=3)))
 def test_random_descriptions_compile_or_are_refused(tree, acting, order):
     try:
-        mechanism = Mechanism(
-            build(tree), [make(*arguments) for make, arguments in acting], dynamic=order
-        )
+        mechanism = Mechanism(build(tree), [make(*arguments) for make, arguments in acting], dynamic=order)
     except DescriptionError:
         return
     q = np.linspace(-1.0, 1.0, mechanism.nq)
@@ -434,9 +432,7 @@ def test_random_descriptions_compile_or_are_refused(tree, acting, order):
 
 sound = st.recursive(
     st.just([]),
-    lambda lower: st.lists(
-        st.tuples(primitives, st.booleans(), st.floats(-1.0, 1.0), lower), min_size=1, max_size=3
-    ),
+    lambda lower: st.lists(st.tuples(primitives, st.booleans(), st.floats(-1.0, 1.0), lower), min_size=1, max_size=3),
     max_leaves=8,
 )
 

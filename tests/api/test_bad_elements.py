@@ -277,11 +277,7 @@ MISFITS = {
 
 
 def flat(table):
-    return [
-        pytest.param(*case, id=f"{kind} {what}")
-        for kind, cases in table.items()
-        for what, case in cases.items()
-    ]
+    return [pytest.param(*case, id=f"{kind} {what}") for kind, cases in table.items() for what, case in cases.items()]
 
 
 @pytest.mark.parametrize(("make", "pattern"), flat(FIELDS))
@@ -312,9 +308,7 @@ def test_every_element_type_is_here():
     types = {
         name
         for name, kind in vars(la).items()
-        if isinstance(kind, type)
-        and issubclass(kind, la.Element)
-        and not kind.__module__.endswith(users_own)
+        if isinstance(kind, type) and issubclass(kind, la.Element) and not kind.__module__.endswith(users_own)
     }
     assert types - families - elsewhere == set(FIELDS) == set(MISFITS)
 
@@ -328,9 +322,7 @@ plain = st.floats(0.1, 2.0)
 sums = st.one_of(variables, st.dictionaries(variables, st.floats(-1.0, 1.0), max_size=2))
 paths = st.lists(names, min_size=1, max_size=4)
 triples = st.lists(st.one_of(plain, st.sampled_from(["u", "w"])), min_size=3, max_size=3)
-directions = st.one_of(
-    st.sampled_from(["x", "y", "z", "w"]), st.lists(plain, min_size=3, max_size=3)
-)
+directions = st.one_of(st.sampled_from(["x", "y", "z", "w"]), st.lists(plain, min_size=3, max_size=3))
 rotations = st.sampled_from([np.eye(3), np.eye(2), -np.eye(3), np.full((3, 3), NAN)])
 sound = {
     **dict.fromkeys(("frame", "frame1", "frame2", "plane", "line"), names),

@@ -39,9 +39,7 @@ def rows_of(measured: dict[str, Any], group: str) -> list[dict[str, Any]]:
 
 def test_every_group_of_ours_was_measured(measured):
     # Only other programs may be absent.
-    failed = [
-        row for row in measured["absent"] if row["group"] in GROUPS and "failed" in row["reason"]
-    ]
+    failed = [row for row in measured["absent"] if row["group"] in GROUPS and "failed" in row["reason"]]
     assert failed == []
     assert {row["group"] for row in measured["rows"]} >= GROUPS
     assert measured["quick"] is True

@@ -19,9 +19,7 @@ T = [0.0, 0.5, 1.0]
 
 def crane() -> Mechanism:
     """Return a mass that is pushed along x, behind a prescribed height."""
-    return Mechanism(
-        [ty("height", kinematic=True), [tx("x", mass=1.0)]], [JointForce("x", input="push")]
-    )
+    return Mechanism([ty("height", kinematic=True), [tx("x", mass=1.0)]], [JointForce("x", input="push")])
 
 
 def run(**options):

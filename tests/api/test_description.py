@@ -135,9 +135,7 @@ def test_poses_agree_with_an_independent_product_of_transformations():
             worlds.append(worlds[frame.parent] @ local)
         for name, expected in zip(mechanism.frames, worlds, strict=True):
             np.testing.assert_allclose(mechanism.frame_pose(q, name), expected, atol=1e-14)
-        np.testing.assert_allclose(
-            mechanism.core.joint_poses(q[None])[0], recorder.joint_poses(q), atol=1e-14
-        )
+        np.testing.assert_allclose(mechanism.core.joint_poses(q[None])[0], recorder.joint_poses(q), atol=1e-14)
 
 
 def test_bodies_turn_with_the_constant_frames_that_carry_them():
@@ -195,9 +193,7 @@ def test_variables_come_in_the_order_of_the_tree_or_as_asked():
     q1, q2 = mechanism.configuration(values), other.configuration(values)
     np.testing.assert_allclose(mechanism.positions(q1), other.positions(q2), atol=1e-15)
     order = [mechanism.variables.index(name) for name in other.variables]
-    np.testing.assert_allclose(
-        other.mass_matrix(q2), mechanism.mass_matrix(q1)[np.ix_(order, order)], atol=1e-14
-    )
+    np.testing.assert_allclose(other.mass_matrix(q2), mechanism.mass_matrix(q1)[np.ix_(order, order)], atol=1e-14)
 
 
 def test_inputs_are_shared_by_name_and_ordered_as_asked():

@@ -47,9 +47,7 @@ def test_gravity_on_some_frames_is_the_weight_of_their_masses():
         tx("x", name="box", mass=1.0, com=(3.0, 0.0, 0.0), bodies=[body]),
         [rz(np.pi / 2, name="turned", mass=4.0, com=(1.0, 0.0, 0.0))],
     ]
-    recorder, values = compiled(
-        la.Gravity((0, -2.0, -9.0), frames=["box", "turned"]), description=description
-    )
+    recorder, values = compiled(la.Gravity((0, -2.0, -9.0), frames=["box", "turned"]), description=description)
     assert values == {
         "gravity(box, turned).mass.box": 3.0,
         "gravity(box, turned).mass.turned": 4.0,
@@ -70,9 +68,7 @@ def test_gravity_on_some_frames_is_the_weight_of_their_masses():
 
 def test_partial_gravities_add_up_to_the_whole_one():
     whole = Mechanism(tree(), [la.Gravity()])
-    parts = Mechanism(
-        tree(), [la.Gravity(frames=["cart", "bob"]), la.Gravity(frames=["mast", "wheel"])]
-    )
+    parts = Mechanism(tree(), [la.Gravity(frames=["cart", "bob"]), la.Gravity(frames=["mast", "wheel"])])
     q, v = np.linspace(-0.7, 0.9, whole.nq), np.zeros(whole.nq)
     assert parts.energy(q, v).potential == pytest.approx(whole.energy(q, v).potential, abs=1e-13)
     both = Mechanism(tree(), [la.Gravity(), la.Gravity((0, 0, 9.81), frames=["bob"])])
@@ -295,9 +291,7 @@ def test_tendon_force():
     assert (by_length, by_velocity) == (("polynomial", -1.0), None)
     assert values == {"m.gain": 2.0}
 
-    recorder, _ = compiled(
-        la.TendonForce(["post", "bob"], "u", force_length=CURVE, force_velocity=CURVE)
-    )
+    recorder, _ = compiled(la.TendonForce(["post", "bob"], "u", force_length=CURVE, force_velocity=CURVE))
     *_, by_length, by_velocity = only(recorder)
     assert (by_length[0], by_length[-1]) == ("piecewise", -1.0)
     assert (by_velocity[0], by_velocity[-1]) == ("piecewise", 1.0)
@@ -333,15 +327,11 @@ def test_drag():
         "air.wind.y": -0.5,
         "air.wind.z": 0.2,
     }
-    mechanism = Mechanism(
-        [tx("x"), [la.ty("y"), [la.tz("z", name="ball", mass=1.0)]]], [la.Drag("ball", 0.3, **AIR)]
-    )
+    mechanism = Mechanism([tx("x"), [la.ty("y"), [la.tz("z", name="ball", mass=1.0)]]], [la.Drag("ball", 0.3, **AIR)])
     v = np.array([0.3, 2.0, -1.0])
     w = v - AIR["wind"]
     expected = -0.3 * (w @ w + 0.01) ** 0.75 * w
-    np.testing.assert_allclose(
-        mechanism.core.force(np.zeros(3), v, np.zeros(0)), expected, rtol=1e-14
-    )
+    np.testing.assert_allclose(mechanism.core.force(np.zeros(3), v, np.zeros(0)), expected, rtol=1e-14)
 
 
 AIR = {"exponent": 2.5, "wind": (1.0, -0.5, 0.2), "smoothing": 0.1}
@@ -355,13 +345,9 @@ ELEMENTS = {
     "cart to bob, 2 N m^2": la.InverseSquareGravity("cart", "bob", 2.0),
     "cart to bob, 5 N/m, length 0.5 m": la.LinearSpring("cart", "bob", 5.0, length=0.5),
     "2 x - theta, stiffness 5, rest 0": la.JointSpring({"x": 2.0, "theta": -1.0}, 5.0),
-    "world to mast about y, 5 N m/rad, rest 0.1 rad": la.TorsionalSpring(
-        "world", "mast", 5.0, axis="y", rest=0.1
-    ),
+    "world to mast about y, 5 N m/rad, rest 0.1 rad": la.TorsionalSpring("world", "mast", 5.0, axis="y", rest=0.1),
     "post to bob, force over 0 to 3": la.NonlinearSpring(["post", "bob"], CURVE),
-    "post to cart to bob, 5 N/m, length 1 m, tension only": la.ElasticString(
-        ["post", "cart", "bob"], 5.0, 1.0
-    ),
+    "post to cart to bob, 5 N/m, length 1 m, tension only": la.ElasticString(["post", "cart", "bob"], 5.0, 1.0),
     "post to bob, rope": la.PathLength(["post", "bob"], "rope"),
     "post to bob, 2 m": la.Distance("post", "bob", 2.0),
     "bob on the plane of post across (0, 1, 1)": la.PointOnPlane("post", "bob", normal=(0, 1, 1)),
@@ -379,9 +365,7 @@ ELEMENTS = {
     "bob, force (0, 0, 1) N, torque (1, 0, 0) N m": la.SpatialWrench(
         "bob", force=(0, 0, 1), torque=np.array([1.0, 0.0, 0.0])
     ),
-    "u along post to bob, gain 2, force by length": la.TendonForce(
-        ["post", "bob"], "u", gain=2.0, force_length=CURVE
-    ),
+    "u along post to bob, gain 2, force by length": la.TendonForce(["post", "bob"], "u", gain=2.0, force_length=CURVE),
     "bob, coefficient 0.1, exponent 2, wind (1, 0, 0) m/s": la.Drag("bob", 0.1, wind=(1, 0, 0)),
 }
 

@@ -113,9 +113,7 @@ def test_a_constant_amount_is_the_constant_motion(kind, amount):
     make, expected = JOINTS[kind]
     poses = placed([make(amount, name="f")], {})
     scale = max(1.0, abs(amount))
-    np.testing.assert_allclose(
-        poses["f"], expm(twist_matrix(expected) * amount), atol=2e-14 * scale
-    )
+    np.testing.assert_allclose(poses["f"], expm(twist_matrix(expected) * amount), atol=2e-14 * scale)
 
 
 def test_a_point_of_the_axis_stays_and_a_screw_advances_by_its_pitch_a_turn():
@@ -125,9 +123,7 @@ def test_a_point_of_the_axis_stays_and_a_screw_advances_by_its_pitch_a_turn():
     ]
     poses = placed(description, {"a": 1.1, "b": 2 * np.pi})
     np.testing.assert_allclose(poses["hinge"] @ [*POINT, 1.0], [*POINT, 1.0], atol=1e-15)
-    np.testing.assert_allclose(
-        poses["hinge"][:3, :3], Rotation.from_rotvec(1.1 * UNIT).as_matrix(), atol=1e-15
-    )
+    np.testing.assert_allclose(poses["hinge"][:3, :3], Rotation.from_rotvec(1.1 * UNIT).as_matrix(), atol=1e-15)
     np.testing.assert_allclose(poses["nut"][:3, 3], [0, 0, -0.01], atol=1e-15)
 
 
@@ -144,19 +140,15 @@ def test_the_primitives_are_special_cases():
 
 def test_the_length_of_an_axis_does_not_matter():
     for scale in (1e-200, 1.0, 1e200):
-        np.testing.assert_allclose(
-            revolute("s", axis=scale * AXIS).twist, revolute("s", axis=AXIS).twist, rtol=1e-15
-        )
+        np.testing.assert_allclose(revolute("s", axis=scale * AXIS).twist, revolute("s", axis=AXIS).twist, rtol=1e-15)
 
 
 def test_chained_and_nested_descriptions_are_the_same():
     tree = world()
-    tree.screw("a", axis="z", pitch=0.1, mass=1.0).revolute(
-        "b", axis=AXIS, mass=1.0, com=(1, 0, 0)
-    ).prismatic("c", axis="x", mass=1.0).twist("d", linear=(1, 0, 0), angular=(0, 0, 1), mass=1.0)
-    tree.universal("u").ball("b1", mass=1.0, inertia=(1, 1, 1)).free(
-        "f", mass=1.0, inertia=(1, 1, 1)
-    )
+    tree.screw("a", axis="z", pitch=0.1, mass=1.0).revolute("b", axis=AXIS, mass=1.0, com=(1, 0, 0)).prismatic(
+        "c", axis="x", mass=1.0
+    ).twist("d", linear=(1, 0, 0), angular=(0, 0, 1), mass=1.0)
+    tree.universal("u").ball("b1", mass=1.0, inertia=(1, 1, 1)).free("f", mass=1.0, inertia=(1, 1, 1))
     nested = [
         screw("a", axis="z", pitch=0.1, mass=1.0), [
             revolute("b", axis=AXIS, mass=1.0, com=(1, 0, 0)), [
@@ -221,9 +213,7 @@ def test_couplings_three_ways_are_the_same_calls():
 
 def test_an_offset_turns_the_frame_at_zero():
     poses = placed([rz("a", offset=0.4, name="f", mass=1.0, com=(1, 0, 0))], {"a": 0.3})
-    np.testing.assert_allclose(
-        poses["f"][:3, :3], Rotation.from_euler("z", 0.7).as_matrix(), atol=1e-15
-    )
+    np.testing.assert_allclose(poses["f"][:3, :3], Rotation.from_euler("z", 0.7).as_matrix(), atol=1e-15)
     constant = placed([tx(0.5, offset=0.25, name="g")], {})
     assert constant["g"][0, 3] == 0.75
 
@@ -239,9 +229,7 @@ def test_one_variable_moves_many_frames():
     # The plate is carried around but does not turn.
     np.testing.assert_allclose(poses["plate"][:3, :3], np.eye(3), atol=1e-15)
     np.testing.assert_allclose(poses["plate"][:3, 3], [-np.sin(0.8), np.cos(0.8), 0], atol=1e-15)
-    np.testing.assert_allclose(
-        poses["half"][:3, :3], Rotation.from_euler("z", 0.4).as_matrix(), atol=1e-15
-    )
+    np.testing.assert_allclose(poses["half"][:3, :3], Rotation.from_euler("z", 0.4).as_matrix(), atol=1e-15)
 
 
 def test_variables_of_both_kinds_in_one_joint():
@@ -292,9 +280,7 @@ def test_a_free_joint_is_three_translations_and_euler_angles(axes):
 
 
 def test_bodies_and_children_belong_to_the_last_frame():
-    settled = described(
-        [ball("hip", mass=2.0, inertia=(1, 1, 1)), [tz(-0.4, name="knee", mass=1.0)]]
-    )
+    settled = described([ball("hip", mass=2.0, inertia=(1, 1, 1)), [tz(-0.4, name="knee", mass=1.0)]])
     names = [frame.name for frame in settled.tree.frames]
     assert names == ["world", "rx(hip.rx)", "ry(hip.ry)", "hip", "knee"]
     frames = {frame.name: frame for frame in settled.tree.frames}
@@ -344,9 +330,7 @@ def test_a_composition_stands_in_one_place_only():
 def test_a_variable_is_massless_only_if_none_of_its_joints_moves_a_mass():
     slack = [rz("a"), rz(2 * var("a"), name="gear")]
     assert Mechanism([*slack, rz(-var("a"), mass=1.0, com=(1, 0, 0))]).dynamic == ("a",)
-    with pytest.raises(
-        DescriptionError, match=r"massless dynamic variable 'a'.*frames 'rz\(a\)', 'gear'"
-    ):
+    with pytest.raises(DescriptionError, match=r"massless dynamic variable 'a'.*frames 'rz\(a\)', 'gear'"):
         Mechanism(slack)
 
 
@@ -372,9 +356,7 @@ def test_inertia_counts_at_any_scale_of_a_twist():
     for scale in (1e-7, 1.0, 1e7):
         Mechanism([tx(100.0), [twist("s", angular=(0, 0, scale), mass=1.0, com=(0.01, 0, 0))]])
         with pytest.raises(DescriptionError, match=r"massless dynamic variable 's'.*axis"):
-            Mechanism(
-                [ry(0.3), [tx(100.0), [twist("s", angular=(0, 0, scale)), [tz(0.7, mass=1.0)]]]]
-            )
+            Mechanism([ry(0.3), [tx(100.0), [twist("s", angular=(0, 0, scale)), [tz(0.7, mass=1.0)]]]])
 
 
 # Views
@@ -590,9 +572,7 @@ amounts = mostly(
         st.dictionaries(variables, good, min_size=1, max_size=3),
         st.builds(lambda a, f, b, c: f * var(a) - var(b) / f + c, variables, good, variables, good),
     ),
-    st.one_of(
-        st.dictionaries(variables, factors, max_size=3), st.sampled_from([1e300, NAN, {}, None])
-    ),
+    st.one_of(st.dictionaries(variables, factors, max_size=3), st.sampled_from([1e300, NAN, {}, None])),
 )
 vectors = mostly(
     st.one_of(st.tuples(*[st.floats(-2.0, 2.0)] * 3), st.sampled_from(["x", "y", "-z"])),
@@ -604,9 +584,7 @@ masses = st.fixed_dictionaries(
         "mass": mostly(st.sampled_from([0.0, 0.5, 2.0, 2.0]), st.sampled_from([1e300, -1.0])),
         "inertia": st.just((0.2, 0.3, 0.4)),
         "com": st.just((0.1, 0.2, 0.3)),
-        "kinematic": mostly(
-            st.just(False), st.one_of(st.just(True), st.lists(variables, max_size=2), st.just("a"))
-        ),
+        "kinematic": mostly(st.just(False), st.one_of(st.just(True), st.lists(variables, max_size=2), st.just("a"))),
     },
 )
 kinds = st.one_of(
@@ -630,9 +608,7 @@ kinds = st.one_of(
     st.tuples(
         st.sampled_from([ball, free]),
         st.one_of(variables, st.lists(amounts, min_size=3, max_size=3)),
-        st.fixed_dictionaries(
-            {}, optional={"axes": mostly(st.sampled_from(["xyz", "zxz"]), st.just("xxy"))}
-        ),
+        st.fixed_dictionaries({}, optional={"axes": mostly(st.sampled_from(["xyz", "zxz"]), st.just("xxy"))}),
     ),
     st.tuples(st.just(universal), st.one_of(variables, st.tuples(amounts, amounts)), st.just({})),
 )
@@ -663,13 +639,9 @@ def test_random_joints_compile_or_are_refused(tree):
     assert np.isfinite(mechanism.positions(q)).all()
     assert np.isfinite(inertia).all()
     assert (np.diag(inertia)[: mechanism.nd] >= 0.0).all()
-    assert mechanism.energy(q, v).kinetic == pytest.approx(
-        0.5 * v @ inertia @ v, rel=1e-9, abs=1e-12
-    )
+    assert mechanism.energy(q, v).kinetic == pytest.approx(0.5 * v @ inertia @ v, rel=1e-9, abs=1e-12)
     for name in mechanism.frames:
         J = mechanism.frame_jacobian(q, name)
-        np.testing.assert_allclose(
-            mechanism.frame_velocity(q, v, name), J @ v, rtol=1e-9, atol=1e-9
-        )
+        np.testing.assert_allclose(mechanism.frame_velocity(q, v, name), J @ v, rtol=1e-9, atol=1e-9)
     assert str(mechanism).startswith("world")
     assert mechanism._repr_html_().endswith("</div>")

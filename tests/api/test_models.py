@@ -103,8 +103,7 @@ def test_the_rest_pose_is_in_balance_and_every_string_is_taut():
     np.testing.assert_allclose(jacobian[:, :nd].T @ multiplier, force, atol=1e-10)
     # The strings exert -Dh^T lam; on its own length, that is the pull to let it out: the tension.
     tensions = [
-        -multiplier[i] * jacobian[i, mechanism.variables.index(string.length)]
-        for i, string in enumerate(STRINGS)
+        -multiplier[i] * jacobian[i, mechanism.variables.index(string.length)] for i, string in enumerate(STRINGS)
     ]
     assert min(tensions) > 2.0
     assert sum(tensions) == pytest.approx(9.8 * 18.75, rel=1e-12)

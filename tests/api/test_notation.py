@@ -120,9 +120,7 @@ def arrays_of_the_core() -> Iterator[str]:
             functions = [node] if isinstance(node, ast.FunctionDef) else []
         for function in functions:
             for argument in function.args.args + function.args.kwonlyargs:
-                if argument.annotation and ast.unparse(argument.annotation).startswith(
-                    "Annotated[NDArray"
-                ):
+                if argument.annotation and ast.unparse(argument.annotation).startswith("Annotated[NDArray"):
                     yield argument.arg
             returns = ast.unparse(function.returns) if function.returns else ""
             is_property = any(ast.unparse(d) == "property" for d in function.decorator_list)

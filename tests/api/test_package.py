@@ -71,12 +71,8 @@ def test_unknown_variant_is_an_error_that_names_the_known_ones() -> None:
 
 def test_stub_states_every_name_of_the_core() -> None:
     tree = ast.parse(files("leastaction._core").joinpath("_native.pyi").read_text("utf-8"))
-    stated = {
-        node.name for node in tree.body if isinstance(node, ast.ClassDef | ast.FunctionDef)
-    } | {
-        node.target.id
-        for node in tree.body
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+    stated = {node.name for node in tree.body if isinstance(node, ast.ClassDef | ast.FunctionDef)} | {
+        node.target.id for node in tree.body if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
     }
     written_in_python = {"VARIANTS", "available_variants", "variant"}
     assert set(_core.__all__) - written_in_python <= stated

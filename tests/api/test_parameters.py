@@ -213,9 +213,7 @@ def test_it_is_printed_with_its_numbers() -> None:
     assert changed.elements["string"].length == 1.25  # type: ignore[attr-defined]
     assert changed.mass == pytest.approx(m.mass + 5.5)
     # A frame that has no name but its transformation, and numbers that no field of an element holds.
-    changed = m.with_parameters(
-        {"tz(c)/tz(0.1).value": 0.7, "curve.scale": 2.5, "magnet.strength": 0.45}
-    )
+    changed = m.with_parameters({"tz(c)/tz(0.1).value": 0.7, "curve.scale": 2.5, "magnet.strength": 0.45})
     for part in ("tz(0.7)", "curve.scale", "magnet.strength", "2.5", "0.45"):
         assert part in str(changed)
         assert part in changed._repr_html_()
@@ -367,9 +365,7 @@ def test_a_frame_without_a_name_has_parameters_by_its_variable() -> None:
     assert changed.parameters["cart.mass"] == 3.0
     assert changed.mass == 7.5
     # A name that another frame was given is not taken away from it, nor is a coupled coordinate one variable.
-    taken = Mechanism(
-        [tx("cart", mass=2.0), [rz(2.0 * la.var("a"), name="cart", mass=1.0, com=(1, 0, 0))]]
-    )
+    taken = Mechanism([tx("cart", mass=2.0), [rz(2.0 * la.var("a"), name="cart", mass=1.0, com=(1, 0, 0))]])
     assert taken.parameters["cart.mass"] == 1.0
     assert taken.parameters["tx(cart).mass"] == 2.0
     with pytest.raises(ArgumentError, match=r"'tx\(wagon\)\.mass'.*unknown|unknown.*wagon"):

@@ -91,9 +91,7 @@ def workers() -> Iterator[ProcessPoolExecutor]:
 def test_it_goes_to_another_process_and_back(workers):
     names = list(CASES)
     values = [CASES[name]() for name in names]
-    for name, value, (back, there) in zip(
-        names, values, workers.map(look, values, chunksize=8), strict=True
-    ):
+    for name, value, (back, there) in zip(names, values, workers.map(look, values, chunksize=8), strict=True):
         assert there <= writable(value), name
         check_same(value, back)
 

@@ -37,9 +37,7 @@ def test_the_parameters_of_elements_go_to_the_element_that_has_them():
     oil = la.NonlinearDamping("mass", (0.3,), name="g.mass.fc")
     mechanism = Mechanism(arm("fc.c1"), [pull])
     assert mechanism.with_parameters({"g.mass.fc.c1": 3.0}).parameters["g.mass.fc.c1"] == 3.0
-    with pytest.raises(
-        DescriptionError, match=r"'g.mass.fc': its par.*'g.mass.fc.c1'|'g.mass.fc.c1'.*'g'"
-    ):
+    with pytest.raises(DescriptionError, match=r"'g.mass.fc': its par.*'g.mass.fc.c1'|'g.mass.fc.c1'.*'g'"):
         Mechanism(arm("fc.c1"), [pull, oil])
 
 
@@ -64,9 +62,7 @@ def test_new_values_leave_no_variable_without_inertia():
     mechanism = Mechanism([rz("a", name="wheel", mass=1.0, com=(0.5, 0.0, 0.0))])
     with pytest.raises(DescriptionError, match=r"massless dynamic variable 'a'.*axis"):
         mechanism.with_parameters({"wheel.com.x": 0.0})
-    with pytest.raises(
-        DescriptionError, match=r"inertia that the variable 'a'.*(inf|nan).*too large"
-    ):
+    with pytest.raises(DescriptionError, match=r"inertia that the variable 'a'.*(inf|nan).*too large"):
         mechanism.with_parameters({"wheel.com.x": 1e300})
     assert mechanism.with_parameters({"wheel.com.x": 1e-6}).mass_matrix([0.0])[0, 0] == 1e-12
 

@@ -23,11 +23,7 @@ def cannot_change(cls: type) -> bool:
     return frozen or issubclass(cls, (enum.Enum, tuple, Exception))
 
 
-PLAIN = {
-    name: it
-    for name, it in classes(leastaction).items()
-    if not issubclass(it, (enum.Enum, Exception))
-}
+PLAIN = {name: it for name, it in classes(leastaction).items() if not issubclass(it, (enum.Enum, Exception))}
 ELSEWHERE = {
     name: it
     for module in (mechanics, optimal)

@@ -78,10 +78,7 @@ def test_version(leastaction) -> None:
 
 def test_help_is_quick() -> None:
     # The commands import what they need when they run, so that help does not wait for all of it.
-    code = (
-        "import sys, leastaction.apps.cli; "
-        "sys.exit(any(name in sys.modules for name in ('scipy', 'matplotlib')))"
-    )
+    code = "import sys, leastaction.apps.cli; sys.exit(any(name in sys.modules for name in ('scipy', 'matplotlib')))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -132,9 +129,7 @@ def test_a_motion_file_that_is_none(leastaction, tmp_path: Path) -> None:
     assert list(out.iterdir()) == []
 
 
-def test_the_folder_is_checked_before_the_run(
-    leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_folder_is_checked_before_the_run(leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def must_not_run(*arguments: object, **options: object) -> None:
         raise AssertionError("the run started")
 
@@ -156,9 +151,7 @@ def test_missing_matplotlib_is_said_before_the_run(
     assert not (tmp_path / "out").exists()
 
 
-def test_ctrl_c_before_there_is_a_result(
-    leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_before_there_is_a_result(leastaction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 

@@ -102,9 +102,7 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_stopped(leastaction: Run, tmp_pa
     few = ("--no-plots", "--no-animation", "--tolerance", "1e-9")
     whole, half, rest = (tmp_path / name for name in ("whole", "half", "rest"))
     assert leastaction("demo", "--duration", "0.3", "--out", whole, *few)[0] == 0
-    code, out, _ = leastaction(
-        "demo", "--duration", "0.3", "--out", half, "--max-iterations", "1", *few
-    )
+    code, out, _ = leastaction("demo", "--duration", "0.3", "--out", half, "--max-iterations", "1", *few)
     assert code == 0
     assert f"--resume {half / 'trajectory.npz'}" in out
     assert load_run(half / "trajectory.npz").result.status is Status.ITERATION_LIMIT
@@ -119,9 +117,7 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_stopped(leastaction: Run, tmp_pa
     assert second.source == first.source
 
 
-def test_ctrl_c_keeps_the_last_iterate(
-    leastaction: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_keeps_the_last_iterate(leastaction: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = IterationTable.__call__
 
     def interrupt(self: IterationTable, record: IterationRecord) -> Any:

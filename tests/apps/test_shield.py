@@ -39,9 +39,7 @@ def run(words: Sequence[object], *, before: str = "", **options: object) -> tupl
 
 def run_until(pattern: str, words: Sequence[object], number: signal.Signals) -> tuple[int, str]:
     """Run the command line and send it a signal after a line of its output: exit code and error output."""
-    process = subprocess.Popen(
-        command(words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen(command(words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     for line in process.stdout:
         if re.search(pattern, line):
@@ -197,8 +195,7 @@ def test_a_picture_that_cannot_be_written(tmp_path: Path) -> None:
     assert code == 1
     assert "Tracking error" in out
     assert errors == (
-        "error: cannot write convergence.png: full. "
-        f"The run itself is in {tmp_path / 'trajectory.npz'}\n"
+        f"error: cannot write convergence.png: full. The run itself is in {tmp_path / 'trajectory.npz'}\n"
     )
 
 

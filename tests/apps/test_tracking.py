@@ -115,8 +115,7 @@ def test_derivatives_of_the_tracking_cost() -> None:
     curvature = cost.value(x + dx, u + du) - 2.0 * cost.value(x, u) + cost.value(x - dx, u - du)
     final = dx[-1] @ (hessian.Q_final * dx[-1])
     stages = sum(
-        a @ hessian.Q @ a + 2.0 * a @ hessian.S @ b + b @ hessian.R @ b
-        for a, b in zip(dx[:-1], du, strict=True)
+        a @ hessian.Q @ a + 2.0 * a @ hessian.S @ b + b @ hessian.R @ b for a, b in zip(dx[:-1], du, strict=True)
     )
     assert curvature == pytest.approx(stages + final, rel=1e-9)
 

@@ -217,9 +217,7 @@ def test_a_scene_of_any_mechanism() -> None:
     np.testing.assert_allclose(made.ghost["C0"], mechanism.positions(q + 0.1, ["C0"])[:, 0])
     assert len(_data(viz.animation_page(made))["bones"]) == 4
     cord = Cord(name="spring", start="B0", end="A1")
-    pulled = viz.mechanism_scene(
-        mechanism, t, q, bones=(), cords=[cord], tension=np.ones((10, 1)), focus="C0"
-    )
+    pulled = viz.mechanism_scene(mechanism, t, q, bones=(), cords=[cord], tension=np.ones((10, 1)), focus="C0")
     assert pulled.tension is not None
     assert set(pulled.points) == {"B0", "A1", "C0"}
     with pytest.raises(ArgumentError, match=r"tension has shape \(10,\), expected \(N, 1\)"):

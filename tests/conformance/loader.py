@@ -41,9 +41,7 @@ ELEMENTS: dict[str, Callable[[dict[str, Any]], Element]] = {
     "hybrid_wrench": lambda e: HybridWrench(e["frame"], **halves(e["wrench"])),
     "config_force": lambda e: JointForce(e["config"], input=e["input"]),
     "distance": lambda e: Distance(*e["frames"], length=e["length"]),
-    "point_on_plane": lambda e: PointOnPlane(
-        e["plane_frame"], e["point_frame"], normal=e["normal"]
-    ),
+    "point_on_plane": lambda e: PointOnPlane(e["plane_frame"], e["point_frame"], normal=e["normal"]),
     "point_to_point_component": lambda e: PointToPoint(
         *e["frames"], axes=e["axis"], name=f"{' on '.join(e['frames'])} {e['axis']}"
     ),

@@ -18,10 +18,7 @@ import pytest
 from conformance.loader import ELEMENTS, Case, load_case
 from leastaction.mechanics import MidpointVI, State, Trajectory
 
-FOLDER = Path(
-    os.environ.get("CONFORMANCE_DIR")
-    or Path(__file__).resolve().parents[3] / "shared" / "conformance"
-)
+FOLDER = Path(os.environ.get("CONFORMANCE_DIR") or Path(__file__).resolve().parents[3] / "shared" / "conformance")
 
 # All element types that the form of the cases knows. A case is run as soon as the loader knows its types.
 DOCUMENTED = {
@@ -70,9 +67,7 @@ def no_case() -> object:
 
 def waiting_types(path: Path) -> set[str]:
     data = json.loads(path.read_text())
-    used = {
-        entry["type"] for kind in ("potentials", "forces", "constraints") for entry in data[kind]
-    }
+    used = {entry["type"] for kind in ("potentials", "forces", "constraints") for entry in data[kind]}
     return used - set(ELEMENTS)
 
 
@@ -153,16 +148,12 @@ def test_second_derivatives(path: Path) -> None:
     full = vi.tensors(run, 0)
     outputs = {"q2": full.x[: m.nd], "p2": full.x[m.nq : m.nq + m.nd], "lambda1": full.lam}
     for output, tensor in outputs.items():
-        for (name1, first), (name2, second) in combinations_with_replacement(
-            arguments(vi).items(), 2
-        ):
+        for (name1, first), (name2, second) in combinations_with_replacement(arguments(vi).items(), 2):
             name = f"d_{output}_d{name1}d{name2}"
             ours = tensor[:, first, second]
             # Theirs: the two arguments first, the output last.
             assert_close(ours, np.moveaxis(arrays[name], -1, 0), SECOND, name)
-            assert_close(
-                tensor[:, second, first], ours.transpose(0, 2, 1), 1e-15, f"{name}, mirrored"
-            )
+            assert_close(tensor[:, second, first], ours.transpose(0, 2, 1), 1e-15, f"{name}, mirrored")
 
 
 @pytest.mark.parametrize("path", cases())
@@ -173,9 +164,7 @@ def test_contracted_is_the_contraction_of_the_full_tensors(path: Path) -> None:
     rng = np.random.default_rng(5)
     z, z_lam = rng.standard_normal(m.nx), rng.standard_normal(m.nc)
     ours = vi.curvature(run, vi.linearize(run), z[None], z_lam=z_lam[None])[0]
-    assert_close(
-        ours, np.tensordot(z, full.x, 1) + np.tensordot(z_lam, full.lam, 1), CONTRACTED, "H"
-    )
+    assert_close(ours, np.tensordot(z, full.x, 1) + np.tensordot(z_lam, full.lam, 1), CONTRACTED, "H")
     without = vi.curvature(run, vi.linearize(run), z[None])[0]
     assert_close(without, np.tensordot(z, full.x, 1), CONTRACTED, "H without multipliers")
 

@@ -73,9 +73,7 @@ class Plant:
         self.left, self.right = self.frame("L3"), self.frame("L7")
         self.middle, self.post = self.frame("L1"), self.frame("L8")
 
-    def _add(
-        self, j: int, parent: str, kind: int, amount: object, kinematic: bool, bodies: tuple
-    ) -> None:
+    def _add(self, j: int, parent: str, kind: int, amount: object, kinematic: bool, bodies: tuple) -> None:
         methods = ["rx", "ry", "rz", "rx", "tz", "revolute", "prismatic", "screw", "twist"]
         method, rng = methods[kind], self.rng
         three = [rng.uniform(-1.0, 1.0, 3) for _ in range(2)]
@@ -321,9 +319,7 @@ def elastic_string_about_slack(p: Plant) -> list[Element]:
 def elastic_rod(p: Plant) -> list[Element]:
     path = [p.left, p.middle, p.right]
     length = 1.1 * p.length(*path)
-    return [
-        la.ElasticString(path, stiffness=p.number(5.0, 20.0), length=length, tension_only=False)
-    ]
+    return [la.ElasticString(path, stiffness=p.number(5.0, 20.0), length=length, tension_only=False)]
 
 
 # Constraints
@@ -534,9 +530,7 @@ def expression_potential(p: Plant) -> list[Element]:
     magnet = -ex.parameter("strength", 0.3) / ex.distance(p.left, p.right) ** 3
     vane = ex.direction(p.middle, (1.0, 2.0, -0.5)).dot(ex.direction(p.right, "z"))
     angle = sympy.atan2(ex.point(p.post)[1], 3.0 + ex.point(p.post)[0] ** 2)
-    mixed = sympy.exp(vane / 2) * sympy.tanh(ex.variable("b")) + angle**2 * sympy.sin(
-        ex.variable("s")
-    )
+    mixed = sympy.exp(vane / 2) * sympy.tanh(ex.variable("b")) + angle**2 * sympy.sin(ex.variable("s"))
     return [
         la.ExpressionPotential(magnet + 2.0 * vane, name="magnet"),
         la.ExpressionPotential(ex.parameter("scale", 1.7) * mixed),

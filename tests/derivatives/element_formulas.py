@@ -52,9 +52,7 @@ class Motion:
     def turning_work(self, frame: str, torque: Array) -> Array:
         """Return f with ``f . v = torque . w`` for every velocity v and the angular velocity w of the frame."""
         R = self.here.rotation(frame)
-        hats = jnp.einsum(
-            "ijn,kj->ikn", jax.jacfwd(lambda q: self.place(q).rotation(frame))(self.q), R
-        )
+        hats = jnp.einsum("ijn,kj->ikn", jax.jacfwd(lambda q: self.place(q).rotation(frame))(self.q), R)
         return torque @ jnp.stack([hats[2, 1], hats[0, 2], hats[1, 0]])
 
     def number(self, component: float | str) -> Array | float:

@@ -65,9 +65,7 @@ def springs() -> Mechanism:
             la.TorsionalSpring("cart", "lower", 2.0, rest=0.1, name="torsion"),
             la.NonlinearSpring(["hook", "tip", "end"], curve, name="curve"),
             la.ElasticString(["hook", "lower", "end"], 30.0, 1.1, smoothing=0.1, name="string"),
-            la.ElasticString(
-                ["foot", "nut", "hand"], 8.0, 0.9, tension_only=False, name="both_ways"
-            ),
+            la.ElasticString(["foot", "nut", "hand"], 8.0, 0.9, tension_only=False, name="both_ways"),
             la.InverseSquareGravity("tip", "hand", 0.3, name="attraction"),
             la.ExpressionPotential(energy, name="user"),
         ],

@@ -43,20 +43,14 @@ class Tree:
 
     def core(self) -> _core.Mechanism:
         builder = _core.MechanismBuilder(self.n_dynamic, self.n_kinematic, self.inputs.shape[1])
-        for parent, pose, twist, variable in zip(
-            self.parent, self.pose, self.twist, self.variable, strict=True
-        ):
+        for parent, pose, twist, variable in zip(self.parent, self.pose, self.twist, self.variable, strict=True):
             builder.add_joint(int(parent), pose, twist, int(variable))
-        for joint, mass, com, inertia in zip(
-            self.body_joint, self.mass, self.com, self.inertia, strict=True
-        ):
+        for joint, mass, com, inertia in zip(self.body_joint, self.mass, self.com, self.inertia, strict=True):
             builder.add_body(int(joint), float(mass), com, inertia)
         for joint, offset in zip(self.point_joint, self.point_offset, strict=True):
             builder.add_point(int(joint), offset)
         builder.set_gravity(self.gravity)
-        for (p1, p2), length, variable in zip(
-            self.ends, self.length, self.length_variable, strict=True
-        ):
+        for (p1, p2), length, variable in zip(self.ends, self.length, self.length_variable, strict=True):
             builder.add_distance(int(p1), int(p2), float(length), int(variable))
         for i, coefficient in enumerate(self.damping):
             builder.add_damping(i, float(coefficient))
@@ -176,9 +170,7 @@ def step_problem(tree: Tree, seed: int, *, dt: float = 0.01) -> StepProblem:
     q = rng.uniform(-1.0, 1.0, tree.nq)
     lengths = tree.length_variable
     q[lengths[lengths >= 0]] = 0.0
-    slack = replace(
-        tree, length=np.zeros(len(tree.ends)), length_variable=np.full_like(lengths, -1)
-    )
+    slack = replace(tree, length=np.zeros(len(tree.ends)), length_variable=np.full_like(lengths, -1))
     apart = np.sqrt(slack.core().constraints(q))
     q[lengths[lengths >= 0]] = apart[lengths >= 0]
     tree = replace(tree, length=apart)

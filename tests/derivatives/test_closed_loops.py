@@ -61,10 +61,7 @@ def test_equations_and_freedom(axes: str, freedom: int) -> None:
     wanted = (left - right)[["xyz".index(axis) for axis in axes]]
     np.testing.assert_allclose(m.constraint_values(q), wanted, atol=1e-15)
     step = 1e-6
-    slopes = [
-        (m.constraint_values(q + e) - m.constraint_values(q - e)) / (2 * step)
-        for e in step * np.eye(m.nq)
-    ]
+    slopes = [(m.constraint_values(q + e) - m.constraint_values(q - e)) / (2 * step) for e in step * np.eye(m.nq)]
     np.testing.assert_allclose(m.constraint_jacobian(q), np.transpose(slopes), atol=1e-9)
 
 
@@ -73,9 +70,7 @@ def test_a_loop_moves_closed_with_exact_derivatives() -> None:
     q = project_configuration(m, m.configuration({"a2": 0.5, "b1": -0.4, "a3": 0.2, "b2": 0.3})).q
     vi = MidpointVI(m)
     t = 0.01 * np.arange(201)
-    run = vi.simulate(
-        vi.start(q), t, inputs=lambda s: [2.0 * np.sin(5 * s)], rho=lambda s: q[m.nd :] + 0.1 * s
-    )
+    run = vi.simulate(vi.start(q), t, inputs=lambda s: [2.0 * np.sin(5 * s)], rho=lambda s: q[m.nd :] + 0.1 * s)
     assert run.steps == 200, run.message
     assert np.ptp(run.q[:, : m.nd], axis=0).max() > 0.1
     assert np.abs(m.constraint_values(run.q)).max() < 1e-13

@@ -38,9 +38,7 @@ SEEDS = range(10)
 VALUES, FIRST, SECOND = 1e-11, 1e-10, 1e-8
 
 
-def residuals(
-    d: oracle.Data, nd: int, law: jnp.ndarray, y: jnp.ndarray, th: jnp.ndarray
-) -> jnp.ndarray:
+def residuals(d: oracle.Data, nd: int, law: jnp.ndarray, y: jnp.ndarray, th: jnp.ndarray) -> jnp.ndarray:
     """Return ``[r - Dh' lam; h'' + law . (h', h)]`` at y = [a dynamic; lam], th = [q; v; u; rho_a]."""
     nu = d["inputs"].shape[1]
     nc = len(y) - nd
@@ -75,9 +73,7 @@ def first_order(
 
 
 @partial(jax.jit, static_argnums=1)
-def bent(
-    d: oracle.Data, nd: int, law: jnp.ndarray, z: jnp.ndarray, w: jnp.ndarray, ny: jnp.ndarray
-) -> jnp.ndarray:
+def bent(d: oracle.Data, nd: int, law: jnp.ndarray, z: jnp.ndarray, w: jnp.ndarray, ny: jnp.ndarray) -> jnp.ndarray:
     """Return the second derivative of the residuals at z = [y; th] along w."""
     y, th = z[: len(ny)], z[len(ny) :]
 
@@ -109,9 +105,7 @@ class Solved:
             rng.uniform(-1.0, 1.0, m.nu),
             rng.uniform(-1.0, 1.0, m.nrho),
         )
-        self.dynamics = ContinuousDynamics(
-            m, constraint_damping=law[0], constraint_stiffness=law[1], threads=1
-        )
+        self.dynamics = ContinuousDynamics(m, constraint_damping=law[0], constraint_stiffness=law[1], threads=1)
         self.out = self.dynamics.accelerations(*self.point)
         self.d, self.law = oracle.data_of(tree), jnp.array(law)
         self.y = np.concatenate([self.out.a, self.out.lam])
@@ -417,9 +411,6 @@ def test_one_point_may_hold_constraints_between_two_bodies() -> None:
     out = dynamics.accelerations(q, v)
     core = dynamics.mechanism.core
     eps = 1e-4
-    heights = [
-        core.constraints(np.array(q) + s * np.array(v) + s**2 / 2 * out.a)[0]
-        for s in (-eps, 0, eps)
-    ]
+    heights = [core.constraints(np.array(q) + s * np.array(v) + s**2 / 2 * out.a)[0] for s in (-eps, 0, eps)]
     assert abs(heights[0] - 2 * heights[1] + heights[2]) / eps**2 < 1e-6
     assert out.a[0] == pytest.approx(-out.a[1], 1e-12)

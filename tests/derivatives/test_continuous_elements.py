@@ -140,9 +140,7 @@ def test_orders_of_the_oracle_are_those_of_its_equations(name: str) -> None:
     def slope(y: Any) -> Any:
         return jax.jvp(function, (y,), (w,))[1]
 
-    value, first, second = jax.jit(
-        lambda y: (function(y), slope(y), jax.jvp(slope, (y,), (w,))[1])
-    )(z)
+    value, first, second = jax.jit(lambda y: (function(y), slope(y), jax.jvp(slope, (y,), (w,))[1]))(z)
     scale = np.abs(s.dynamics.mechanism.mass_matrix(s.at.q)).max() * np.abs(s.at.a).max()
     assert np.abs(theirs.value - value).max() < 1e-11 * scale
     assert error(theirs.first @ w, np.asarray(first)) < 1e-11

@@ -92,9 +92,7 @@ def rod(p: Plant, way: str) -> Element:
 
 
 @cache
-def described(
-    element: Callable[[Plant, str], Element], seed: int, way: str
-) -> tuple[Mechanism, Any]:
+def described(element: Callable[[Plant, str], Element], seed: int, way: str) -> tuple[Mechanism, Any]:
     """Return a mechanism with the element, and the configuration of the tree."""
     plant = Plant(seed, element.__name__)
     mechanism = plant.mechanism([element(plant, way)])

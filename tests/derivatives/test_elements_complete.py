@@ -42,9 +42,7 @@ def test_there_are_types_of_every_family() -> None:
 @pytest.mark.parametrize("cls", TYPES, ids=lambda cls: cls.__name__)
 def test_every_type_has_a_case(cls: type[Element]) -> None:
     name = cls.__name__
-    assert getattr(mechanics, name, None) is cls, (
-        f"{name} is not exported from leastaction.mechanics"
-    )
+    assert getattr(mechanics, name, None) is cls, f"{name} is not exported from leastaction.mechanics"
     assert name in mechanics.__all__
     family = next(key for key, (base, _) in FAMILIES.items() if issubclass(cls, base))
     assert name in FAMILIES[family][1], f"{name} has no formula in element_formulas.py"

@@ -78,9 +78,7 @@ def wanted(name: str, seed: int, split: str) -> dict[str, np.ndarray]:
     one[:, at] = first
     two[:, at[:, None], at] = second
     rows = {"q": slice(0, m.nd), "lam": slice(m.nd, ny), "p": slice(ny, None)}
-    return {name: one[part] for name, part in rows.items()} | {
-        f"{name}2": two[part] for name, part in rows.items()
-    }
+    return {name: one[part] for name, part in rows.items()} | {f"{name}2": two[part] for name, part in rows.items()}
 
 
 def parts(m: object, x: np.ndarray, lam: np.ndarray) -> dict[str, np.ndarray]:
@@ -151,9 +149,7 @@ def test_orders_of_the_oracle_are_those_of_its_residuals(name: str) -> None:
 
     first = jax.jacfwd(residuals)
     along = np.random.default_rng(7).uniform(-1.0, 1.0, len(made.z))
-    value, J, bent = jax.jit(
-        lambda z: (residuals(z), first(z), jax.jvp(first, (z,), (jnp.asarray(along),))[1])
-    )(made.z)
+    value, J, bent = jax.jit(lambda z: (residuals(z), first(z), jax.jvp(first, (z,), (jnp.asarray(along),))[1]))(made.z)
     scale = np.abs(made.orders[0]).max()
     assert np.abs(made.orders[0] - value).max() < 1e-12 * scale
     assert error(made.orders[1], np.asarray(J)) < 1e-12

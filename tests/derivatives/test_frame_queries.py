@@ -130,9 +130,7 @@ def test_frame_velocities_and_jacobians_against_automatic_differentiation(mechan
         q, v = rng.uniform(-1.5, 1.5, (2, mechanism.nq))
         oracle = partial(velocity, mechanism, name, jnp.array(point), axes)
         options = {"point": point, "axes": axes}
-        np.testing.assert_allclose(
-            mechanism.frame_velocity(q, v, name, **options), oracle(q, v), atol=1e-12
-        )
+        np.testing.assert_allclose(mechanism.frame_velocity(q, v, name, **options), oracle(q, v), atol=1e-12)
         J = mechanism.frame_jacobian(q, name, **options)
         assert J.shape == (6, mechanism.nq)
         np.testing.assert_allclose(J, jax.jacfwd(oracle, argnums=1)(q, v), atol=1e-12)
@@ -218,23 +216,17 @@ def test_mass_centre_and_momentum_of_all_bodies(mechanism):
         assert mechanism.mass == pytest.approx(mass, rel=1e-15)
         np.testing.assert_allclose(mechanism.center_of_mass(q), moment / mass, atol=1e-12)
         angular = [P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]]
-        np.testing.assert_allclose(
-            mechanism.total_momentum(q, v), [*momentum, *angular], rtol=1e-12, atol=1e-12
-        )
+        np.testing.assert_allclose(mechanism.total_momentum(q, v), [*momentum, *angular], rtol=1e-12, atol=1e-12)
 
 
 def test_total_momentum_is_that_of_the_variables_that_move_everything():
     mechanism = Mechanism([free("b", **HEAVY), [ball("c", **HEAVY), tx(0.5), [rz("d", **HEAVY)]]])
     q, v = np.random.default_rng(13).uniform(-1, 1, (2, mechanism.nq))
-    np.testing.assert_allclose(
-        mechanism.total_momentum(q, v)[:3], mechanism.momentum(q, v)[:3], rtol=1e-13
-    )
+    np.testing.assert_allclose(mechanism.total_momentum(q, v)[:3], mechanism.momentum(q, v)[:3], rtol=1e-13)
 
 
 def test_total_momentum_is_kept_where_nothing_acts():
-    mechanism = Mechanism(
-        [free("b", **HEAVY), [tx(0.5), [rx("c", **HEAVY), [ty(0.3), [rz("d", **HEAVY)]]]]]
-    )
+    mechanism = Mechanism([free("b", **HEAVY), [tx(0.5), [rx("c", **HEAVY), [ty(0.3), [rz("d", **HEAVY)]]]]])
     vi = MidpointVI(mechanism)
     q = np.zeros(mechanism.nq)
     v = np.random.default_rng(14).uniform(-0.5, 0.5, mechanism.nq)

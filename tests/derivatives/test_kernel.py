@@ -35,13 +35,9 @@ def by_qv(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
 def test_trees_have_what_they_are_to_prove() -> None:
     trees = [random_tree(seed) for seed in SEEDS]
     branched = [np.bincount(t.parent + 1, minlength=2)[1:].max() > 1 for t in trees]
-    assert all(
-        not np.array_equal(t.variable, np.arange(len(t.variable))) for t in trees
-    )  # an order of their own
+    assert all(not np.array_equal(t.variable, np.arange(len(t.variable))) for t in trees)  # an order of their own
     assert sum(branched) >= 6
-    assert all(
-        np.isin(t.body_joint, np.flatnonzero(t.variable >= t.n_dynamic)).any() for t in trees
-    )
+    assert all(np.isin(t.body_joint, np.flatnonzero(t.variable >= t.n_dynamic)).any() for t in trees)
     assert all(len(set(t.body_joint)) < len(t.body_joint) for t in trees)  # two bodies on one joint
     assert all(np.abs(t.inertia[0] - np.diag(np.diag(t.inertia[0]))).max() > 1e-3 for t in trees)
     # every kind of joint: axes, lines, screws

@@ -12,9 +12,7 @@ from derivatives.random_tree import Tree, random_tree
 def symbolic_lagrangian(tree: Tree, q: list, v: list) -> sympy.Expr:
     """Return L = T - V from 4x4 poses; T of a body is tr(G' J G'^T) / 2 with its 4x4 pseudo-inertia."""
     poses = []
-    for parent, base, twist, variable in zip(
-        tree.parent, tree.pose, tree.twist, tree.variable, strict=True
-    ):
+    for parent, base, twist, variable in zip(tree.parent, tree.pose, tree.twist, tree.variable, strict=True):
         x, y, z, a, b, c = (sympy.Float(float(e)) for e in twist)
         hat = sympy.Matrix([[0, -c, b, x], [c, 0, -a, y], [-b, a, 0, z], [0, 0, 0, 0]])
         w, s = sympy.sqrt(a**2 + b**2 + c**2), q[variable]
@@ -26,9 +24,7 @@ def symbolic_lagrangian(tree: Tree, q: list, v: list) -> sympy.Expr:
         poses.append(start * sympy.Matrix(base) * moved)
     L = sympy.Integer(0)
     g = sympy.Matrix(tree.gravity)
-    for joint, m, com, inertia in zip(
-        tree.body_joint, tree.mass, tree.com, tree.inertia, strict=True
-    ):
+    for joint, m, com, inertia in zip(tree.body_joint, tree.mass, tree.com, tree.inertia, strict=True):
         J = np.zeros((4, 4))
         J[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia + m * np.outer(com, com)
         J[:3, 3] = J[3, :3] = m * com
@@ -51,10 +47,7 @@ def test_kernel_is_what_sympy_derives(seed: int, kind: int) -> None:
     z = [*q, *v]
     gradient = [L.diff(a) for a in z]
     hessian = [[row.diff(a) for a in z[: i + 1]] for i, row in enumerate(gradient)]
-    third = [
-        [sum(entry.diff(a) * e for a, e in zip(z, along, strict=True)) for entry in row]
-        for row in hessian
-    ]
+    third = [[sum(entry.diff(a) * e for a, e in zip(z, along, strict=True)) for entry in row] for row in hessian]
     flat = [L, *gradient, *(e for row in hessian for e in row), *(e for row in third for e in row)]
     values = np.random.default_rng(seed).uniform(-1.0, 1.0, 4 * n)
     wanted = np.array(sympy.lambdify(names, flat, "math", cse=True)(*values), dtype=float)

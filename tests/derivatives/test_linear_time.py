@@ -31,9 +31,7 @@ def assert_same(ours: _core.RollOut, dense: _core.RollOut, tolerance: float) -> 
     assert ours.iterations == dense.iterations
     for name in ("x", "lam"):
         size = max(1.0, np.abs(getattr(dense, name)).max(initial=0.0))
-        np.testing.assert_allclose(
-            getattr(ours, name), getattr(dense, name), rtol=0, atol=tolerance * size
-        )
+        np.testing.assert_allclose(getattr(ours, name), getattr(dense, name), rtol=0, atol=tolerance * size)
 
 
 # Random starts fling some trees about so fast that no step exists; these seeds have one.

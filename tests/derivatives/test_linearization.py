@@ -53,9 +53,7 @@ def system() -> MidpointSystem:
 
 
 def system_of(threads: int) -> MidpointSystem:
-    return MidpointSystem(
-        MidpointVI(swinging_weight(), threads=threads), DT * np.arange(N + 1), multipliers=True
-    )
+    return MidpointSystem(MidpointVI(swinging_weight(), threads=threads), DT * np.arange(N + 1), multipliers=True)
 
 
 @pytest.fixture(scope="module")
@@ -232,9 +230,7 @@ def test_arrays_are_views_that_keep_their_memory_and_cannot_be_written(
     assert not A.base.flags.writeable
 
 
-def test_derivatives_travel(
-    system: MidpointSystem, motions: list[tuple[np.ndarray, np.ndarray]]
-) -> None:
+def test_derivatives_travel(system: MidpointSystem, motions: list[tuple[np.ndarray, np.ndarray]]) -> None:
     d = system.integrator.linearize(system.trajectory(*motions[0]), multipliers=True)
     z = np.ones((N, d.mechanism.nx))
     linearization = system.linearize(*motions[0])
@@ -244,9 +240,7 @@ def test_derivatives_travel(
             assert not getattr(there(d), name).flags.writeable
         np.testing.assert_array_equal(there(d).curvature(z), d.curvature(z))
         weights = np.ones((N, system.nx))
-        np.testing.assert_array_equal(
-            there(linearization).curvature(weights), linearization.curvature(weights)
-        )
+        np.testing.assert_array_equal(there(linearization).curvature(weights), linearization.curvature(weights))
 
 
 def test_after_a_step_that_does_not_exist_the_next_call_is_as_good_as_new(

@@ -167,9 +167,7 @@ def test_bodies_on_one_frame_add_up() -> None:
         [la.Gravity((0.0, -9.8, 1.0))],
     )
     vi = MidpointVI(m)
-    both = vi.differentiate_by(
-        vi.simulate(vi.start([0.7], [1.0]), [0.0, 0.1, 0.2]), ["first.value", "second.value"]
-    )
+    both = vi.differentiate_by(vi.simulate(vi.start([0.7], [1.0]), [0.0, 0.1, 0.2]), ["first.value", "second.value"])
     np.testing.assert_allclose(both.x[..., 0], both.x[..., 1], rtol=1e-13, atol=1e-15)
 
 
@@ -268,9 +266,7 @@ def test_a_trajectory_from_a_momentum() -> None:
     assert not plain.x[0].any()
     dx0 = np.zeros((m.nx, 2))
     dx0[m.nq : m.nq + m.nd] = momentum_by(m, c.start.q, c.v, names)
-    np.testing.assert_array_equal(
-        vi.sensitivity(run, names, dx0=dx0).x, vi.sensitivity(run, names, v=c.v).x
-    )
+    np.testing.assert_array_equal(vi.sensitivity(run, names, dx0=dx0).x, vi.sensitivity(run, names, v=c.v).x)
     steps = vi.differentiate_by(run, names)
     np.testing.assert_array_equal(plain.x[1], steps.x[0])
 

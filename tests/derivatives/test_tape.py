@@ -65,9 +65,7 @@ def relative(ours: np.ndarray | float, theirs: np.ndarray | float) -> float:
     return float(np.abs(ours - theirs).max() / (1.0 + np.abs(theirs).max()))
 
 
-def symbolic(
-    expression: sympy.Expr, symbols: Sequence[sympy.Symbol], z: np.ndarray
-) -> list[np.ndarray]:
+def symbolic(expression: sympy.Expr, symbols: Sequence[sympy.Symbol], z: np.ndarray) -> list[np.ndarray]:
     """Return value, gradient, Hessian and third derivative, in more digits than are compared."""
     at = dict(zip(symbols, map(sympy.Float, z), strict=True))
     tensor = sympy.Array(expression)
@@ -233,9 +231,7 @@ def test_symbols_and_functions_that_are_no_arguments(wrong: sympy.Expr) -> None:
 
 
 def tape(n: int, rows: list[list[int]], constants: Sequence[float] = ()) -> _core.Tape:
-    return _core.Tape(
-        n, np.array(rows, dtype=np.int64).reshape(-1, 3), np.array(constants, dtype=float)
-    )
+    return _core.Tape(n, np.array(rows, dtype=np.int64).reshape(-1, 3), np.array(constants, dtype=float))
 
 
 @pytest.mark.parametrize(

@@ -45,9 +45,7 @@ class Moving(NamedTuple):
 
 def crane(**order: list[str]) -> Mechanism:
     """Return a mechanism with everything: a prescribed turntable with a mass, inputs, damping, two ropes."""
-    load = [
-        rx("swing", mass=2.0, com=(0.0, 0.1, -0.7), inertia=(0.3, 0.25, 0.1, 0.01, 0.02, -0.03))
-    ]
+    load = [rx("swing", mass=2.0, com=(0.0, 0.1, -0.7), inertia=(0.3, 0.25, 0.1, 0.01, 0.02, -0.03))]
     return Mechanism(
         [rz("table", kinematic=True, mass=5.0, com=(0.3, 0.1, 0.0), inertia=(1.0, 1.0, 1.5)), [
             tz(1.0), [ry("boom", mass=3.0, com=(0.8, 0.0, 0.0), inertia=(0.1, 0.6, 0.6)), [
@@ -82,9 +80,7 @@ def moving_marionette() -> Moving:
     m = marionette()
     q = rest_pose(m)
     rng = np.random.default_rng(1)
-    return Moving(
-        m, q, project_velocity(m, q, 0.3 * rng.standard_normal(m.nq)).v, np.zeros(0), 0.02
-    )
+    return Moving(m, q, project_velocity(m, q, 0.3 * rng.standard_normal(m.nq)).v, np.zeros(0), 0.02)
 
 
 def moving_chain() -> Moving:
@@ -125,9 +121,7 @@ def test_remainder_is_of_third_order(build: Callable[[], Moving], split: str) ->
     second = np.concatenate([full.x, full.lam])
     rng = np.random.default_rng(3)
     # A shift of momenta or of strings moves a step dt times less, or as much, than one of configurations.
-    size = np.concatenate(
-        [np.full(m.nq, 1.0), np.full(m.nx - m.nq, 10.0), np.full(m.nu + m.nrho, 1.0)]
-    )
+    size = np.concatenate([np.full(m.nq, 1.0), np.full(m.nx - m.nq, 10.0), np.full(m.nu + m.nrho, 1.0)])
     along = rng.uniform(-1.0, 1.0, m.nx + m.nu + m.nrho) * size
     along[m.nx + m.nu :] = along[m.nd : m.nq]  # prescribed: both ends of the step together
     middle = step(vi, x, u, dt)
@@ -166,10 +160,9 @@ def test_first_derivatives_are_not_differences_and_agree_with_them(
     for j, e in enumerate(np.eye(len(x) + len(u))):
         # Richardson: the error falls with h^4
         coarse, fine = (
-            (
-                step(vi, x + s * e[: m.nx], u + s * e[m.nx :], dt)
-                - step(vi, x - s * e[: m.nx], u - s * e[m.nx :], dt)
-            )[: m.nx]
+            (step(vi, x + s * e[: m.nx], u + s * e[m.nx :], dt) - step(vi, x - s * e[: m.nx], u - s * e[m.nx :], dt))[
+                : m.nx
+            ]
             / (2 * s)
             for s in (h, h / 2)
         )
@@ -203,9 +196,7 @@ def test_order_of_the_names_permutes_the_derivatives() -> None:
         m = vi.mechanism
         force = np.array([{"motor": 3.0, "drive": -2.0}[name] for name in m.inputs])
         start = vi.start(case.q, case.v)
-        runs.append(
-            vi.simulate(start, [0.0, dt], inputs=force, rho=(case.q + dt * case.v)[None, m.nd :])
-        )
+        runs.append(vi.simulate(start, [0.0, dt], inputs=force, rho=(case.q + dt * case.v)[None, m.nd :]))
     d1, d2 = vi1.linearize(runs[0]), vi2.linearize(runs[1])
     close(d2.A[0], d1.A[0][np.ix_(x, x)])
     close(d2.B[0], d1.B[0][np.ix_(x, u)])

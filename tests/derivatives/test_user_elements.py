@@ -47,9 +47,7 @@ def relative(ours: np.ndarray | float, theirs: np.ndarray | float) -> float:
     return float(np.abs(ours - theirs).max() / np.abs(theirs).max())
 
 
-def derivatives(
-    scalar: sympy.Expr, symbols: tuple[sympy.Symbol, ...], at: np.ndarray, orders: int
-) -> list[np.ndarray]:
+def derivatives(scalar: sympy.Expr, symbols: tuple[sympy.Symbol, ...], at: np.ndarray, orders: int) -> list[np.ndarray]:
     """Return value, gradient ... to an order from SymPy; at a complex step too, for one order more."""
     tensor, out = sympy.Array(scalar), []
     for order in range(orders + 1):

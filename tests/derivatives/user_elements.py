@@ -32,9 +32,7 @@ from leastaction.mechanics.expressions.terms import (
     variable,
 )
 
-THETA, LIFT, NUT, ALPHA, BETA, HEIGHT = SYMBOLS = sympy.symbols(
-    "theta lift nut alpha beta height", real=True
-)
+THETA, LIFT, NUT, ALPHA, BETA, HEIGHT = SYMBOLS = sympy.symbols("theta lift nut alpha beta height", real=True)
 NAMES = tuple(symbol.name for symbol in SYMBOLS)
 
 
@@ -200,15 +198,9 @@ BETWEEN = point("magnet") - point("coil")
 GAP = distance("magnet", "coil")
 POLE, COIL = direction("magnet", "z"), direction("coil", "z")
 
-CAM = (
-    point("follower")[1]
-    - parameter("stroke", 0.05) * (1 - sympy.cos(ANGLE))
-    - sympy.sin(2 * ANGLE) ** 2 / 100
-)
+CAM = point("follower")[1] - parameter("stroke", 0.05) * (1 - sympy.cos(ANGLE)) - sympy.sin(2 * ANGLE) ** 2 / 100
 SCREW = variable("nut") - 0.02 * ANGLE - 0.003 * ANGLE**3
-DIPOLES = parameter("strength", 2e-3) * (
-    POLE.dot(COIL) / GAP**3 - 3 * POLE.dot(BETWEEN) * COIL.dot(BETWEEN) / GAP**5
-)
+DIPOLES = parameter("strength", 2e-3) * (POLE.dot(COIL) / GAP**3 - 3 * POLE.dot(BETWEEN) * COIL.dot(BETWEEN) / GAP**5)
 PULL = -6e-3 * input_("current") / GAP**4
 # A motor with back-EMF and a magnetic brake on the arm: rates, an input and a product of scalars of the machine.
 MOTOR = (

@@ -12,9 +12,7 @@ DOCS = sorted((ROOT / "docs").glob("*.md"))
 CODE = [
     pytest.param(page, block, id=f"{page.stem}-{number}")
     for page in DOCS
-    for number, block in enumerate(
-        re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
-    )
+    for number, block in enumerate(re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL))
 ]
 
 
@@ -37,7 +35,5 @@ def test_what_it_points_to_exists(page: Path) -> None:
 def test_the_places_in_the_tree_that_it_names_exist(page: Path) -> None:
     if page.stem == "CHANGELOG":  # it tells of places that were
         return
-    for place in re.findall(
-        r"`((?:cpp|src|tests|docs|benchmarks|examples)/[\w/.]+)`", page.read_text("utf-8")
-    ):
+    for place in re.findall(r"`((?:cpp|src|tests|docs|benchmarks|examples)/[\w/.]+)`", page.read_text("utf-8")):
         assert list(ROOT.glob(place.rstrip("/") + "*")), f"{page.name}: no {place}"

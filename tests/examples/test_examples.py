@@ -131,6 +131,4 @@ def test_assembly_and_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result.rest.potential < result.other.potential
     assert result.rest.residual < 1e-9
     # A swing of 4 mrad is as fast as the linear one to its square.
-    np.testing.assert_allclose(
-        result.frequencies, result.rest.frequencies / (2.0 * np.pi), rtol=2e-4
-    )
+    np.testing.assert_allclose(result.frequencies, result.rest.frequencies / (2.0 * np.pi), rtol=2e-4)

@@ -70,11 +70,7 @@ Bad = list[tuple[str, Any, bool]]
 
 def but(bad: Bad, *values: Any) -> Bad:
     """Return the list without some plain values."""
-    return [
-        entry
-        for entry in bad
-        if not any(type(entry[1]) is type(v) and entry[1] == v for v in values)
-    ]
+    return [entry for entry in bad if not any(type(entry[1]) is type(v) and entry[1] == v for v in values)]
 
 
 def choose(d: Draw, bad: Bad) -> tuple[str, Any, bool]:
@@ -467,12 +463,7 @@ def hurt_node(d: Draw, nodes: list[Node]) -> Damage:
             certain = certain and label != "massless"
     else:
         label, value, certain = choose(d, NODE_FIELDS[option])
-        if (
-            where == "prismatic"
-            and option == "axis"
-            and label == "wrong type"
-            and isinstance(value, str)
-        ):
+        if where == "prismatic" and option == "axis" and label == "wrong type" and isinstance(value, str):
             certain = True
         if label == "duplicate" and call.options.get(option) == value:
             certain = False

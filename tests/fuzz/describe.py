@@ -55,9 +55,7 @@ def descriptions(draw: Any, kind: str) -> Description:
         result.changes = "nudge"
         if d.chance(25):
             result.changes = hurt.choose(d, hurt.NUMBER)
-            result.damage = Damage(
-                result.changes[0], "with_parameters", repr(result.changes[1]), result.changes[2]
-            )
+            result.damage = Damage(result.changes[0], "with_parameters", repr(result.changes[1]), result.changes[2])
             return result
     if d.chance(60):
         result.damage = _break(d, result)
@@ -104,9 +102,7 @@ def _break(d: Draw, it: Description) -> Damage | None:
 def make(thing: Any) -> Any:
     """Make the calls in a value: what a user would have written."""
     if isinstance(thing, Call):
-        return thing.function(
-            *map(make, thing.args), **{k: make(v) for k, v in thing.options.items()}
-        )
+        return thing.function(*map(make, thing.args), **{k: make(v) for k, v in thing.options.items()})
     if type(thing) is list:
         return [make(item) for item in thing]
     return thing
@@ -155,9 +151,7 @@ def _with_intruder(nested: list[Any], intruder: Any) -> list[Any]:
     while len(inner) > 1 and isinstance(inner[1], list):
         inner, outer = inner[1], inner
     if intruder == "itself":
-        inner.append(inner) if isinstance(inner[-1], la.Frame | la.Composition) else inner.extend(
-            [la.tx(1.0), inner]
-        )
+        inner.append(inner) if isinstance(inner[-1], la.Frame | la.Composition) else inner.extend([la.tx(1.0), inner])
     elif intruder == "an outer list":
         inner.extend([la.tx(1.0), outer])
     elif intruder == "a frame twice":

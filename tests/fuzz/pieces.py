@@ -67,10 +67,7 @@ class Fit:
                 (one.name, other.name)
                 for one in tips
                 for other in tips
-                if any(
-                    names and (turns or not turning)
-                    for _, names, turns in set(one.joints) ^ set(other.joints)
-                )
+                if any(names and (turns or not turning) for _, names, turns in set(one.joints) ^ set(other.joints))
             ]
         )
 

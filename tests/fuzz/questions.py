@@ -47,9 +47,7 @@ def ask_all(m: Mechanism, seed: int) -> Answers:
     return answers
 
 
-def _questions(
-    m: Mechanism, rng: np.random.Generator, q: Any, v: Any, u: Any, frame: str
-) -> Iterator[tuple[str, Any]]:
+def _questions(m: Mechanism, rng: np.random.Generator, q: Any, v: Any, u: Any, frame: str) -> Iterator[tuple[str, Any]]:
     core = m.core
     yield "energy", lambda: dataclasses.astuple(m.energy(q, v))
     yield "momentum", lambda: m.momentum(q, v)
@@ -146,8 +144,6 @@ def changes(m: Mechanism, seed: int, how: Any) -> Any:
     names = list(m.parameters)
     if how == "nudge":
         # Products of inertia and rests keep in range where others grow.
-        chosen = [
-            n for n in names if rng.random() < 0.5 and ".inertia." not in n and ".rest" not in n
-        ]
+        chosen = [n for n in names if rng.random() < 0.5 and ".inertia." not in n and ".rest" not in n]
         return {n: 1.01 * m.parameters[n] for n in chosen}
     return {names[int(rng.integers(len(names)))]: how[1]} if names else {}

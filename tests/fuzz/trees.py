@@ -194,9 +194,7 @@ class _Grower:
             shape = d.below(3)
             # The sum is a joint of its own: the variable's own joint, which moves a mass, comes before it.
             if other != own and own not in self.lonely():
-                amount = [{own: factor, other: more}, factor * la.var(own) + more * la.var(other)][
-                    shape % 2
-                ]
+                amount = [{own: factor, other: more}, factor * la.var(own) + more * la.var(other)][shape % 2]
                 moved, prescribed = ((own, other), ()) if dynamic else ((), (own, other))
             else:
                 amount = [{own: factor}, factor * la.var(own) + 0.3, -la.var(own)][shape]
@@ -248,9 +246,7 @@ class _Grower:
 
     def composition(self, at: Spot) -> tuple[Node, Spot]:
         d = self.d
-        make, axes = d.pick(
-            [(la.universal, "xy"), (la.ball, "xyz"), (la.ball, "zxz"), (la.free, "zyx")]
-        )
+        make, axes = d.pick([(la.universal, "xy"), (la.ball, "xyz"), (la.ball, "zxz"), (la.free, "zyx")])
         name = self.name() or f"joint{self.joints}"
         prescribed = d.chance(15)
         slides = [f"{name}.{axis}" for axis in "xyz"] if make is la.free else []
@@ -264,9 +260,7 @@ class _Grower:
             self.joints += 1
             joints.append((self.joints, () if prescribed else (variable,), variable in turns))
         kinematic = at.prescribed | (set(slides + turns) if prescribed else set())
-        return self.settle(
-            Node(Call(make, [name], options)), Spot(name, tuple(joints), kinematic, True, False)
-        )
+        return self.settle(Node(Call(make, [name], options)), Spot(name, tuple(joints), kinematic, True, False))
 
     def constant(self, at: Spot) -> tuple[Node, Spot]:
         d = self.d

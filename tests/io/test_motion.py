@@ -57,9 +57,7 @@ def test_a_puppet_written_in_any_convention_comes_back(
 ) -> None:
     q = waving()
     convention = Convention(axes=axes, order=order, unit=0.01)
-    made = retarget(
-        read_bvh(write_puppet(tmp_path / "a.bvh", q, convention=convention)), heading="axis"
-    )
+    made = retarget(read_bvh(write_puppet(tmp_path / "a.bvh", q, convention=convention)), heading="axis")
     assert (made.up, made.forward) == (up, forward)
     assert made.scale == pytest.approx(0.01, rel=1e-9)
     assert made.largest_error < 1e-6
@@ -112,14 +110,9 @@ def test_layout_of_the_text_does_not_matter(tmp_path: Path) -> None:
     text = path.read_text()
     other = tmp_path / "b.bvh"
     changed = text.replace("\n{\n", " {\n").replace("\n", "\r\n").replace("Xrotation", "XROTATION")
-    other.write_bytes(
-        b"\xef\xbb\xbf" + changed.replace("CHANNELS", "\t CHANNELS").encode() + b"\r\n\r\n"
-    )
+    other.write_bytes(b"\xef\xbb\xbf" + changed.replace("CHANNELS", "\t CHANNELS").encode() + b"\r\n\r\n")
     np.testing.assert_array_equal(read_bvh(other).values, read_bvh(path).values)
-    assert (
-        read_bvh(other).joints == read_bvh(path).joints
-        or read_bvh(other).names == read_bvh(path).names
-    )
+    assert read_bvh(other).joints == read_bvh(path).joints or read_bvh(other).names == read_bvh(path).names
 
 
 def test_forward_kinematics_against_pybvh(cmu_walk: Path) -> None:
@@ -256,11 +249,7 @@ def test_angles_stay_continuous_over_full_turns_and_gimbal_lock() -> None:
     tilt = np.linspace(0.0, np.pi, 401)  # through ry = 90 degrees, exactly
     turns = axis_rotation(2, np.full(401, 0.3)) @ axis_rotation(1, tilt)
     angles = euler_zyx(turns)
-    rebuilt = (
-        axis_rotation(2, angles[:, 0])
-        @ axis_rotation(1, angles[:, 1])
-        @ axis_rotation(0, angles[:, 2])
-    )
+    rebuilt = axis_rotation(2, angles[:, 0]) @ axis_rotation(1, angles[:, 1]) @ axis_rotation(0, angles[:, 2])
     np.testing.assert_allclose(rebuilt, turns, atol=1e-7)
     np.testing.assert_allclose(angles, np.stack([0 * tilt + 0.3, tilt, 0 * tilt], 1), atol=1e-6)
 

@@ -45,9 +45,7 @@ def result() -> OptimizationResult:
     """Return a result with a number that is none and a text that is no ASCII."""
     found = optimize(SYSTEM, COST, initial=START, max_iterations=ITERATIONS, tolerance=0.0)
     assert found.iterations == ITERATIONS
-    return dataclasses.replace(
-        found, status=Status.INTERRUPTED, message="Ünïcode", expected_decrease=np.nan
-    )
+    return dataclasses.replace(found, status=Status.INTERRUPTED, message="Ünïcode", expected_decrease=np.nan)
 
 
 def assert_same(first: Any, second: Any) -> None:
@@ -96,9 +94,7 @@ def test_numpy_alone_reads_it(result: OptimizationResult, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.97, 0.999])
-def test_a_file_cut_short_is_refused(
-    result: OptimizationResult, tmp_path: Path, share: float
-) -> None:
+def test_a_file_cut_short_is_refused(result: OptimizationResult, tmp_path: Path, share: float) -> None:
     path = save_result(tmp_path / "trajectory.npz", result)
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
@@ -222,18 +218,14 @@ BYTES: dict[str, bytes] = {
 
 @pytest.mark.parametrize("case", BYTES)
 @pytest.mark.parametrize("name", ["x.npy", "leastaction_record.npy"])
-def test_arrays_that_cannot_be(
-    result: OptimizationResult, tmp_path: Path, case: str, name: str
-) -> None:
+def test_arrays_that_cannot_be(result: OptimizationResult, tmp_path: Path, case: str, name: str) -> None:
     path = save_result(tmp_path / "trajectory.npz", result)
     replace_entry(path, name, BYTES[case])
     with pytest.raises(ResultFileError, match=r"trajectory\.npz"):
         load_result(path)
 
 
-def replace_entry(
-    path: Path, name: str, content: bytes, *, compression: int = zipfile.ZIP_STORED
-) -> None:
+def replace_entry(path: Path, name: str, content: bytes, *, compression: int = zipfile.ZIP_STORED) -> None:
     with zipfile.ZipFile(path) as archive:
         entries = {entry: archive.read(entry) for entry in archive.namelist()}
     with zipfile.ZipFile(path, "w", compression) as archive:
@@ -302,9 +294,7 @@ def test_damage_anywhere_is_a_typed_error_or_none(
 # Writing
 
 
-def test_what_cannot_be_saved_is_refused_before_writing(
-    result: OptimizationResult, tmp_path: Path
-) -> None:
+def test_what_cannot_be_saved_is_refused_before_writing(result: OptimizationResult, tmp_path: Path) -> None:
     path = tmp_path / "trajectory.npz"
     settings = dataclasses.replace(result.settings, method=object())
     objects = np.array([object()])
@@ -317,9 +307,7 @@ def test_what_cannot_be_saved_is_refused_before_writing(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    "failure", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")]
-)
+@pytest.mark.parametrize("failure", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
 def test_a_write_that_breaks_off_leaves_the_old_file(
     result: OptimizationResult,
     tmp_path: Path,

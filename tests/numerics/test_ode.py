@@ -67,9 +67,7 @@ def test_limits() -> None:
     with pytest.raises(IntegrationFailed, match="3 steps, as many as max_steps allows"):
         list(march)
     assert march.steps == 3
-    enough = March(
-        circle, 0.0, 1e-3, np.ones(2), solver="RK45", **TIGHT, first_step=1e-3, max_steps=1
-    )
+    enough = March(circle, 0.0, 1e-3, np.ones(2), solver="RK45", **TIGHT, first_step=1e-3, max_steps=1)
     assert len(list(enough)) == 1
 
 
@@ -82,9 +80,7 @@ def test_a_limit_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert march.steps == 3
 
 
-@pytest.mark.parametrize(
-    "error", [ArgumentError("mine"), ValueError("mine"), np.linalg.LinAlgError("mine")]
-)
+@pytest.mark.parametrize("error", [ArgumentError("mine"), ValueError("mine"), np.linalg.LinAlgError("mine")])
 @pytest.mark.parametrize("solver", ["DOP853", "Radau"])
 def test_the_users_own_errors_pass_through(solver: str, error: Exception) -> None:
     def fun(t: float, y: np.ndarray) -> np.ndarray:

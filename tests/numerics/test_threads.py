@@ -38,9 +38,7 @@ def small_stacks() -> None:
     resource.setrlimit(resource.RLIMIT_STACK, (STACK, resource.getrlimit(resource.RLIMIT_STACK)[1]))
 
 
-@pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="reads its size where Linux has it"
-)
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads its size where Linux has it")
 @pytest.mark.parametrize("room", [4.0, 20.0, float("inf")])
 def test_parts_of_threads_that_cannot_start_are_done(room: float) -> None:
     result = subprocess.run(

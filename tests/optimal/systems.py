@@ -18,9 +18,7 @@ def _cart_pendulum_step(dt):
     sin, cos = sp.sin(th), sp.cos(th)
     mass = cart + bob * sin**2
     acceleration = (F + bob * sin * (length * w**2 + gravity * cos)) / mass
-    angular = (-F * cos - bob * length * w**2 * cos * sin - (cart + bob) * gravity * sin) / (
-        length * mass
-    )
+    angular = (-F * cos - bob * length * w**2 * cos * sin - (cart + bob) * gravity * sin) / (length * mass)
     v_next, w_next = v + dt * acceleration, w + dt * angular
     f = sp.Matrix([p + dt * v_next, th + dt * w_next, v_next, w_next])
     J = f.jacobian(y)

@@ -97,9 +97,7 @@ def test_checks_say_what_does_not_fit():
     curve = DenseTrajectory.from_functions([0.0, 0.0], [0.0], horizon=(0.0, 1.0), nx=2, nu=1)
     with pytest.raises(ArgumentError, match=r"u: .*expected None"):
         check_derivatives(CONTINUOUS, curve, [0.0])
-    with pytest.raises(
-        ArgumentError, match="system: got LinearSystem, expected a ContinuousSystem"
-    ):
+    with pytest.raises(ArgumentError, match="system: got LinearSystem, expected a ContinuousSystem"):
         check_continuous_derivatives(DISCRETE, curve)
     both = check_derivatives(CONTINUOUS, curve, cost=INTEGRAL)
     assert both.ok

@@ -52,9 +52,7 @@ def test_long_horizons_against_the_algebraic_equation(seed, nx, nu):
     Q, S, R = W[:nx, :nx], W[:nx, nx:], W[nx:, nx:]
     P = solve_continuous_are(A, B, Q, R, s=S)
     slowest = np.linalg.eigvals(A - B @ np.linalg.solve(R, S.T + B.T @ P)).real.max()
-    solution = solve_continuous_linear_quadratic(
-        A, B, horizon=(0.0, min(-14.0 / slowest, 60.0)), Q=Q, R=R, S=S
-    )
+    solution = solve_continuous_linear_quadratic(A, B, horizon=(0.0, min(-14.0 / slowest, 60.0)), Q=Q, R=R, S=S)
     assert solution.definite
     if -14.0 / slowest <= 60.0:
         K, P_steady = steady_state_regulator(A, B, Q=Q, R=R, S=S)
@@ -126,9 +124,7 @@ def test_an_affine_time_varying_problem_is_minimised():
         costs = [
             _simulate(
                 problem,
-                lambda x, t, s=s, phase=phase: (
-                    -K(t) @ x - C(t) + s * np.array([np.sin(4 * t + phase), np.cos(3 * t)])
-                ),
+                lambda x, t, s=s, phase=phase: -K(t) @ x - C(t) + s * np.array([np.sin(4 * t + phase), np.cos(3 * t)]),
                 x0,
                 2.0,
                 1e-11,
@@ -148,9 +144,7 @@ def test_against_the_hamiltonian_system():
     Q, R = np.diag([1.0, 2.0, 0.5]), np.diag([1.0, 0.3])
     q, r, c = rng.standard_normal(nx), rng.standard_normal(nu), rng.standard_normal(nx)
     F, f = np.diag([1.0, 0.0, 2.0]), rng.standard_normal(nx)
-    solution = solve_continuous_linear_quadratic(
-        A, B, horizon=(0, tf), Q=Q, R=R, q=q, r=r, c=c, Q_final=F, q_final=f
-    )
+    solution = solve_continuous_linear_quadratic(A, B, horizon=(0, tf), Q=Q, R=R, q=q, r=r, c=c, Q_final=F, q_final=f)
     W = B @ np.linalg.solve(R, B.T)
     M = np.block([[A, -W], [-Q, -A.T]])
     drift = np.concatenate([c - B @ np.linalg.solve(R, r), -q])
@@ -167,15 +161,11 @@ def test_what_jumps_is_integrated_piece_by_piece():
     drift = PiecewisePolynomial.through([0.0, 1.0, 2.0], [[0.0, 1.0], [0.0, -1.0]], kind="hold")
     how = {"horizon": (0, 2), "Q": [1.0, 0.1], "R": [1.0], "accuracy": Accuracy(rtol=1e-10)}
     known = solve_continuous_linear_quadratic(A2, B2, c=drift, **how)
-    told = solve_continuous_linear_quadratic(
-        A2, B2, c=lambda t: [0.0, 1.0 if t < 1.0 else -1.0], jumps=[1.0], **how
-    )
+    told = solve_continuous_linear_quadratic(A2, B2, c=lambda t: [0.0, 1.0 if t < 1.0 else -1.0], jumps=[1.0], **how)
     assert 1.0 in known.value.breaks
     t = np.linspace(0, 2, 41)
     np.testing.assert_allclose(known.b(t), told.b(t), atol=1e-9)
-    untold = solve_continuous_linear_quadratic(
-        A2, B2, c=lambda t: [0.0, 1.0 if t < 1.0 else -1.0], **how
-    )
+    untold = solve_continuous_linear_quadratic(A2, B2, c=lambda t: [0.0, 1.0 if t < 1.0 else -1.0], **how)
     assert untold.steps > known.steps
     np.testing.assert_allclose(untold.constant, known.constant, rtol=1e-5)
 
@@ -191,17 +181,13 @@ def test_finite_escape_is_found_where_it_is(weight):
     assert f"{far.escape_time:.6g}" in far.message
     assert np.isnan(far.K(1.0)).all()
     assert np.isnan(far.P(1.0)).all()
-    near = solve_continuous_linear_quadratic(
-        [[0.0]], [[1.0]], horizon=(0, 1.5 / w), Q=[weight], R=[1.0]
-    )
+    near = solve_continuous_linear_quadratic([[0.0]], [[1.0]], horizon=(0, 1.5 / w), Q=[weight], R=[1.0])
     assert near.definite
     assert near.P(0.0)[0, 0] == pytest.approx(-w * np.tan(1.5), rel=1e-6)
 
 
 def test_a_weight_that_loses_its_definiteness():
-    solution = solve_continuous_linear_quadratic(
-        A2, B2, horizon=(0, 2), Q=[1.0, 1.0], R=lambda t: [t - 0.5]
-    )
+    solution = solve_continuous_linear_quadratic(A2, B2, horizon=(0, 2), Q=[1.0, 1.0], R=lambda t: [t - 0.5])
     assert not solution.definite
     assert solution.escape_time == pytest.approx(0.5, abs=0.1)
     assert "R is not positive definite" in solution.message
@@ -210,9 +196,7 @@ def test_a_weight_that_loses_its_definiteness():
 def test_stiff_weights_by_an_implicit_integrator():
     how = {"horizon": (0, 3), "Q": [1e6, 1.0], "R": [1e-6]}
     explicit = solve_continuous_linear_quadratic(A2, B2, **how, accuracy=Accuracy(rtol=1e-7))
-    implicit = solve_continuous_linear_quadratic(
-        A2, B2, **how, accuracy=Accuracy(solver="Radau", rtol=1e-7)
-    )
+    implicit = solve_continuous_linear_quadratic(A2, B2, **how, accuracy=Accuracy(solver="Radau", rtol=1e-7))
     assert implicit.steps < 0.5 * explicit.steps
     steady = steady_state_regulator(A2, B2, Q=how["Q"], R=how["R"])[0]
     for solution in (explicit, implicit):

@@ -52,9 +52,7 @@ def crane() -> tuple[Mechanism, np.ndarray]:
             Distance("tip", "winch", "length", name="string"),
         ],
     )  # fmt: skip
-    q = project_configuration(
-        mechanism, mechanism.configuration({"a": 0.3, "b": -0.4, "twist": 0.2, "length": 2.4})
-    ).q
+    q = project_configuration(mechanism, mechanism.configuration({"a": 0.3, "b": -0.4, "twist": 0.2, "length": 2.4})).q
     return mechanism, np.concatenate([q, np.zeros(mechanism.nq)])
 
 
@@ -154,9 +152,7 @@ def test_the_variational_integrator_finds_the_same() -> None:
         return 0.8 * np.sin(np.pi * t)
 
     weights = np.array([1.0, 10.0, 0.0, 0.0])
-    cost = ContinuousQuadraticCost(
-        lambda t: np.array([0.0, angle(t), 0.0, 0.0]), [0.0], Q=weights, R=[0.01]
-    )
+    cost = ContinuousQuadraticCost(lambda t: np.array([0.0, angle(t), 0.0, 0.0]), [0.0], Q=weights, R=[0.01])
     exact = optimize_continuous(
         MechanismSystem(mechanism),
         cost,
@@ -174,9 +170,7 @@ def test_the_variational_integrator_finds_the_same() -> None:
         x_wanted[:, 1] = angle(t)
         Q = np.tile(dt * weights, (count, 1))[:, :, None]
         Q[0] *= 0.5
-        discrete = QuadraticCost(
-            x_wanted, np.zeros((count, 1)), Q=Q, R=[0.01 * dt], Q_final=0.5 * dt * weights
-        )
+        discrete = QuadraticCost(x_wanted, np.zeros((count, 1)), Q=Q, R=[0.01 * dt], Q_final=0.5 * dt * weights)
         result = optimize(
             MidpointSystem(MidpointVI(mechanism), t),
             discrete,

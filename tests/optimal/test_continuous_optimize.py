@@ -47,9 +47,7 @@ def _tracking(amplitude=0.8, R=0.01):
 
 
 def _swing_up():
-    wanted = PiecewisePolynomial.through(
-        [0.0, T / 2, T], [[0.0, 0.0, 0.0, 0.0], [0.0, np.pi, 0.0, 0.0]], kind="hold"
-    )
+    wanted = PiecewisePolynomial.through([0.0, T / 2, T], [[0.0, 0.0, 0.0, 0.0], [0.0, np.pi, 0.0, 0.0]], kind="hold")
     return ContinuousQuadraticCost(wanted, [0.0], Q=[0.1, 1.0, 0.01, 0.01], R=[0.01])
 
 
@@ -134,9 +132,7 @@ def _problem(system, regulator="descent"):
         max_backtracks=1,
         chunk=1,
     )
-    problem = ContinuousProblem(
-        system, _tracking(), settings, Accuracy(rtol=1e-11, atol=1e-13), (0.0, T)
-    )
+    problem = ContinuousProblem(system, _tracking(), settings, Accuracy(rtol=1e-11, atol=1e-13), (0.0, T))
     problem.start((np.zeros(4), lambda t: [np.sin(3 * t)]))
     return problem
 
@@ -190,9 +186,7 @@ def test_the_optimum_is_stationary_and_a_minimum(system):
         values = []
         for s in (0.05, -0.05):
             u = lambda t, s=s, phase=phase: result.trajectory.u(t) + s * np.sin(5 * t + phase)  # noqa: E731
-            other = optimize_continuous(
-                system, cost, initial=(np.zeros(4), u), horizon=(0, T), max_iterations=0
-            )
+            other = optimize_continuous(system, cost, initial=(np.zeros(4), u), horizon=(0, T), max_iterations=0)
             values.append(other.cost)
         assert min(values) > result.cost
         assert abs(values[0] - values[1]) < 0.3 * (sum(values) - 2 * result.cost)
@@ -278,14 +272,10 @@ def test_stopped_and_resumed_is_as_never_stopped(system, method, regulator):
     cost = _swing_up()
     how = {"method": method, "regulator": regulator, "max_iterations": 5}
     whole = optimize_continuous(system, cost, **REST, **how)
-    stopped = optimize_continuous(
-        system, cost, **REST, **how, callback=lambda record: record.iteration >= 2
-    )
+    stopped = optimize_continuous(system, cost, **REST, **how, callback=lambda record: record.iteration >= 2)
     assert stopped.status is Status.STOPPED_BY_CALLBACK
     assert stopped.iterations == 2
-    resumed = optimize_continuous(
-        system, cost, resume=stopped, **{**how, "max_iterations": whole.iterations - 2}
-    )
+    resumed = optimize_continuous(system, cost, resume=stopped, **{**how, "max_iterations": whole.iterations - 2})
     np.testing.assert_array_equal(resumed.history.cost, whole.history.cost)
     np.testing.assert_array_equal(resumed.x, whole.x)
     np.testing.assert_array_equal(resumed.K, whole.K)
@@ -314,9 +304,7 @@ def test_a_trial_is_given_up_once_it_is_past_its_bound(system):
 
 def test_the_size_of_the_cost_does_not_matter(system):
     large = optimize_continuous(system, _tracking(), **REST, absolute_tolerance=0.0)
-    small = ContinuousQuadraticCost(
-        _tracking().x_wanted.at, [0.0], Q=1e-7 * np.array([1.0, 10.0, 0.1, 0.1]), R=[1e-9]
-    )
+    small = ContinuousQuadraticCost(_tracking().x_wanted.at, [0.0], Q=1e-7 * np.array([1.0, 10.0, 0.1, 0.1]), R=[1e-9])
     result = optimize_continuous(system, small, **REST, absolute_tolerance=0.0)
     assert result.status is Status.CONVERGED
     assert result.history.method == large.history.method
@@ -324,9 +312,7 @@ def test_the_size_of_the_cost_does_not_matter(system):
 
 
 def test_what_is_wanted_last_is_what_was_wanted_until_then():
-    cost = ContinuousQuadraticCost(
-        lambda t: [1.0 if t < T else 5.0], [0.0], Q=[1.0], R=[1.0], Q_final=[2.0]
-    )
+    cost = ContinuousQuadraticCost(lambda t: [1.0 if t < T else 5.0], [0.0], Q=[1.0], R=[1.0], Q_final=[2.0])
     assert cost.final_value(np.array([1.0]), T) == 0.0
     assert cost.final_value(np.array([2.0]), T) == 1.0
     told = ContinuousQuadraticCost([1.0], [0.0], Q=[1.0], R=[1.0], Q_final=[2.0], x_final=[4.0])
@@ -351,9 +337,7 @@ def test_ctrl_c_gives_the_last_iterate():
             return super().linearize(x, u, t)
 
     records = []
-    result = optimize_continuous(
-        Interrupted(), _tracking(1.5), **REST, callback=lambda r: records.append(r)
-    )
+    result = optimize_continuous(Interrupted(), _tracking(1.5), **REST, callback=lambda r: records.append(r))
     assert result.status is Status.INTERRUPTED
     assert result.iterations == records[-1].iteration >= 1
     np.testing.assert_array_equal(result.x, records[-1].x)
@@ -433,9 +417,7 @@ def test_plain_functions_are_systems(system):
         al = (-u[0] * cos - 0.3 * x[3] ** 2 * cos * sin - 1.3 * 9.81 * sin) / mass
         return np.array([x[2], x[3], a, al])
 
-    plain = FunctionContinuousSystem(
-        f, nx=4, nu=1, derivatives="complex-step", curvature="differences"
-    )
+    plain = FunctionContinuousSystem(f, nx=4, nu=1, derivatives="complex-step", curvature="differences")
     exact = optimize_continuous(system, _tracking(1.2), **REST, method="newton")
     result = optimize_continuous(plain, _tracking(1.2), **REST, method="newton")
     assert result.history.method == exact.history.method
@@ -471,9 +453,7 @@ def test_a_fallback_is_noted():
             return np.broadcast_to(-1e6 * np.eye(5), (len(t), 5, 5))
 
     records = []
-    result = optimize_continuous(
-        Nonsense(), _tracking(), **REST, method="newton", callback=lambda r: records.append(r)
-    )
+    result = optimize_continuous(Nonsense(), _tracking(), **REST, method="newton", callback=lambda r: records.append(r))
     assert result.success
     assert set(result.history.method) == {"quasi-newton"}
     assert all("newton" in r.note and "no minimum" in r.note for r in records[1:])
@@ -506,9 +486,7 @@ def test_stiff_weights_need_an_implicit_integrator(system):
     )
     how = {"initial": (np.zeros(4), [0.0]), "horizon": (0.0, 1.0), "method": "newton"}
     explicit = optimize_continuous(system, cost, **how)
-    implicit = optimize_continuous(
-        system, cost, **how, accuracy=Accuracy(solver="Radau", rtol=1e-7, atol=1e-9)
-    )
+    implicit = optimize_continuous(system, cost, **how, accuracy=Accuracy(solver="Radau", rtol=1e-7, atol=1e-9))
     assert explicit.success
     assert implicit.success
     assert implicit.cost == pytest.approx(explicit.cost, rel=1e-5)
@@ -558,9 +536,7 @@ def test_bad_input(system, arguments, message):
         (lambda: ContinuousQuadraticCost(np.zeros(4), [0.0], Q=np.ones(4), R=[0.0]), "R: got a"),
         (lambda: ContinuousQuadraticCost(np.zeros(4), [0.0], Q=-np.ones(4), R=[1.0]), "Q: got a"),
         (
-            lambda: ContinuousQuadraticCost(
-                np.zeros(4), [0.0], Q=np.triu(np.ones((4, 4))), R=[1.0]
-            ),
+            lambda: ContinuousQuadraticCost(np.zeros(4), [0.0], Q=np.triu(np.ones((4, 4))), R=[1.0]),
             "differs from its transpose",
         ),
     ],
@@ -572,9 +548,7 @@ def test_bad_costs(system, cost, message):
 
 def test_a_start_that_cannot_be_simulated():
     with pytest.raises(ArgumentError, match="too fast"):
-        optimize_continuous(
-            _Walled(0.5), _tracking(), initial=(np.zeros(4), [10.0]), horizon=(0, T)
-        )
+        optimize_continuous(_Walled(0.5), _tracking(), initial=(np.zeros(4), [10.0]), horizon=(0, T))
     system = FunctionContinuousSystem(
         lambda x, u, t: np.array([x[0] ** 2 + u[0]]), nx=1, nu=1, derivatives="complex-step"
     )

@@ -79,9 +79,7 @@ def test_through_samples():
     assert cubic.jumps() == ()
     assert linear.jumps() == (1.0, 1.5, 4.0)
     assert hold.jumps() == (1.0, 1.5, 4.0)
-    assert PiecewisePolynomial.through(t, [[1.0], [1.0], [2.0], [2.0]], kind="hold").jumps() == (
-        1.5,
-    )
+    assert PiecewisePolynomial.through(t, [[1.0], [1.0], [2.0], [2.0]], kind="hold").jumps() == (1.5,)
     assert (cubic.t0, cubic.tf) == (0.0, 5.0)
 
 
@@ -170,15 +168,11 @@ def test_trajectories_of_samples_and_of_functions():
             "x, u: got samples of shapes",
         ),
         (
-            lambda: DenseTrajectory.from_functions(
-                lambda t: [t], [0.0], horizon=(0, 1), nx=2, nu=1
-            ),
+            lambda: DenseTrajectory.from_functions(lambda t: [t], [0.0], horizon=(0, 1), nx=2, nu=1),
             r"x at t = 0 s: got shape \(1,\)",
         ),
         (
-            lambda: DenseTrajectory.from_samples(
-                [0.0, 1.0], np.zeros((2, 1)), np.zeros((2, 1))
-            ).sample([1.5]),
+            lambda: DenseTrajectory.from_samples([0.0, 1.0], np.zeros((2, 1)), np.zeros((2, 1))).sample([1.5]),
             "t: got times from 1.5",
         ),
     ],

@@ -70,9 +70,7 @@ def test_a_trajectory_is_its_own_projection():
 
 @pytest.mark.parametrize("rtol", [1e-5, 1e-8, 1e-11])
 def test_the_cost_is_as_accurate_as_the_trajectory(rtol):
-    wanted = PiecewisePolynomial.through(
-        [0.0, 1.0, 3.0], [[0.0, 0, 0, 0], [0.0, 1, 0, 0]], kind="hold"
-    )
+    wanted = PiecewisePolynomial.through([0.0, 1.0, 3.0], [[0.0, 0, 0, 0], [0.0, 1, 0, 0]], kind="hold")
     cost = ContinuousQuadraticCost(
         wanted,
         lambda t: [np.cos(t)],
@@ -82,9 +80,7 @@ def test_the_cost_is_as_accurate_as_the_trajectory(rtol):
     )
     cost.check(0.0, 3.0, 4, 1)
     projection = _projection()
-    rollout = ContinuousProjection(
-        SYSTEM, projection.K, accuracy=Accuracy(rtol=rtol, atol=rtol / 100)
-    )(_curve(), cost)
+    rollout = ContinuousProjection(SYSTEM, projection.K, accuracy=Accuracy(rtol=rtol, atol=rtol / 100))(_curve(), cost)
     assert 1.0 in rollout.trajectory.t
 
     def loop(s, y):

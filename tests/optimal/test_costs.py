@@ -43,9 +43,7 @@ def test_value_and_derivatives(curves, layout):
     Q, R = _weights(layout)
     cost = QuadraticCost(x_wanted, u_wanted, Q=Q, R=R)
     dx, du = x - x_wanted, u - u_wanted
-    stages = np.array(
-        [0.5 * dx[k] @ _at(Q, k) @ dx[k] + 0.5 * du[k] @ _at(R, k) @ du[k] for k in range(N)]
-    )
+    stages = np.array([0.5 * dx[k] @ _at(Q, k) @ dx[k] + 0.5 * du[k] @ _at(R, k) @ du[k] for k in range(N)])
     final = 0.5 * dx[N] @ _at(Q, N - 1) @ dx[N]
     np.testing.assert_allclose(cost.stage_values(x[:-1], u, 0), stages)
     np.testing.assert_allclose(cost.stage_values(x[3:6], u[3:6], 3), stages[3:6])

@@ -113,9 +113,7 @@ def test_riccati_fixed_point():
     A, B = rng.standard_normal((6, 6)), rng.standard_normal((6, 2))
     Q, R = _positive(rng, 6), _positive(rng, 2)
     N = 300
-    solution = solve_linear_quadratic(
-        np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)), Q=Q, R=R, Q_final=Q
-    )
+    solution = solve_linear_quadratic(np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)), Q=Q, R=R, Q_final=Q)
     expected = scipy.linalg.solve_discrete_are(A, B, Q, R)
     np.testing.assert_allclose(solution.P0, expected, rtol=1e-10)
     K = np.linalg.solve(R + B.T @ expected @ B, B.T @ expected @ A)
@@ -171,9 +169,7 @@ def test_layouts_of_the_weights(problem, layout):
     reference["R"] = np.tile(np.diag(R), (N, 1, 1))
     expected = solve_linear_quadratic(**reference)
     final = Q_final if layout.startswith("diagonal") else np.diag(Q_final)
-    got = solve_linear_quadratic(
-        **{**problem, "Q": laid_out(Q), "R": laid_out(R), "Q_final": final}
-    )
+    got = solve_linear_quadratic(**{**problem, "Q": laid_out(Q), "R": laid_out(R), "Q_final": final})
     np.testing.assert_allclose(got.K, expected.K, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(got.P0, expected.P0, rtol=1e-12, atol=1e-13)
 
@@ -199,9 +195,7 @@ def _mechanical(rng, N, nq=4, nr=3):
     return A, B
 
 
-@pytest.mark.parametrize(
-    "case", ["mechanical", "changing", "no dense row", "single input", "diagonal weights"]
-)
+@pytest.mark.parametrize("case", ["mechanical", "changing", "no dense row", "single input", "diagonal weights"])
 def test_structure_changes_nothing_but_the_time(case):
     rng = np.random.default_rng(8)
     N = 12
@@ -310,9 +304,7 @@ def test_the_convex_problem_is_one_that_can_be_stated(problem):
     expected = solve_linear_quadratic(**stated)
     assert expected.definite
     for name in ("K", "C", "P0", "constant"):
-        np.testing.assert_allclose(
-            getattr(solution, name), getattr(expected, name), rtol=1e-9, atol=1e-9
-        )
+        np.testing.assert_allclose(getattr(solution, name), getattr(expected, name), rtol=1e-9, atol=1e-9)
 
 
 def test_a_negative_input_weight_cannot_be_made_convex(problem):
@@ -379,9 +371,7 @@ def test_the_regulator_stabilises():
     N = 200
     K = regulate(np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)))
     assert np.abs(np.linalg.eigvals(A - B @ K[0])).max() < 1.0
-    per_stage = regulate(
-        np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)), Q=np.ones((N, 2, 1)), R=np.eye(1)
-    )
+    per_stage = regulate(np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)), Q=np.ones((N, 2, 1)), R=np.eye(1))
     np.testing.assert_allclose(per_stage, K, rtol=1e-12)
     with pytest.raises(ArgumentError, match="no regulator"):
         regulate(np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)), R=-np.eye(1))

@@ -41,9 +41,7 @@ def crane(split: str = "symmetric") -> tuple[MidpointSystem, np.ndarray, np.ndar
             Distance("tip", "winch", "length", name="string"),
         ],
     )  # fmt: skip
-    q = project_configuration(
-        mechanism, mechanism.configuration({"a": 0.3, "b": -0.4, "twist": 0.2, "length": 2.4})
-    ).q
+    q = project_configuration(mechanism, mechanism.configuration({"a": 0.3, "b": -0.4, "twist": 0.2, "length": 2.4})).q
     vi = MidpointVI(mechanism, split=split)
     t = np.linspace(0.0, 0.2, 21)
     run = vi.simulate(
@@ -119,12 +117,8 @@ def test_newton_tail_on_a_mechanism() -> None:
     system, x, u = crane()
     wanted = x.copy()
     wanted[:, 0] += 0.5 * np.sin(15 * system.t)
-    cost = QuadraticCost(
-        wanted, u, Q=np.r_[np.full(6, 10.0), np.full(6, 1e-3)], R=np.full(system.nu, 1e-2)
-    )
-    result = optimize(
-        system, cost, initial=(x, u), method="newton", tolerance=1e-17, absolute_tolerance=0.0
-    )
+    cost = QuadraticCost(wanted, u, Q=np.r_[np.full(6, 10.0), np.full(6, 1e-3)], R=np.full(system.nu, 1e-2))
+    result = optimize(system, cost, initial=(x, u), method="newton", tolerance=1e-17, absolute_tolerance=0.0)
     assert result.success
     decrease = np.asarray(result.history.expected_decrease)
     assert result.history.method[-3:] == ("newton",) * 3

@@ -124,10 +124,7 @@ def test_the_optimum_is_stationary_and_a_minimum(system):
     for _ in range(5):
         du = rng.standard_normal((N, 1))
         h = 1e-4
-        values = [
-            cost.value(simulate(system, np.zeros(4), result.u + s * du), result.u + s * du)
-            for s in (h, -h)
-        ]
+        values = [cost.value(simulate(system, np.zeros(4), result.u + s * du), result.u + s * du) for s in (h, -h)]
         assert min(values) > result.cost
         assert abs(values[0] - values[1]) < 1e-3 * (sum(values) - 2 * result.cost)
 
@@ -153,9 +150,7 @@ def test_newton_has_a_quadratic_tail(system, regulator):
     assert tail[-1][1] < 1e-15
     for before, after in tail:
         assert after < 20.0 * before**2, gap
-    quasi = optimize(
-        system, _tracking(1.2), initial=REST, method="quasi-newton", regulator=regulator
-    )
+    quasi = optimize(system, _tracking(1.2), initial=REST, method="quasi-newton", regulator=regulator)
     assert quasi.iterations > result.iterations
 
 
@@ -194,9 +189,7 @@ def test_a_curve_is_projected_first(system):
     result = optimize(system, _tracking(), initial=curve, regulator="lqr")
     np.testing.assert_allclose(result.history.cost, again.history.cost, rtol=1e-9)
     for k in range(N):
-        np.testing.assert_allclose(
-            first[0].x[k + 1], system.f(first[0].x[k], first[0].u[k], k), atol=1e-13
-        )
+        np.testing.assert_allclose(first[0].x[k + 1], system.f(first[0].x[k], first[0].u[k], k), atol=1e-13)
     np.testing.assert_array_equal(result.x[0], curve[0][0])
     assert result.success
 
@@ -232,9 +225,7 @@ def test_records_and_histories_agree(system):
     assert history.method == tuple(r.method for r in records[1:])
     assert history.rollouts.sum() + records[0].rollouts <= result.rollouts
     np.testing.assert_array_equal(records[-1].x, result.x)
-    assert (
-        result.cost == records[-1].cost == pytest.approx(_tracking(1.5).value(result.x, result.u))
-    )
+    assert result.cost == records[-1].cost == pytest.approx(_tracking(1.5).value(result.x, result.u))
     parts = sum(seconds for part, seconds in result.timings.items() if part != "total")
     assert 0 < parts < result.timings["total"]
     assert (np.diff(history.seconds) > 0).all()
@@ -249,15 +240,11 @@ def test_stopped_and_resumed_is_as_never_stopped(system, method, regulator, stop
     cost = _swing_up()
     how = {"method": method, "regulator": regulator, "max_iterations": 12}
     whole = optimize(system, cost, initial=REST, **how)
-    stopped = optimize(
-        system, cost, initial=REST, **how, callback=lambda record: record.iteration >= stop
-    )
+    stopped = optimize(system, cost, initial=REST, **how, callback=lambda record: record.iteration >= stop)
     assert stopped.status is Status.STOPPED_BY_CALLBACK
     assert stopped.iterations == stop
     np.testing.assert_array_equal(stopped.x[0], whole.x[0])
-    resumed = optimize(
-        system, cost, resume=stopped, **{**how, "max_iterations": whole.iterations - stop}
-    )
+    resumed = optimize(system, cost, resume=stopped, **{**how, "max_iterations": whole.iterations - stop})
     np.testing.assert_array_equal(resumed.history.cost, whole.history.cost)
     assert resumed.history.method == whole.history.method
     np.testing.assert_array_equal(resumed.x, whole.x)
@@ -271,9 +258,7 @@ def test_a_snapshot_goes_on_as_the_run_that_it_was_taken_of(system, regulator):
     how = {"regulator": regulator, "max_iterations": 12}
     whole = optimize(system, cost, initial=REST, **how)
     kept = []
-    watched = optimize(
-        system, cost, initial=REST, **how, callback=lambda record: kept.append(record.snapshot())
-    )
+    watched = optimize(system, cost, initial=REST, **how, callback=lambda record: kept.append(record.snapshot()))
     # Taking them changes nothing.
     np.testing.assert_array_equal(watched.x, whole.x)
     assert [snapshot.iterations for snapshot in kept] == list(range(whole.iterations + 1))
@@ -320,9 +305,7 @@ def test_ctrl_c_keeps_the_last_iterate(system):
             return super().linearize(x, u, out)
 
     records = []
-    result = optimize(
-        Impatient(N, DT), _tracking(1.5), initial=REST, callback=lambda r: records.append(r)
-    )
+    result = optimize(Impatient(N, DT), _tracking(1.5), initial=REST, callback=lambda r: records.append(r))
     assert result.status is Status.INTERRUPTED
     assert result.iterations == records[-1].iteration >= 1
     np.testing.assert_array_equal(result.x, records[-1].x)
@@ -403,9 +386,7 @@ def test_trials_end_as_soon_as_they_cost_too_much(system):
     results = {}
     for chunk in (10, N):
         counted = _CountedSteps(N, DT)
-        results[chunk] = optimize(
-            counted, _swing_up(), initial=REST, chunk=chunk, max_iterations=15
-        )
+        results[chunk] = optimize(counted, _swing_up(), initial=REST, chunk=chunk, max_iterations=15)
         steps[chunk] = counted.steps
     np.testing.assert_array_equal(results[10].x, results[N].x)
     assert (results[10].history.rollouts > 1).any()
@@ -450,9 +431,7 @@ def test_a_cost_that_may_be_negative(system):
 
 def test_a_system_without_curvature():
     exact = CartPendulum(N, DT)
-    system = FunctionSystem(
-        lambda x, u, k: np.array(exact._f(*x, *u)), nx=4, nu=1, N=N, derivatives=exact.derivatives
-    )
+    system = FunctionSystem(lambda x, u, k: np.array(exact._f(*x, *u)), nx=4, nu=1, N=N, derivatives=exact.derivatives)
     result = optimize(system, _tracking(), initial=REST)
     assert result.success
     assert set(result.history.method) == {"quasi-newton"}
@@ -467,9 +446,7 @@ def test_the_table(system):
     assert len([line for line in lines if line.strip()[:1].isdigit()]) == result.iterations + 1
     assert "expected" in lines[0]
     table = IterationTable(file=file)
-    record = IterationRecord(
-        7, "steepest", 1.0, 0.5, 0.1, 3, 0.0, "why", 1.5, result.x, result.u, lambda: result
-    )
+    record = IterationRecord(7, "steepest", 1.0, 0.5, 0.1, 3, 0.0, "why", 1.5, result.x, result.u, lambda: result)
     table(record)
     assert file.getvalue().splitlines()[-1].strip() == "why"
     assert "quasi-newton" in file.getvalue()
@@ -525,9 +502,7 @@ def test_the_direction_minimises_the_model_of_its_method(system, method):
     u = np.sin(0.1 * np.arange(N))[:, None]
     x = simulate(system, np.zeros(4), u)
     cost = _tracking(0.8, R=1.0)
-    result = optimize(
-        system, cost, initial=(x, u), method=method, regulator="lqr", max_iterations=0
-    )
+    result = optimize(system, cost, initial=(x, u), method=method, regulator="lqr", max_iterations=0)
     A, B = system.linearize(x, u)
     q, r, q_final = cost.gradient(x, u)
     K = regulate(A, B)
@@ -545,9 +520,7 @@ def test_the_direction_minimises_the_model_of_its_method(system, method):
 @pytest.mark.parametrize("regulator", ["descent", "lqr"])
 def test_every_step_lowers_the_cost_as_much_as_asked(system, regulator):
     alpha = 0.4
-    result = optimize(
-        system, _swing_up(), initial=REST, alpha=alpha, regulator=regulator, max_iterations=15
-    )
+    result = optimize(system, _swing_up(), initial=REST, alpha=alpha, regulator=regulator, max_iterations=15)
     history = result.history
     wanted = alpha * history.step_length * history.expected_decrease
     assert (-np.diff(history.cost) >= wanted * (1 - 1e-12)).all()
@@ -583,9 +556,7 @@ def test_bad_input(system, arguments, message):
 
 
 def test_a_cost_for_another_horizon():
-    with pytest.raises(
-        ArgumentError, match=r"cost.x_wanted: got shape \(201, 4\), expected \(101, 4\)"
-    ):
+    with pytest.raises(ArgumentError, match=r"cost.x_wanted: got shape \(201, 4\), expected \(101, 4\)"):
         optimize(CartPendulum(100), _tracking(), initial=(np.zeros(4), np.zeros((100, 1))))
 
 

@@ -21,9 +21,7 @@ def setting():
     x = simulate(system, [0.1, 0.5, 0.0, 0.0], u)
     linearization = system.linearize(x, u)
     projection = Projection(system, regulate(*linearization))
-    cost = QuadraticCost(
-        rng.standard_normal(x.shape), rng.standard_normal(u.shape), Q=[3.0, 2.0, 1.0, 1.0], R=[0.5]
-    )
+    cost = QuadraticCost(rng.standard_normal(x.shape), rng.standard_normal(u.shape), Q=[3.0, 2.0, 1.0, 1.0], R=[0.5])
     direction = rng.standard_normal(x.shape), rng.standard_normal(u.shape)
     return system, projection, linearization, cost, x, u, direction
 

@@ -198,9 +198,7 @@ def _broken(name):
             return super().curvatures(x, u, z) * 1.01
 
         def rollout(self, x0, xbar, ubar, K, start, stop):
-            return super().rollout(
-                x0, xbar, ubar, K * (1.1 if name == "rollout" else 1), start, stop
-            )
+            return super().rollout(x0, xbar, ubar, K * (1.1 if name == "rollout" else 1), start, stop)
 
     return Broken(30)
 
@@ -237,6 +235,4 @@ def test_the_checker_finds_a_wrong_cost(curve, name):
 def test_simulate_is_deterministic():
     system = CartPendulum(20)
     u = np.ones((20, 1))
-    np.testing.assert_array_equal(
-        simulate(system, np.zeros(4), u), simulate(system, np.zeros(4), u)
-    )
+    np.testing.assert_array_equal(simulate(system, np.zeros(4), u), simulate(system, np.zeros(4), u))

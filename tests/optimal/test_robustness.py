@@ -124,16 +124,8 @@ def test_the_end_of_a_quadratic_tail_is_foretold():
     np.testing.assert_allclose(again.K, result.K, rtol=1e-3, atol=1e-3)
 
 
-CURVES = [
-    name
-    for name in BY_NAME
-    if name.endswith("line") and name.split(",")[0] in ("cart", "planar arm")
-]
-TINY = [
-    name
-    for name in BY_NAME
-    if ", R 1e-06," in name and name.split(",")[0] in ("planar arm", "slider-crank")
-]
+CURVES = [name for name in BY_NAME if name.endswith("line") and name.split(",")[0] in ("cart", "planar arm")]
+TINY = [name for name in BY_NAME if ", R 1e-06," in name and name.split(",")[0] in ("planar arm", "slider-crank")]
 
 
 @pytest.mark.parametrize("name", CURVES + TINY)

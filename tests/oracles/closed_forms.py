@@ -14,9 +14,7 @@ def pendulum_period(amplitude: float, length: float = 1.0, gravity: float = 9.81
     return 4.0 * np.sqrt(length / gravity) * float(ellipk(np.sin(amplitude / 2.0) ** 2))
 
 
-def pendulum_angle(
-    t: np.ndarray, amplitude: float, length: float = 1.0, gravity: float = 9.81
-) -> np.ndarray:
+def pendulum_angle(t: np.ndarray, amplitude: float, length: float = 1.0, gravity: float = 9.81) -> np.ndarray:
     """Return the angle (rad) of that pendulum at times t (s) after its release at rest.
 
     ``sin(theta / 2) = k cd(omega t) = k cn / dn``, by Jacobi's functions of the modulus k.
@@ -26,17 +24,13 @@ def pendulum_angle(
     return 2.0 * np.arcsin(k * cn / dn)
 
 
-def damped_velocity(
-    t: np.ndarray, v0: float, mass: float, damping: float, force: float
-) -> np.ndarray:
+def damped_velocity(t: np.ndarray, v0: float, mass: float, damping: float, force: float) -> np.ndarray:
     """Return the velocity (m/s) of a mass under a constant force and linear damping."""
     final = force / damping
     return final + (v0 - final) * np.exp(-damping / mass * np.asarray(t))
 
 
-def steady_precession(
-    tilt: float, spin: float, about_axis: float, across: float, weight: float
-) -> float:
+def steady_precession(tilt: float, spin: float, about_axis: float, across: float, weight: float) -> float:
     """Return the slow rate (rad/s) of steady precession of a heavy symmetric top.
 
     ``across' cos(tilt) W^2 - about_axis spin W + weight = 0`` with ``spin`` the whole angular velocity about

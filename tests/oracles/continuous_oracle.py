@@ -124,9 +124,7 @@ def equation_orders(oracle: Oracle, at: At) -> Orders:
     return Orders(value[rows], first[rows], second[rows])
 
 
-def differentiate_implicitly(
-    orders: Orders, nd: int, nq: int, nc: int
-) -> tuple[np.ndarray, np.ndarray]:
+def differentiate_implicitly(orders: Orders, nd: int, nq: int, nc: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the first and second derivatives of ``[a; lam]`` by ``[q; v; u; rho_a]``."""
     nz = orders.first.shape[1]
     y = np.r_[2 * nq : 2 * nq + nd, 3 * nq : 3 * nq + nc]

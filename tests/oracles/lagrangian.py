@@ -104,9 +104,7 @@ def constraint_values(d: Data, q: jnp.ndarray) -> tuple[jnp.ndarray, jnp.ndarray
     return constraints(d, q), jax.jacfwd(partial(constraints, d))(q)
 
 
-def step_equations(
-    d: Data, nd: int, step: jnp.ndarray, y: jnp.ndarray, th: jnp.ndarray
-) -> jnp.ndarray:
+def step_equations(d: Data, nd: int, step: jnp.ndarray, y: jnp.ndarray, th: jnp.ndarray) -> jnp.ndarray:
     """Return ``[F1; F2; p2]`` of one step at y = [q2 dynamic; lam], th = [q1; p1; u; rho2].
 
     ``step`` is ``[dt, kappa-, kappa+]``: the forces act with kappa- f at the start and kappa+ f at the end.

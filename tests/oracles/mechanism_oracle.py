@@ -158,9 +158,7 @@ class Oracle:
         found = [formula(place, element) for formula, element in self._known(formulas.CONSTRAINTS)]
         return jnp.stack(list(chain.from_iterable(found))) if found else jnp.zeros(0)
 
-    def force(
-        self, q: jnp.ndarray, v: jnp.ndarray, u: jnp.ndarray, near: Near | None = None
-    ) -> jnp.ndarray:
+    def force(self, q: jnp.ndarray, v: jnp.ndarray, u: jnp.ndarray, near: Near | None = None) -> jnp.ndarray:
         """Return the generalised forces (nq,) of all force elements."""
         inputs = {name: u[i] for name, i in self.inputs.items()}
         motion = formulas.Motion(partial(self.place, near=near), q, v, inputs)
@@ -257,9 +255,7 @@ def amounts(hat: np.ndarray, s: jnp.ndarray) -> jnp.ndarray:
     return jnp.stack([jnp.ones_like(s), s, second, third])
 
 
-def orders(
-    function: Callable[[jnp.ndarray], jnp.ndarray], count: int
-) -> Callable[[jnp.ndarray], list[jnp.ndarray]]:
+def orders(function: Callable[[jnp.ndarray], jnp.ndarray], count: int) -> Callable[[jnp.ndarray], list[jnp.ndarray]]:
     """Return ``z -> [f, Df, D2f, ...]``; every order comes with the one above it, so that the graph stays small."""
 
     def values(z: jnp.ndarray) -> tuple[jnp.ndarray, list[jnp.ndarray]]:

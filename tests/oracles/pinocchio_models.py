@@ -48,9 +48,7 @@ def mechanism_of(model: Any) -> Mechanism:
         joint.calc(data, neutral_of(model, j), np.zeros(1))
         linear, angular = np.ravel(data.S)[:3], np.ravel(data.S)[3:]
         variable = f"{name}.q"
-        placed.append(
-            base.twist(variable, linear=linear, angular=angular, bodies=bodies, name=name)
-        )
+        placed.append(base.twist(variable, linear=linear, angular=angular, bodies=bodies, name=name))
         variables.append(variable)
     forces = [JointForce(variable, input=f"{variable} force") for variable in variables]
     return Mechanism(

@@ -59,9 +59,7 @@ class _Path:
         return None
 
 
-def follow(
-    vi: MidpointVI, q1: Array, p1: Array, u: Array, dt: float, parts: int = 60
-) -> tuple[Array, float] | None:
+def follow(vi: MidpointVI, q1: Array, p1: Array, u: Array, dt: float, parts: int = 60) -> tuple[Array, float] | None:
     """Return the next configuration and s, or None where the path ends before the time step does."""
     path = _Path(vi, q1, p1, u, dt)
     nd = vi.mechanism.nd

@@ -99,9 +99,7 @@ def step_orders(oracle: Oracle, dt: float, split: str, z: np.ndarray) -> Orders:
         L[order][(slice(nq),) * order] -= V[order]
     slopes = _substituted(L[1:], moving)
     L_q, L_v = ([part[:nd] for part in _rows(slopes, at)] for at in (slice(nq), slice(nq, None)))
-    forces = _substituted(
-        oracle.force_orders(np.vstack([moving, s.u]) @ z), np.vstack([moving, s.u])
-    )
+    forces = _substituted(oracle.force_orders(np.vstack([moving, s.u]) @ z), np.vstack([moving, s.u]))
     f = _rows(forces, slice(nd))
     before, after = force_shares(dt, split)
     out = []

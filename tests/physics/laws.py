@@ -29,9 +29,7 @@ def pendulum(gravity: float = G) -> Mechanism:
     return Mechanism([rz("theta"), [ty(-1.0, name="bob", mass=1.0)]], [Gravity((0, -gravity, 0))])
 
 
-def mass_on_string(
-    *, length: float | str = "length", gravity: float = G, copies: int = 1
-) -> Mechanism:
+def mass_on_string(*, length: float | str = "length", gravity: float = G, copies: int = 1) -> Mechanism:
     """Return a point mass of 2 kg that moves in the x-z plane on a string from the origin."""
     strings = [Distance("bob", "anchor", length, name=f"string{c}") for c in range(copies)]
     return Mechanism(
@@ -49,18 +47,14 @@ def floating_chain(first: str = "rz", elements: Sequence[Element] = ()) -> Mecha
         tz(-0.4),
         [rz("hip", mass=0.9, com=(0.3, 0.0, -0.2), inertia=(0.04, 0.05, 0.03, 0.01, 0.0, 0.005))],
     ]
-    body = turns[2](
-        "c", mass=3.0, com=(0.05, -0.1, 0.2), inertia=(0.3, 0.25, 0.2, 0.03, -0.02, 0.01)
-    )
+    body = turns[2]("c", mass=3.0, com=(0.05, -0.1, 0.2), inertia=(0.3, 0.25, 0.2, 0.03, -0.02, 0.01))
     return Mechanism(
         [tx("x"), [ty("y"), [tz("z"), [turns[0]("a"), [turns[1]("b"), [body, limbs]]]]]],
         list(elements),
     )
 
 
-def in_motion(
-    mechanism: Mechanism, seed: int = 0, size: float = 1.0
-) -> tuple[np.ndarray, np.ndarray]:
+def in_motion(mechanism: Mechanism, seed: int = 0, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Return a configuration and a velocity of no special kind."""
     q, v = np.random.default_rng(seed).uniform(-size, size, (2, mechanism.nq))
     return q, v
@@ -83,9 +77,7 @@ def complete(run: Trajectory) -> Trajectory:
     return run
 
 
-def swing(
-    mechanism: Mechanism, q: np.ndarray, v: np.ndarray, t: np.ndarray, **options
-) -> Trajectory:
+def swing(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, t: np.ndarray, **options) -> Trajectory:
     """Return the motion from a configuration and a velocity."""
     split = options.pop("split", "symmetric")
     vi = MidpointVI(mechanism, split=split, threads=1)

@@ -35,9 +35,7 @@ def test_iftomm_a01_pendulum_against_jacobi() -> None:
     assert pendulum_period(np.pi / 2) == pytest.approx(IFTOMM_A01_PERIOD, rel=1e-14)
     end = 10.0
     exact = pendulum_angle(times(end, 2000), np.pi / 2)
-    runs = [
-        swing(pendulum(), [np.pi / 2], [0.0], times(end, n * 2000))["theta"][::n] for n in (1, 2, 4)
-    ]
+    runs = [swing(pendulum(), [np.pi / 2], [0.0], times(end, n * 2000))["theta"][::n] for n in (1, 2, 4)]
     errors = [np.abs(run - exact).max() for run in runs]
     assert errors[0] < 5e-4
     assert np.allclose(np.divide(errors[:-1], errors[1:]), 4.0, atol=0.01)
@@ -87,9 +85,7 @@ def test_projectile_is_exact(split: str) -> None:
     run = swing(m, q, v, t, split=split)
     exact = q + np.outer(t, v) + 0.5 * np.outer(t**2, [0.3, -0.2, -G])
     assert np.abs(run.q - exact).max() < 1e-12 * np.abs(exact).max()
-    assert (
-        np.abs(run.p - 3.0 * (v + np.outer(t, [0.3, -0.2, -G]))).max() < 1e-12 * np.abs(run.p).max()
-    )
+    assert np.abs(run.p - 3.0 * (v + np.outer(t, [0.3, -0.2, -G]))).max() < 1e-12 * np.abs(run.p).max()
     # At uneven time steps too.
     uneven = np.cumsum([0.0, 0.1, 0.01, 0.3, 0.002, 0.05])
     run = swing(m, q, v, uneven, split=split)
@@ -100,10 +96,7 @@ def test_projectile_is_exact(split: str) -> None:
 def test_constant_force_is_exact_in_the_symmetric_split_only() -> None:
     m = Mechanism([tx("x", mass=2.0)], [JointForce("x", input="push")])
     t = times(3.0, 30)
-    ends = {
-        split: swing(m, [0.0], [1.0], t, inputs=[4.0], split=split)["x"][-1]
-        for split in ("symmetric", "left")
-    }
+    ends = {split: swing(m, [0.0], [1.0], t, inputs=[4.0], split=split)["x"][-1] for split in ("symmetric", "left")}
     assert ends["symmetric"] == pytest.approx(3.0 + 0.5 * 2.0 * 9.0, rel=1e-13)
     # Left: the momentum at each start jumps by all of dt f, so the mass is dt f / (2 m) faster.
     assert ends["left"] == pytest.approx(3.0 + 9.0 + 3.0 * 0.1 * 4.0 / (2 * 2.0), rel=1e-13)

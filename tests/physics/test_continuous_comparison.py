@@ -23,9 +23,7 @@ def test_a_quick_comparison_prints_a_table_and_draws(tmp_path) -> None:
     picture = tmp_path / "comparison_scissor_lift.png"
     assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     cells = [
-        [cell.strip() for cell in line.split("|")[1:-1]]
-        for line in done.stdout.splitlines()
-        if line.startswith("| ")
+        [cell.strip() for cell in line.split("|")[1:-1]] for line in done.stdout.splitlines() if line.startswith("| ")
     ]
     rows = {(method, setting): numbers for method, setting, *numbers in cells[1:]}
     coarse, fine = (float(rows["midpoint VI", f"{n} steps"][1]) for n in (120, 240))

@@ -36,9 +36,7 @@ def lift(segments: int) -> Mechanism:
             "R": turned["L"].tx(LINK, name=f"end_L{n}"),
             "L": turned["R"].tx(LINK, name=f"end_R{n}"),
         }
-    pins = [
-        PointToPoint(f"middle_L{n}", f"middle_R{n}", "xz", name=f"pin{n}") for n in range(segments)
-    ]
+    pins = [PointToPoint(f"middle_L{n}", f"middle_R{n}", "xz", name=f"pin{n}") for n in range(segments)]
     return Mechanism(tree, [Gravity((0.0, 0.0, -G)), *pins])
 
 
@@ -67,9 +65,7 @@ def lift_angle(segments: int, start: float, t: np.ndarray) -> np.ndarray:
         dJ = 2.0 * s * c * (np.sum(2.0 * (0.25 - arms**2)) + 0.5)
         return [w, (2.0 * G * c * arms.sum() - 0.5 * dJ * w**2) / J]
 
-    out = solve_ivp(
-        rate, (t[0], t[-1]), [start, 0.0], t_eval=t, method="DOP853", rtol=1e-12, atol=1e-12
-    )
+    out = solve_ivp(rate, (t[0], t[-1]), [start, 0.0], t_eval=t, method="DOP853", rtol=1e-12, atol=1e-12)
     return out.y[0]  # fmt: skip
 
 
@@ -109,10 +105,7 @@ def test_projection_holds_for_long_where_the_bare_equations_drift_away() -> None
     m = four_bars.four_bars(1)
     q0, v0 = four_bars.at_angle(m, 1.2, 0.5)
     t = times(30.0, 30)
-    held, bare = (
-        done(simulate(m, q0, v0, t, constraints=c, rtol=1e-6, atol=1e-7))
-        for c in ("project", "none")
-    )
+    held, bare = (done(simulate(m, q0, v0, t, constraints=c, rtol=1e-6, atol=1e-7)) for c in ("project", "none"))
     energy = held.energy().total
     assert max(d.h for d in held.drift.values()) < 1e-13
     assert max(d.h for d in bare.drift.values()) > 1e-6
@@ -201,18 +194,13 @@ def test_the_jacobian_is_exact() -> None:
     m = mass_on_string()
     rng = np.random.default_rng(4)
     gain, x = rng.uniform(-1.0, 1.0, (1, 6)), rng.uniform(0.3, 1.0, 6)
-    law = WholeInput(
-        [InputLaw(Feedback(gain, np.zeros(6), np.zeros(1)), times(1.0, 1), ["a"], "u")]
-    )
+    law = WholeInput([InputLaw(Feedback(gain, np.zeros(6), np.zeros(1)), times(1.0, 1), ["a"], "u")])
     baumgarte = Baumgarte(0.3, 0.7)
-    dynamics = ContinuousDynamics(
-        m, constraint_damping=baumgarte.damping, constraint_stiffness=baumgarte.stiffness
-    )
+    dynamics = ContinuousDynamics(m, constraint_damping=baumgarte.damping, constraint_stiffness=baumgarte.stiffness)
     equations = Equations(dynamics, law, None, None)
     ours, size = equations.jacobian(0.0, x), 1e-6
     columns = [
-        (equations.rate(0.0, x + size * e) - equations.rate(0.0, x - size * e)) / (2.0 * size)
-        for e in np.eye(6)
+        (equations.rate(0.0, x + size * e) - equations.rate(0.0, x - size * e)) / (2.0 * size) for e in np.eye(6)
     ]
     np.testing.assert_allclose(ours, np.array(columns).T, atol=2e-7 * np.abs(ours).max())
     assert np.abs(ours[5]).max() > 0.1, "the prescribed variable is fed back"

@@ -74,9 +74,7 @@ def test_momenta_and_velocities_are_inverse() -> None:
     np.testing.assert_allclose(p, [m.momentum(*pair)[: m.nd] for pair in zip(q, v, strict=True)])
     np.testing.assert_allclose(to_velocity(m, q, p, v[:, m.nd :]), v, atol=1e-12)
     np.testing.assert_allclose(to_velocity(m, q[2], p[2], v[2, m.nd :]), v[2], atol=1e-12)
-    assert np.abs(to_velocity(m, q, p) - v)[:, : m.nd].max() > 1e-3, (
-        "the turntable carries momentum"
-    )
+    assert np.abs(to_velocity(m, q, p) - v)[:, : m.nd].max() > 1e-3, "the turntable carries momentum"
 
 
 def test_jacobian_of_the_legendre_transform() -> None:
@@ -89,9 +87,7 @@ def test_jacobian_of_the_legendre_transform() -> None:
             return np.concatenate([q, to_momentum(m, q, v), v[m.nd :]])
 
         T = legendre_jacobian(m, q, v)
-        columns = [
-            (discrete(x + size * e) - discrete(x - size * e)) / (2 * size) for e in np.eye(m.nx)
-        ]
+        columns = [(discrete(x + size * e) - discrete(x - size * e)) / (2 * size) for e in np.eye(m.nx)]
         np.testing.assert_allclose(T, np.array(columns).T, atol=1e-8 * np.abs(T).max())
         assert np.array_equal(legendre_jacobian(m, [q, q], [v, v])[1], T)
 
@@ -133,9 +129,7 @@ def test_discrete_trajectories_approach_continuous_ones(motion, sampled, field) 
         if wanted is None:
             u = run.input(t)
             dynamics = ContinuousDynamics(m)
-            wanted = dynamics.accelerations(
-                here[:, : m.nq], here[:, m.nq :], u[:, : m.nu], u[:, m.nu :]
-            ).lam
+            wanted = dynamics.accelerations(here[:, : m.nq], here[:, m.nq :], u[:, : m.nu], u[:, m.nu :]).lam
         return float(np.abs(back - wanted).max())
 
     assert measured_order(error, STEPS) == pytest.approx(2.0, abs=0.25)
@@ -149,9 +143,7 @@ def test_sampled_curves_are_trajectories_but_for_the_third_order(motion) -> None
     def defect(steps: int) -> float:
         curve = to_discrete(run, vi, times(1.0, steps), sampled=True)
         k = steps // 5 * 3
-        end = vi.step(
-            curve.state(k), 1.0 / steps, inputs=curve.inputs[k], rho_next=curve.rho[k + 1]
-        ).state
+        end = vi.step(curve.state(k), 1.0 / steps, inputs=curve.inputs[k], rho_next=curve.rho[k + 1]).state
         return float(np.abs(end.q - curve.q[k + 1]).max())
 
     assert measured_order(defect, (25, 50, 100)) > 2.7
@@ -217,9 +209,7 @@ def pushed() -> Mechanism:
 
 def led() -> Mechanism:
     """Return a pendulum on a cart whose motion is prescribed."""
-    return Mechanism(
-        [tx("cart", kinematic=True), [rz("theta"), [ty(-1.0, mass=1.0)]]], [Gravity((0.0, -G, 0.0))]
-    )
+    return Mechanism([tx("cart", kinematic=True), [rz("theta"), [ty(-1.0, mass=1.0)]]], [Gravity((0.0, -G, 0.0))])
 
 
 def upright(m: Mechanism) -> tuple[np.ndarray, np.ndarray]:

@@ -23,9 +23,7 @@ def done(run: ContinuousTrajectory) -> ContinuousTrajectory:
 
 def slider(damping: float = 0.0) -> Mechanism:
     """Return a mass of 2 kg that slides along x under a force."""
-    return Mechanism(
-        [tx("x", mass=2.0)], [JointForce("x", input="push"), Damping({"x": damping}, default=0.0)]
-    )
+    return Mechanism([tx("x", mass=2.0)], [JointForce("x", input="push"), Damping({"x": damping}, default=0.0)])
 
 
 def turntable() -> PrescribedMotion:
@@ -38,9 +36,7 @@ def turntable() -> PrescribedMotion:
 def test_a_constant_force_against_damping() -> None:
     t = times(3.0, 20)
     run = done(simulate(slider(0.8), [0.0], [1.0], t, inputs=[3.0], rtol=1e-11, atol=1e-12))
-    np.testing.assert_allclose(
-        run.velocity("x"), damped_velocity(t, 1.0, 2.0, 0.8, 3.0), atol=1e-10
-    )
+    np.testing.assert_allclose(run.velocity("x"), damped_velocity(t, 1.0, 2.0, 0.8, 3.0), atol=1e-10)
     assert np.array_equal(run["push"], np.full(21, 3.0))
 
 
@@ -49,9 +45,7 @@ def test_held_inputs_jump_where_they_should(method: str) -> None:
     rng = np.random.default_rng(5)
     t = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 0.5, 8))])
     rows = np.repeat(rng.uniform(-5.0, 5.0, (4, 1)), 2, axis=0)
-    run = done(
-        simulate(slider(), [0.0], [0.0], t, inputs=rows, method=method, rtol=1e-10, atol=1e-10)
-    )
+    run = done(simulate(slider(), [0.0], [0.0], t, inputs=rows, method=method, rtol=1e-10, atol=1e-10))
     steps = np.diff(t)
     v = np.concatenate([[0.0], np.cumsum(rows[:, 0] / 2.0 * steps)])
     x = np.concatenate([[0.0], np.cumsum((v[:-1] + v[1:]) / 2.0 * steps)])
@@ -103,9 +97,7 @@ def test_driven_arm_on_its_turntable(given: str) -> None:
     }[given]
     t = times(1.0, 10)
     run = done(simulate(m, q0, v0, t, rtol=1e-11, atol=1e-12, **signals))
-    exact = fine(
-        m, q0, v0, lambda t, v: np.append(inputs(t), 0.0) - np.array([0.8, 0.5, 0.1]) * v, table
-    )
+    exact = fine(m, q0, v0, lambda t, v: np.append(inputs(t), 0.0) - np.array([0.8, 0.5, 0.1]) * v, table)
     np.testing.assert_allclose(run.q[:, :3], exact(t)[:3].T, atol=1e-8)
     tolerance = 1e-15 if given == "motion" else 1e-8
     np.testing.assert_allclose(run["table"], [table(at)[0] for at in t], atol=tolerance)
@@ -139,9 +131,7 @@ def test_motions_by_splines_and_rows() -> None:
     rows = np.sin(2.0 * t)[:, None]
     spline = CubicSpline(t, rows)
     start, speed = [0.3, 0.0], [0.0, 2.0]
-    exact = PrescribedMotion(
-        lambda t: [np.sin(2 * t)], lambda t: [2 * np.cos(2 * t)], lambda t: [-4 * np.sin(2 * t)]
-    )
+    exact = PrescribedMotion(lambda t: [np.sin(2 * t)], lambda t: [2 * np.cos(2 * t)], lambda t: [-4 * np.sin(2 * t)])
     wanted = done(simulate(m, start, speed, t, rho=exact, rtol=1e-10, atol=1e-12))
     by_rows = done(simulate(m, start, None, t, rho=rows, rtol=1e-10, atol=1e-12))
     by_spline = done(simulate(m, start, None, t, rho=spline, rtol=1e-10, atol=1e-12))
@@ -190,17 +180,13 @@ def test_a_terminal_event_ends_the_simulation_there(method: str) -> None:
     quarter = pendulum_period(1.0) / 4.0
     options = {"method": method, "rtol": 1e-8, "atol": 1e-10}
     t = times(5.0, 100)
-    run = simulate(
-        pendulum(), [1.0], None, t, events={"low": Event("theta", terminal=True)}, **options
-    )
+    run = simulate(pendulum(), [1.0], None, t, events={"low": Event("theta", terminal=True)}, **options)
     assert run.status is IntegrationStatus.EVENT
     assert "'low'" in run.message
     assert run.t[-1] == run.events["low"].t[0] == pytest.approx(quarter, abs=1e-4)
     assert abs(run["theta"][-1]) < 1e-12
     assert np.array_equal(run.t[:-1], t[t < run.t[-1]])
-    third = simulate(
-        pendulum(), [1.0], None, t, events={"low": Event("theta", terminal=3)}, **options
-    )
+    third = simulate(pendulum(), [1.0], None, t, events={"low": Event("theta", terminal=3)}, **options)
     assert len(third.events["low"].t) == 3
     assert third.t[-1] == pytest.approx(5.0 * quarter, abs=1e-3)
     # On from the event, which is none at the start.
@@ -259,9 +245,7 @@ def test_a_motion_that_blows_up_returns_what_there_is(method: str) -> None:
 
 
 def test_a_failure_says_which_input_is_not_finite() -> None:
-    run = simulate(
-        slider(), [0.0], [1.0], times(1.0, 10), inputs=lambda t, x: [np.nan if t > 0.5 else 0.0]
-    )
+    run = simulate(slider(), [0.0], [1.0], times(1.0, 10), inputs=lambda t, x: [np.nan if t > 0.5 else 0.0])
     assert run.status is IntegrationStatus.FAILED
     assert "the input 'push' is not finite" in run.message
     assert run.t[-1] == pytest.approx(0.5, abs=1e-6)
@@ -280,9 +264,7 @@ def test_a_string_reeled_in_beyond_reach() -> None:
         [Distance("bob", "west", "left"), Distance("bob", "east", "right")],
     )
     q0 = m.configuration({"x": 0.0, "y": -1.0, "left": np.sqrt(2.0), "right": np.sqrt(2.0)})
-    reel = PrescribedMotion(
-        lambda t: [np.sqrt(2.0) - t**2] * 2, lambda t: [-2.0 * t] * 2, lambda t: [-2.0] * 2
-    )
+    reel = PrescribedMotion(lambda t: [np.sqrt(2.0) - t**2] * 2, lambda t: [-2.0 * t] * 2, lambda t: [-2.0] * 2)
     run = simulate(m, q0, None, times(1.0, 20), rho=reel, max_steps=3000)
     assert run.status is IntegrationStatus.FAILED
     assert 0.5 < run.t[-1] < np.sqrt(np.sqrt(2.0) - 1.0) + 1e-9

@@ -84,9 +84,7 @@ def test_a_state_put_into_a_solver_is_where_it_goes_on_from(method: str) -> None
         t, y = moved[0]
         np.testing.assert_allclose(step.y, y * np.exp(t - step.end), atol=10.0 * accuracy)
         middle = 0.5 * (step.start + step.end)
-        np.testing.assert_allclose(
-            step.interpolant()(middle), y * np.exp(t - middle), atol=10.0 * accuracy
-        )
+        np.testing.assert_allclose(step.interpolant()(middle), y * np.exp(t - middle), atol=10.0 * accuracy)
     t, y = moved[0]
     if method not in ("BDF", "LSODA"):
         assert any(at == t and np.allclose(of, y, rtol=1e-14) for at, of in slopes), (
@@ -97,9 +95,7 @@ def test_a_state_put_into_a_solver_is_where_it_goes_on_from(method: str) -> None
 
 def test_an_interpolant_ends_where_the_step_was_moved_to() -> None:
     change = np.array([0.1, -0.2])
-    piece = Interpolant(
-        lambda t: np.multiply.outer([1.0, 2.0], np.asarray(t)), 1.0, 3.0, change=change
-    )
+    piece = Interpolant(lambda t: np.multiply.outer([1.0, 2.0], np.asarray(t)), 1.0, 3.0, change=change)
     np.testing.assert_allclose(piece(1.0), [1.0, 2.0])
     np.testing.assert_allclose(piece(3.0), [3.1, 5.8])
     times = np.array([1.0, 2.0, 3.0])

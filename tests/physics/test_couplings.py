@@ -85,20 +85,14 @@ def test_derivatives_of_the_lagrangian_follow_the_chain_rule():
     rng = np.random.default_rng(21)
     for q, v, dq, dv in rng.uniform(-1.5, 1.5, (3, 4, 4)):
         s, r, ds, dr = E @ q + s0, E @ v, E @ dq, E @ dv
-        np.testing.assert_allclose(
-            coupled.core.joint_poses(q[None]), independent.core.joint_poses(s[None]), atol=1e-14
-        )
+        np.testing.assert_allclose(coupled.core.joint_poses(q[None]), independent.core.joint_poses(s[None]), atol=1e-14)
         one, other = coupled.energy(q, v), independent.energy(s, r)
         assert one.total == pytest.approx(other.total, rel=1e-13)
-        for mine, theirs in zip(
-            coupled.core.gradient(q, v), independent.core.gradient(s, r), strict=True
-        ):
+        for mine, theirs in zip(coupled.core.gradient(q, v), independent.core.gradient(s, r), strict=True):
             np.testing.assert_allclose(mine, E.T @ theirs, rtol=1e-12, atol=1e-12)
         for mine, theirs in (
             *zip(coupled.core.hessian(q, v), independent.core.hessian(s, r), strict=True),
-            *zip(
-                coupled.core.third(q, v, dq, dv), independent.core.third(s, r, ds, dr), strict=True
-            ),
+            *zip(coupled.core.third(q, v, dq, dv), independent.core.third(s, r, ds, dr), strict=True),
         ):
             np.testing.assert_allclose(mine, E.T @ theirs @ E, rtol=1e-11, atol=1e-11)
 
@@ -107,9 +101,7 @@ def test_constraints_follow_the_chain_rule():
     coupled, independent, E, s0 = coupled_and_independent()
     for q in np.random.default_rng(22).uniform(-1.5, 1.5, (3, 4)):
         s = E @ q + s0
-        assert coupled.constraint_values(q)[0] == pytest.approx(
-            independent.constraint_values(s)[0], abs=1e-12
-        )
+        assert coupled.constraint_values(q)[0] == pytest.approx(independent.constraint_values(s)[0], abs=1e-12)
         np.testing.assert_allclose(
             coupled.constraint_jacobian(q)[0], independent.constraint_jacobian(s)[0] @ E, atol=1e-12
         )
@@ -146,14 +138,10 @@ def test_exact_derivatives_of_a_coupled_step_against_differences():
     h = 1e-6
     for i in range(len(x)):
         step = h * np.eye(len(x))[i]
-        np.testing.assert_allclose(
-            d.A[0][:, i], (end(x + step, u) - end(x - step, u)) / (2 * h), atol=1e-6
-        )
+        np.testing.assert_allclose(d.A[0][:, i], (end(x + step, u) - end(x - step, u)) / (2 * h), atol=1e-6)
     for i in range(len(u)):
         step = h * np.eye(len(u))[i]
-        np.testing.assert_allclose(
-            d.B[0][:, i], (end(x, u + step) - end(x, u - step)) / (2 * h), atol=1e-6
-        )
+        np.testing.assert_allclose(d.B[0][:, i], (end(x, u + step) - end(x, u - step)) / (2 * h), atol=1e-6)
 
 
 def motion_of_k(rng):
@@ -173,9 +161,7 @@ def test_a_mimic_joint_that_turns_back_leaves_the_inertia_out():
         assert mechanism.mass_matrix([q])[0, 0] == pytest.approx(2.0 * 1.5**2, rel=1e-14)
     pendulum = Mechanism([rz("a"), [ty(-1.5, mass=2.0)]], [Gravity((0, -9.8, 0))])
     t = np.linspace(0, 3, 301)
-    one, other = (
-        MidpointVI(m).simulate(MidpointVI(m).start([1.0]), t) for m in (mechanism, pendulum)
-    )
+    one, other = (MidpointVI(m).simulate(MidpointVI(m).start([1.0]), t) for m in (mechanism, pendulum))
     np.testing.assert_allclose(one.q, other.q, atol=1e-10)
     assert np.abs(np.diff(one.q[:, 0])).max() > 0.01
 
@@ -194,25 +180,19 @@ def test_a_gear_train_has_the_inertia_of_its_ratio():
     # I a = T - c v
     expected = 0.8 / 0.05 * (t - inertia / 0.05 * (1.0 - np.exp(-0.05 / inertia * t)))
     np.testing.assert_allclose(motion["motor"], expected, atol=1e-6)
-    np.testing.assert_allclose(
-        mechanism.frame_velocity([0.3], [2.0], "wheel"), [0, 0, 0, 0, 0, -0.5], atol=1e-15
-    )
+    np.testing.assert_allclose(mechanism.frame_velocity([0.3], [2.0], "wheel"), [0, 0, 0, 0, 0, -0.5], atol=1e-15)
 
 
 def test_a_nut_falls_on_its_screw():
     """``(I + m h^2) a = m g h``; the screw by its pitch and as a coupling of two simple joints."""
     nut = {"mass": 2.0, "inertia": (0.1, 0.1, 0.02)}
-    whole = Mechanism(
-        [screw("s", axis="z", point=(0.3, 0, 0), pitch=-0.05, com=(0.3, 0, 0), **nut)], [Gravity()]
-    )
+    whole = Mechanism([screw("s", axis="z", point=(0.3, 0, 0), pitch=-0.05, com=(0.3, 0, 0), **nut)], [Gravity()])
     parts = Mechanism([tx(0.3), [tz(-0.05 * var("s")), [rz("s", **nut)]]], [Gravity()])
     t = np.linspace(0.0, 1.0, 101)
     acceleration = 2.0 * 9.81 * 0.05 / (0.02 + 2.0 * 0.05**2)
     for mechanism in (whole, parts):
         vi = MidpointVI(mechanism)
-        gravity = (
-            mechanism.energy([1.0], [0.0]).potential - mechanism.energy([0.0], [0.0]).potential
-        )
+        gravity = mechanism.energy([1.0], [0.0]).potential - mechanism.energy([0.0], [0.0]).potential
         scale = -gravity / (2.0 * 9.81 * 0.05)  # whatever g the default is
         motion = vi.simulate(vi.start([0.0]), t)
         np.testing.assert_allclose(motion["s"], 0.5 * acceleration * scale * t**2, atol=1e-10)
@@ -250,16 +230,12 @@ def test_a_coupling_is_the_same_coupling_held_by_a_constraint():
     torque = np.sin(3.0 * 0.5 * (t[1:] + t[:-1]))[:, None]
     one, other = MidpointVI(coupled), MidpointVI(held)
     start = other.start(held.configuration(full), held.configuration(full_rates))
-    short = one.simulate(
-        one.start(coupled.configuration(values), coupled.configuration(rates)), t, inputs=torque
-    )
+    short = one.simulate(one.start(coupled.configuration(values), coupled.configuration(rates)), t, inputs=torque)
     long = other.simulate(start, t, inputs=torque)
     # The constrained scheme projects its start; the midpoint rule commutes with a linear coupling.
     for name in ("shoulder", "slide"):
         np.testing.assert_allclose(short[name], long[name], atol=1e-9)
-    np.testing.assert_allclose(
-        ratio.value({"shoulder": short["shoulder"]}), long["elbow"], atol=1e-9
-    )
+    np.testing.assert_allclose(ratio.value({"shoulder": short["shoulder"]}), long["elbow"], atol=1e-9)
     assert np.ptp(short["shoulder"]) > 1.0
 
 

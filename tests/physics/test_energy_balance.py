@@ -77,9 +77,7 @@ def test_work_of_inputs_damping_and_prescribed_motion_is_no_loss() -> None:
         tx("cart", mass=2.0, kinematic=True),
         [ry("arm", bodies=[Body(1.0, com=(0, 0, -0.7), inertia=(0.05, 0.05, 0.01))])],
     ]
-    m = Mechanism(
-        tree, [Gravity((0, 0, -G)), JointForce("arm", input="torque"), Damping({"arm": 0.3})]
-    )
+    m = Mechanism(tree, [Gravity((0, 0, -G)), JointForce("arm", input="torque"), Damping({"arm": 0.3})])
     rng = np.random.default_rng(1)
     t = np.linspace(0.0, 4.0, 41)
     run = simulate(

@@ -66,9 +66,7 @@ def test_a_weight_on_a_spring() -> None:
     stretched = length + mass * G / stiffness
     assert found.q == pytest.approx([0.0, -stretched], abs=1e-11)
     # Sideways it is a pendulum, along the spring an oscillator.
-    assert found.frequencies == pytest.approx(
-        sorted([np.sqrt(G / stretched), np.sqrt(stiffness / mass)]), rel=1e-9
-    )
+    assert found.frequencies == pytest.approx(sorted([np.sqrt(G / stretched), np.sqrt(stiffness / mass)]), rel=1e-9)
     energy = -mass * G * stretched + 0.5 * stiffness * (stretched - length) ** 2
     assert found.potential == pytest.approx(energy, rel=1e-12)
 
@@ -78,9 +76,7 @@ def test_two_links_swing_at_the_frequencies_of_the_double_pendulum() -> None:
     found = equilibrium(m, [1.0, -2.0])
     assert found.frequencies**2 == pytest.approx(G * np.array([2 - 2**0.5, 2 + 2**0.5]), rel=1e-9)
     # Relative angles: the bobs swing alike in the slow mode, and against each other in the fast one.
-    assert found.modes[1] / found.modes[0] == pytest.approx(
-        [2**0.5 - 1.0, -(2**0.5) - 1.0], rel=1e-9
-    )
+    assert found.modes[1] / found.modes[0] == pytest.approx([2**0.5 - 1.0, -(2**0.5) - 1.0], rel=1e-9)
 
 
 def test_a_constraint_adds_its_curvature_and_its_multiplier_is_the_tension() -> None:

@@ -56,9 +56,7 @@ def test_rows_of_one_input_need_no_second_axis(vi: MidpointVI) -> None:
     flat = vi.simulate(vi.start([0.0]), T, inputs=rows)
     column = vi.simulate(vi.start([0.0]), T, inputs=rows[:, None])
     assert np.array_equal(flat.x, column.x)
-    with pytest.raises(
-        ArgumentError, match=r"inputs: got shape \(7,\).*rows are of shape \(100, 1\)"
-    ):
+    with pytest.raises(ArgumentError, match=r"inputs: got shape \(7,\).*rows are of shape \(100, 1\)"):
         vi.simulate(vi.start([0.0]), T, inputs=np.zeros(7))
 
 

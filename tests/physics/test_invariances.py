@@ -137,9 +137,7 @@ def machine(way: Writing) -> Mechanism:
             ry("tail1", bodies=body(0.4, 0.0, 0.0, -0.2)),
             way.put(
                 tz(-0.4),
-                way.put(
-                    ry("tail2", bodies=body(0.4, 0.0, 0.0, -0.2)), way.put(tz(-0.4, name="tip"))
-                ),
+                way.put(ry("tail2", bodies=body(0.4, 0.0, 0.0, -0.2)), way.put(tz(-0.4, name="tip"))),
             ),
         ),
         way.put(
@@ -155,9 +153,7 @@ def machine(way: Writing) -> Mechanism:
     )
     base = way.put(
         pose(np.eye(4) if way.world is None else way.world, name="base"),
-        way.put(
-            tx("x"), way.put(ty("y"), way.put(tz("z"), way.put(rz("c"), way.put(ry("b"), torso))))
-        ),
+        way.put(tx("x"), way.put(ty("y"), way.put(tz("z"), way.put(rz("c"), way.put(ry("b"), torso))))),
         way.put(pose(translation=[0.5, 0.2, 1.0], rotation=rotation(3), name="anchor")),
     )
     elements: list[Element] = [
@@ -188,9 +184,7 @@ def machine(way: Writing) -> Mechanism:
             + np.cross(way.point([0.0, 0.0, 0.0]), way.direction([0.2, 0.1, 0.3])),
         ),
     ]  # fmt: skip
-    return Mechanism(
-        base, elements[::-1] if way.permuted else elements, inputs=["muscle", "motor", "jet"]
-    )
+    return Mechanism(base, elements[::-1] if way.permuted else elements, inputs=["muscle", "motor", "jet"])
 
 
 @functools.cache
@@ -300,9 +294,7 @@ def reactions(run: Trajectory, name: str) -> np.ndarray:
     return backward[:-1] + forward[1:]
 
 
-def agree(
-    kinematic: Mechanism, held: Mechanism, variable: str, source: str, constraint: str
-) -> None:
+def agree(kinematic: Mechanism, held: Mechanism, variable: str, source: str, constraint: str) -> None:
     """Check that both move alike, and that the multiplier is the reaction on the prescribed variable."""
     t = times(1.5, 300)
     rate = (signal(1e-6) - signal(-1e-6)) / 2e-6
@@ -328,9 +320,7 @@ def agree(
 def test_a_prescribed_joint_is_a_joint_held_by_a_coupling(joint: Callable[..., Frame]) -> None:
     post = [pose(translation=[0.5, 0.3, 0.1], name="post")]
     body = {"mass": 2.0, "com": (0.1, 0.0, 0.0), "inertia": (0.3, 0.2, 0.1)}
-    kinematic = Mechanism(
-        [*pendulums(joint("drive", kinematic=True, **body)), *post], surroundings()
-    )
+    kinematic = Mechanism([*pendulums(joint("drive", kinematic=True, **body)), *post], surroundings())
     held = Mechanism(
         [*pendulums(joint("drive", **body)), *post, rz("source", kinematic=True)],
         [*surroundings(), Coupling({"drive": 1.0, "source": -1.0}, name="servo")],
@@ -340,9 +330,7 @@ def test_a_prescribed_joint_is_a_joint_held_by_a_coupling(joint: Callable[..., F
 
 def test_a_prescribed_slide_is_a_frame_on_a_prescribed_path() -> None:
     post = [pose(translation=[0.5, 0.3, 0.1], name="post")]
-    kinematic = Mechanism(
-        [*pendulums(tx("drive", kinematic=True, name="cart", mass=2.0)), *post], surroundings()
-    )
+    kinematic = Mechanism([*pendulums(tx("drive", kinematic=True, name="cart", mass=2.0)), *post], surroundings())
     held = Mechanism(
         [*pendulums(tx("drive", name="cart", mass=2.0)), *post],
         [*surroundings(), PrescribedPath("cart", x="source", name="servo")],

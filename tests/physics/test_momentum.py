@@ -85,9 +85,7 @@ def angular_momentum(m: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     Z = np.array([[cos(a), -sin(a), 0.0], [sin(a), cos(a), 0.0], [0.0, 0.0, 1.0]])
     X = np.array([[1.0, 0.0, 0.0], [0.0, cos(b), -sin(b)], [0.0, sin(b), cos(b)]])
     axes = np.column_stack([[0.0, 0.0, 1.0], Z[:, 0], (Z @ X)[:, 1]])
-    rates = np.linalg.inv(
-        axes
-    )  # column i: rates of the angles for a turn about axis i of the world
+    rates = np.linalg.inv(axes)  # column i: rates of the angles for a turn about axis i of the world
     return np.cross(q[:3], p[:3]) + rates.T @ p[3:6]
 
 
@@ -98,10 +96,7 @@ def test_all_of_the_angular_momentum_is_kept_to_second_order() -> None:
 
     def error(steps: int) -> float:
         run = swing(m, q, v, times(1.0, steps))
-        values = [
-            angular_momentum(m, x, w)
-            for x, w in zip(0.5 * (run.q[1:] + run.q[:-1]), run.v, strict=True)
-        ]
+        values = [angular_momentum(m, x, w) for x, w in zip(0.5 * (run.q[1:] + run.q[:-1]), run.v, strict=True)]
         return float(np.abs(np.array(values) - angular_momentum(m, q, v)).max())
 
     assert measured_order(error, (200, 400, 800)) == pytest.approx(2.0, abs=0.1)

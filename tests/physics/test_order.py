@@ -66,9 +66,7 @@ def fine(
         return np.concatenate([v[:nd], np.linalg.solve(M[:nd, :nd], right)])
 
     y0 = np.concatenate([q0[:nd], v0[:nd]])
-    out = solve_ivp(
-        rate, (0.0, END), y0, method="DOP853", rtol=1e-12, atol=1e-12, dense_output=True
-    )
+    out = solve_ivp(rate, (0.0, END), y0, method="DOP853", rtol=1e-12, atol=1e-12, dense_output=True)
 
     def q_and_p(t: np.ndarray) -> np.ndarray:
         columns = [whole(at, y)[:2] for at, y in zip(t, out.sol(t).T, strict=True)]
@@ -77,9 +75,7 @@ def fine(
     return q_and_p
 
 
-def order(
-    m: Mechanism, q0: np.ndarray, v0: np.ndarray, exact, split: str, steps, **signals
-) -> float:
+def order(m: Mechanism, q0: np.ndarray, v0: np.ndarray, exact, split: str, steps, **signals) -> float:
     def error(n: int) -> float:
         t = times(END, n)
         run = swing(m, q0, v0, t, split=split, **signals)
@@ -115,9 +111,7 @@ def test_symmetric_split_is_of_second_order_with_forcing_and_damping(build) -> N
 @pytest.mark.parametrize("build", [cart, arm])
 def test_left_split_is_of_first_order(build) -> None:
     m, q0, v0, exact, signals = build()
-    assert order(m, q0, v0, exact, "left", (400, 800, 1600), **signals) == pytest.approx(
-        1.0, abs=0.05
-    )
+    assert order(m, q0, v0, exact, "left", (400, 800, 1600), **signals) == pytest.approx(1.0, abs=0.05)
 
 
 def reeled() -> tuple[Callable[[float], float], Callable[[np.ndarray], np.ndarray]]:
@@ -130,9 +124,7 @@ def reeled() -> tuple[Callable[[float], float], Callable[[np.ndarray], np.ndarra
         reel = 0.9 * np.cos(3.0 * t)
         return [y[1], -(G * np.sin(y[0]) + 2.0 * reel * y[1]) / length(t)]
 
-    out = solve_ivp(
-        rate, (0.0, END), [0.8, 1.0], method="DOP853", rtol=1e-12, atol=1e-12, dense_output=True
-    )
+    out = solve_ivp(rate, (0.0, END), [0.8, 1.0], method="DOP853", rtol=1e-12, atol=1e-12, dense_output=True)
     return length, lambda t: out.sol(t)[0]
 
 

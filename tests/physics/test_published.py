@@ -59,9 +59,7 @@ def squeezed(steps: int) -> Trajectory:
     m = andrews.andrews()
     # Eight thousand steps add up what each leaves, so each is solved to rounding.
     vi = MidpointVI(m, tolerance=1e-16)
-    return complete(
-        vi.simulate(vi.start(andrews.start(m)), times(0.03, steps), inputs=[andrews.TORQUE])
-    )
+    return complete(vi.simulate(vi.start(andrews.start(m)), times(0.03, steps), inputs=[andrews.TORQUE]))
 
 
 def squeezed_end(steps: int) -> np.ndarray:

@@ -92,9 +92,7 @@ def test_a_loop_in_the_plane_closed_in_space_runs() -> None:
     def four(axes: str) -> Mechanism:
         chain = [rz("a", **bar), [tx(1.0), [rz("b", **bar), [tx(1.0, name="C")]]]]
         crank = [tx(1.0), [rz("c", **bar), [tx(1.0, name="D")]]]
-        return Mechanism(
-            [*chain, *crank], [Gravity((0, -G, 0)), PointToPoint("C", "D", axes, name="loop")]
-        )
+        return Mechanism([*chain, *crank], [Gravity((0, -G, 0)), PointToPoint("C", "D", axes, name="loop")])
 
     q, t = [1.2, -1.2, 1.2], times(1.0, 200)
     plane, space = (swing(four(axes), q, np.zeros(3), t) for axes in ("xy", "xyz"))

@@ -54,9 +54,7 @@ def four_bar() -> Mechanism:
     return Mechanism([*loop, *crank], elements)
 
 
-def random_state(
-    kind: str, m: Mechanism, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def random_state(kind: str, m: Mechanism, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Return a configuration, and a direction to move in."""
     q = rng.uniform(-np.pi, np.pi, m.nd)
     if kind == "two rods":
@@ -92,9 +90,7 @@ def test_a_run_and_its_steps_one_by_one_agree(issue) -> None:
 
 def test_the_worst_step_is_told_of(issue) -> None:
     vi, state, t, u = issue
-    with pytest.warns(
-        CoarseStepWarning, match=r"coarse at t = 0\.06 s: s = 19.*'b' moved by 1\.07 rad"
-    ):
+    with pytest.warns(CoarseStepWarning, match=r"coarse at t = 0\.06 s: s = 19.*'b' moved by 1\.07 rad"):
         run = vi.simulate(state, t, inputs=u)
     worst = run.worst_step
     assert (worst.t, worst.variable) == (pytest.approx(0.06), "b")

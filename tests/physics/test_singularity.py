@@ -19,9 +19,7 @@ BODY = {"mass": 1.0, "inertia": (0.4, 0.5, 0.6)}
 def turning(mechanism, name, angle, rate, t, **others):
     """Simulate from one angle with one angular velocity, and some more angles."""
     vi = MidpointVI(mechanism)
-    start = vi.start(
-        mechanism.configuration({name: angle, **others}), mechanism.configuration({name: rate})
-    )
+    start = vi.start(mechanism.configuration({name: angle, **others}), mechanism.configuration({name: rate}))
     return vi.simulate(start, t)
 
 
@@ -94,9 +92,7 @@ def test_a_single_step_warns():
     vi = MidpointVI(mechanism)
     state = vi.start([0.0, 1.5, 0.0], [0.0, 1.0, 0.0])
     state = vi.step(state, 0.02).state  # 1.52: 0.0508 from the singularity
-    with pytest.warns(
-        SingularityWarning, match=r"'hip'.*at t = 0\.03 s: .*is 87\.66 degrees"
-    ) as caught:
+    with pytest.warns(SingularityWarning, match=r"'hip'.*at t = 0\.03 s: .*is 87\.66 degrees") as caught:
         vi.step(state, 0.01)
     assert "step" not in str(caught[0].message).split(":")[0]
     assert caught[0].filename == __file__

@@ -55,9 +55,7 @@ def violation(run: Trajectory) -> float:
             )
         step = A[np.ix_(at, at)] @ along
         size = np.abs(step.T) @ np.abs(J) @ np.abs(step)
-        worst = max(
-            worst, float(np.abs(step.T @ J @ step - along.T @ J @ along).max() / size.max())
-        )
+        worst = max(worst, float(np.abs(step.T @ J @ step - along.T @ J @ along).max() / size.max()))
     return worst
 
 

@@ -11,32 +11,15 @@ from leastaction.mechanics.configuration.assembly import (
 )
 from leastaction.mechanics.configuration.contradiction import Contradiction, find_contradiction
 from leastaction.mechanics.configuration.equilibrium import Equilibrium, Stability, equilibrium
-from leastaction.mechanics.continuous.acceleration import (
-    AccelerationDerivatives,
-    Accelerations,
-    AccelerationTensors,
-)
+from leastaction.mechanics.continuous.acceleration import AccelerationDerivatives, Accelerations, AccelerationTensors
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.events import Event, EventRecord
-from leastaction.mechanics.continuous.legendre import (
-    legendre_jacobian,
-    to_momentum,
-    to_velocity,
-)
+from leastaction.mechanics.continuous.legendre import legendre_jacobian, to_momentum, to_velocity
 from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
 from leastaction.mechanics.continuous.simulation import simulate
 from leastaction.mechanics.continuous.stabilisation import Baumgarte, Drift, Projection
-from leastaction.mechanics.continuous.trajectory import (
-    ContinuousState,
-    ContinuousTrajectory,
-    IntegrationStatus,
-)
-from leastaction.mechanics.conversion import (
-    gain_to_continuous,
-    gain_to_discrete,
-    to_continuous,
-    to_discrete,
-)
+from leastaction.mechanics.continuous.trajectory import ContinuousState, ContinuousTrajectory, IntegrationStatus
+from leastaction.mechanics.conversion import gain_to_continuous, gain_to_discrete, to_continuous, to_discrete
 from leastaction.mechanics.description.affine import Affine, var
 from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.description.branch import Branch, world

@@ -25,12 +25,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
-from leastaction.mechanics.continuous.legendre import (
-    legendre_jacobian,
-    solve_mass,
-    to_momentum,
-    to_velocity,
-)
+from leastaction.mechanics.continuous.legendre import legendre_jacobian, solve_mass, to_momentum, to_velocity
 from leastaction.mechanics.continuous.stabilisation import Drift, rates
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.mechanics.discrete.midpoint import MidpointVI
@@ -49,11 +44,7 @@ _STATUS = {
 
 
 def to_discrete(
-    trajectory: ContinuousTrajectory,
-    integrator: MidpointVI,
-    t: npt.ArrayLike | None = None,
-    *,
-    sampled: bool = False,
+    trajectory: ContinuousTrajectory, integrator: MidpointVI, t: npt.ArrayLike | None = None, *, sampled: bool = False
 ) -> Trajectory:
     """Return the discrete trajectory with the start, the inputs and the prescribed motion of a continuous one.
 
@@ -104,9 +95,7 @@ def to_discrete(
     return Trajectory(m, times, q, inputs, impulses, p=p, v_rho=v_rho, message=message)
 
 
-def to_continuous(
-    run: Trajectory, *, dynamics: ContinuousDynamics | None = None
-) -> ContinuousTrajectory:
+def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None) -> ContinuousTrajectory:
     """Return a discrete trajectory as one in continuous time.
 
     Parameters
@@ -171,9 +160,7 @@ def to_continuous(
 # Feedback gains
 
 
-def gain_to_discrete(
-    mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, K: npt.ArrayLike, dt: float
-) -> Array:
+def gain_to_discrete(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, K: npt.ArrayLike, dt: float) -> Array:
     """Return the gains on the discrete state that do what given ones do on the continuous state.
 
     Both as ``u = ubar - K (x - xbar)``, with ``x = [q; rho; v; v_rho]``, ``u = [inputs; rho_a]`` there and
@@ -209,9 +196,7 @@ def gain_to_discrete(
     return result
 
 
-def gain_to_continuous(
-    mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, K: npt.ArrayLike, dt: float
-) -> Array:
+def gain_to_continuous(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, K: npt.ArrayLike, dt: float) -> Array:
     """Return the gains on the continuous state that do what given ones do on the discrete state.
 
     The inverse of `gain_to_discrete`: ``K_u T`` for force inputs, ``(K_rho + E) T / dt^2`` for prescribed variables.
@@ -271,11 +256,5 @@ def _at_instants(values: Array, t: Array) -> Array:
 
 
 def _check_same(theirs: Mechanism, ours: Mechanism, what: str) -> None:
-    if (theirs.variables, theirs.inputs, theirs.constraints) != (
-        ours.variables,
-        ours.inputs,
-        ours.constraints,
-    ):
-        raise ArgumentError(
-            f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}"
-        )
+    if (theirs.variables, theirs.inputs, theirs.constraints) != (ours.variables, ours.inputs, ours.constraints):
+        raise ArgumentError(f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}")

@@ -12,17 +12,7 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics import Mechanism
 from leastaction.models import andrews, bricard, cart_pendulum, chain, four_bars, hand, marionette
 
-__all__ = [
-    "MODELS",
-    "andrews",
-    "bricard",
-    "build",
-    "cart_pendulum",
-    "chain",
-    "four_bars",
-    "hand",
-    "marionette",
-]
+__all__ = ["MODELS", "andrews", "bricard", "build", "cart_pendulum", "chain", "four_bars", "hand", "marionette"]
 
 MODELS: dict[str, Callable[[], Mechanism]] = {
     "andrews": andrews.andrews,

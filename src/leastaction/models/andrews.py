@@ -6,14 +6,7 @@ after Giles, Manning and Schiehlen; sizes, masses and variables are those of the
 
 from __future__ import annotations
 
-from leastaction.mechanics import (
-    Body,
-    JointForce,
-    LinearSpring,
-    Mechanism,
-    PointToPoint,
-    world,
-)
+from leastaction.mechanics import Body, JointForce, LinearSpring, Mechanism, PointToPoint, world
 from leastaction.numerics.arrays import Array
 
 A, B, C = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
@@ -53,9 +46,7 @@ def andrews() -> Mechanism:
     crank = tree.rz("beta", bodies=[_body(0, 0.00092, 0.0)])
     crank.tx(0.007).rz("Theta", bodies=[_body(1, -0.0115, 0.0)]).tx(-0.028, name="P")
 
-    swing = tree.pose(translation=(*B, 0.0), name="B").rz(
-        "gamma", bodies=[_body(2, 0.01043, -0.01874)]
-    )
+    swing = tree.pose(translation=(*B, 0.0), name="B").rz("gamma", bodies=[_body(2, 0.01043, -0.01874)])
     swing.ty(-0.035, name="P3")
     swing.pose(translation=(0.02, -0.018, 0.0), name="D")
 
@@ -69,11 +60,7 @@ def andrews() -> Mechanism:
     loops = [PointToPoint("P", f"P{body}", "xy", name=f"loop{body}") for body in (3, 4, 6)]
     return Mechanism(
         tree,
-        [
-            *loops,
-            LinearSpring("D", "C", 4530.0, 0.07785, name="spring"),
-            JointForce("beta", input="torque"),
-        ],
+        [*loops, LinearSpring("D", "C", 4530.0, 0.07785, name="spring"), JointForce("beta", input="torque")],
         dynamic=list(START),
     )
 

@@ -15,12 +15,7 @@ _LINKS = ((1, 0, 0), (0, -1, 0), (0, 0, 1), (-1, 0, 0), (0, 1, 0))
 _AXES = "yzxyz"
 
 
-def bricard(
-    *,
-    length: float = 1.0,
-    mass: float = 1.0,
-    gravity: Sequence[float] = (0.0, -9.81, 0.0),
-) -> Mechanism:
+def bricard(*, length: float = 1.0, mass: float = 1.0, gravity: Sequence[float] = (0.0, -9.81, 0.0)) -> Mechanism:
     """Return Bricard's linkage of five equal slender rods, the sixth side of which is the ground.
 
     At zero angles its sides are six edges of a cube. Counting six equations for the loop of six joints

@@ -33,11 +33,7 @@ def cart_pendulum(
     Mechanism
         With the variables ``x`` and ``theta``, and the frames ``cart`` and ``bob``.
     """
-    elements: list[Element] = [
-        Gravity((0.0, -9.8, 0.0)),
-        Damping(damping),
-        JointForce("x", input="x-force"),
-    ]
+    elements: list[Element] = [Gravity((0.0, -9.8, 0.0)), Damping(damping), JointForce("x", input="x-force")]
     if pivot_torque:
         elements.append(JointForce("theta", input="theta-force"))
     return Mechanism(

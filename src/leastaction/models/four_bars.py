@@ -8,9 +8,7 @@ from leastaction.mechanics import Body, Gravity, Mechanism, PointToPoint, world
 from leastaction.numerics.arrays import Array, as_count, as_number
 
 
-def four_bars(
-    loops: int = 2, *, length: float = 1.0, mass: float = 1.0, gravity: float = 9.81
-) -> Mechanism:
+def four_bars(loops: int = 2, *, length: float = 1.0, mass: float = 1.0, gravity: float = 9.81) -> Mechanism:
     """Return equal four-bar linkages in a row, in the x-y plane.
 
     One more crank than there are loops turns on the ground; a coupler joins each to the next. All of these

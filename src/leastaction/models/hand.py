@@ -63,8 +63,7 @@ def hand(*, tendons: bool = True) -> Mechanism:
         if tendons:
             elements += [
                 TendonForce(
-                    [f"{finger}.{bone}.{tendon}" for bone in ("wrist", *_passed(tendon))],
-                    input=f"{finger}.{tendon}",
+                    [f"{finger}.{bone}.{tendon}" for bone in ("wrist", *_passed(tendon))], input=f"{finger}.{tendon}"
                 )
                 for tendon in TENDONS
             ]
@@ -85,10 +84,7 @@ def _finger(finger: str) -> list[Any]:
         body: dict[str, Any] = {
             "mass": heavy,
             "com": (long / 2.0, 0.0, 0.0),
-            "inertia": [
-                0.5 * heavy * _RADIUS**2,
-                *2 * [heavy * (long**2 / 12.0 + _RADIUS**2 / 4.0)],
-            ],
+            "inertia": [0.5 * heavy * _RADIUS**2, *2 * [heavy * (long**2 / 12.0 + _RADIUS**2 / 4.0)]],
         }
         end = tx(long, name=f"{finger}.{bone}.end")
         inside = [*_tendon_points(finger, bone, 0.6 * long), end, bones] if bones else [

@@ -17,19 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import (
-    Damping,
-    Distance,
-    Frame,
-    Gravity,
-    Mechanism,
-    rx,
-    ry,
-    rz,
-    tx,
-    ty,
-    tz,
-)
+from leastaction.mechanics import Damping, Distance, Frame, Gravity, Mechanism, rx, ry, rz, tx, ty, tz
 
 PLANE_HEIGHT = 2.0
 """Height of the plane that the strings hang from (m)."""
@@ -41,14 +29,7 @@ FOREARM = 0.2577
 HOOK_REACH = 0.1
 """How far ahead of knees and wrists their strings are tied, and to the sides of the spine (m)."""
 
-REST = {
-    "lhip_rx": 0.97,
-    "rhip_rx": 0.97,
-    "lknee_rx": -0.97,
-    "rknee_rx": -0.97,
-    "lelbow_rx": 1.57,
-    "relbow_rx": 1.57,
-}
+REST = {"lhip_rx": 0.97, "rhip_rx": 0.97, "lknee_rx": -0.97, "rknee_rx": -0.97, "lelbow_rx": 1.57, "relbow_rx": 1.57}
 """Body angles of the rest pose (rad): thighs and forearms raised, the rest straight. In balance on the strings."""
 
 
@@ -73,14 +54,11 @@ class PuppetString(NamedTuple):
 
 def _string(part: str) -> PuppetString:
     name = f"{part}_string"
-    return PuppetString(
-        name, f"{name}_hook", f"{name}_control", f"{name}-x", f"{name}-y", f"{name}-length"
-    )
+    return PuppetString(name, f"{name}_hook", f"{name}_control", f"{name}-x", f"{name}-y", f"{name}-length")
 
 
 STRINGS: tuple[PuppetString, ...] = tuple(
-    _string(part)
-    for part in ("right_leg", "left_arm", "upper_torso", "right_arm", "lower_torso", "left_leg")
+    _string(part) for part in ("right_leg", "left_arm", "upper_torso", "right_arm", "lower_torso", "left_leg")
 )
 """The six strings, in the order of the constraints and of the kinematic variables."""
 
@@ -122,10 +100,7 @@ def marionette(*, damping: float = 0.2) -> Mechanism:
     ]  # fmt: skip
     upper_ends: list[Any] = []
     for string in STRINGS:
-        upper_ends += [
-            tx(string.x, kinematic=True),
-            [ty(string.y, name=string.control, kinematic=True)],
-        ]
+        upper_ends += [tx(string.x, kinematic=True), [ty(string.y, name=string.control, kinematic=True)]]
     return Mechanism(
         [*puppet, tz(PLANE_HEIGHT, name="string_plane"), upper_ends],
         [
@@ -198,9 +173,7 @@ def rest_pose(mechanism: Mechanism) -> npt.NDArray[np.float64]:
     return hang_strings(mechanism, mechanism.configuration(REST))
 
 
-def hang_strings(
-    mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0
-) -> npt.NDArray[np.float64]:
+def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) -> npt.NDArray[np.float64]:
     """Return configurations with every string taut, straight above its hook or slanted ahead.
 
     Parameters

@@ -59,28 +59,21 @@ def as_array(
     except (TypeError, ValueError):
         wanted = f" of shape {_shapes(shapes, meaning)}" if shapes or meaning else ""
         raise error(
-            f"{what}: got {_brief(value)}, expected real numbers{wanted}; "
-            "give a list or an array of numbers"
+            f"{what}: got {_brief(value)}, expected real numbers{wanted}; give a list or an array of numbers"
         ) from None
     # ascontiguousarray turns a scalar into a one-element vector; keep the shape that was given.
     array = array.reshape(given.shape)
     if shapes and not any(_matches(array.shape, shape) for shape in shapes):
         hint = ""
         if names and any(shape and shape[-1] == len(names) for shape in shapes):
-            hint = (
-                f"; the last axis holds {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
-            )
+            hint = f"; the last axis holds {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
         raise error(f"{what}: got shape {array.shape}, expected {_shapes(shapes, meaning)}{hint}")
     require_finite(array, what, names=names, error=error)
     return array
 
 
 def require_finite(
-    array: Array,
-    what: str,
-    *,
-    names: Sequence[str] | None = None,
-    error: type[LeastActionError] = ArgumentError,
+    array: Array, what: str, *, names: Sequence[str] | None = None, error: type[LeastActionError] = ArgumentError
 ) -> None:
     """Raise an error that names the first entry of an array that is not finite, if there is one."""
     if np.isfinite(array).all():
@@ -139,9 +132,7 @@ def as_number(
     """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]  # an array of one number and no axis is a number
-    if isinstance(value, (bool, np.bool_)) or not isinstance(
-        value, (int, float, np.integer, np.floating)
-    ):
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise error(f"{what}: got {_brief(value)}, expected a number")
     try:
         number = float(value)
@@ -156,9 +147,7 @@ def as_number(
     return number
 
 
-def as_count(
-    value: object, what: str, least: int, *, error: type[LeastActionError] = ArgumentError
-) -> int:
+def as_count(value: object, what: str, least: int, *, error: type[LeastActionError] = ArgumentError) -> int:
     """Return a whole number that is at least `least`; a bool or a float is none."""
     try:
         if isinstance(value, (bool, np.bool_)):
@@ -187,9 +176,7 @@ def as_times(t: object, what: str = "t") -> Array:
     steps = np.diff(times)
     if np.any(steps <= 0.0):
         k = int(np.argmax(steps <= 0.0))
-        raise ArgumentError(
-            f"{what}: times must increase, but t[{k}] = {times[k]} and t[{k + 1}] = {times[k + 1]}"
-        )
+        raise ArgumentError(f"{what}: times must increase, but t[{k}] = {times[k]} and t[{k + 1}] = {times[k + 1]}")
     return times
 
 
@@ -211,16 +198,13 @@ def as_flag(value: object, what: str, *, error: type[LeastActionError] = Argumen
 
 
 def _matches(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
-    return len(shape) == len(expected) and all(
-        n is None or n == m for n, m in zip(expected, shape, strict=True)
-    )
+    return len(shape) == len(expected) and all(n is None or n == m for n, m in zip(expected, shape, strict=True))
 
 
 def _shapes(shapes: Sequence[tuple[int | None, ...]], meaning: str) -> str:
     """Return the shapes as text: ``(any, 3) or (3,), that is (N, nx) or (nx,)``."""
     text = " or ".join(
-        "(" + ", ".join("any" if n is None else str(n) for n in shape) + ",)"[len(shape) != 1 :]
-        for shape in shapes
+        "(" + ", ".join("any" if n is None else str(n) for n in shape) + ",)"[len(shape) != 1 :] for shape in shapes
     )
     return ", that is ".join(part for part in (text, meaning) if part)
 

@@ -80,9 +80,7 @@ class Curve:
         self._set(np.append(pieces.x[:-1][wide], pieces.x[-1]), pieces.c[::-1, wide].T)
 
     @classmethod
-    def from_function(
-        cls, function: Callable[[float], float], start: float, end: float, *, pieces: int = 32
-    ) -> Curve:
+    def from_function(cls, function: Callable[[float], float], start: float, end: float, *, pieces: int = 32) -> Curve:
         """Return the curve through equally spaced points of a function.
 
         Parameters
@@ -106,14 +104,11 @@ class Curve:
         first = as_number(start, "Curve: start", error=DescriptionError)
         last = as_number(end, "Curve: end", error=DescriptionError)
         if first >= last:
-            raise DescriptionError(
-                f"Curve: got start {first:g} and end {last:g}; expected start < end"
-            )
+            raise DescriptionError(f"Curve: got start {first:g} and end {last:g}; expected start < end")
         number = as_count(pieces, "Curve: pieces", 1, error=DescriptionError)
         places = np.linspace(first, last, number + 1)
         values = [
-            as_number(function(float(x)), f"Curve: the function at {x:g}", error=DescriptionError)
-            for x in places
+            as_number(function(float(x)), f"Curve: the function at {x:g}", error=DescriptionError) for x in places
         ]
         return cls(places, values)
 
@@ -159,9 +154,7 @@ class Curve:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Curve):
             return NotImplemented
-        return np.array_equal(self.breaks, other.breaks) and np.array_equal(
-            self.coefficients, other.coefficients
-        )
+        return np.array_equal(self.breaks, other.breaks) and np.array_equal(self.coefficients, other.coefficients)
 
     def __hash__(self) -> int:
         return hash((self.breaks.tobytes(), self.coefficients.tobytes()))
@@ -174,10 +167,7 @@ class Curve:
 
     def __repr__(self) -> str:
         pieces, terms = self.coefficients.shape
-        return (
-            f"<Curve from {self.start:g} to {self.end:g}: {pieces} piece{'s'[: pieces != 1]} of degree "
-            f"{terms - 1}>"
-        )
+        return f"<Curve from {self.start:g} to {self.end:g}: {pieces} piece{'s'[: pieces != 1]} of degree {terms - 1}>"
 
     def _set(self, breaks: Array, coefficients: Array) -> None:
         for name, array in (("breaks", breaks), ("coefficients", coefficients)):

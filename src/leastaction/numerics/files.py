@@ -105,9 +105,7 @@ def prepare_output_folder(folder: str | os.PathLike[str]) -> Path:
     try:
         target.mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
-        raise OutputError(
-            f"the output folder {target} is a file. Name a folder, or remove the file"
-        ) from error
+        raise OutputError(f"the output folder {target} is a file. Name a folder, or remove the file") from error
     except OSError as error:
         raise OutputError(
             f"cannot make the output folder {target}: {error.strerror or error}. Name a folder that you may write"

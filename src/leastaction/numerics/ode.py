@@ -95,9 +95,7 @@ class Step:
 
     __slots__ = ("_interpolate", "end", "raw", "start", "y")
 
-    def __init__(
-        self, start: float, end: float, raw: Array, y: Array, interpolate: Callable[[], Interpolant]
-    ) -> None:
+    def __init__(self, start: float, end: float, raw: Array, y: Array, interpolate: Callable[[], Interpolant]) -> None:
         self.start, self.end = start, end
         self.raw, self.y = raw, y
         self._interpolate = interpolate
@@ -201,9 +199,7 @@ class March:
 
         def rate(t: float, z: Array) -> Array:
             self.evaluations += 1
-            return self._asked(
-                self._fun, within(t), z if self._hold is None else z + shift, (z.size,)
-            )
+            return self._asked(self._fun, within(t), z if self._hold is None else z + shift, (z.size,))
 
         def slope(t: float, z: Array) -> Array:
             self.jacobians += 1
@@ -236,10 +232,7 @@ class March:
             past = shift.copy() if shift.any() else None
 
             def interpolate(
-                start: float = start,
-                t: float = t,
-                past: Array | None = past,
-                change: Array | None = change,
+                start: float = start, t: float = t, past: Array | None = past, change: Array | None = change
             ) -> Interpolant:
                 return Interpolant(solver.dense_output(), start, t, past, change)
 
@@ -266,13 +259,7 @@ class March:
         if solver.status == "failed":
             raise IntegrationFailed(self._why(_gave_up(message)))
 
-    def _asked(
-        self,
-        function: Callable[[float, Array], Array],
-        t: float,
-        y: Array,
-        shape: tuple[int, ...],
-    ) -> Array:
+    def _asked(self, function: Callable[[float, Array], Array], t: float, y: Array, shape: tuple[int, ...]) -> Array:
         """Return the value of one of the user's functions, NaN where there is none."""
         try:
             return function(t, read_only(y))

@@ -95,9 +95,7 @@ class PiecewisePolynomial:
         """
         times = as_array(t, "t")
         if times.ndim != 1 or times.size < 2 or not (np.diff(times) > 0.0).all():
-            raise ArgumentError(
-                f"t: got shape {times.shape}, expected at least two increasing times."
-            )
+            raise ArgumentError(f"t: got shape {times.shape}, expected at least two increasing times.")
         if kind not in ("linear", "hold", "cubic"):
             raise ArgumentError(f"kind: got {kind!r}, expected 'linear', 'hold' or 'cubic'.")
         samples = as_array(values, "values")
@@ -177,9 +175,7 @@ class PiecewisePolynomial:
         left = self.coefficients[:-1].sum(axis=1)
         right = np.einsum("k,nkm->nm", signs, self.coefficients[1:])
         size = np.abs(self.coefficients).max(axis=(0, 1), initial=0.0)
-        result: np.ndarray[tuple[int], np.dtype[np.bool_]] = (
-            np.abs(right - left) > share * size
-        ).any(axis=1)
+        result: np.ndarray[tuple[int], np.dtype[np.bool_]] = (np.abs(right - left) > share * size).any(axis=1)
         return result
 
     def part(self, index: ArrayLike, shape: tuple[int, ...]) -> PiecewisePolynomial:
@@ -247,10 +243,7 @@ class Mesh:
 
 
 def approximate(
-    function: Callable[[Array], Array],
-    mesh: Mesh,
-    tolerance: float,
-    least: Array | None = None,
+    function: Callable[[Array], Array], mesh: Mesh, tolerance: float, least: Array | None = None
 ) -> tuple[Mesh, Array]:
     """Sample a function on a mesh that is fine enough for it.
 

@@ -20,13 +20,7 @@ Signal = npt.ArrayLike | Callable[[float], npt.ArrayLike] | None
 
 
 def signal_rows(
-    signal: Signal,
-    times: Array,
-    names: tuple[str, ...],
-    what: str,
-    default: Array,
-    *,
-    extra_row: bool = False,
+    signal: Signal, times: Array, names: tuple[str, ...], what: str, default: Array, *, extra_row: bool = False
 ) -> Array:
     """Return a signal as one row a step (N, n): constant, given by rows, or a function of time.
 
@@ -37,16 +31,14 @@ def signal_rows(
     if signal is None:
         return np.tile(default, (N, 1))
     if callable(signal):
-        return np.array(
-            [as_array(signal(float(at)), f"{what}({at:g})", (n,), names=names) for at in times]
-        ).reshape(N, n)
+        return np.array([as_array(signal(float(at)), f"{what}({at:g})", (n,), names=names) for at in times]).reshape(
+            N, n
+        )
     shape = shape_of(signal)
     if n == 1 and shape in ((N,), (N + 1,)) and shape != (1,) and (extra_row or shape == (N,)):
         signal, shape = np.reshape(np.asarray(signal), (-1, 1)), (*shape, 1)
     if shape is not None and len(shape) == 1:
-        row = as_array(
-            signal, what, (n,), meaning=f"a constant; rows are of shape ({N}, {n})", names=names
-        )
+        row = as_array(signal, what, (n,), meaning=f"a constant; rows are of shape ({N}, {n})", names=names)
         return np.tile(row, (N, 1))
     rows = N + 1 if extra_row and shape is not None and shape[0] == N + 1 else N
     values = as_array(signal, what, (rows, n), names=names)
@@ -69,9 +61,5 @@ def takes_state(signal: object) -> TypeGuard[StateLaw]:
         parameters = inspect.signature(signal).parameters.values()
     except (TypeError, ValueError):
         return False  # a function of C that does not say how it is called
-    needed = [
-        p
-        for p in parameters
-        if p.default is p.empty and p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)
-    ]
+    needed = [p for p in parameters if p.default is p.empty and p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
     return len(needed) == 2

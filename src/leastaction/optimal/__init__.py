@@ -6,11 +6,7 @@ brings them together.
 
 from __future__ import annotations
 
-from leastaction.optimal.checks import (
-    DerivativeReport,
-    check_continuous_derivatives,
-    check_derivatives,
-)
+from leastaction.optimal.checks import DerivativeReport, check_continuous_derivatives, check_derivatives
 from leastaction.optimal.continuous import (
     Accuracy,
     ContinuousCost,
@@ -42,13 +38,7 @@ from leastaction.optimal.discrete.linear_quadratic import (
 from leastaction.optimal.discrete.projection import Projection
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.optimize import optimize, optimize_continuous
-from leastaction.optimal.result import (
-    IterationRecord,
-    OptimizationHistory,
-    OptimizationResult,
-    Settings,
-    Status,
-)
+from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Settings, Status
 from leastaction.optimal.system import Linearization
 from leastaction.optimal.table import IterationTable
 

@@ -122,9 +122,7 @@ def check_derivatives(
     return DerivativeReport(dict(errors), tolerance)
 
 
-def check_continuous_derivatives(
-    system: ContinuousSystem, curve: DenseTrajectory, **options: Any
-) -> DerivativeReport:
+def check_continuous_derivatives(system: ContinuousSystem, curve: DenseTrajectory, **options: Any) -> DerivativeReport:
     """Return what `check_derivatives` does, which takes systems in either kind of time: the older name."""
     check_system(system, (ContinuousSystem,), ())
     return check_derivatives(system, curve, **options)

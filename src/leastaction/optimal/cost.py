@@ -21,9 +21,7 @@ def is_diagonal(weight: Array) -> bool:
     return weight.ndim == 1 or (weight.ndim == 3 and weight.shape[2] == 1)
 
 
-def as_weight(
-    value: ArrayLike, what: str, n: int, *, stages: int | None = None, definite: bool
-) -> Array:
+def as_weight(value: ArrayLike, what: str, n: int, *, stages: int | None = None, definite: bool) -> Array:
     """Return a weight of n entries, checked, and owned.
 
     Parameters
@@ -74,9 +72,7 @@ def check_weight(weight: Array, what: str, *, definite: bool) -> None:
     smallest = float(spectrum.min(initial=np.inf))
     largest = float(np.abs(spectrum).max(initial=0.0))
     if smallest < (0.0 if diagonal else -1e-12 * largest) or (definite and smallest <= 0.0):
-        advice = (
-            "Give every input a weight above zero." if definite else "Weights cannot be negative."
-        )
+        advice = "Give every input a weight above zero." if definite else "Weights cannot be negative."
         raise ArgumentError(
             f"{what}: got a smallest eigenvalue of {smallest:.3g}, expected a positive "
             f"{'definite' if definite else 'semidefinite'} weight. {advice}"

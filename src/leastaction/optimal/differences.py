@@ -28,9 +28,7 @@ def relative_error(got: Array, expected: Array) -> float:
     """Return the largest difference, relative to one plus the largest value expected."""
     if got.shape != expected.shape:
         raise ArgumentError(f"a derivative has shape {got.shape}, expected {expected.shape}.")
-    error = float(np.abs(got - expected).max(initial=0.0)) / (
-        1.0 + float(np.abs(expected).max(initial=0.0))
-    )
+    error = float(np.abs(got - expected).max(initial=0.0)) / (1.0 + float(np.abs(expected).max(initial=0.0)))
     return error if np.isfinite(error) else np.inf
 
 

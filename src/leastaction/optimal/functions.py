@@ -12,9 +12,7 @@ from leastaction.numerics.arrays import Array
 
 __all__ = ["Curvature", "Derivatives", "Functions"]
 
-Derivatives = (
-    Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["complex-step", "finite-differences"]
-)
+Derivatives = Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["complex-step", "finite-differences"]
 Curvature = Callable[[Array, Array, Any, Array], Any] | Literal["differences"]
 
 
@@ -37,25 +35,14 @@ class Functions:
     """
 
     def __init__(
-        self,
-        f: Callable[[Any, Any, Any], Any],
-        nx: int,
-        nu: int,
-        derivatives: Derivatives,
-        curvature: Curvature | None,
+        self, f: Callable[[Any, Any, Any], Any], nx: int, nu: int, derivatives: Derivatives, curvature: Curvature | None
     ) -> None:
-        if isinstance(derivatives, str) and derivatives not in (
-            "complex-step",
-            "finite-differences",
-        ):
+        if isinstance(derivatives, str) and derivatives not in ("complex-step", "finite-differences"):
             raise ArgumentError(
-                f"derivatives: got {derivatives!r}, expected a function, 'complex-step' or "
-                "'finite-differences'."
+                f"derivatives: got {derivatives!r}, expected a function, 'complex-step' or 'finite-differences'."
             )
         if isinstance(curvature, str) and curvature != "differences":
-            raise ArgumentError(
-                f"curvature: got {curvature!r}, expected a function or 'differences'."
-            )
+            raise ArgumentError(f"curvature: got {curvature!r}, expected a function or 'differences'.")
         self.nx, self.nu = nx, nu
         self._f = f
         self._derivatives = derivatives

@@ -385,9 +385,7 @@ class Loop(Generic[M, D, I]):
     def _not_down(self, expected: float, refusal: Refusal) -> _Outcome:
         """Return how it ends where the cost does not fall along a direction of negative curvature."""
         if refusal.failed:
-            return _Outcome(
-                Status.SADDLE, f"The search along it ended: {refusal.reason}.", expected
-            )
+            return _Outcome(Status.SADDLE, f"The search along it ended: {refusal.reason}.", expected)
         return _Outcome(
             Status.CONVERGED,
             "The second derivative of the system has it fall along a direction in which it rises: hold it to "
@@ -438,21 +436,14 @@ class Loop(Generic[M, D, I]):
         if not self.stalled and step.length == 1.0 and direction.method == "newton":
             foretold = self._foretold(expected, agreement)
         self.schedule = self.schedule.after_step(
-            direction.method,
-            direction.curvature_scale,
-            step.length,
-            agreement,
-            expected,
-            trial.cost,
+            direction.method, direction.curvature_scale, step.length, agreement, expected, trial.cost
         )
         problem.accept(direction, trial)
         if foretold is not None:
             problem.keep_feedback(direction)
         return self._tell(direction, step, decrease, note) or foretold
 
-    def _tell(
-        self, direction: D | None, step: Step[I] | None, decrease: float, note: str
-    ) -> _Outcome | None:
+    def _tell(self, direction: D | None, step: Step[I] | None, decrease: float, note: str) -> _Outcome | None:
         """Tell the history and the callback of an iteration, or of where it all starts."""
         problem = self.problem
         x, u = problem.arrays()

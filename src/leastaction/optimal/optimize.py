@@ -173,9 +173,7 @@ def optimize(
         chunk=chunk,
     )
     if (initial is None) == (resume is None):
-        raise ArgumentError(
-            f"initial, resume: got {'neither' if initial is None else 'both'}, expected one of them."
-        )
+        raise ArgumentError(f"initial, resume: got {'neither' if initial is None else 'both'}, expected one of them.")
     kind = Cost if isinstance(system, DiscreteSystem) else ContinuousCost
     if not isinstance(cost, kind):
         raise ArgumentError(
@@ -193,9 +191,7 @@ def optimize(
         stages.check_shapes(system.N, system.nx, system.nu)
         problem = DiscreteProblem(system, stages, settings)
     else:
-        problem = ContinuousProblem(
-            system, cast(ContinuousCost, cost), settings, accuracy or Accuracy(), horizon
-        )
+        problem = ContinuousProblem(system, cast(ContinuousCost, cost), settings, accuracy or Accuracy(), horizon)
     if resume is not None:
         problem.resume(resume)
     else:
@@ -204,9 +200,7 @@ def optimize(
     return loop.run()
 
 
-def optimize_continuous(
-    system: ContinuousSystem, cost: ContinuousCost, **options: Any
-) -> ContinuousOptimizationResult:
+def optimize_continuous(system: ContinuousSystem, cost: ContinuousCost, **options: Any) -> ContinuousOptimizationResult:
     """Return what `optimize` does, which takes systems in either kind of time: the older name."""
     check_system(system, (ContinuousSystem,), ())
     return optimize(system, cost, **options)

@@ -42,9 +42,7 @@ class Status(Enum):
         "The cost cannot be lowered any more in double precision, though the expected decrease is "
         "above the tolerance. Take it as converged, or loosen the tolerance."
     )
-    ITERATION_LIMIT = (
-        "The limit on iterations was reached. Raise max_iterations, or go on with resume=result."
-    )
+    ITERATION_LIMIT = "The limit on iterations was reached. Raise max_iterations, or go on with resume=result."
     STOPPED_BY_CALLBACK = "The callback asked to stop. Go on with resume=result."
     INTERRUPTED = "Interrupted from the keyboard; this is the last complete iterate. Go on with resume=result."
     LINE_SEARCH_FAILED = (
@@ -57,9 +55,7 @@ class Status(Enum):
         "negative curvature that could not be followed. Start from another trajectory (inputs that differ a "
         "little break a symmetry), or use method='auto'."
     )
-    NO_DIRECTION = (
-        "No quadratic model had a minimum. Give the cost a positive definite weight on every input."
-    )
+    NO_DIRECTION = "No quadratic model had a minimum. Give the cost a positive definite weight on every input."
     DERIVATIVES_FAILED = "The derivatives of the system could not be computed along the last iterate (see the message)."
 
 
@@ -215,13 +211,7 @@ class NewtonSchedule:
         return replace(self, scale=scale, growth=max(self.growth**0.5, _LEAST_GROWTH))
 
     def after_step(
-        self,
-        method: str,
-        curvature_scale: float,
-        length: float,
-        agreement: float,
-        expected: float,
-        value: float,
+        self, method: str, curvature_scale: float, length: float, agreement: float, expected: float, value: float
     ) -> NewtonSchedule:
         """Return the schedule after an accepted step.
 
@@ -298,9 +288,7 @@ class HistoryBuilder:
             if name != "method"
         }
         return OptimizationHistory(
-            cost=np.array(self.cost, dtype=np.float64),
-            method=tuple(self._columns["method"]),
-            **arrays,
+            cost=np.array(self.cost, dtype=np.float64), method=tuple(self._columns["method"]), **arrays
         )
 
 

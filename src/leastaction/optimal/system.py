@@ -78,9 +78,7 @@ class Linearization:
             If there is no second order.
         """
         if self.second is None:
-            raise NotImplementedError(
-                "this linearization has no second order: make it as Linearization(A, B, second)"
-            )
+            raise NotImplementedError("this linearization has no second order: make it as Linearization(A, B, second)")
         N, nx = self.A.shape[:2]
         if z.shape not in ((N, nx), (N + 1, nx)):
             raise ArgumentError(
@@ -148,7 +146,5 @@ def check_system(system: object, kinds: tuple[type[System], ...], sizes: tuple[s
     for size in sizes:
         value = getattr(system, size, None)
         if value is None:
-            raise ArgumentError(
-                f"system: {name}.{size} is not set; set self.{size} in its __init__, before it is used"
-            )
+            raise ArgumentError(f"system: {name}.{size} is not set; set self.{size} in its __init__, before it is used")
         as_count(value, f"system: {name}.{size}", 0 if size == "nu" else 1)

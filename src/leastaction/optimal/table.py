@@ -76,9 +76,7 @@ class IterationTable:
             f"{record.shift:.0e}" if record.shift else "",
             f"{record.seconds:.2f}",
         )
-        return "  ".join(
-            cell.rjust(width) for cell, (_, width) in zip(cells, _COLUMNS, strict=True)
-        )
+        return "  ".join(cell.rjust(width) for cell, (_, width) in zip(cells, _COLUMNS, strict=True))
 
     def _print(self, line: str, style: str) -> None:
         if self._console is not None:
@@ -87,11 +85,7 @@ class IterationTable:
             print(line, file=self._file if self._file is not None else sys.stdout, flush=True)
 
 
-_STYLES = {
-    "newton": "green",
-    "newton-damped": "cyan",
-    "steepest": "yellow",
-}
+_STYLES = {"newton": "green", "newton-damped": "cyan", "steepest": "yellow"}
 
 
 def _console(file: IO[str] | None) -> Any:

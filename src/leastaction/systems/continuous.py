@@ -39,9 +39,7 @@ class MechanismSystem(ContinuousSystem):
         self.dynamics = dynamics
         self.mechanism = m
         self.nx, self.nu = 2 * m.nq, m.n_inputs + m.nrho
-        self.has_curvature = not any(
-            element.equations and element.highest_order < 4 for element in m.elements.values()
-        )
+        self.has_curvature = not any(element.equations and element.highest_order < 4 for element in m.elements.values())
 
     def f(self, x: Array, u: Array, t: float) -> Array:
         """Return the rate of the state (nx,); `DynamicsError` where the mechanism has none."""
@@ -99,6 +97,4 @@ class MechanismSystem(ContinuousSystem):
             self.dynamics.accelerations(*points, t)
         except ArgumentError as error:
             # A diverging roll-out, not an argument that somebody gave.
-            raise DynamicsError(
-                f"no accelerations at t = {t:.6g} s: {error}", t=t, variable=None
-            ) from error
+            raise DynamicsError(f"no accelerations at t = {t:.6g} s: {error}", t=t, variable=None) from error

@@ -38,9 +38,7 @@ class MidpointSystem(DiscreteSystem):
         If the times do not increase.
     """
 
-    def __init__(
-        self, integrator: MidpointVI, t: npt.ArrayLike, *, multipliers: bool = False
-    ) -> None:
+    def __init__(self, integrator: MidpointVI, t: npt.ArrayLike, *, multipliers: bool = False) -> None:
         m = integrator.mechanism
         self.integrator = integrator
         self.t = as_times(t)
@@ -60,9 +58,7 @@ class MidpointSystem(DiscreteSystem):
         out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None)
         if out.steps < 1:
             nothing = np.empty((0, m.nc))
-            state = self.integrator.trajectory(
-                self.t[k : k + 1], x[None, :], u[None, :][:0], nothing
-            ).last
+            state = self.integrator.trajectory(self.t[k : k + 1], x[None, :], u[None, :][:0], nothing).last
             raise self.integrator.step_error(out, state, u[m.n_inputs :])
         return np.asarray(self._states(out.x, out.lam, full)[1])
 
@@ -75,9 +71,7 @@ class MidpointSystem(DiscreteSystem):
         """Return the Hessian (nx + nu, nx + nu) of ``z . f`` of step k."""
         return np.asarray(self._step(x, u, k).curvature_all(z[None, :])[0])
 
-    def rollout(
-        self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int
-    ) -> Rollout:
+    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         """Simulate steps ``start .. stop-1`` under ``u = ubar - K (x - xbar)``; see `DiscreteSystem`."""
         m = self.integrator.mechanism
         if np.any(K[start:stop, :, m.nx :]):
@@ -128,12 +122,8 @@ class MidpointSystem(DiscreteSystem):
     def _step(self, x: Array, u: Array, k: int) -> StepDerivatives:
         return self._linearize(self.t[k : k + 2], np.stack([x, self.f(x, u, k)]), u[None, :])
 
-    def _linearize(
-        self, t: Array, x: Array, u: Array, out: StepDerivatives | None = None
-    ) -> StepDerivatives:
-        return self.integrator.linearize_arrays(
-            t, self._bare(x), u, multipliers=self.multipliers, out=out
-        )
+    def _linearize(self, t: Array, x: Array, u: Array, out: StepDerivatives | None = None) -> StepDerivatives:
+        return self.integrator.linearize_arrays(t, self._bare(x), u, multipliers=self.multipliers, out=out)
 
     def _bare(self, x: Array) -> Array:
         """Return states without multipliers."""

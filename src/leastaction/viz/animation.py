@@ -56,11 +56,7 @@ def animation_page(scene: Scene, *, azimuth: float = 50.0) -> str:
     index = {name: i for i, name in enumerate(scene.points)}
     ghost_index = {name: i for i, name in enumerate(scene.ghost or {})}
     times = scene.t[keep]
-    pulls = (
-        {cord.name: scene.tension_at(cord.name, times) for cord in scene.cords}
-        if scene.tension
-        else {}
-    )
+    pulls = {cord.name: scene.tension_at(cord.name, times) for cord in scene.cords} if scene.tension else {}
     # The box of one pose, not of the whole path: the camera follows.
     extent = points.max(axis=1) - points.min(axis=1)
     height = float(points[..., 2].max() - scene.floor)
@@ -70,9 +66,7 @@ def animation_page(scene: Scene, *, azimuth: float = 50.0) -> str:
         "low": low.tolist(),
         "step": step.tolist(),
         "points": {"names": list(index), "codes": _quantise(points, low, step)},
-        "ghost": None
-        if ghost is None
-        else {"names": list(ghost_index), "codes": _quantise(ghost, low, step)},
+        "ghost": None if ghost is None else {"names": list(ghost_index), "codes": _quantise(ghost, low, step)},
         "bones": [[index[bone.start], index[bone.end], bone.radius] for bone in scene.bones],
         "ghostBones": [
             [ghost_index[bone.start], ghost_index[bone.end], bone.radius]
@@ -93,11 +87,7 @@ def animation_page(scene: Scene, *, azimuth: float = 50.0) -> str:
         * (0.5 if size < 10.0 ** math.floor(math.log10(size)) * 5.0 else 2.0),
         "azimuth": math.radians(azimuth),
     }
-    template = (
-        resources.files("leastaction.viz")
-        .joinpath("animation_page.html")
-        .read_text(encoding="utf-8")
-    )
+    template = resources.files("leastaction.viz").joinpath("animation_page.html").read_text(encoding="utf-8")
     # Inside a script element only "<" could end the data early.
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     return template.replace("{{title}}", html.escape(scene.title)).replace("{{data}}", text)

@@ -20,9 +20,7 @@ _MARKS: Final = {"steepest": (ORANGE, "s"), "quasi": (GREEN, "^"), "newton": (BL
 
 def _mark(method: str) -> tuple[str, str]:
     """Colour and marker of a method, by what its name begins with; others share one."""
-    return next(
-        (mark for key, mark in _MARKS.items() if method.lower().startswith(key)), (PURPLE, "D")
-    )
+    return next((mark for key, mark in _MARKS.items() if method.lower().startswith(key)), (PURPLE, "D"))
 
 
 @styled
@@ -115,11 +113,7 @@ def plot_convergence(
             fontsize=8,
             color=GREY,
         )
-    top.set_title(
-        f"{title}: {costs[0]:.4g} to {costs[-1]:.4g} in {costs.size - 1} iterations",
-        fontsize=11,
-        pad=8,
-    )
+    top.set_title(f"{title}: {costs[0]:.4g} to {costs[-1]:.4g} in {costs.size - 1} iterations", fontsize=11, pad=8)
     top.set_ylabel("cost")
     bottom.set_ylabel("expected decrease")
     bottom.set_xlabel("iteration")

@@ -86,9 +86,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return wrapper
 
 
-def new_figure(
-    width: float, height: float, *, layout: Literal["constrained"] | None = "constrained"
-) -> Figure:
+def new_figure(width: float, height: float, *, layout: Literal["constrained"] | None = "constrained") -> Figure:
     """Return an empty figure of this size in inches, tied to no display and no global state."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -169,9 +167,7 @@ def at_least(axes: Axes, span: float) -> None:
     if high - low < span:
         middle = 0.5 * (low + high)
         tick = 0.25 * span
-        if (
-            rounded := tick * round(middle / tick)
-        ) - 0.5 * span <= low and high <= rounded + 0.5 * span:
+        if (rounded := tick * round(middle / tick)) - 0.5 * span <= low and high <= rounded + 0.5 * span:
             middle = rounded
         axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
 

@@ -105,16 +105,12 @@ class Scene:
         for label, group in (("point", self.points), ("ghost point", self.ghost or {})):
             for name, path in group.items():
                 if path.shape != (n, 3) or not np.all(np.isfinite(path)):
-                    raise ArgumentError(
-                        f"{label} {name!r} must be ({n}, 3) finite numbers, got {path.shape}"
-                    )
+                    raise ArgumentError(f"{label} {name!r} must be ({n}, 3) finite numbers, got {path.shape}")
         lines: tuple[Bone | Cord, ...] = (*self.bones, *self.cords)
         used = {name for line in lines for name in (line.start, line.end)}
         used |= {*self.traces, self.focus or next(iter(self.points))}
         if unknown := sorted(used - set(self.points)):
-            raise ArgumentError(
-                f"no point is called {', '.join(unknown)}; there are: {', '.join(self.points)}"
-            )
+            raise ArgumentError(f"no point is called {', '.join(unknown)}; there are: {', '.join(self.points)}")
         cords = {cord.name for cord in self.cords}
         for name, values in (self.tension or {}).items():
             if name not in cords or values.shape not in ((n - 1,), (n,)):
@@ -131,9 +127,7 @@ class Scene:
         if self.ground is not None:
             return self.ground
         heights = [
-            float(self.points[name][:, 2].min()) - bone.radius
-            for bone in self.bones
-            for name in (bone.start, bone.end)
+            float(self.points[name][:, 2].min()) - bone.radius for bone in self.bones for name in (bone.start, bone.end)
         ]
         return min(heights, default=float(min(path[:, 2].min() for path in self.points.values())))
 
@@ -246,6 +240,4 @@ def _bars(mechanism: Mechanism, q: Array) -> list[Bone]:
     }
     long = {i: length for i, length in apart.items() if length > 1e-9}
     radius = _SLENDERNESS * float(np.mean(list(long.values()))) if long else 0.0
-    return [
-        Bone(start=frames[frames[i].parent].name, end=frames[i].name, radius=radius) for i in long
-    ]
+    return [Bone(start=frames[frames[i].parent].name, end=frames[i].name, radius=radius) for i in long]

@@ -67,14 +67,11 @@ def plot_snapshots(
         There is no pose to draw, or a time lies outside the scene.
     """
     moments = np.atleast_1d(
-        np.linspace(scene.t[0], scene.t[-1], max(count, 0))
-        if times is None
-        else np.asarray(times, dtype=float)
+        np.linspace(scene.t[0], scene.t[-1], max(count, 0)) if times is None else np.asarray(times, dtype=float)
     )
     if moments.size == 0 or moments.min() < scene.t[0] or moments.max() > scene.t[-1]:
         raise ArgumentError(
-            f"the poses must be at one or more times in {scene.t[0]:g} to {scene.t[-1]:g} s, "
-            f"got {moments.tolist()}"
+            f"the poses must be at one or more times in {scene.t[0]:g} to {scene.t[-1]:g} s, got {moments.tolist()}"
         )
     view = _view(math.radians(azimuth), math.radians(elevation))
     index = [int(np.abs(scene.t - time).argmin()) for time in moments]
@@ -92,10 +89,7 @@ def plot_snapshots(
     inches = 11.9 / width
     room = 0.4 if title else 0.05
     figure, panels = panel_grid(
-        1,
-        1,
-        panel=(11.9, height * inches),
-        margins=Margins(left=0.05, right=0.05, top=room, bottom=0.3),
+        1, 1, panel=(11.9, height * inches), margins=Margins(left=0.05, right=0.05, top=room, bottom=0.3)
     )
     axes = panels[0][0]
     axes.set_axis_off()
@@ -151,12 +145,7 @@ def _view(azimuth: float, elevation: float) -> Array:
     )
 
 
-def _flatten(
-    scene: Scene,
-    points: Mapping[str, Array],
-    k: int,
-    view: Array,
-) -> dict[str, Array]:
+def _flatten(scene: Scene, points: Mapping[str, Array], k: int, view: Array) -> dict[str, Array]:
     """Return right, up and nearness of every point, seen from beside the followed point.
 
     Moving with that point over the ground keeps a walk away from the viewer from looking like a
@@ -179,12 +168,7 @@ def _sides(scene: Scene, pose: Mapping[str, Array], top: float) -> Iterator[floa
 
 
 def _draw_pose(
-    axes: Axes,
-    scene: Scene,
-    pose: Mapping[str, Array],
-    place: float,
-    *,
-    ghost: Mapping[str, Array],
+    axes: Axes, scene: Scene, pose: Mapping[str, Array], place: float, *, ghost: Mapping[str, Array]
 ) -> None:
     """Draw the reference pose as one flat shape and the bones from the farthest to the nearest."""
     from matplotlib.patches import Polygon
@@ -215,22 +199,13 @@ def _capsule(a: Array, b: Array, radius: float, place: float) -> Array:
     return outline
 
 
-def _between(
-    a: tuple[float, float, float], b: tuple[float, float, float], share: float
-) -> tuple[float, ...]:
+def _between(a: tuple[float, float, float], b: tuple[float, float, float], share: float) -> tuple[float, ...]:
     """Mix two colours."""
     return tuple(x + share * (y - x) for x, y in zip(a, b, strict=True))
 
 
 def _draw_cord(
-    axes: Axes,
-    start: Array,
-    end: Array,
-    place: float,
-    pull: float,
-    strongest: float,
-    *,
-    known: bool,
+    axes: Axes, start: Array, end: Array, place: float, pull: float, strongest: float, *, known: bool
 ) -> None:
     """Draw one cord, coloured by its tension, dashed where slack."""
     share = min(1.0, max(0.0, pull / strongest))

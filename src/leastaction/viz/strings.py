@@ -10,17 +10,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
-from leastaction.viz.figures import (
-    BLUE,
-    GREEN,
-    INK,
-    VERMILION,
-    Margins,
-    at_least,
-    heading,
-    panel_grid,
-    styled,
-)
+from leastaction.viz.figures import BLUE, GREEN, INK, VERMILION, Margins, at_least, heading, panel_grid, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,12 +20,7 @@ _SPAN_METRES: Final = 0.1
 
 @styled
 def plot_strings(
-    t: npt.ArrayLike,
-    lengths: npt.ArrayLike,
-    tensions: npt.ArrayLike,
-    names: Sequence[str],
-    *,
-    title: str = "Strings",
+    t: npt.ArrayLike, lengths: npt.ArrayLike, tensions: npt.ArrayLike, names: Sequence[str], *, title: str = "Strings"
 ) -> Figure:
     """Draw length and tension of each string.
 
@@ -69,11 +54,7 @@ def plot_strings(
     """
     times, length, tension = (np.asarray(value, dtype=float) for value in (t, lengths, tensions))
     n = len(names)
-    if (
-        length.shape != (times.size, n)
-        or tension.shape not in ((times.size - 1, n), (times.size, n))
-        or n == 0
-    ):
+    if length.shape != (times.size, n) or tension.shape not in ((times.size - 1, n), (times.size, n)) or n == 0:
         raise ArgumentError(
             f"lengths {length.shape} and tensions {tension.shape} do not fit {times.size} times and "
             f"{n} strings: expected "
@@ -87,16 +68,7 @@ def plot_strings(
         pull = tension[:, i]
         slack = pull < 0.0
         for where, colour, alpha in ((~slack, BLUE, 0.15), (slack, VERMILION, 0.55)):
-            left.fill_between(
-                middles,
-                0.0,
-                pull,
-                where,
-                color=colour,
-                alpha=alpha,
-                linewidth=0.0,
-                interpolate=True,
-            )
+            left.fill_between(middles, 0.0, pull, where, color=colour, alpha=alpha, linewidth=0.0, interpolate=True)
         for begin, end in _spans(middles, slack):
             left.axvspan(begin, end, color=VERMILION, alpha=0.13, linewidth=0.0)
         left.plot(middles, pull, color=BLUE, linewidth=1.2)
@@ -108,9 +80,7 @@ def plot_strings(
         left.set_title(name, fontweight="bold")
         share = 100.0 * float(np.mean(slack))
         left.set_title(
-            f"slack {share:.1f} % of the time"
-            if share > 0.0
-            else f"never slack, least {pull.min():.1f} N",
+            f"slack {share:.1f} % of the time" if share > 0.0 else f"never slack, least {pull.min():.1f} N",
             loc="right",
             color=VERMILION if share > 0.0 else INK,
         )
@@ -135,7 +105,4 @@ def _spans(times: Array, mask: npt.NDArray[np.bool_]) -> list[tuple[float, float
     """Return the intervals in which the mask holds, half a step wider so that one step shows."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     half = 0.5 * float(times[1] - times[0]) if times.size > 1 else 0.0
-    return [
-        (float(times[a]) - half, float(times[b - 1]) + half)
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-    ]
+    return [(float(times[a]) - half, float(times[b - 1]) + half) for a, b in zip(edges[::2], edges[1::2], strict=True)]

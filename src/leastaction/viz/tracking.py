@@ -12,15 +12,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
-from leastaction.viz.figures import (
-    BLUE,
-    ORANGE,
-    Margins,
-    at_least,
-    heading,
-    panel_grid,
-    styled,
-)
+from leastaction.viz.figures import BLUE, ORANGE, Margins, at_least, heading, panel_grid, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,24 +59,17 @@ def _checked(
     one, other = np.asarray(reference, dtype=float), np.asarray(achieved, dtype=float)
     if other.ndim != 2 or one.shape != other.shape or other.shape[1] != len(names):
         raise ArgumentError(
-            f"reference {one.shape} and achieved {other.shape} must both be (N+1, {len(names)}): "
-            "one column per name"
+            f"reference {one.shape} and achieved {other.shape} must both be (N+1, {len(names)}): one column per name"
         )
     if unknown := [name for name in lengths if name not in names]:
-        raise ArgumentError(
-            f"lengths names {', '.join(unknown)}, which are not among {', '.join(names)}"
-        )
+        raise ArgumentError(f"lengths names {', '.join(unknown)}, which are not among {', '.join(names)}")
     angle = np.array([name not in lengths for name in names], dtype=bool)
     scale = np.where(angle, 180.0 / math.pi, 1.0)
     return one * scale, other * scale, angle
 
 
 def tracking_errors(
-    reference: npt.ArrayLike,
-    achieved: npt.ArrayLike,
-    names: Sequence[str],
-    *,
-    lengths: Sequence[str] = (),
+    reference: npt.ArrayLike, achieved: npt.ArrayLike, names: Sequence[str], *, lengths: Sequence[str] = ()
 ) -> TrackingErrors:
     """Measure the tracking error of each variable.
 
@@ -179,10 +164,7 @@ def plot_tracking(
             axes.plot(times, other[:, i], color=BLUE, linewidth=1.1, label="achieved")
             at_least(axes, _SPAN_DEGREES if angle[i] else _SPAN_METRES)
             axes.set_title(name, fontweight="bold")
-            axes.set_title(
-                f"rms {errors.rms[i]:.2f}°" if angle[i] else f"rms {errors.rms[i]:.4f} m",
-                loc="right",
-            )
+            axes.set_title(f"rms {errors.rms[i]:.2f}°" if angle[i] else f"rms {errors.rms[i]:.4f} m", loc="right")
             axes.yaxis.set_major_formatter("{x:g}°" if angle[i] else "{x:g} m")
             axes.yaxis.get_major_locator().set_params(nbins=4)
             axes.margins(x=0.0)
@@ -199,11 +181,7 @@ def plot_tracking(
 
 def _heading(title: str, errors: TrackingErrors) -> str:
     """Title with the overall angle error, where there are angles."""
-    return (
-        f"{title}: rms {errors.joint_rms:.2f}° over all joint angles"
-        if "deg" in errors.units
-        else title
-    )
+    return f"{title}: rms {errors.joint_rms:.2f}° over all joint angles" if "deg" in errors.units else title
 
 
 def _rows(groups: Mapping[str, Sequence[str]], names: Sequence[str]) -> list[tuple[str, list[str]]]:
@@ -211,9 +189,7 @@ def _rows(groups: Mapping[str, Sequence[str]], names: Sequence[str]) -> list[tup
     rows: list[tuple[str, list[str]]] = []
     for label, members in groups.items():
         if unknown := [name for name in members if name not in names]:
-            raise ArgumentError(
-                f"group {label!r} names {', '.join(unknown)}, which are not among {', '.join(names)}"
-            )
+            raise ArgumentError(f"group {label!r} names {', '.join(unknown)}, which are not among {', '.join(names)}")
         rows.extend(
             (label if start == 0 else "", list(members[start : start + _COLUMNS]))
             for start in range(0, len(members), _COLUMNS)

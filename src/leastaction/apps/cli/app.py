@@ -118,8 +118,7 @@ def optimize(
     if resume is not None and (motion is not None or mapping is not None or duration is not None):
         # The motion is in the file; a second one could contradict it.
         raise ArgumentError(
-            "--resume goes on with the motion of the earlier run: "
-            "leave out --motion, --mapping and --duration"
+            "--resume goes on with the motion of the earlier run: leave out --motion, --mapping and --duration"
         )
     if mapping is not None and motion is None:
         raise ArgumentError("--mapping belongs to a motion capture file: give --motion FILE too")
@@ -136,9 +135,7 @@ def optimize(
 
     folder, console = _prepare(output), Console(highlight=False)
     with console.status(f"reading {motion.name}"):
-        loaded = load_motion(
-            motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place
-        )
+        loaded = load_motion(motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place)
     console.print(loaded.summary(), markup=False)
     # The name is enough for titles, and where a file lies is nobody's business but its owner's.
     return _run(replace(loaded.motion, source=motion.name), optimiser, output, folder)
@@ -160,12 +157,7 @@ def info(file: Path, /) -> int:
 
 
 @app.command
-def draw(
-    file: Path,
-    /,
-    *,
-    output: OutputOptions,
-) -> int:
+def draw(file: Path, /, *, output: OutputOptions) -> int:
     """Draw the plots and the animation of a result file again.
 
     Parameters
@@ -205,20 +197,11 @@ def _prepare(output: OutputOptions) -> Path:
     return prepare_output_folder(output.out)
 
 
-def _run(
-    motion: Motion | TrackingRun,
-    optimiser: OptimiserOptions | None,
-    output: OutputOptions,
-    folder: Path,
-) -> int:
+def _run(motion: Motion | TrackingRun, optimiser: OptimiserOptions | None, output: OutputOptions, folder: Path) -> int:
     from leastaction.apps.cli import session
 
     return session.run(
-        motion,
-        optimiser=optimiser or OptimiserOptions(),
-        output=output,
-        folder=folder,
-        complain=_complain,
+        motion, optimiser=optimiser or OptimiserOptions(), output=output, folder=folder, complain=_complain
     )
 
 
@@ -246,9 +229,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _complain(str(error))
             code = _BAD_INPUT
         except MemoryError:
-            _complain(
-                "this takes more memory than there is: take a longer --dt or a shorter --duration"
-            )
+            _complain("this takes more memory than there is: take a longer --dt or a shorter --duration")
             code = _BAD_INPUT
         except KeyboardInterrupt:
             _complain("interrupted before there was a result to keep")

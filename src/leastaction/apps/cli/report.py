@@ -19,14 +19,7 @@ from leastaction.apps.marionette.tracking import TrackingRun, load_run
 from leastaction.apps.marionette.tracking.problem import ROOT
 from leastaction.errors import ArgumentError, OutputError
 from leastaction.numerics.files import write_text
-from leastaction.viz import (
-    plot_convergence,
-    plot_snapshots,
-    plot_strings,
-    plot_tracking,
-    save_png,
-    write_animation,
-)
+from leastaction.viz import plot_convergence, plot_snapshots, plot_strings, plot_tracking, save_png, write_animation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,9 +104,7 @@ def write_report(
     summary = run_summary(run)
     scene = marionette_scene(run) if plots or animation else None
     makers: dict[str, Callable[[Path], object]] = {
-        "summary.json": lambda path: write_text(
-            path, json.dumps(summary, indent=2, ensure_ascii=False) + "\n"
-        ),
+        "summary.json": lambda path: write_text(path, json.dumps(summary, indent=2, ensure_ascii=False) + "\n"),
         "summary.txt": lambda path: write_text(path, as_text(summary_tables(summary))),
     }
     if plots and scene is not None:
@@ -184,12 +175,7 @@ def _convergence(run: TrackingRun) -> Figure:
 def _tracking(run: TrackingRun) -> Figure:
     names = run.mechanism.dynamic
     return plot_tracking(
-        run.trajectory.t,
-        run.motion.q,
-        run.trajectory.q[:, : len(names)],
-        names,
-        lengths=ROOT,
-        groups=GROUPS,
+        run.trajectory.t, run.motion.q, run.trajectory.q[:, : len(names)], names, lengths=ROOT, groups=GROUPS
     )
 
 

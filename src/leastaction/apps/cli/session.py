@@ -102,11 +102,7 @@ def run(
 
 
 def _optimise(
-    motion: Motion | TrackingRun,
-    optimiser: OptimiserOptions,
-    folder: Path,
-    console: Console,
-    kept: list[Path],
+    motion: Motion | TrackingRun, optimiser: OptimiserOptions, folder: Path, console: Console, kept: list[Path]
 ) -> TrackingRun:
     """Optimise, printing the iterations as they happen and keeping the run now and then."""
     earlier = motion if isinstance(motion, TrackingRun) else None

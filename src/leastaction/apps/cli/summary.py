@@ -22,9 +22,7 @@ _WIDTH: Final = 100
 
 # The optimiser speaks of its arguments, the command line of its options.
 _MESSAGES: Final = {
-    Status.ITERATION_LIMIT: (
-        "The limit on iterations was reached: raise --max-iterations, or go on with --resume."
-    ),
+    Status.ITERATION_LIMIT: ("The limit on iterations was reached: raise --max-iterations, or go on with --resume."),
     Status.INTERRUPTED: "Interrupted; this is the last whole iterate. Go on with --resume.",
     Status.STOPPED_BY_CALLBACK: "The run was cut off; this was kept on the way. Go on with --resume.",
 }
@@ -71,8 +69,7 @@ def _tracking(errors: TrackingErrors) -> dict[str, Any]:
     """Errors of the dynamic variables."""
     columns = zip(errors.names, errors.units, errors.rms, errors.largest, strict=True)
     variables: dict[str, dict[str, Any]] = {
-        name: {"unit": unit, "rms": float(rms), "max": float(largest)}
-        for name, unit, rms, largest in columns
+        name: {"unit": unit, "rms": float(rms), "max": float(largest)} for name, unit, rms, largest in columns
     }
     return {
         "joint_rms_deg": errors.joint_rms,
@@ -95,11 +92,7 @@ def _string(pull: Array, length: Array) -> dict[str, float]:
 
 def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
     """Return the summary of a run, as `run_summary` makes it, as tables for a terminal."""
-    parts = (
-        _headline(summary),
-        _tracking_table(summary["tracking"]),
-        _string_table(summary["strings"]),
-    )
+    parts = (_headline(summary), _tracking_table(summary["tracking"]), _string_table(summary["strings"]))
     return Group(parts[0], "", parts[1], "", parts[2])
 
 

@@ -71,9 +71,7 @@ def walk_in_place(
         raise ArgumentError(f"dt: got {dt:g} s, expected less than the duration, {duration:g} s")
     pose = dict(REST if rest is None else rest)
     if unknown := sorted(set(pose) - set(VARIABLES)):
-        raise ArgumentError(
-            f"rest: unknown variables {', '.join(unknown)}; the puppet has {', '.join(VARIABLES)}"
-        )
+        raise ArgumentError(f"rest: unknown variables {', '.join(unknown)}; the puppet has {', '.join(VARIABLES)}")
 
     t = dt * np.arange(n_steps + 1, dtype=np.float64)
     envelope = _rise(t, t[-1], min(ramp, 0.5 * t[-1]))

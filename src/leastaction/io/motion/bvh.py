@@ -25,14 +25,7 @@ from leastaction.errors import MotionFileError
 from leastaction.io.motion.capture import Capture, Joint
 from leastaction.numerics.arrays import Array
 
-CHANNEL_NAMES = (
-    "Xposition",
-    "Yposition",
-    "Zposition",
-    "Xrotation",
-    "Yrotation",
-    "Zrotation",
-)
+CHANNEL_NAMES = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 _MOST_BYTES = 2**30
 _CHANNEL_BY_LOWER = {name.lower(): name for name in CHANNEL_NAMES}
 
@@ -62,8 +55,7 @@ def read_bvh(path: str | PathLike[str]) -> Capture:
         text = content.decode("utf-8-sig")
     except OSError as error:
         raise MotionFileError(
-            f"{path}: cannot be read ({error.strerror or error}); "
-            "expected a BVH motion capture file. Check the path."
+            f"{path}: cannot be read ({error.strerror or error}); expected a BVH motion capture file. Check the path."
         ) from error
     except UnicodeDecodeError as error:
         raise MotionFileError(
@@ -90,18 +82,14 @@ class _Reader:
 
     def fail(self, found: str, expected: str) -> NoReturn:
         raise MotionFileError(
-            f"{self.path}, line {self.line}: {found}; expected {expected}. "
-            "Export or fetch the file again."
+            f"{self.path}, line {self.line}: {found}; expected {expected}. Export or fetch the file again."
         )
 
     def read(self) -> Capture:
         tokens = self.hierarchy_lines()
         _, first = self.following(tokens, "the word HIERARCHY, with which a BVH file begins")
         if first[0].upper() != "HIERARCHY":
-            self.fail(
-                f"the file begins with {_shown(' '.join(first))}",
-                "the word HIERARCHY: this is no BVH file",
-            )
+            self.fail(f"the file begins with {_shown(' '.join(first))}", "the word HIERARCHY: this is no BVH file")
         self.read_hierarchy(tokens)
         n_frames = self.read_header("Frames:", "Frames: followed by the number of frames")
         frame_time = self.read_header("Frame Time:", "Frame Time: followed by seconds per frame")
@@ -122,9 +110,7 @@ class _Reader:
                 if words := part.split():
                     yield number, words
 
-    def following(
-        self, tokens: Iterator[tuple[int, list[str]]], expected: str
-    ) -> tuple[int, list[str]]:
+    def following(self, tokens: Iterator[tuple[int, list[str]]], expected: str) -> tuple[int, list[str]]:
         try:
             number, words = next(tokens)
         except StopIteration:
@@ -188,10 +174,7 @@ class _Reader:
         channels = tuple(_CHANNEL_BY_LOWER.get(word.lower(), "") for word in listed)
         for word, channel in zip(listed, channels, strict=True):
             if not channel:
-                self.fail(
-                    f"joint {name!r} has a channel {_shown(word)}",
-                    "one of " + ", ".join(CHANNEL_NAMES),
-                )
+                self.fail(f"joint {name!r} has a channel {_shown(word)}", "one of " + ", ".join(CHANNEL_NAMES))
         if len(set(channels)) != len(channels):
             self.fail(f"joint {name!r} lists a channel twice", "each channel once")
         return self.add(Joint(name, parent, offset, channels, line))
@@ -201,9 +184,7 @@ class _Reader:
         self.declared[joint.name] = joint.line
         return len(self.joints) - 1
 
-    def read_end_site(
-        self, tokens: Iterator[tuple[int, list[str]]], parent: int, line: int
-    ) -> None:
+    def read_end_site(self, tokens: Iterator[tuple[int, list[str]]], parent: int, line: int) -> None:
         name = f"{self.joints[parent].name}_end"
         while name in self.declared:
             name += "_"
@@ -217,9 +198,7 @@ class _Reader:
         if words != [brace]:
             self.fail(_shown(" ".join(words)), f"{brace} of {name!r}")
 
-    def read_offset(
-        self, tokens: Iterator[tuple[int, list[str]]], name: str
-    ) -> tuple[float, float, float]:
+    def read_offset(self, tokens: Iterator[tuple[int, list[str]]], name: str) -> tuple[float, float, float]:
         expected = f"OFFSET of {name!r} with three finite numbers"
         _, words = self.following(tokens, expected)
         numbers = [_number(word) for word in words[1:]]
@@ -264,16 +243,11 @@ class _Reader:
             row = [_number(word) for word in words]
             if not np.all(np.isfinite(row)):
                 bad = int(np.flatnonzero(~np.isfinite(row))[0])
-                self.fail(
-                    f"value {bad + 1} of frame {frame} is {_shown(words[bad])}", "a finite number"
-                )
+                self.fail(f"value {bad + 1} of frame {frame} is {_shown(words[bad])}", "a finite number")
             rows.append(row)
         if len(rows) < n_frames:
             self.line = len(self.lines)
-            self.fail(
-                f"the file ends after {len(rows)} frames (truncated?)",
-                f"{n_frames} frames, as declared",
-            )
+            self.fail(f"the file ends after {len(rows)} frames (truncated?)", f"{n_frames} frames, as declared")
         return np.array(rows, dtype=np.float64)
 
 

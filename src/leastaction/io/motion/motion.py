@@ -75,9 +75,7 @@ class Motion:
             raise ArgumentError("t: expected finite, strictly increasing times in seconds")
         if not np.all(np.isfinite(q)):
             row, column = np.argwhere(~np.isfinite(q))[0]
-            raise ArgumentError(
-                f"q: {names[column]} is {q[row, column]} at t = {t[row]:g} s, expected finite values"
-            )
+            raise ArgumentError(f"q: {names[column]} is {q[row, column]} at t = {t[row]:g} s, expected finite values")
         t.flags.writeable = q.flags.writeable = False
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "t", t)
@@ -121,9 +119,7 @@ class Motion:
         """Time derivative of the spline through the samples, (N+1, n)."""
         return np.asarray(self._spline()(self.t, 1), dtype=np.float64)
 
-    def resample(
-        self, dt: float, *, duration: float | None = None, cutoff: float | None = None
-    ) -> Motion:
+    def resample(self, dt: float, *, duration: float | None = None, cutoff: float | None = None) -> Motion:
         """The same motion at equal steps, from time zero.
 
         Parameters
@@ -151,9 +147,7 @@ class Motion:
         if duration is None:
             n_steps = int(np.floor(self.duration / dt + 1e-9))
         if n_steps < 1:
-            raise ArgumentError(
-                f"dt: got {dt:g} s, longer than the motion of {duration or self.duration:g} s"
-            )
+            raise ArgumentError(f"dt: got {dt:g} s, longer than the motion of {duration or self.duration:g} s")
         if n_steps * dt > self.duration + 1e-6 * max(dt, self.duration):
             raise ArgumentError(
                 f"duration: got {n_steps * dt:g} s, the motion lasts {self.duration:g} s; "
@@ -212,8 +206,7 @@ class Motion:
     def _warp(self, seconds: float, *, at_start: bool) -> Motion:
         if not 0.0 <= seconds <= 2.0 * self.duration:
             raise ArgumentError(
-                f"seconds: got {seconds:g}, expected 0 to {2.0 * self.duration:g}, "
-                "twice the duration of the motion"
+                f"seconds: got {seconds:g}, expected 0 to {2.0 * self.duration:g}, twice the duration of the motion"
             )
         if seconds == 0.0:
             return self
@@ -254,9 +247,7 @@ class Motion:
         else:
             start = np.asarray(pose, dtype=np.float64)
         if start.shape != (len(self.names),) or not np.all(np.isfinite(start)):
-            raise ArgumentError(
-                f"pose: got shape {start.shape}, expected {len(self.names)} finite values"
-            )
+            raise ArgumentError(f"pose: got shape {start.shape}, expected {len(self.names)} finite values")
         spline = self._spline()
         rest = np.zeros_like(start)
         first = np.stack([self.q[0], spline(self.t[0], 1), spline(self.t[0], 2)])
@@ -270,11 +261,7 @@ class Motion:
         )
 
     def loop(
-        self,
-        duration: float,
-        *,
-        shortest: float = 0.5,
-        travelling: Sequence[str] = ("torso_tx", "torso_ty"),
+        self, duration: float, *, shortest: float = 0.5, travelling: Sequence[str] = ("torso_tx", "torso_ty")
     ) -> Motion:
         """Repeat the motion's best cycle until it lasts `duration` seconds.
 
@@ -311,8 +298,7 @@ class Motion:
         gap = max(3, int(np.ceil(shortest / step)))
         if gap >= motion.t.size:
             raise ArgumentError(
-                f"shortest: got {shortest:g} s, the motion lasts only {self.duration:g} s; "
-                "a cycle must fit into it"
+                f"shortest: got {shortest:g} s, the motion lasts only {self.duration:g} s; a cycle must fit into it"
             )
         moving = np.array([name in travelling for name in self.names])
         first, last = _best_cycle(motion, gap, ~moving)

@@ -27,10 +27,7 @@ _TEXT: Final = "leastaction_record"
 _MOST_BYTES: Final = 16 * 2**30
 _MOST_TEXT_BYTES: Final = 16 * 2**20
 _MOST_ENTRIES: Final = 1000
-_HEADER_READERS: Final = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-}
+_HEADER_READERS: Final = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _KINDS: Final = "biufcU"  # plain numbers and text; an object would have to be unpickled
 
 
@@ -41,9 +38,7 @@ class Archive(NamedTuple):
     arrays: dict[str, AnyArray]
 
 
-def write_archive(
-    path: str | os.PathLike[str], text: str, arrays: Mapping[str, npt.ArrayLike]
-) -> Path:
+def write_archive(path: str | os.PathLike[str], text: str, arrays: Mapping[str, npt.ArrayLike]) -> Path:
     """Write an archive; an existing file is replaced in one step.
 
     Raises
@@ -76,9 +71,7 @@ def read_archive(path: str | os.PathLike[str]) -> Archive:
     try:
         about = source.stat()
         if not stat.S_ISREG(about.st_mode):
-            raise ResultFileError(
-                f"cannot read {source}: it is no regular file. Give the file of an earlier run"
-            )
+            raise ResultFileError(f"cannot read {source}: it is no regular file. Give the file of an earlier run")
         with zipfile.ZipFile(source) as file:
             entries = _judged(source, file, about.st_size)
             text = _array(file.read(entries.pop(_TEXT)))
@@ -112,9 +105,7 @@ def _judged(source: Path, file: zipfile.ZipFile, size: int) -> dict[str, zipfile
             f"{source} is no result of leastaction: it lacks {_TEXT}. Give the file of an earlier run"
         )
     if packed := [n for n, entry in entries.items() if entry.compress_type != zipfile.ZIP_STORED]:
-        raise ResultFileError(
-            f"{source}: {packed[0]} is compressed, expected plain arrays. Save them with numpy.savez"
-        )
+        raise ResultFileError(f"{source}: {packed[0]} is compressed, expected plain arrays. Save them with numpy.savez")
     total = sum(entry.file_size for entry in file.infolist())
     if (
         total > min(size, _MOST_BYTES)

@@ -52,8 +52,7 @@ class Provenance:
         packages = {name: metadata.version(name) for name in ("numpy", "scipy")}
         programs = {"python": platform.python_version(), "platform": platform.platform()}
         return cls(
-            datetime.now(UTC).isoformat(timespec="seconds"),
-            {"leastaction": __version__, **packages, **programs},
+            datetime.now(UTC).isoformat(timespec="seconds"), {"leastaction": __version__, **packages, **programs}
         )
 
 

@@ -11,12 +11,7 @@ import numpy.typing as npt
 from leastaction.errors import ArgumentError, InconsistentStartError
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
 from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
-from leastaction.mechanics.configuration.null_space import (
-    Indices,
-    free_variables,
-    restoring,
-    row_scales,
-)
+from leastaction.mechanics.configuration.null_space import Indices, free_variables, restoring, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
 
@@ -86,9 +81,7 @@ def check_consistent(mechanism: Mechanism, q: npt.ArrayLike, *, tolerance: float
         With the residual by constraint name. A `ContradictoryConstraintsError` if no motion of the dynamic
         variables brings it onto them.
     """
-    values = mechanism.constraint_values(
-        as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
-    )
+    values = mechanism.constraint_values(as_array(q, "q", (mechanism.nq,), names=mechanism.variables))
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q))
     if not np.all(np.abs(values) <= limits):
         residuals = dict(zip(mechanism.constraints, values, strict=True))
@@ -162,9 +155,7 @@ def project_configuration(
     if not np.all(np.isfinite(values) & (np.abs(values) <= limits)):
         contradiction = None
         if np.all(np.isfinite(values)):
-            contradiction = find_contradiction(
-                mechanism, q_near, hold=hold, move_kinematic=move_kinematic
-            )
+            contradiction = find_contradiction(mechanism, q_near, hold=hold, move_kinematic=move_kinematic)
         if contradiction is not None:
             raise contradictory("no configuration on the constraints was found", contradiction)
         raise InconsistentStartError(
@@ -239,9 +230,7 @@ def project_velocity(
     return VelocityProjection(result, correction, largest, residuals)
 
 
-def _correction(
-    mechanism: Mechanism, free: Indices, change: Array
-) -> tuple[dict[str, float], float]:
+def _correction(mechanism: Mechanism, free: Indices, change: Array) -> tuple[dict[str, float], float]:
     named = {mechanism.variables[i]: float(change[i]) for i in free}
     ordered = dict(sorted(named.items(), key=lambda item: -abs(item[1])))
     return ordered, max((abs(value) for value in named.values()), default=0.0)

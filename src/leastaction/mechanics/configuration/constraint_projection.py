@@ -52,13 +52,7 @@ class ConstraintProjection:
         Square roots of their weights.
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        start: Array,
-        free: Indices,
-        root: Array,
-    ) -> None:
+    def __init__(self, mechanism: Mechanism, start: Array, free: Indices, root: Array) -> None:
         self.mechanism = mechanism
         self.start = start
         self.free = free
@@ -136,9 +130,7 @@ class ConstraintProjection:
         full = self.mechanism.constraint_jacobian(q)
         return self.mechanism.constraint_values(q), full[:, self.free] / self.root, row_scales(full)
 
-    def _directions(
-        self, s: Array, h: Array, jacobian: Array, *, loose: bool
-    ) -> tuple[Array, Array, Array]:
+    def _directions(self, s: Array, h: Array, jacobian: Array, *, loose: bool) -> tuple[Array, Array, Array]:
         """Return the restoring part of the step, the part along the constraints, and the multiplier."""
         space = NullSpace.of(jacobian, h if loose else None)
         null, normal, multiplier = space.basis, -space.inverse @ h, space.multiplier(s)
@@ -158,9 +150,7 @@ class ConstraintProjection:
         full = self.mechanism.core.constraint_hessian(self._configuration(s), multiplier)
         return full[np.ix_(self.free, self.free)] / np.outer(self.root, self.root)
 
-    def _search(
-        self, s: Array, h: Array, jacobian: Array, normal: Array, along: Array, penalty: Array
-    ) -> Array | None:
+    def _search(self, s: Array, h: Array, jacobian: Array, normal: Array, along: Array, penalty: Array) -> Array | None:
         """Return the next point, at which the exact penalty has fallen enough; None if there is none."""
 
         def falls(point: Array, h_there: Array, length: float) -> bool:
@@ -275,7 +265,5 @@ class ConstraintProjection:
         residual = float(np.linalg.norm(h))
         # h is in the left null space of the Jacobian: to first order no motion of size one lessens it.
         slope = jacobian.T @ h
-        blocked = (
-            all_finite(h, jacobian) and np.linalg.norm(slope) <= _BLOCKED * residual * residual
-        )
+        blocked = all_finite(h, jacobian) and np.linalg.norm(slope) <= _BLOCKED * residual * residual
         return self._configuration(s), h if blocked else np.zeros(len(h))

@@ -216,9 +216,7 @@ class _Search:
                 raise self.error(point, iteration, f"none was found in {iteration} iterations")
             if float(np.abs(point.q - start).max()) > _FAR:
                 name = self.m.variables[int(np.argmax(np.abs(point.q - start)))]
-                raise self.error(
-                    point, iteration, f"the potential falls without bound along {name!r}"
-                )
+                raise self.error(point, iteration, f"the potential falls without bound along {name!r}")
             if kind == "any":
                 following, radius = self.towards_any(point, radius)
             else:
@@ -256,16 +254,12 @@ class _Search:
         for _ in range(40):
             q = self.moved(point, share * direction)
             if q is not None:
-                expected = share * float(slope @ d) + 0.5 * share**2 * float(
-                    np.minimum(values, 0.0) @ d**2
-                )
+                expected = share * float(slope @ d) + 0.5 * share**2 * float(np.minimum(values, 0.0) @ d**2)
                 work = float(point.force @ (q - point.q))
                 gained = self.m.core.potential_energy(q) - here - work
                 following = self.at(q)
                 allowed = 1e-4 * expected
-                if -expected < 1e3 * rounding and (
-                    np.linalg.norm(following.along) < 0.5 * np.linalg.norm(point.along)
-                ):
+                if -expected < 1e3 * rounding and (np.linalg.norm(following.along) < 0.5 * np.linalg.norm(point.along)):
                     allowed += rounding
                 if gained <= allowed:
                     grown = 2.0 * radius if share == 1.0 else share * radius
@@ -335,9 +329,7 @@ class _Search:
         net[self.free] = point.basis @ point.along
         residuals = {f"force on {m.variables[i]!r}": float(-net[i]) for i in self.free}
         values = m.constraint_values(point.q)
-        residuals |= {
-            f"constraint {n!r}": float(h) for n, h in zip(m.constraints, values, strict=True)
-        }
+        residuals |= {f"constraint {n!r}": float(h) for n, h in zip(m.constraints, values, strict=True)}
         shown = ", ".join(f"{n}: {r:.3g}" for n, r in list(worst_first(residuals).items())[:3])
         reached = self.result(point, iterations) if np.isfinite(point.size) else None
         return EquilibriumError(
@@ -349,9 +341,7 @@ class _Search:
         )
 
 
-def _modes(
-    stiffness: Array, mass: Array
-) -> tuple[npt.NDArray[np.inexact], npt.NDArray[np.inexact]]:
+def _modes(stiffness: Array, mass: Array) -> tuple[npt.NDArray[np.inexact], npt.NDArray[np.inexact]]:
     """Return the eigenvalues, ascending, and the modes of a stiffness relative to a mass matrix."""
     import scipy.linalg  # slow to import, and needed here only
 

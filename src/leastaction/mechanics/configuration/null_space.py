@@ -42,9 +42,7 @@ def row_scales(jacobian: Array) -> Array:
     return scales
 
 
-def free_variables(
-    mechanism: Mechanism, hold: Sequence[str], move_kinematic: bool = False
-) -> Indices:
+def free_variables(mechanism: Mechanism, hold: Sequence[str], move_kinematic: bool = False) -> Indices:
     """Return the indices in q of the variables that may move: the dynamic ones that are not held.
 
     Parameters
@@ -69,14 +67,11 @@ def free_variables(
     for name in hold:
         if name not in mechanism.variables:
             raise ArgumentError(
-                f"hold: unknown variable {name!r}; "
-                f"{closest(name, mechanism.variables, what='variables')}"
+                f"hold: unknown variable {name!r}; {closest(name, mechanism.variables, what='variables')}"
             )
     count = mechanism.nq if move_kinematic else mechanism.nd
     held = set(hold)
-    return np.array(
-        [i for i, name in enumerate(mechanism.variables[:count]) if name not in held], dtype=np.intp
-    )
+    return np.array([i for i, name in enumerate(mechanism.variables[:count]) if name not in held], dtype=np.intp)
 
 
 def all_finite(*arrays: Array) -> bool:
@@ -117,11 +112,7 @@ class NullSpace:
         if h is not None:
             parts, size = left.T @ h, float(np.linalg.norm(h))
             bound = min(LOOSE_RANK_TOLERANCE * sizes[0], _LOOSENING * size)
-            while (
-                rank
-                and sizes[rank - 1] < bound
-                and np.linalg.norm(parts[rank - 1 :]) < _LEFT * size
-            ):
+            while rank and sizes[rank - 1] < bound and np.linalg.norm(parts[rank - 1 :]) < _LEFT * size:
                 rank -= 1
         inverse = (right[:rank].T / sizes[:rank]) @ left[:, :rank].T
         return cls(inverse, right[rank:].T)

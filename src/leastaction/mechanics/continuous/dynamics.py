@@ -18,11 +18,7 @@ import numpy.typing as npt
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, DynamicsError
-from leastaction.mechanics.continuous.acceleration import (
-    AccelerationDerivatives,
-    Accelerations,
-    AccelerationTensors,
-)
+from leastaction.mechanics.continuous.acceleration import AccelerationDerivatives, Accelerations, AccelerationTensors
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, shape_of
 
@@ -67,16 +63,11 @@ class ContinuousDynamics:
             )
         self.mechanism = mechanism
         self.threads = as_count(threads, "threads", 0)
-        self.core = _core.Continuous(
-            mechanism.core, self.constraint_damping, self.constraint_stiffness
-        )
+        self.core = _core.Continuous(mechanism.core, self.constraint_damping, self.constraint_stiffness)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The core is made again from the settings, in a worker process too.
-        settings = {
-            name: getattr(self, name)
-            for name in ("constraint_damping", "constraint_stiffness", "threads")
-        }
+        settings = {name: getattr(self, name) for name in ("constraint_damping", "constraint_stiffness", "threads")}
         return partial(ContinuousDynamics, self.mechanism, **settings), ()
 
     def accelerations(
@@ -148,9 +139,7 @@ class ContinuousDynamics:
         accelerations = points.rows(a, "a", m.variables)
         values, speeds, inputs, _ = points.arrays
         return points.shaped(
-            self.core.inverse_dynamics(
-                values, speeds, accelerations, inputs, multipliers, self.threads
-            )
+            self.core.inverse_dynamics(values, speeds, accelerations, inputs, multipliers, self.threads)
         )
 
     def linearize(
@@ -169,10 +158,7 @@ class ContinuousDynamics:
         points = self._points(q, v, u, rho_a)
         out = self._solved(self.core.linearize(*points.arrays, self.threads), points, t)
         return AccelerationDerivatives(
-            points.shaped(out.a),
-            points.shaped(out.lam),
-            points.shaped(out.derivatives),
-            (m.nd, m.nq, m.n_inputs),
+            points.shaped(out.a), points.shaped(out.lam), points.shaped(out.derivatives), (m.nd, m.nq, m.n_inputs)
         )
 
     def curvature(
@@ -211,10 +197,7 @@ class ContinuousDynamics:
         m = self.mechanism
         self._check_orders()
         points = self._points(q, v, u, rho_a)
-        weights = (
-            points.rows(z_a, "z_a", m.dynamic),
-            points.rows(z_lam, "z_lam", m.constraints),
-        )
+        weights = (points.rows(z_a, "z_a", m.dynamic), points.rows(z_lam, "z_lam", m.constraints))
         out = self.core.curvatures(*points.arrays, *weights, self.threads)
         return points.shaped(self._solved(out, points, t).derivatives)
 
@@ -231,8 +214,7 @@ class ContinuousDynamics:
         points = self._points(q, v, u, rho_a)
         if not points.single:
             raise ArgumentError(
-                f"tensors: got {len(points.arrays[0])} points, expected one: q and v of shape "
-                f"({self.mechanism.nq},)"
+                f"tensors: got {len(points.arrays[0])} points, expected one: q and v of shape ({self.mechanism.nq},)"
             )
         out = self._solved(self.core.tensors(*points.arrays), points, t).derivatives
         return AccelerationTensors(out[: self.mechanism.nd], out[self.mechanism.nd :])
@@ -258,9 +240,7 @@ class ContinuousDynamics:
         )
         return points
 
-    def _solved(
-        self, out: _core.Accelerations, points: _Points, t: npt.ArrayLike
-    ) -> _core.Accelerations:
+    def _solved(self, out: _core.Accelerations, points: _Points, t: npt.ArrayLike) -> _core.Accelerations:
         """Return what the core returned, or raise the error that it tells of."""
         k, N = out.solved, points.count
         many = len(shape_of(t) or ()) == 1
@@ -279,9 +259,7 @@ class ContinuousDynamics:
             )
         else:
             message = "the equations of the constraints are singular"
-        raise DynamicsError(
-            f"no accelerations {where}: {message}", t=at, point=k, variable=variable
-        )
+        raise DynamicsError(f"no accelerations {where}: {message}", t=at, point=k, variable=variable)
 
     def _check_orders(self) -> None:
         for name, element in self.mechanism.elements.items():

@@ -56,9 +56,7 @@ class Equations:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         damping, stiffness = state["dynamics"]
-        self.dynamics = ContinuousDynamics(
-            self.mechanism, constraint_damping=damping, constraint_stiffness=stiffness
-        )
+        self.dynamics = ContinuousDynamics(self.mechanism, constraint_damping=damping, constraint_stiffness=stiffness)
 
     def state(self, t: float, x: Array) -> Array:
         """Return x with the prescribed motion in its place."""
@@ -77,10 +75,7 @@ class Equations:
             return u
         names = self.mechanism.kinematic
         acceleration = as_array(
-            self.motion.acceleration(t),
-            f"the acceleration of rho({t:g})",
-            (len(names),),
-            names=names,
+            self.motion.acceleration(t), f"the acceleration of rho({t:g})", (len(names),), names=names
         )
         return np.concatenate([u, acceleration])
 

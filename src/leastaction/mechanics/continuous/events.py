@@ -79,9 +79,7 @@ class Watched:
         try:
             return float(given)
         except (TypeError, ValueError):
-            raise ArgumentError(
-                f"events[{self.name!r}]: got {given!r} at t = {t:g} s, expected a number"
-            ) from None
+            raise ArgumentError(f"events[{self.name!r}]: got {given!r} at t = {t:g} s, expected a number") from None
 
     def crossed(self, new: float) -> bool:
         """Return whether the function went through zero in the direction asked for."""
@@ -109,9 +107,7 @@ class Watched:
         return EventRecord(np.array(self.t), np.array(self.x).reshape(len(self.t), nx))
 
 
-def watch(
-    events: Mapping[str, Event | Callable[[float, Array], float] | str], mechanism: Mechanism
-) -> list[Watched]:
+def watch(events: Mapping[str, Event | Callable[[float, Array], float] | str], mechanism: Mechanism) -> list[Watched]:
     """Return the events of a user, checked, ready to be watched.
 
     Parameters
@@ -139,13 +135,10 @@ def _watched(name: str, event: Any, mechanism: Mechanism) -> Watched:
     if isinstance(event, str):
         event = Event(event)
     elif callable(event) and not isinstance(event, Event):
-        event = Event(
-            event, getattr(event, "terminal", False) or False, getattr(event, "direction", 0.0)
-        )
+        event = Event(event, getattr(event, "terminal", False) or False, getattr(event, "direction", 0.0))
     if not isinstance(event, Event):
         raise ArgumentError(
-            f"{what}: got {type(event).__name__}, expected an Event, a function of (t, x), or the name of a "
-            "variable"
+            f"{what}: got {type(event).__name__}, expected an Event, a function of (t, x), or the name of a variable"
         )
     terminal = event.terminal
     if not hasattr(terminal, "__index__") or int(terminal) < 0:
@@ -157,12 +150,9 @@ def _watched(name: str, event: Any, mechanism: Mechanism) -> Watched:
     if isinstance(function, str):
         if function not in mechanism.variables:
             raise ArgumentError(
-                f"{what}: unknown variable {function!r}; "
-                f"{closest(function, mechanism.variables, what='variables')}"
+                f"{what}: unknown variable {function!r}; {closest(function, mechanism.variables, what='variables')}"
             )
-        function = _crossing(
-            mechanism.variables.index(function), as_number(event.value, f"{what}: value")
-        )
+        function = _crossing(mechanism.variables.index(function), as_number(event.value, f"{what}: value"))
     elif not callable(function):
         raise ArgumentError(
             f"{what}: its function is {function!r}, expected a function of (t, x) or the name of a variable"

@@ -100,9 +100,7 @@ class Progress:
         e, times = self.equations, self.times
         inside = times[(times > step.start) & (times <= step.end)]
         values = [event.evaluate(step.end, step.y) for event in self.events]
-        crossed = [
-            event for event, value in zip(self.events, values, strict=True) if event.crossed(value)
-        ]
+        crossed = [event for event, value in zip(self.events, values, strict=True) if event.crossed(value)]
         piece: Interpolant | None = None
         if self.keep or crossed or np.any(inside < step.end):
             piece = step.interpolant()
@@ -124,9 +122,7 @@ class Progress:
         self.reached, self.state = end, x_end
         self._measure(e.state(step.end, step.raw), step.y)
 
-    def _take_events(
-        self, crossed: Sequence[Watched], piece: Interpolant, x_end: Array
-    ) -> tuple[float, Array]:
+    def _take_events(self, crossed: Sequence[Watched], piece: Interpolant, x_end: Array) -> tuple[float, Array]:
         """Record the events of a step in the order of time, up to one that ends the simulation."""
         e = self.equations
 

@@ -73,11 +73,7 @@ class EnergyBalance:
 
     def __str__(self) -> str:
         """Return the balance in a sentence."""
-        passed = (
-            f"; constraints lost rank in the step to t = {self.crossings[0]:.6g} s"
-            if self.crossings
-            else ""
-        )
+        passed = f"; constraints lost rank in the step to t = {self.crossings[0]:.6g} s" if self.crossings else ""
         return f"energy: {self.lost:.2g} J of {self.scale:.3g} J lost beside the work that was done{passed}"
 
 
@@ -103,9 +99,7 @@ def balance(equations: Equations, pieces: Sequence[Interpolant], end: float) -> 
     fastest = 1.0
     for node in _NODES:
         inside = starts + node * (ends - starts)
-        states = np.array(
-            [equations.state(at, piece(at)) for at, piece in zip(inside, pieces, strict=True)]
-        )
+        states = np.array([equations.state(at, piece(at)) for at, piece in zip(inside, pieces, strict=True)])
         rates = np.array([_rate(equations, *pair) for pair in zip(inside, states, strict=True)])
         work += 0.5 * (ends - starts) * _power(m, states, rates)
         fastest = max(fastest, 1.0 + float(np.abs(rates).max()))
@@ -117,12 +111,7 @@ def balance(equations: Equations, pieces: Sequence[Interpolant], end: float) -> 
     largest = float(np.max(energy.kinetic + np.abs(energy.potential)))
     rounding = 4.0 * np.finfo(float).eps * largest * fastest / _DIFFERENCE * (t[-1] - t[0])
     return EnergyBalance(
-        float(np.sum(lost)),
-        scale,
-        float(lost[k]),
-        float(ends[k]),
-        tuple(map(float, crossed)),
-        float(rounding),
+        float(np.sum(lost)), scale, float(lost[k]), float(ends[k]), tuple(map(float, crossed)), float(rounding)
     )
 
 
@@ -141,8 +130,7 @@ def _power(m: Mechanism, x: Array, rate: Array) -> Array:
     size = _DIFFERENCE / (1.0 + np.abs(rate).max(axis=1, keepdims=True))
     ahead, behind = x + size * rate, x - size * rate
     difference = (
-        m.energy(ahead[:, : m.nq], ahead[:, m.nq :]).total
-        - m.energy(behind[:, : m.nq], behind[:, m.nq :]).total
+        m.energy(ahead[:, : m.nq], ahead[:, m.nq :]).total - m.energy(behind[:, : m.nq], behind[:, m.nq :]).total
     )
     return np.asarray(difference / (2.0 * size[:, 0]))
 

@@ -17,9 +17,7 @@ from leastaction.numerics.signals import StateLaw
 ContinuousSignal = npt.ArrayLike | StateLaw | None
 """A constant, one row an instant, one row an interval, a function of time and state, or nothing."""
 
-_AGREE = (
-    1e-6  # by how much a start may be off a prescribed motion, relative to its size (at least 1)
-)
+_AGREE = 1e-6  # by how much a start may be off a prescribed motion, relative to its size (at least 1)
 
 
 @dataclass(frozen=True)
@@ -116,9 +114,7 @@ class InputLaw:
         The name of the argument, for messages.
     """
 
-    def __init__(
-        self, signal: ContinuousSignal, times: Array, names: Sequence[str], what: str
-    ) -> None:
+    def __init__(self, signal: ContinuousSignal, times: Array, names: Sequence[str], what: str) -> None:
         self.times, self.names, self.what = times, tuple(names), what
         self.n = len(self.names)
         self.function: StateLaw | None = None

@@ -26,17 +26,8 @@ from leastaction.mechanics.continuous.signals import (
     check_start,
     motion_at,
 )
-from leastaction.mechanics.continuous.stabilisation import (
-    Baumgarte,
-    Projection,
-    as_handling,
-    check_start_consistent,
-)
-from leastaction.mechanics.continuous.trajectory import (
-    ContinuousTrajectory,
-    DenseOutput,
-    IntegrationStatus,
-)
+from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection, as_handling, check_start_consistent
+from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, DenseOutput, IntegrationStatus
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
@@ -142,9 +133,7 @@ def simulate(
     if isinstance(dynamics, Mechanism):
         dynamics = ContinuousDynamics(dynamics)
     elif not isinstance(dynamics, ContinuousDynamics):
-        raise ArgumentError(
-            f"dynamics: got {type(dynamics).__name__}, expected a Mechanism or its ContinuousDynamics"
-        )
+        raise ArgumentError(f"dynamics: got {type(dynamics).__name__}, expected a Mechanism or its ContinuousDynamics")
     m = dynamics.mechanism
     times = as_times(t)
     handling = as_handling(constraints)
@@ -157,9 +146,7 @@ def simulate(
     seconds = None if max_seconds is None else as_number(max_seconds, "max_seconds", above=0.0)
     limit = None if max_steps is None else as_count(max_steps, "max_steps", 1)
     if isinstance(handling, Baumgarte):
-        dynamics = ContinuousDynamics(
-            m, constraint_damping=handling.damping, constraint_stiffness=handling.stiffness
-        )
+        dynamics = ContinuousDynamics(m, constraint_damping=handling.damping, constraint_stiffness=handling.stiffness)
     law = _law(m, inputs, rho_a, u, motion, times)
     projection = handling if isinstance(handling, Projection) else None
     equations = Equations(dynamics, law, motion, projection)
@@ -189,8 +176,7 @@ def simulate(
     elif done.failure is not None:
         status = IntegrationStatus.FAILED
         message = (
-            f"{method} failed after t = {done.reached:.6g} s: {done.failure}. The state there: "
-            f"{_named(m, done.state)}"
+            f"{method} failed after t = {done.reached:.6g} s: {done.failure}. The state there: {_named(m, done.state)}"
         )
     records = {event.name: event.record(m.nx) for event in watched}
     result = _result(equations, done, status, message, records, dense_output)
@@ -210,13 +196,10 @@ def _motion(
     named = [name for name, value in given.items() if value is not None]
     if u is not None and len(named) > 1:
         raise ArgumentError(
-            f"u: it gives all inputs, but {' and '.join(n for n in named if n != 'u')} came too; give one or "
-            "the other"
+            f"u: it gives all inputs, but {' and '.join(n for n in named if n != 'u')} came too; give one or the other"
         )
     if rho is not None and rho_a is not None:
-        raise ArgumentError(
-            "rho: got both rho and rho_a; give the prescribed motion or its accelerations"
-        )
+        raise ArgumentError("rho: got both rho and rho_a; give the prescribed motion or its accelerations")
     if u is not None and not callable(u):
         raise ArgumentError(
             f"u: got {type(u).__name__}, expected a function (t, x) -> [inputs; rho_a]; give arrays as inputs= and "
@@ -225,9 +208,7 @@ def _motion(
     return None if rho is None else as_motion(rho, times, m.kinematic)
 
 
-def _start(
-    m: Mechanism, q0: object, v0: object, motion: PrescribedMotion | None, t0: float
-) -> Array:
+def _start(m: Mechanism, q0: object, v0: object, motion: PrescribedMotion | None, t0: float) -> Array:
     """Return the state at the start, on the prescribed motion."""
     q = as_array(q0, "q0", (m.nq,), names=m.variables).copy()
     v = np.zeros(m.nq) if v0 is None else as_array(v0, "v0", (m.nq,), names=m.variables).copy()
@@ -268,9 +249,7 @@ def _options(
 ) -> dict[str, Any]:
     """Return the options of the solver, checked."""
     if method not in SOLVERS:
-        raise ArgumentError(
-            f"method: unknown {method!r}; {closest(method, SOLVERS, what='methods')}"
-        )
+        raise ArgumentError(f"method: unknown {method!r}; {closest(method, SOLVERS, what='methods')}")
     # Below 100 eps SciPy would raise it with a warning.
     least = 100.0 * float(np.finfo(float).eps)
     if not least <= as_number(rtol, "rtol") < 1.0:

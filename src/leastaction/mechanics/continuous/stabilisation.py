@@ -19,11 +19,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, InconsistentStartError, LeastActionError, worst_first
 from leastaction.mechanics.configuration.assembly import check_consistent
-from leastaction.mechanics.configuration.null_space import (
-    LOOSE_RANK_TOLERANCE,
-    RANK_TOLERANCE,
-    row_scales,
-)
+from leastaction.mechanics.configuration.null_space import LOOSE_RANK_TOLERANCE, RANK_TOLERANCE, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number
 
@@ -100,11 +96,7 @@ class ConstraintLost(LeastActionError):
 
 def as_handling(constraints: object) -> Projection | Baumgarte | None:
     """Return how constraints are kept, from what a user gives; None for not at all."""
-    named: dict[str, Projection | Baumgarte | None] = {
-        "project": Projection(),
-        "baumgarte": Baumgarte(),
-        "none": None,
-    }
+    named: dict[str, Projection | Baumgarte | None] = {"project": Projection(), "baumgarte": Baumgarte(), "none": None}
     if isinstance(constraints, str) and constraints in named:
         return named[constraints]
     if isinstance(constraints, Projection):
@@ -157,9 +149,7 @@ class ConstraintMetric:
 
     def __init__(self, mechanism: Mechanism, q: Array, size: float = 0.0) -> None:
         nd = mechanism.nd
-        self.jacobian = np.asarray(mechanism.core.constraint_jacobian(q)).reshape(
-            mechanism.nc, mechanism.nq
-        )
+        self.jacobian = np.asarray(mechanism.core.constraint_jacobian(q)).reshape(mechanism.nc, mechanism.nq)
         mass = mechanism.core.hessian(q, np.zeros(mechanism.nq))[2][:nd, :nd]
         gradients = self.jacobian[:, :nd].T
         try:
@@ -256,9 +246,7 @@ def project(mechanism: Mechanism, q: Array, v: Array, tolerance: float) -> tuple
     off = ~(np.abs(h) <= tolerance * scales)
     if np.any(off):
         i = int(np.argmax(np.where(off, np.abs(h) / scales, 0.0)))
-        raise ConstraintLost(
-            f"the constraints cannot be held: {mechanism.constraints[i]!r} is off by {h[i]:.3g}"
-        )
+        raise ConstraintLost(f"the constraints cannot be held: {mechanism.constraints[i]!r} is off by {h[i]:.3g}")
     jacobian = np.asarray(core.constraint_jacobian(q)).reshape(mechanism.nc, mechanism.nq)
     # Twice: the second pass removes what rounding and the metric leave.
     for _ in range(2):

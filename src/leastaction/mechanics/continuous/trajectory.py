@@ -134,13 +134,9 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
             For a time outside, or a trajectory without dense output.
         """
         if self.dense is None:
-            raise ArgumentError(
-                "the trajectory has no dense output; simulate with dense_output=True"
-            )
+            raise ArgumentError("the trajectory has no dense output; simulate with dense_output=True")
         single, times = self._times(t)
-        rows = np.array([self.dense(float(at)) for at in times]).reshape(
-            len(times), 2 * self.q.shape[1]
-        )
+        rows = np.array([self.dense(float(at)) for at in times]).reshape(len(times), 2 * self.q.shape[1])
         return rows[0] if single else rows
 
     def input(self, t: npt.ArrayLike) -> Array:
@@ -178,9 +174,7 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         ]
         lines += [f"event {name!r}: {len(record.t)} times" for name, record in self.events.items()]
         worst = sorted(self.drift.items(), key=lambda item: -item[1].h)
-        lines += [
-            f"drift of {name!r}: {d.h:.2g}, of its rate {d.rate:.2g}" for name, d in worst[:3]
-        ]
+        lines += [f"drift of {name!r}: {d.h:.2g}, of its rate {d.rate:.2g}" for name, d in worst[:3]]
         if self.balance is not None:
             lines.append(str(self.balance))
         return "\n".join([*lines, *self.warnings])
@@ -210,9 +204,7 @@ class DenseOutput:
         The state before the first step.
     """
 
-    def __init__(
-        self, pieces: Sequence[Any], hold: Callable[[float, Array], Array], start: Array
-    ) -> None:
+    def __init__(self, pieces: Sequence[Any], hold: Callable[[float, Array], Array], start: Array) -> None:
         self._pieces = tuple(pieces)
         self._starts = np.array([piece.start for piece in pieces])
         self._hold = hold

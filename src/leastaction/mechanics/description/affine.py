@@ -183,9 +183,7 @@ def as_affine(coordinate: object, what: str, offset: float = 0.0) -> Affine:
             check_name(name, f"a variable of {what}")
             number = as_number(factor, f"{what}: the factor of {name!r}", error=DescriptionError)
             if number == 0.0:
-                raise DescriptionError(
-                    f"{what}: the factor of {name!r} is 0; leave the variable out"
-                )
+                raise DescriptionError(f"{what}: the factor of {name!r} is 0; leave the variable out")
             terms.append((name, number))
         return Affine(tuple(terms), extra)
     number = as_number(

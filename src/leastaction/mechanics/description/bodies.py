@@ -66,12 +66,7 @@ class Body:
             _check_inertia(matrix, triangle=not allowed)
         for array in (centre, matrix):
             array.setflags(write=False)
-        for field, value in (
-            ("mass", number),
-            ("com", centre),
-            ("inertia", matrix),
-            ("allow_nonphysical", allowed),
-        ):
+        for field, value in (("mass", number), ("com", centre), ("inertia", matrix), ("allow_nonphysical", allowed)):
             object.__setattr__(self, field, value)
 
     def __setattr__(self, field: str, value: object) -> None:
@@ -103,9 +98,7 @@ def _inertia_matrix(inertia: npt.ArrayLike) -> Array:
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     scale = float(np.abs(values).max())
     if np.abs(values - values.T).max() > INERTIA_TOLERANCE * scale:
-        raise DescriptionError(
-            f"inertia: the matrix {values.tolist()} is not symmetric; give I[i][j] = I[j][i]"
-        )
+        raise DescriptionError(f"inertia: the matrix {values.tolist()} is not symmetric; give I[i][j] = I[j][i]")
     return (values + values.T) / 2.0
 
 

@@ -7,15 +7,7 @@ from typing import Any, Concatenate, ParamSpec
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.description.compositions import Composition, ball, free, universal
-from leastaction.mechanics.description.frames import (
-    Frame,
-    rx,
-    ry,
-    rz,
-    tx,
-    ty,
-    tz,
-)
+from leastaction.mechanics.description.frames import Frame, rx, ry, rz, tx, ty, tz
 from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
 from leastaction.mechanics.description.poses import pose
 from leastaction.numerics.names import check_name
@@ -23,9 +15,7 @@ from leastaction.numerics.names import check_name
 P = ParamSpec("P")
 
 
-def _chained(
-    make: Callable[P, Frame | Composition],
-) -> Callable[Concatenate[Branch, P], Branch]:
+def _chained(make: Callable[P, Frame | Composition]) -> Callable[Concatenate[Branch, P], Branch]:
     """Return a function that makes a frame as the method that puts it on a branch."""
 
     def chain(self: Branch, /, *args: P.args, **options: P.kwargs) -> Branch:
@@ -55,9 +45,7 @@ class Branch:
 
     __slots__ = ("children", "frame", "parent", "world_name")
 
-    def __init__(
-        self, frame: Frame | None, parent: Branch | None = None, *, world_name: str = "world"
-    ) -> None:
+    def __init__(self, frame: Frame | None, parent: Branch | None = None, *, world_name: str = "world") -> None:
         self.frame = frame
         self.parent = parent
         self.world_name = world_name
@@ -87,8 +75,7 @@ class Branch:
             return place
         if not isinstance(frame, Frame):
             raise DescriptionError(
-                f"put: expected a frame such as tx('x') or pose(...), got {frame!r}; "
-                "use add for a nested list"
+                f"put: expected a frame such as tx('x') or pose(...), got {frame!r}; use add for a nested list"
             )
         child = Branch(frame, self)
         self.children.append(child)
@@ -140,9 +127,7 @@ def preorder(root: Branch) -> tuple[list[Branch], list[int]]:
     return places, parents
 
 
-def _grown(
-    world_name: str, frames: Sequence[Frame | None], parents: Sequence[int], index: int
-) -> Branch:
+def _grown(world_name: str, frames: Sequence[Frame | None], parents: Sequence[int], index: int) -> Branch:
     places = [Branch(None, world_name=world_name)]
     for frame, parent in zip(frames[1:], parents[1:], strict=True):
         assert frame is not None

@@ -20,14 +20,7 @@ from typing import Unpack
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.description.affine import CoordinateLike, as_affine
-from leastaction.mechanics.description.frames import (
-    TWISTS,
-    Frame,
-    FrameOptions,
-    Group,
-    kinematic_names,
-    moving,
-)
+from leastaction.mechanics.description.frames import TWISTS, Frame, FrameOptions, Group, kinematic_names, moving
 from leastaction.numerics.names import check_name
 
 
@@ -172,9 +165,7 @@ def _compose(
     own = options.copy()
     if isinstance(variables, str):
         prefix = check_name(variables, f"the name of a {kind} joint")
-        suffixes = list(slides) + [
-            f"r{axis}{'2' if axis in axes[:i] else ''}" for i, axis in enumerate(axes)
-        ]
+        suffixes = list(slides) + [f"r{axis}{'2' if axis in axes[:i] else ''}" for i, axis in enumerate(axes)]
         coordinates: list[CoordinateLike] = [f"{prefix}.{suffix}" for suffix in suffixes]
         if own.get("name") is None:
             own["name"] = prefix

@@ -127,9 +127,7 @@ def place_frames(names: Sequence[str], frames: Sequence[Frame], parents: Sequenc
 
 
 def _balls(
-    frames: Sequence[TreeFrame],
-    compositions: Sequence[tuple[Group, tuple[int, ...]]],
-    dynamic: Sequence[str],
+    frames: Sequence[TreeFrame], compositions: Sequence[tuple[Group, tuple[int, ...]]], dynamic: Sequence[str]
 ) -> tuple[Ball, ...]:
     balls = []
     for group, indices in compositions:
@@ -148,9 +146,7 @@ def _balls(
     return tuple(balls)
 
 
-def _same_kind(
-    kinds: dict[str, tuple[bool, str]], variable: str, kinematic: bool, frame: str
-) -> None:
+def _same_kind(kinds: dict[str, tuple[bool, str]], variable: str, kinematic: bool, frame: str) -> None:
     """Note whether a variable is kinematic and where; complain if another frame says otherwise."""
     before, first = kinds.setdefault(variable, (kinematic, frame))
     if before != kinematic:

@@ -133,11 +133,7 @@ class JointOptions(FrameOptions, total=False):
 
 
 def bodies_of(
-    label: str,
-    mass: float | None,
-    com: npt.ArrayLike | None,
-    inertia: npt.ArrayLike | None,
-    bodies: Sequence[Body],
+    label: str, mass: float | None, com: npt.ArrayLike | None, inertia: npt.ArrayLike | None, bodies: Sequence[Body]
 ) -> tuple[Body, ...]:
     """Return the bodies that the options of a frame describe; `label` is the frame in messages."""
     if mass is None and (com is not None or inertia is not None):
@@ -156,9 +152,7 @@ def bodies_of(
         raise DescriptionError(f"frame {label}: {error}") from None
 
 
-def kinematic_names(
-    kinematic: bool | Sequence[str], variables: Sequence[str], label: str
-) -> tuple[str, ...]:
+def kinematic_names(kinematic: bool | Sequence[str], variables: Sequence[str], label: str) -> tuple[str, ...]:
     """Return those of a joint's variables that are kinematic.
 
     Parameters
@@ -178,9 +172,7 @@ def kinematic_names(
             )
         return tuple(variables) if kinematic else ()
     if isinstance(kinematic, str) or not isinstance(kinematic, (list, tuple, set, frozenset)):
-        raise DescriptionError(
-            f"{label}: kinematic must be True, False or a list of variables, got {kinematic!r}"
-        )
+        raise DescriptionError(f"{label}: kinematic must be True, False or a list of variables, got {kinematic!r}")
     for name in kinematic:
         if name not in variables:
             raise DescriptionError(

@@ -60,9 +60,7 @@ def twist(
             "twist: linear and angular are both zero, so nothing moves; give one of them, or use "
             "pose() for a frame that stands still"
         )
-    detail = " ".join(
-        f"{what} {_shown(part)}" for what, part in (("linear", v), ("angular", w)) if part.any()
-    )
+    detail = " ".join(f"{what} {_shown(part)}" for what, part in (("linear", v), ("angular", w)) if part.any())
     return moving("twist", _twist(v, w, "twist"), value, detail=detail, **options)
 
 
@@ -140,9 +138,7 @@ def revolute(
     return moving("revolute", _twist(v, w, "revolute"), value, detail=_line(w, p), **options)
 
 
-def prismatic(
-    value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]
-) -> Frame:
+def prismatic(value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]) -> Frame:
     """Translate along any axis.
 
     Parameters
@@ -172,8 +168,7 @@ def _unit(axis: npt.ArrayLike | str, what: str) -> Array:
     if isinstance(axis, str):
         if axis not in _AXES:
             raise DescriptionError(
-                f"{what}: got the axis {axis!r}, expected one of {', '.join(map(repr, _AXES))} or three "
-                "numbers"
+                f"{what}: got the axis {axis!r}, expected one of {', '.join(map(repr, _AXES))} or three numbers"
             )
         return np.array(_AXES[axis])
     given = as_array(axis, f"{what}: axis", (3,), error=DescriptionError)

@@ -19,10 +19,7 @@ DEPENDENT = 1e-9
 
 
 def check_masses(
-    tree: Tree,
-    variables: Sequence[str],
-    core: _core.Mechanism,
-    before: _core.Mechanism | None = None,
+    tree: Tree, variables: Sequence[str], core: _core.Mechanism, before: _core.Mechanism | None = None
 ) -> None:
     """Raise a `DescriptionError` if a dynamic variable, or a combination of them, moves no mass.
 
@@ -84,28 +81,17 @@ def check_masses(
             seen |= inertias > np.array([roots[name] for name in variables[:nd]]) ** 2
     for name, has_inertia in zip(variables, seen, strict=False):
         if not has_inertia:
-            raise _massless(
-                tree,
-                name,
-                "whose point masses all lie on its axis, or whose motions cancel each other",
-            )
+            raise _massless(tree, name, "whose point masses all lie on its axis, or whose motions cancel each other")
 
 
 def _check_couplings(tree: Tree, joints: Sequence[int]) -> None:
     """Raise if some motion of the coupled variables leaves all these joints still, which move masses."""
     dynamic = set(tree.dynamic)
     coupled = {
-        name
-        for index in joints
-        if len(pair := dynamic.intersection(tree.joints[index].variables)) > 1
-        for name in pair
+        name for index in joints if len(pair := dynamic.intersection(tree.joints[index].variables)) > 1 for name in pair
     }
     # A variable that has a joint of its own is determined by it.
-    alone = {
-        tree.joints[index].variables[0]
-        for index in joints
-        if len(tree.joints[index].variables) == 1
-    }
+    alone = {tree.joints[index].variables[0] for index in joints if len(tree.joints[index].variables) == 1}
     names = [name for name in tree.dynamic if name in coupled - alone]
     if not names:
         return
@@ -157,8 +143,6 @@ def _massless(tree: Tree, variable: str, why: str) -> DescriptionError:
 def _frames(tree: Tree, variables: Sequence[str]) -> str:
     """Name the frames that any of the variables moves."""
     moved = [
-        repr(tree.frames[joint.frame].name)
-        for joint in tree.joints
-        if not set(variables).isdisjoint(joint.variables)
+        repr(tree.frames[joint.frame].name) for joint in tree.joints if not set(variables).isdisjoint(joint.variables)
     ]
     return ", ".join(moved[:8]) + (f" and {len(moved) - 8} more" if len(moved) > 8 else "")

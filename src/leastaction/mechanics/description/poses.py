@@ -54,9 +54,7 @@ def pose(
     """
     what = "pose" if name is None else f"pose {check_name(name, 'the name of a pose')!r}"
     if matrix is not None and (translation is not None or rotation is not None):
-        raise DescriptionError(
-            f"{what}: give either a matrix or translation= and rotation=, not both"
-        )
+        raise DescriptionError(f"{what}: give either a matrix or translation= and rotation=, not both")
     if all(given is None for given in (matrix, translation, rotation, name, mass)) and not bodies:
         raise DescriptionError(
             f"{what}: give a 4x4 matrix, or translation= or rotation= or both; or a name= or a mass= for a "
@@ -66,18 +64,14 @@ def pose(
     if matrix is not None:
         placed = as_array(matrix, f"{what}: matrix", (4, 4), error=DescriptionError).copy()
         if not np.array_equal(placed[3], [0.0, 0.0, 0.0, 1.0]):
-            raise DescriptionError(
-                f"{what}: the last row of a pose is [0, 0, 0, 1], got {placed[3].tolist()}"
-            )
+            raise DescriptionError(f"{what}: the last row of a pose is [0, 0, 0, 1], got {placed[3].tolist()}")
     if translation is not None:
         placed[:3, 3] = as_array(translation, f"{what}: translation", (3,), error=DescriptionError)
     if rotation is not None:
         placed[:3, :3] = as_array(rotation, f"{what}: rotation", (3, 3), error=DescriptionError)
     placed[:3, :3] = _nearest_rotation(placed[:3, :3], what)
     placed.setflags(write=False)
-    return Frame(
-        "pose", matrix=placed, name=name, bodies=bodies_of(what, mass, com, inertia, bodies)
-    )
+    return Frame("pose", matrix=placed, name=name, bodies=bodies_of(what, mass, com, inertia, bodies))
 
 
 def _nearest_rotation(rotation: Array, what: str) -> Array:
@@ -90,9 +84,7 @@ def _nearest_rotation(rotation: Array, what: str) -> Array:
             f"{error:.2g}, more than {ROTATION_TOLERANCE:g}. Give more digits, or build it from rx, ry, rz"
         )
     if np.linalg.det(rotation) < 0.0:
-        raise DescriptionError(
-            f"{what}: the rotation has determinant -1: it is a reflection. Use right-handed axes"
-        )
+        raise DescriptionError(f"{what}: the rotation has determinant -1: it is a reflection. Use right-handed axes")
     if error < 1e-15:
         return rotation
     left, _, right = np.linalg.svd(rotation)

@@ -139,11 +139,7 @@ class Tree:
 
     def bodies(self) -> list[tuple[int, Body, Array]]:
         """Every body with the index of its joint and the constant pose of its frame there."""
-        return [
-            (placed.joint, body, placed.pose)
-            for placed in self.frames
-            for body in placed.frame.bodies
-        ]
+        return [(placed.joint, body, placed.pose) for placed in self.frames for body in placed.frame.bodies]
 
     def ancestors(self, joint: int) -> tuple[int, ...]:
         """The joints from the given one (included) down to the world (not included)."""

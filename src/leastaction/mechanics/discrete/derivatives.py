@@ -39,13 +39,7 @@ def linearize(
 
 
 def linearize_arrays(
-    vi: Integrator,
-    t: Array,
-    x: Array,
-    u: Array,
-    *,
-    multipliers: bool = False,
-    out: StepDerivatives | None = None,
+    vi: Integrator, t: Array, x: Array, u: Array, *, multipliers: bool = False, out: StepDerivatives | None = None
 ) -> StepDerivatives:
     """Differentiate every step along arrays, in the memory of `out` if there is one."""
     m, N = vi.mechanism, len(t) - 1
@@ -88,11 +82,7 @@ def tensors(vi: Integrator, trajectory: Trajectory, k: int | np.integer[Any]) ->
 def check_trajectory(vi: Integrator, trajectory: Trajectory) -> None:
     """Raise unless a trajectory has the variables, inputs and constraints of an integrator's mechanism."""
     theirs, ours = trajectory.mechanism, vi.mechanism
-    if (theirs.variables, theirs.inputs, theirs.constraints) != (
-        ours.variables,
-        ours.inputs,
-        ours.constraints,
-    ):
+    if (theirs.variables, theirs.inputs, theirs.constraints) != (ours.variables, ours.inputs, ours.constraints):
         raise ArgumentError(
             f"trajectory: it is of {theirs!r} with other names, expected one of {ours!r}; use the "
             "integrator of the mechanism that made it"

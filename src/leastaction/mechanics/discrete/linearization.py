@@ -123,9 +123,7 @@ class StepDerivatives:
         return self.core.curvature(z, more, self.integrator.threads)
 
 
-def _restored(
-    integrator: Integrator, steps: int, multipliers: bool, arrays: list[Array]
-) -> StepDerivatives:
+def _restored(integrator: Integrator, steps: int, multipliers: bool, arrays: list[Array]) -> StepDerivatives:
     core = _core.Linearization(integrator.core, steps, multipliers)
     core.restore(arrays)
     return StepDerivatives(core, integrator)

@@ -18,13 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction import _core
-from leastaction.errors import (
-    ArgumentError,
-    CoarseStepWarning,
-    InconsistentStartError,
-    StepError,
-    worst_first,
-)
+from leastaction.errors import ArgumentError, CoarseStepWarning, InconsistentStartError, StepError, worst_first
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
@@ -34,24 +28,10 @@ from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTe
 from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.sensitivity import Sensitivity, StepSensitivity
 from leastaction.mechanics.discrete.step import Step
-from leastaction.mechanics.discrete.trajectory import (
-    SimulationStatus,
-    State,
-    Trajectory,
-    check_state,
-    state_of,
-)
+from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory, check_state, state_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
-from leastaction.numerics.arrays import (
-    Array,
-    as_array,
-    as_count,
-    as_number,
-    as_time_step,
-    as_times,
-    read_only,
-)
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_time_step, as_times, read_only
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.numerics.step_quality import StepQuality, coarsest
 
@@ -127,21 +107,13 @@ class MidpointVI(Integrator):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The core is made again from the settings, in a worker process too.
-        settings = {
-            name: getattr(self, name)
-            for name in ("split", "tolerance", "max_iterations", "threads")
-        }
+        settings = {name: getattr(self, name) for name in ("split", "tolerance", "max_iterations", "threads")}
         return partial(MidpointVI, self.mechanism, **settings), ()
 
     # Starts
 
     def start(
-        self,
-        q: npt.ArrayLike,
-        v: npt.ArrayLike | None = None,
-        *,
-        p: npt.ArrayLike | None = None,
-        t: float = 0.0,
+        self, q: npt.ArrayLike, v: npt.ArrayLike | None = None, *, p: npt.ArrayLike | None = None, t: float = 0.0
     ) -> State:
         """Return the state at a configuration, with a velocity, a momentum, or at rest.
 
@@ -178,13 +150,7 @@ class MidpointVI(Integrator):
         return State(as_number(t, "t"), q0.copy(), momentum, v0[m.nd :].copy())
 
     def start_from_configurations(
-        self,
-        q0: npt.ArrayLike,
-        q1: npt.ArrayLike,
-        dt: float,
-        *,
-        inputs: npt.ArrayLike | None = None,
-        t: float = 0.0,
+        self, q0: npt.ArrayLike, q1: npt.ArrayLike, dt: float, *, inputs: npt.ArrayLike | None = None, t: float = 0.0
     ) -> State:
         """Return the state at q1 of a motion that went from q0 to q1 in one step.
 
@@ -212,12 +178,7 @@ class MidpointVI(Integrator):
     # Motion
 
     def step(
-        self,
-        state: State,
-        dt: float,
-        *,
-        inputs: npt.ArrayLike | None = None,
-        rho_next: npt.ArrayLike | None = None,
+        self, state: State, dt: float, *, inputs: npt.ArrayLike | None = None, rho_next: npt.ArrayLike | None = None
     ) -> Step:
         """Return the state one time step later.
 
@@ -249,16 +210,10 @@ class MidpointVI(Integrator):
         check_state(state)
         h = as_time_step(dt)
         u = self._inputs(inputs)
-        rho = (
-            state.q[m.nd :]
-            if rho_next is None
-            else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
-        )
+        rho = state.q[m.nd :] if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
         t = np.array([as_number(state.t, "state.t"), state.t + h])
         self._check_lengths(np.concatenate([state.q[: m.nd], rho])[None, :], t[1:])
-        out = self.core.roll_out(
-            t, self._vector(state), None, np.concatenate([u, rho])[None, :], None
-        )
+        out = self.core.roll_out(t, self._vector(state), None, np.concatenate([u, rho])[None, :], None)
         if out.steps < 1:
             raise self.step_error(out, state, rho)
         x = out.x[1]
@@ -317,18 +272,14 @@ class MidpointVI(Integrator):
         check_state(start)
         times = as_times(t)
         if abs(times[0] - start.t) > 1e-9 * max(1.0, abs(start.t)):
-            raise ArgumentError(
-                f"t: the first time is {times[0]} s, but the start is at {start.t} s; they must agree"
-            )
+            raise ArgumentError(f"t: the first time is {times[0]} s, but the start is at {start.t} s; they must agree")
         N = len(times) - 1
         middle = 0.5 * (times[1:] + times[:-1])
         rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nd :], extra_row=True)
         self._check_lengths(np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
         law = inputs if takes_state(inputs) else None
         forces = None if law is not None else cast(Signal, inputs)
-        u = np.hstack(
-            [signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next]
-        )
+        u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
         x, lam = np.empty((N + 1, m.nx)), np.empty((N, m.nc))
         x[0] = self._vector(start)
         done, redundant = 0, False
@@ -340,12 +291,8 @@ class MidpointVI(Integrator):
                 if law is not None:
                     at = float(times[done])
                     given = law(at, read_only(x[done]))
-                    u[done, : m.n_inputs] = as_array(
-                        given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs
-                    )
-                out = self.core.roll_out(
-                    times[done : stop + 1], x[done].copy(), None, u[done:stop], None
-                )
+                    u[done, : m.n_inputs] = as_array(given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs)
+                out = self.core.roll_out(times[done : stop + 1], x[done].copy(), None, u[done:stop], None)
                 qualities.append(quality_of(m, out, times[done:]))
                 made = out.steps
                 x[done + 1 : done + 1 + made] = out.x[1 : made + 1]
@@ -411,11 +358,7 @@ class MidpointVI(Integrator):
     # Derivatives
 
     def linearize(
-        self,
-        trajectory: Trajectory,
-        *,
-        multipliers: bool = False,
-        out: StepDerivatives | None = None,
+        self, trajectory: Trajectory, *, multipliers: bool = False, out: StepDerivatives | None = None
     ) -> StepDerivatives:
         """Return the exact derivatives of every step of a trajectory, in parallel over time.
 
@@ -444,13 +387,7 @@ class MidpointVI(Integrator):
         return differentiate.linearize(self, trajectory, multipliers=multipliers, out=out)
 
     def linearize_arrays(
-        self,
-        t: Array,
-        x: Array,
-        u: Array,
-        *,
-        multipliers: bool = False,
-        out: StepDerivatives | None = None,
+        self, t: Array, x: Array, u: Array, *, multipliers: bool = False, out: StepDerivatives | None = None
     ) -> StepDerivatives:
         """Return the derivatives along states x (N+1, nx) and inputs u (N, n_inputs + nrho) at times t.
 

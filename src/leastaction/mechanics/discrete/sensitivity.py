@@ -15,13 +15,7 @@ from leastaction.mechanics.discrete.derivatives import linearize, linearize_arra
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.parameters import (
-    BodyNumber,
-    ElementNumber,
-    Length,
-    Place,
-    inertia_slope,
-)
+from leastaction.mechanics.mechanism.parameters import BodyNumber, ElementNumber, Length, Place, inertia_slope
 from leastaction.numerics.arrays import Array, as_array
 
 _ROUNDING = 1e-9  # of a constraint's derivative, relative to its terms
@@ -66,9 +60,7 @@ class Sensitivity:
     lam: Array
 
 
-def differentiate_by(
-    vi: Integrator, trajectory: Trajectory, names: Sequence[str]
-) -> StepSensitivity:
+def differentiate_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
     """Differentiate every step by parameters; see `MidpointVI.differentiate_by`."""
     linearize(vi, trajectory, multipliers=False)  # its checks
     return _steps_by(vi, trajectory, names)
@@ -86,9 +78,7 @@ def sensitivity(
     """Differentiate a trajectory by parameters; see `MidpointVI.sensitivity`."""
     m = vi.mechanism
     if dx0 is not None and (v is not None or hold is not None):
-        raise ArgumentError(
-            f"sensitivity: got both {'hold' if v is None else 'v'} and dx0; give one of them"
-        )
+        raise ArgumentError(f"sensitivity: got both {'hold' if v is None else 'v'} and dx0; give one of them")
     d = linearize(vi, trajectory, multipliers=True)
     steps = _steps_by(vi, trajectory, names)
     x = np.zeros((trajectory.steps + 1, m.nx, len(steps.names)))
@@ -120,20 +110,14 @@ def _steps_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str]) -> S
     others = {name: place for name, place in places.items() if name not in lengths}
     if others:
         directions, inertias = _directions(m, others)
-        out = vi.core.by_parameters(
-            trajectory.t, trajectory.x, trajectory.u, directions, inertias, vi.threads
-        )
+        out = vi.core.by_parameters(trajectory.t, trajectory.x, trajectory.u, directions, inertias, vi.threads)
         chosen = [columns[name] for name in others]
         x[:, :, chosen], lam[:, :, chosen] = out.x, out.lam
     return StepSensitivity(tuple(places), x, lam)
 
 
 def _start_by(
-    vi: Integrator,
-    trajectory: Trajectory,
-    names: Sequence[str],
-    v: npt.ArrayLike | None,
-    hold: Sequence[str] | None,
+    vi: Integrator, trajectory: Trajectory, names: Sequence[str], v: npt.ArrayLike | None, hold: Sequence[str] | None
 ) -> Array:
     """Return derivatives (nd, len(names)) of a start that stays on the constraints, some variables held."""
     m, q = trajectory.mechanism, trajectory.q[0]
@@ -203,9 +187,7 @@ def _accumulate(A: Array, added: Array, x: Array) -> None:
     x[1:] = found.reshape(steps, nx, columns)
 
 
-def momentum_by(
-    mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, names: Sequence[str]
-) -> Array:
+def momentum_by(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, names: Sequence[str]) -> Array:
     """Return the derivatives (nd, len(names)) of the momentum dL/dv by parameters, q and v held.
 
     Parameters
@@ -223,24 +205,18 @@ def momentum_by(
     if lengths:
         freed = mechanism.with_free_lengths(_as_variables(mechanism, lengths))
         values = [mechanism.parameters[name] for name in lengths]
-        _, by_q, _ = freed.core.hessian(
-            np.append(q0, values), np.append(v0, np.zeros(len(lengths)))
-        )
+        _, by_q, _ = freed.core.hessian(np.append(q0, values), np.append(v0, np.zeros(len(lengths))))
     for column, (name, place) in enumerate(places.items()):
         if isinstance(place, BodyNumber):
             joint, slope = inertia_slope(mechanism.tree, place)
             if joint != WORLD:
-                out[:, column] = mechanism.core.inertia_slope(q0, v0, joint, list(slope))[1][
-                    : mechanism.nd
-                ]
+                out[:, column] = mechanism.core.inertia_slope(q0, v0, joint, list(slope))[1][: mechanism.nd]
         elif isinstance(place, Length):
             out[:, column] = by_q[: mechanism.nd, mechanism.nq + list(lengths).index(name)]
     return out
 
 
-def _directions(
-    m: Mechanism, places: dict[str, Place]
-) -> tuple[Array, list[tuple[int, int, list[float]]]]:
+def _directions(m: Mechanism, places: dict[str, Place]) -> tuple[Array, list[tuple[int, int, list[float]]]]:
     """Return what the core takes: directions of the elements' numbers, and slopes of inertias."""
     directions = np.zeros((len(places), len(m.core.numbers)))
     inertias = []
@@ -277,24 +253,17 @@ def _as_variables(m: Mechanism, lengths: dict[str, Length]) -> dict[str, Length]
     return renamed
 
 
-def _by_lengths(
-    vi: Integrator, trajectory: Trajectory, lengths: dict[str, Length]
-) -> tuple[Array, Array]:
+def _by_lengths(vi: Integrator, trajectory: Trajectory, lengths: dict[str, Length]) -> tuple[Array, Array]:
     """Derivatives of the steps by lengths: those by both ends of a prescribed variable that stands still."""
     m = vi.mechanism
     freed = m.with_free_lengths(_as_variables(m, lengths))
     count, steps = len(lengths), trajectory.steps
     values = np.array([m.parameters[name] for name in lengths])
     held = np.tile(values, (steps + 1, 1))
-    x = np.concatenate(
-        [trajectory.x[:, : m.nq], held, trajectory.x[:, m.nq :], np.zeros_like(held)], axis=1
-    )
+    x = np.concatenate([trajectory.x[:, : m.nq], held, trajectory.x[:, m.nq :], np.zeros_like(held)], axis=1)
     u = np.concatenate([trajectory.u, held[1:]], axis=1)
     d = linearize_arrays(vi.like(freed), trajectory.t, x, u, multipliers=True)
-    at_start, at_end = (
-        slice(m.nq, m.nq + count),
-        slice(m.n_inputs + m.nrho, m.n_inputs + m.nrho + count),
-    )
+    at_start, at_end = (slice(m.nq, m.nq + count), slice(m.n_inputs + m.nrho, m.n_inputs + m.nrho + count))
     by_x = d.A[:, :, at_start] + d.B[:, :, at_end]
     by_lam = d.lam_dx[:, :, at_start] + d.lam_du[:, :, at_end]
     rows = [*range(m.nq), *range(m.nq + count, m.nq + count + m.nq)]

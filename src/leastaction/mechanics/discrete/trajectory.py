@@ -25,9 +25,7 @@ class SimulationStatus(Enum):
         "a step could not be solved: the trajectory ends before it. Try a smaller time step, smoother "
         "prescribed motion, or inputs that the mechanism can follow"
     )
-    INTERRUPTED = (
-        "interrupted: the trajectory ends where it was stopped; simulate on from its last state"
-    )
+    INTERRUPTED = "interrupted: the trajectory ends where it was stopped; simulate on from its last state"
 
 
 @dataclass(frozen=True)
@@ -63,9 +61,7 @@ def state_of(mechanism: Mechanism, t: float, x: Array) -> State:
 def check_state(state: object) -> None:
     """Raise unless this is a `State`."""
     if not isinstance(state, State):
-        raise ArgumentError(
-            f"state: got {type(state).__name__}, expected a State, such as the result of start()"
-        )
+        raise ArgumentError(f"state: got {type(state).__name__}, expected a State, such as the result of start()")
 
 
 @dataclass(frozen=True)
@@ -189,8 +185,6 @@ class Trajectory(BaseTrajectory[State]):
         start = dict(zip(m.variables, self.q[:-1].T, strict=True))
         impulse = dict(zip(m.constraints, self.lam.T, strict=True))
         tensions = {
-            name: element.tension(impulse[name], dt, start)
-            for name, element in m.elements.items()
-            if name in impulse
+            name: element.tension(impulse[name], dt, start) for name, element in m.elements.items() if name in impulse
         }
         return {name: tension for name, tension in tensions.items() if tension is not None}

@@ -7,24 +7,11 @@ from __future__ import annotations
 
 from leastaction.mechanics.elements.base import Constraint, Element, Force, Potential
 from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.constraints.distances import (
-    Coupling,
-    Distance,
-    PathLength,
-    PointToPoint,
-)
-from leastaction.mechanics.elements.constraints.guides import (
-    PointOnLine,
-    PointOnPlane,
-    PrescribedPath,
-)
+from leastaction.mechanics.elements.constraints.distances import Coupling, Distance, PathLength, PointToPoint
+from leastaction.mechanics.elements.constraints.guides import PointOnLine, PointOnPlane, PrescribedPath
 from leastaction.mechanics.elements.constraints.loops import FixedOrientation, HingeLoop
 from leastaction.mechanics.elements.context import Context
-from leastaction.mechanics.elements.custom.expression import (
-    ExpressionConstraint,
-    ExpressionForce,
-    ExpressionPotential,
-)
+from leastaction.mechanics.elements.custom.expression import ExpressionConstraint, ExpressionForce, ExpressionPotential
 from leastaction.mechanics.elements.custom.function_check import FunctionReport, check_derivatives
 from leastaction.mechanics.elements.custom.python_function import (
     PythonConstraint,
@@ -33,21 +20,11 @@ from leastaction.mechanics.elements.custom.python_function import (
     PythonPotential,
 )
 from leastaction.mechanics.elements.fields import Uses
-from leastaction.mechanics.elements.forces.damping import (
-    CoulombFriction,
-    Damping,
-    LinearDamper,
-    NonlinearDamping,
-)
+from leastaction.mechanics.elements.forces.damping import CoulombFriction, Damping, LinearDamper, NonlinearDamping
 from leastaction.mechanics.elements.forces.drag import Drag
 from leastaction.mechanics.elements.forces.motors import JointForce, LinearMotor, Motor
 from leastaction.mechanics.elements.forces.tendons import TendonForce
-from leastaction.mechanics.elements.forces.wrenches import (
-    BodyWrench,
-    HybridWrench,
-    SpatialWrench,
-    Wrench,
-)
+from leastaction.mechanics.elements.forces.wrenches import BodyWrench, HybridWrench, SpatialWrench, Wrench
 from leastaction.mechanics.elements.potentials.gravity import Gravity, InverseSquareGravity
 from leastaction.mechanics.elements.potentials.springs import (
     ElasticString,

@@ -27,9 +27,7 @@ from leastaction.numerics.names import check_name
 @cache
 def _declared(cls: type[Element]) -> tuple[tuple[str, Kind, bool], ...]:
     """Name and kind of every field of a type that has one, and whether it may be None."""
-    return tuple(
-        (f.name, f.metadata["kind"], f.default is None) for f in fields(cls) if "kind" in f.metadata
-    )
+    return tuple((f.name, f.metadata["kind"], f.default is None) for f in fields(cls) if "kind" in f.metadata)
 
 
 @dataclass(frozen=True)
@@ -158,12 +156,7 @@ class Element(abc.ABC):
         """Frames whose mass it took over from their bodies as a number of its own."""
         return ()
 
-    def tension(
-        self,
-        impulse: Array,
-        dt: Array,
-        start: Mapping[str, Array],
-    ) -> Array | None:
+    def tension(self, impulse: Array, dt: Array, start: Mapping[str, Array]) -> Array | None:
         """Return the tension of a string (N) from its multiplier; None if the element is no string.
 
         Parameters
@@ -189,9 +182,7 @@ class Element(abc.ABC):
         if ends:
             what = " relative to ".join(map(repr, ends))
             other = "other frames" if len(ends) > 1 else "another frame"
-            why = (
-                f"{turns} {what}, so nothing can {self.task}; remove the element or choose {other}"
-            )
+            why = f"{turns} {what}, so nothing can {self.task}; remove the element or choose {other}"
             movers |= self.check_moved(context, context.moving(*ends, turning=self.turning), why)
         for _, kind, value in self._held():
             moved = kind.movers(value, context)

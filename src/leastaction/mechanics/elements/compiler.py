@@ -132,9 +132,7 @@ class Compiler:
         direction = self.direction(carrier, vector)
         return self.builder.component_coordinate(self.point(frame1), self.point(frame2), direction)
 
-    def product(
-        self, frame1: str, vector1: npt.ArrayLike, frame2: str, vector2: npt.ArrayLike
-    ) -> int:
+    def product(self, frame1: str, vector1: npt.ArrayLike, frame2: str, vector2: npt.ArrayLike) -> int:
         """Add ``e . d`` with e fixed in one frame and d in the other."""
         e, d = self.direction(frame1, vector1), self.direction(frame2, vector2)
         return self.builder.product_coordinate(e, d)
@@ -145,11 +143,7 @@ class Compiler:
         e is across the axis in frame1, d the same vector of frame2.
         """
         _, e, f = triad(axis)
-        directions = [
-            self.direction(frame1, e),
-            self.direction(frame1, f),
-            self.direction(frame2, e),
-        ]
+        directions = [self.direction(frame1, e), self.direction(frame1, f), self.direction(frame2, e)]
         tape = TapeWriter(9)
         across1, across2, turned = tape.inputs[:3], tape.inputs[3:6], tape.inputs[6:]
         angle = tape.apply("atan2", dot(across2, turned), dot(across1, turned))
@@ -195,20 +189,13 @@ class Compiler:
             self.builder.add_constraint(coordinate, self.slot(name))
 
     def force(
-        self,
-        coordinate: int,
-        gain: str | float,
-        input_: str | None = None,
-        by_place: int = -1,
-        by_rate: int = -1,
+        self, coordinate: int, gain: str | float, input_: str | None = None, by_place: int = -1, by_rate: int = -1
     ) -> None:
         """Add ``f_i = F ds/dq_i`` with ``F = gain u by_place(s) by_rate(sdot)``, without what is not given."""
         index = -1 if input_ is None else self.input(input_)
         self.builder.add_force(coordinate, self.slot(gain), index, by_place, by_rate)
 
-    def tape_force(
-        self, coordinates: Sequence[int], inputs: Sequence[str], tape: Any, slots: Sequence[int]
-    ) -> None:
+    def tape_force(self, coordinates: Sequence[int], inputs: Sequence[str], tape: Any, slots: Sequence[int]) -> None:
         """Add ``f_i = F ds/dq_i`` along the first of some coordinates.
 
         F is a tape of all of them, all their rates, the inputs, then the numbers.

@@ -87,9 +87,7 @@ class Context:
         for at in self._somewhere:
             # Lengths near the largest double may overflow; they are not together then.
             with np.errstate(over="ignore", invalid="ignore"):
-                (first, reach1), (second, reach2) = (
-                    self._origin(frame, common, at) for frame in (frame1, frame2)
-                )
+                (first, reach1), (second, reach2) = (self._origin(frame, common, at) for frame in (frame1, frame2))
                 apart = float(np.abs(first - second).max())
             if not apart <= ROUNDING * (reach1 + reach2) < np.inf:
                 return False
@@ -100,18 +98,14 @@ class Context:
         values = np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(self.variables)))
         return tuple(dict(zip(self.variables, row.tolist(), strict=True)) for row in values)
 
-    def _origin(
-        self, frame: str, common: set[int], values: Mapping[str, float]
-    ) -> tuple[Array, float]:
+    def _origin(self, frame: str, common: set[int], values: Mapping[str, float]) -> tuple[Array, float]:
         """Origin of a frame (3,) before the nearest of the common joints, and the lengths it sums."""
         placed = self.placed(frame)
         origin, joint = placed.pose[:3, 3], placed.joint
         reach = float(np.abs(origin).max())
         while joint != WORLD and joint not in common:
             passed = self.tree.joints[joint]
-            value = passed.coordinate.offset + sum(
-                f * values[name] for name, f in passed.coordinate.terms
-            )
+            value = passed.coordinate.offset + sum(f * values[name] for name, f in passed.coordinate.terms)
             motion = passed.pose @ exponential(passed.twist, value)
             origin = motion[:3, :3] @ origin + motion[:3, 3]
             reach += float(np.abs(passed.pose[:3, 3]).max() + np.abs(motion[:3, 3]).max())

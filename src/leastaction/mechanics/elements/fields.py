@@ -63,12 +63,7 @@ class Uses:
     inputs: tuple[str, ...] = ()
 
     def __add__(self, other: Uses) -> Uses:
-        return Uses(
-            **{
-                kind: tuple(dict.fromkeys(a + getattr(other, kind)))
-                for kind, a in vars(self).items()
-            }
-        )
+        return Uses(**{kind: tuple(dict.fromkeys(a + getattr(other, kind))) for kind, a in vars(self).items()})
 
 
 class Kind(abc.ABC):
@@ -201,9 +196,7 @@ class Sum(Kind):
             check_name(name, f"{what}: a variable's name")
             result[name] = as_number(given, f"{what}: {name!r}", error=DescriptionError)
             if result[name] == 0.0:
-                raise DescriptionError(
-                    f"{what}: the factor of {name!r} is zero; leave the variable out"
-                )
+                raise DescriptionError(f"{what}: the factor of {name!r} is zero; leave the variable out")
         return result
 
     def uses(self, value: str | Factors) -> Uses:
@@ -323,9 +316,7 @@ class Number(Kind):
     def read(self, value: object, what: str) -> float:
         given = as_number(value, what, error=DescriptionError)
         if self.accept is not None and not self.accept(given):
-            raise DescriptionError(
-                f"{what}: got {self.show(given)}, expected {self.expected}, {self.why}"
-            )
+            raise DescriptionError(f"{what}: got {self.show(given)}, expected {self.expected}, {self.why}")
         return given
 
     def numbers(self, field: str, value: float) -> dict[str, float]:
@@ -371,9 +362,7 @@ class Vector(Kind):
     def numbers(self, field: str, value: Sequence[float]) -> dict[str, float]:
         return {f"{field}.{axis}": number for axis, number in zip("xyz", value, strict=True)}
 
-    def with_number(
-        self, field: str, value: Sequence[float], parameter: str, number: float
-    ) -> tuple[float, ...]:
+    def with_number(self, field: str, value: Sequence[float], parameter: str, number: float) -> tuple[float, ...]:
         return tuple({**self.numbers(field, value), parameter: number}.values())
 
     def show(self, value: Sequence[float]) -> str:
@@ -423,8 +412,7 @@ class SmoothCurve(Kind):
     def read(self, value: object, what: str) -> Curve:
         if not isinstance(value, Curve):
             raise DescriptionError(
-                f"{what}: expected a Curve, got {value!r}; make one from points, Curve(x, y), or by "
-                "Curve.from_function"
+                f"{what}: expected a Curve, got {value!r}; make one from points, Curve(x, y), or by Curve.from_function"
             )
         return value
 

@@ -50,9 +50,7 @@ NOT_SMOOTH = (
 )
 
 
-def check_expression(
-    expression: Any, what: str, *, allowed: Sequence[sympy.Symbol] | None = None
-) -> sympy.Expr:
+def check_expression(expression: Any, what: str, *, allowed: Sequence[sympy.Symbol] | None = None) -> sympy.Expr:
     """Return an expression that a tape can hold, or raise an error that names the part that it cannot.
 
     Parameters
@@ -89,8 +87,7 @@ def check_expression(
         )
     if not isinstance(scalar, sympy.Expr):
         raise DescriptionError(
-            f"{what}: expected a scalar expression of real numbers, got {expression!r} "
-            f"({type(expression).__name__})"
+            f"{what}: expected a scalar expression of real numbers, got {expression!r} ({type(expression).__name__})"
         )
     for part in sympy.preorder_traversal(scalar):
         _check_part(part, what, allowed)
@@ -112,13 +109,9 @@ def _check_part(part: sympy.Basic, what: str, allowed: Sequence[sympy.Symbol] | 
         )
         raise DescriptionError(f"{what}: the symbol {part} stands for nothing; {hint}")
     if part in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
-        raise DescriptionError(
-            f"{what}: found {part}, expected finite numbers; look for a division by zero"
-        )
+        raise DescriptionError(f"{what}: found {part}, expected finite numbers; look for a division by zero")
     if part is sympy.I or (part.is_number and part.is_extended_real is False):
-        raise DescriptionError(
-            f"{what}: found {brief(part)}, which is not real; expected real numbers"
-        )
+        raise DescriptionError(f"{what}: found {brief(part)}, which is not real; expected real numbers")
     if isinstance(part, NOT_SMOOTH):
         raise DescriptionError(
             f"{what}: {brief(part)} has a jump or a kink, where derivatives do not exist; use a smooth function "

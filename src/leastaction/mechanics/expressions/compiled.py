@@ -159,8 +159,7 @@ def compile_force(expression: Any, along: Any, *, what: str = "the force") -> Co
     arguments = [*split.values, *split.rates, *found["input"], *found["parameter"]]
     parameters = _parameters(found["parameter"], what)
     coordinates = tuple(
-        compile_expression(part, what=f"{what}: coordinate {brief(part)}")
-        for part in split.coordinates
+        compile_expression(part, what=f"{what}: coordinate {brief(part)}") for part in split.coordinates
     )
     _one_value(what, parameters, *(compiled.parameters for compiled in coordinates))
     return CompiledForce(
@@ -251,9 +250,7 @@ def _without_marks(part: sympy.Expr) -> sympy.Expr:
 
 def _by_role(part: sympy.Expr) -> dict[str, list[Quantity]]:
     """Return the quantities of an expression by role, in an order that is always the same."""
-    roles: dict[str, list[Quantity]] = {
-        role: [] for role in ("point", "direction", "variable", "input", "parameter")
-    }
+    roles: dict[str, list[Quantity]] = {role: [] for role in ("point", "direction", "variable", "input", "parameter")}
     quantities = (symbol for symbol in part.free_symbols if isinstance(symbol, Quantity))
     for symbol in sorted(quantities, key=lambda symbol: symbol.name):
         roles[symbol.role].append(symbol)

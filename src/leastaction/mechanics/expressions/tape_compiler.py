@@ -16,12 +16,7 @@ import sympy
 
 from leastaction import _core
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.expressions.checks import (
-    FUNCTIONS,
-    RECIPROCALS,
-    brief,
-    check_expression,
-)
+from leastaction.mechanics.expressions.checks import FUNCTIONS, RECIPROCALS, brief, check_expression
 
 CODES = {name: code for code, name in enumerate(_core.Tape.operations)}
 
@@ -155,9 +150,7 @@ class _Emitter:
 
         rows = [(code, place(a), place(b)) for code, a, b in self.rows]
         return TapeCode(
-            self.n_inputs,
-            np.array(rows, dtype=np.int64).reshape(-1, 3),
-            np.array(self.constants, dtype=np.float64),
+            self.n_inputs, np.array(rows, dtype=np.int64).reshape(-1, 3), np.array(self.constants, dtype=np.float64)
         )
 
     def emit(self, name: str, a: int, b: int | None = None) -> int:
@@ -178,9 +171,7 @@ class _Emitter:
     def number(self, expression: sympy.Expr) -> float:
         value = complex(expression.evalf(DIGITS))
         if abs(value.imag) > 1e-15 * abs(value):  # less is rounding, as in roots of cubics
-            raise DescriptionError(
-                f"{self.what}: found {brief(expression)}, which is not real; expected real numbers"
-            )
+            raise DescriptionError(f"{self.what}: found {brief(expression)}, which is not real; expected real numbers")
         if not np.isfinite(value.real):
             raise DescriptionError(
                 f"{self.what}: found {brief(expression)}, which is {value.real} in double precision; "
@@ -204,9 +195,7 @@ class _Emitter:
             return self.make_power(*expression.args)
         operands = [self.visit(argument) for argument in expression.args]
         if type(expression) in RECIPROCALS:
-            return self.emit(
-                "div", self.constant(1.0), self.emit(RECIPROCALS[type(expression)], *operands)
-            )
+            return self.emit("div", self.constant(1.0), self.emit(RECIPROCALS[type(expression)], *operands))
         return self.emit(FUNCTIONS[type(expression)], *operands)
 
     def make_sum(self, total: sympy.Expr) -> int:

@@ -80,17 +80,11 @@ class TapeWriter:
             (codes.index(operation), self._number(first), self._number(second))
             for operation, first, second in self._instructions
         ]
-        return _core.Tape(
-            len(self.inputs), np.array(rows, dtype=np.int64), np.array(self._constants)
-        )
+        return _core.Tape(len(self.inputs), np.array(rows, dtype=np.int64), np.array(self._constants))
 
     def _number(self, value: Value) -> int:
         first_constant = len(self.inputs)
-        starts = {
-            "input": 0,
-            "constant": first_constant,
-            "result": first_constant + len(self._constants),
-        }
+        starts = {"input": 0, "constant": first_constant, "result": first_constant + len(self._constants)}
         return starts[value.kind] + value.index
 
 

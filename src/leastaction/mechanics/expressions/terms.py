@@ -50,9 +50,7 @@ def point(frame: str) -> sympy.Matrix:
     """
     check_name(frame, "point: the frame")
     module = symbols()
-    return module.sympy.ImmutableMatrix(
-        [module.Quantity("point", frame, axis) for axis in range(3)]
-    )
+    return module.sympy.ImmutableMatrix([module.Quantity("point", frame, axis) for axis in range(3)])
 
 
 def direction(frame: str, vector: str | npt.ArrayLike) -> sympy.Matrix:
@@ -77,25 +75,19 @@ def direction(frame: str, vector: str | npt.ArrayLike) -> sympy.Matrix:
     check_name(frame, "direction: the frame")
     unit = unit_vector(frame, vector)
     module = symbols()
-    return module.sympy.ImmutableMatrix(
-        [module.Quantity("direction", frame, unit, axis) for axis in range(3)]
-    )
+    return module.sympy.ImmutableMatrix([module.Quantity("direction", frame, unit, axis) for axis in range(3)])
 
 
 def unit_vector(frame: str, vector: str | npt.ArrayLike) -> tuple[float, ...]:
     """Return a direction in a frame, as `direction` takes it, as three numbers of length one."""
     if isinstance(vector, str):
         if vector not in UNITS:
-            raise DescriptionError(
-                f"direction of {frame!r}: got {vector!r}, expected 'x', 'y', 'z' or three numbers"
-            )
+            raise DescriptionError(f"direction of {frame!r}: got {vector!r}, expected 'x', 'y', 'z' or three numbers")
         return UNITS[vector]
     given = as_array(vector, f"direction of {frame!r}", (3,), error=DescriptionError)
     largest = float(np.abs(given).max())
     if largest == 0.0:
-        raise DescriptionError(
-            f"direction of {frame!r}: got zero, which points nowhere; give a vector with a length"
-        )
+        raise DescriptionError(f"direction of {frame!r}: got zero, which points nowhere; give a vector with a length")
     # Of ordinary size first, so that no square overflows or vanishes; a unit vector stays as it is.
     length = float(np.linalg.norm(given / largest)) * largest
     unit = given if length == 1.0 else given / largest / np.linalg.norm(given / largest)
@@ -117,9 +109,7 @@ def distance(frame1: str, frame2: str) -> sympy.Expr:
         ``sqrt((x1 - x2)**2 + (y1 - y2)**2 + (z1 - z2)**2)`` in the entries of `point`.
     """
     if frame1 == frame2:
-        raise DescriptionError(
-            f"distance: both ends are the frame {frame1!r}; give two different frames"
-        )
+        raise DescriptionError(f"distance: both ends are the frame {frame1!r}; give two different frames")
     between = point(frame1) - point(frame2)
     return symbols().sympy.sqrt(sum(component**2 for component in between))
 

@@ -38,9 +38,7 @@ class Plan:
     constraints: tuple[str, ...]
     numbers: dict[str, float] = field(default_factory=dict)
 
-    def with_numbers(
-        self, tree: Tree, numbers: Mapping[str, float], owners: Mapping[str, tuple[str, str]]
-    ) -> Plan:
+    def with_numbers(self, tree: Tree, numbers: Mapping[str, float], owners: Mapping[str, tuple[str, str]]) -> Plan:
         """Return the plan with another tree of the same frames, and elements with other numbers.
 
         Parameters
@@ -85,9 +83,7 @@ class Plan:
         for joint in self.tree.joints:
             (name, factor), *more = joint.coordinate.terms
             offset = joint.coordinate.offset
-            index = builder.add_joint(
-                joint.parent, joint.pose, joint.twist, variable[name], factor, offset
-            )
+            index = builder.add_joint(joint.parent, joint.pose, joint.twist, variable[name], factor, offset)
             for name, factor in more:
                 builder.couple_joint(index, variable[name], factor)
         # What overflows is refused with the inertia that it makes.
@@ -144,9 +140,7 @@ def plan(
     elements = tuple(elements)
     for element in elements:
         if not isinstance(element, Element):
-            raise DescriptionError(
-                f"elements: expected elements such as Gravity() or Distance(...), got {element!r}"
-            )
+            raise DescriptionError(f"elements: expected elements such as Gravity() or Distance(...), got {element!r}")
     uses = [element.uses for element in elements]
     known = set(tree.dynamic)
     new = [name for use in uses for name in use.kinematic + use.either if name not in known]
@@ -155,15 +149,9 @@ def plan(
         tree=tree,
         elements=named,
         dynamic=_ordered(dynamic, tree.dynamic, "dynamic", "dynamic variables"),
-        kinematic=_ordered(
-            kinematic, dict.fromkeys([*tree.kinematic, *new]), "kinematic", "kinematic variables"
-        ),
-        inputs=_ordered(
-            inputs, dict.fromkeys(name for use in uses for name in use.inputs), "inputs", "inputs"
-        ),
-        constraints=tuple(
-            name + suffix for name, element in named.items() for suffix in element.equations
-        ),
+        kinematic=_ordered(kinematic, dict.fromkeys([*tree.kinematic, *new]), "kinematic", "kinematic variables"),
+        inputs=_ordered(inputs, dict.fromkeys(name for use in uses for name in use.inputs), "inputs", "inputs"),
+        constraints=tuple(name + suffix for name, element in named.items() for suffix in element.equations),
         numbers=dict(numbers or {}),
     )
     context = result.context()
@@ -202,9 +190,7 @@ def _named(elements: Sequence[Element]) -> dict[str, Element]:
     return named
 
 
-def _ordered(
-    given: Sequence[str] | None, found: Iterable[str], argument: str, what: str
-) -> tuple[str, ...]:
+def _ordered(given: Sequence[str] | None, found: Iterable[str], argument: str, what: str) -> tuple[str, ...]:
     names = tuple(found)
     if given is None:
         return names
@@ -216,9 +202,7 @@ def _ordered(
     known, listed_times = set(names), Counter(order)
     for name, times in listed_times.items():
         if name not in known:
-            raise DescriptionError(
-                f"{argument}: unknown name {name!r}; {closest(name, names, what=what)}"
-            )
+            raise DescriptionError(f"{argument}: unknown name {name!r}; {closest(name, names, what=what)}")
         if times > 1:
             raise DescriptionError(f"{argument}: {name!r} is listed {times} times")
     missing = [name for name in names if name not in listed_times]

@@ -24,9 +24,7 @@ def dependent_rows(jacobian: Array, names: Sequence[str]) -> dict[str, tuple[str
         If a row is not finite.
     """
     if not np.isfinite(jacobian).all():
-        bad = [
-            name for name, row in zip(names, jacobian, strict=True) if not np.isfinite(row).all()
-        ]
+        bad = [name for name, row in zip(names, jacobian, strict=True) if not np.isfinite(row).all()]
         raise ArgumentError(
             f"the gradient of {', '.join(map(repr, bad[:6]))} is not finite at this configuration, so the "
             "rank of the constraints is not determined; ask at another one"
@@ -54,8 +52,6 @@ def dependent_rows(jacobian: Array, names: Sequence[str]) -> dict[str, tuple[str
         rows = jacobian[kept] / scales[kept, None]
         weights = np.linalg.lstsq(rows.T, unit, rcond=None)[0]
         found[name] = tuple(
-            names[other]
-            for other, weight in zip(kept, weights, strict=True)
-            if abs(weight) > WEIGHT_TOLERANCE
+            names[other] for other, weight in zip(kept, weights, strict=True) if abs(weight) > WEIGHT_TOLERANCE
         )
     return found

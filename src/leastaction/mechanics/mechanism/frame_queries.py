@@ -55,14 +55,7 @@ class PathMotion:
 
     @classmethod
     def of(
-        cls,
-        tree: Tree,
-        core: _core.Mechanism,
-        variables: Sequence[str],
-        q: Array,
-        frame: int,
-        point: Array,
-        axes: Axes,
+        cls, tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, frame: int, point: Array, axes: Axes
     ) -> PathMotion:
         """Look at a point (3,) of a frame at configurations q (N, nq)."""
         if axes not in ("world", "frame"):

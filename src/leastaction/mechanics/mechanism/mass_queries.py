@@ -52,9 +52,7 @@ def center_of_mass_of(tree: Tree, joints: Array) -> Array:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def total_momentum_of(
-    tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, v: Array
-) -> Array:
+def total_momentum_of(tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, v: Array) -> Array:
     """Return linear and angular momentum about the world origin (N, 6) at states q, v (N, nq)."""
     poses, velocities = core.joint_poses(q), _joint_velocities(tree, core, variables, q, v)
     result = np.zeros((len(q), 6))
@@ -71,9 +69,7 @@ def total_momentum_of(
     return result
 
 
-def _joint_velocities(
-    tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, v: Array
-) -> Array:
+def _joint_velocities(tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, v: Array) -> Array:
     """Return the velocities [v; w] (N, nj, 6), at the world origin, of what each joint moves."""
     column = {name: index for index, name in enumerate(variables)}
     result = np.array(core.joint_twists(q))

@@ -114,11 +114,7 @@ class Mechanism:
         kinematic: Sequence[str] | None = None,
         inputs: Sequence[str] | None = None,
     ) -> None:
-        self._compile(
-            plan(
-                flatten(description), elements, dynamic=dynamic, kinematic=kinematic, inputs=inputs
-            )
-        )
+        self._compile(plan(flatten(description), elements, dynamic=dynamic, kinematic=kinematic, inputs=inputs))
 
     def _compile(self, settled: Plan, *, like: _core.Mechanism | None = None) -> None:
         nd, nrho, n_inputs = map(len, (settled.dynamic, settled.kinematic, settled.inputs))
@@ -195,9 +191,7 @@ class Mechanism:
         """The ball joints, those of free joints too, whose singularity is watched."""
         return self.tree.balls
 
-    def configuration(
-        self, values: Mapping[str, float] | None = None, *, default: float = 0.0
-    ) -> Array:
+    def configuration(self, values: Mapping[str, float] | None = None, *, default: float = 0.0) -> Array:
         """Return a configuration (or velocity) from values by name.
 
         Parameters
@@ -220,9 +214,7 @@ class Mechanism:
         order = {name: index for index, name in enumerate(self.variables)}
         for name, value in (values or {}).items():
             if name not in order:
-                raise ArgumentError(
-                    f"unknown variable {name!r}; {closest(name, order, what='variables')}"
-                )
+                raise ArgumentError(f"unknown variable {name!r}; {closest(name, order, what='variables')}")
             q[order[name]] = as_number(value, f"the value of {name!r}")
         return q
 
@@ -322,9 +314,7 @@ class Mechanism:
         A derivative by a length is one by a prescribed variable that does not move.
         """
         result = Mechanism.__new__(Mechanism)
-        settled = replace(
-            self._plan, tree=freed(self.tree, lengths), kinematic=(*self.kinematic, *lengths)
-        )
+        settled = replace(self._plan, tree=freed(self.tree, lengths), kinematic=(*self.kinematic, *lengths))
         result._compile(settled)
         return result
 
@@ -370,12 +360,7 @@ class Mechanism:
         return _of(origins_of(self.tree, indices, self.core.joint_poses(values)), single)
 
     def frame_jacobian(
-        self,
-        q: npt.ArrayLike,
-        frame: str,
-        *,
-        point: npt.ArrayLike = (0.0, 0.0, 0.0),
-        axes: Axes = "world",
+        self, q: npt.ArrayLike, frame: str, *, point: npt.ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
     ) -> Array:
         """Return the Jacobian of a frame: its velocity is ``J v``.
 
@@ -430,12 +415,7 @@ class Mechanism:
         return _of(self._path_motion(values, frame, point, axes).velocity(speeds), single)
 
     def frame_jacobian_derivative(
-        self,
-        q: npt.ArrayLike,
-        frame: str,
-        *,
-        point: npt.ArrayLike = (0.0, 0.0, 0.0),
-        axes: Axes = "world",
+        self, q: npt.ArrayLike, frame: str, *, point: npt.ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
     ) -> Array:
         """Return the derivative of `frame_jacobian` by the configuration.
 
@@ -581,17 +561,13 @@ class Mechanism:
     def _frame(self, name: str) -> int:
         index = self._frame_index.get(name)
         if index is None:
-            raise ArgumentError(
-                f"unknown frame {name!r}; {closest(name, self.frames, what='frames')}"
-            )
+            raise ArgumentError(f"unknown frame {name!r}; {closest(name, self.frames, what='frames')}")
         return index
 
     def _single(self, q: npt.ArrayLike, what: str = "q") -> Array:
         return as_array(q, what, (self.nq,), names=self.variables)
 
-    def _batch(
-        self, q: npt.ArrayLike, what: str = "q", *, rows: int | None = None
-    ) -> tuple[Array, bool]:
+    def _batch(self, q: npt.ArrayLike, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
         """Return q as (N, nq), and whether it was a single configuration."""
         if len(shape_of(q) or ()) == 2:
             return as_array(q, what, (rows, self.nq), names=self.variables), False

@@ -157,9 +157,7 @@ def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str
     found: dict[str, Place] = {}
     for name in names:
         if name not in places:
-            raise ArgumentError(
-                f"unknown parameter {name!r}; {closest(name, places, what='parameters')}"
-            )
+            raise ArgumentError(f"unknown parameter {name!r}; {closest(name, places, what='parameters')}")
         if name in found:
             raise ArgumentError(f"parameters: {name!r} is listed twice; name each one once")
         found[name] = places[name]
@@ -196,9 +194,7 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
         frame = frames[index]
         frames[index] = _resized(frame, coordinates)
     return place_frames(
-        [placed.name for placed in tree.frames],
-        frames[1:],
-        [placed.parent for placed in tree.frames[1:]],
+        [placed.name for placed in tree.frames], frames[1:], [placed.parent for placed in tree.frames[1:]]
     )
 
 

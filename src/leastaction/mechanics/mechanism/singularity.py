@@ -54,9 +54,7 @@ class SingularityWatch:
                 for name, factor in angle.terms:
                     factors[column[name], index] = factor
 
-    def look(
-        self, t: Array, q: Array, *, before: Array | None = None, stacklevel: int = 3
-    ) -> tuple[str, ...]:
+    def look(self, t: Array, q: Array, *, before: Array | None = None, stacklevel: int = 3) -> tuple[str, ...]:
         """Warn of every ball joint that comes near its singularity or goes through it between two instants.
 
         Near is where the accuracy suffers: so near that angles are not determined, or farther away where its

@@ -106,23 +106,15 @@ class BaseTrajectory(ABC, Generic[S_co]):
     def __getitem__(self, name: str) -> Array:
         """Return a variable, an input or a multiplier over time by name."""
         m = self.mechanism
-        for names, values in (
-            (m.variables, self.q),
-            (m.inputs, self.inputs),
-            (m.constraints, self.lam),
-        ):
+        for names, values in ((m.variables, self.q), (m.inputs, self.inputs), (m.constraints, self.lam)):
             if name in names:
                 return values[:, names.index(name)]
         known = m.variables + m.inputs + m.constraints
-        raise ArgumentError(
-            f"unknown name {name!r}; {closest(name, known, what='variables, inputs and constraints')}"
-        )
+        raise ArgumentError(f"unknown name {name!r}; {closest(name, known, what='variables, inputs and constraints')}")
 
     def _variable(self, name: str) -> int:
         """Return the index of a variable by name."""
         m = self.mechanism
         if name not in m.variables:
-            raise ArgumentError(
-                f"unknown variable {name!r}; {closest(name, m.variables, what='variables')}"
-            )
+            raise ArgumentError(f"unknown variable {name!r}; {closest(name, m.variables, what='variables')}")
         return m.variables.index(name)

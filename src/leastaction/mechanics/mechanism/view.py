@@ -44,9 +44,7 @@ def tree_rows(tree: Tree) -> tuple[list[Row], int]:
         children[frame.parent].append(index)
     # The frames of a composition stand in one line, that of the first, unless something else hangs between.
     whole = {
-        indices[0]: indices
-        for _, indices in tree.compositions
-        if all(children[a] == [b] for a, b in pairwise(indices))
+        indices[0]: indices for _, indices in tree.compositions if all(children[a] == [b] for a, b in pairwise(indices))
     }
     shown: list[tuple[int, ...]] = []
     left_out = 0
@@ -63,11 +61,7 @@ def tree_rows(tree: Tree) -> tuple[list[Row], int]:
             left_out += 1
         stack.extend((child, parent) for child in reversed(children[indices[-1]]))
     rows = [
-        _row(
-            line.removesuffix(_END),
-            tree.frames[indices[-1]].name,
-            [tree.frames[i].frame for i in indices],
-        )
+        _row(line.removesuffix(_END), tree.frames[indices[-1]].name, [tree.frames[i].frame for i in indices])
         for line, indices in zip(_lines(drawing)[1:], shown, strict=True)
     ]
     return rows, left_out
@@ -137,15 +131,13 @@ def tree_view(plan: Plan) -> str:
     lines.extend([f"… and {left_out} more"] if left_out else [])
     lines.extend(
         first_of(
-            f"{title}{f' {name!r}' if name else ''}: {description}"
-            for title, name, description in element_lines(plan)
+            f"{title}{f' {name!r}' if name else ''}: {description}" for title, name, description in element_lines(plan)
         )
     )
     lines.extend(first_of(f"{name} = {value:g}" for name, value in plan.numbers.items()))
     lines.extend(
         first_of(
-            f"{name} moves {len(frames)} frames: {some(frames)}"
-            for name, frames in shared_variables(plan.tree).items()
+            f"{name} moves {len(frames)} frames: {some(frames)}" for name, frames in shared_variables(plan.tree).items()
         )
     )
     for kind, names in name_lines(plan):

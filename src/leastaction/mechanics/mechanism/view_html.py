@@ -58,11 +58,7 @@ def html_view(plan: Plan) -> str:
     frames = plan.tree.frames
     rows, left_out = tree_rows(plan.tree)
     counts = [(len(frames), "frames"), *((len(names), kind) for kind, names in name_lines(plan))]
-    sizes = ", ".join(
-        f"{count} {kind.removesuffix('s') if count == 1 else kind}"
-        for count, kind in counts
-        if count
-    )
+    sizes = ", ".join(f"{count} {kind.removesuffix('s') if count == 1 else kind}" for count, kind in counts if count)
     parts = [
         f'<div class="leastaction"><style>{_STYLE}</style>',
         f"<header>Mechanism<span>{sizes}</span></header>",
@@ -97,10 +93,7 @@ def html_view(plan: Plan) -> str:
 
 
 def _row(row: Row) -> str:
-    text = [
-        f'<span class="branch">{escape(row.branch)}</span>'
-        f'<span class="frame">{escape(row.name)}</span>'
-    ]
+    text = [f'<span class="branch">{escape(row.branch)}</span><span class="frame">{escape(row.name)}</span>']
     if row.transform:
         text.append(f"  {escape(row.transform)}")
     if row.detail:
@@ -116,15 +109,10 @@ def _section(title: str, count: int, entries: list[tuple[str, str]]) -> str:
     shown = "".join(f"<dt>{term}</dt><dd>{text}</dd>" for term, text in entries[:MOST_NAMES])
     more = len(entries) - MOST_NAMES
     rest = f'<dt class="soft">… and {more} more</dt>' if more > 0 else ""
-    return (
-        f"<details open><summary>{title} <span>({count})</span></summary>"
-        f"<dl>{shown}{rest}</dl></details>"
-    )
+    return f"<details open><summary>{title} <span>({count})</span></summary><dl>{shown}{rest}</dl></details>"
 
 
 def _pills(kind: str, names: tuple[str, ...]) -> str:
-    shown = "".join(
-        f'<span class="pill {kind}">{escape(name)}</span>' for name in names[:MOST_NAMES]
-    )
+    shown = "".join(f'<span class="pill {kind}">{escape(name)}</span>' for name in names[:MOST_NAMES])
     more = len(names) - MOST_NAMES
     return shown + (f'<span class="soft">… and {more} more</span>' if more > 0 else "")

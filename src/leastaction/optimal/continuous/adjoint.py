@@ -16,13 +16,7 @@ __all__ = ["continuous_adjoint"]
 
 
 def continuous_adjoint(
-    mesh: Mesh,
-    samples: Samples,
-    K: Array,
-    q_final: Array,
-    *,
-    accuracy: Accuracy,
-    jumps: Sequence[float],
+    mesh: Mesh, samples: Samples, K: Array, q_final: Array, *, accuracy: Accuracy, jumps: Sequence[float]
 ) -> PiecewisePolynomial:
     """Return the adjoint z(t) (nx,) of the loop closed with K (dissertation Prop. 5).
 

@@ -29,9 +29,7 @@ def compare_continuous(
         )
     nx, nu = system.nx, system.nu
     if (curve.nx, curve.nu) != (nx, nu):
-        raise ArgumentError(
-            f"curve: got {curve.nx} states and {curve.nu} inputs, expected {nx} and {nu}."
-        )
+        raise ArgumentError(f"curve: got {curve.nx} states and {curve.nu} inputs, expected {nx} and {nu}.")
     if cost is not None:
         cost.check(curve.t0, curve.tf, nx, nu)
     rng = np.random.default_rng(seed)
@@ -79,11 +77,7 @@ def _compare_rate(cost: ContinuousCost, at: Array, nx: int, t: float, note: _Not
     note("cost gradient", gradient(at), value[0])
     Q, R, S = cost.hessian(at[None, :nx], at[None, nx:], time)
     cross = np.zeros((nx, at.size - nx)) if S is None else S[0]
-    note(
-        "cost hessian",
-        np.block([[Q[0], cross], [cross.T, R[0]]]),
-        central_differences(gradient, at),
-    )
+    note("cost hessian", np.block([[Q[0], cross], [cross.T, R[0]]]), central_differences(gradient, at))
 
 
 def _compare_final(cost: ContinuousCost, x: Array, t: float, note: _Note) -> None:

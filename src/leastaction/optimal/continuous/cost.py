@@ -132,10 +132,7 @@ class ContinuousQuadraticCost(ContinuousCost):
         x_final: ArrayLike | None = None,
         jumps: Sequence[float] = (),
     ) -> None:
-        self.x_wanted, self.u_wanted = (
-            TimeFunction(x_wanted, "x_wanted"),
-            TimeFunction(u_wanted, "u_wanted"),
-        )
+        self.x_wanted, self.u_wanted = (TimeFunction(x_wanted, "x_wanted"), TimeFunction(u_wanted, "u_wanted"))
         self.Q, self.R = TimeFunction(Q, "Q"), TimeFunction(R, "R")
         self.Q_final = None if Q_final is None else owned(Q_final, "Q_final")
         self.x_final = None if x_final is None else owned(x_final, "x_final")
@@ -167,9 +164,7 @@ class ContinuousQuadraticCost(ContinuousCost):
         """Return the rate of the cost."""
         dx, du = difference(x, self.x_wanted.at(t)), u - self.u_wanted.at(t)
         Q, R = self.Q.at(t), self.R.at(t)
-        weighed = dx @ (Q * dx if Q.ndim == 1 else Q @ dx) + du @ (
-            R * du if R.ndim == 1 else R @ du
-        )
+        weighed = dx @ (Q * dx if Q.ndim == 1 else Q @ dx) + du @ (R * du if R.ndim == 1 else R @ du)
         return 0.5 * float(weighed)
 
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:

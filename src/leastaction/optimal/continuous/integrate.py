@@ -36,9 +36,7 @@ class Accuracy:
 
     def __post_init__(self) -> None:
         if self.solver not in SOLVERS:
-            raise ArgumentError(
-                f"solver: got {self.solver!r}, expected one of {', '.join(SOLVERS)}."
-            )
+            raise ArgumentError(f"solver: got {self.solver!r}, expected one of {', '.join(SOLVERS)}.")
         # SciPy does not go below 100 times the rounding unit.
         as_number(self.rtol, "rtol", above=3e-14, below=0.1)
         as_number(self.atol, "atol", above=0.0)
@@ -144,14 +142,7 @@ def integrate(
     return Integration(march.y, march.t, march.steps, failure, breaks, values)
 
 
-def _sampled(
-    pieces: list[Interpolant],
-    t0: float,
-    y0: Array,
-    *,
-    backwards: bool,
-    wanted: bool,
-) -> tuple[Array, Array]:
+def _sampled(pieces: list[Interpolant], t0: float, y0: Array, *, backwards: bool, wanted: bool) -> tuple[Array, Array]:
     if not pieces or not wanted:
         return np.array([t0]), np.empty((0, y0.size))
     if backwards:

@@ -24,23 +24,10 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.continuous.riccati import (
-    ContinuousLinearQuadraticSolution,
-    Samples,
-    solve_samples,
-)
-from leastaction.optimal.continuous.time_functions import (
-    TimeFunction,
-    TimeFunctionLike,
-    as_horizon,
-    first_mesh,
-)
+from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, Samples, solve_samples
+from leastaction.optimal.continuous.time_functions import TimeFunction, TimeFunctionLike, as_horizon, first_mesh
 
-__all__ = [
-    "regulate_continuous",
-    "solve_continuous_linear_quadratic",
-    "steady_state_regulator",
-]
+__all__ = ["regulate_continuous", "solve_continuous_linear_quadratic", "steady_state_regulator"]
 
 # Pieces that a horizon is divided into before anything is known of the functions sampled on it.
 _FIRST_PIECES = 12
@@ -133,9 +120,7 @@ def solve_continuous_linear_quadratic(
             f"A, B, Q, R, S, q, r, c: got a value that is not finite at t = {time:.6g} s, expected "
             "finite numbers. Look at the functions that were given."
         )
-    return solve_samples(
-        mesh, Samples.unpack(packed, nx, nu), final, gradient, accuracy=accuracy, jumps=every
-    )
+    return solve_samples(mesh, Samples.unpack(packed, nx, nu), final, gradient, accuracy=accuracy, jumps=every)
 
 
 def regulate_continuous(
@@ -177,19 +162,13 @@ def regulate_continuous(
     )
     if not solution.definite:
         raise ArgumentError(
-            f"Q, R: there is no regulator: {solution.message} Give a positive definite R and a "
-            "positive semidefinite Q."
+            f"Q, R: there is no regulator: {solution.message} Give a positive definite R and a positive semidefinite Q."
         )
     return solution.K
 
 
 def steady_state_regulator(
-    A: ArrayLike,
-    B: ArrayLike,
-    *,
-    Q: ArrayLike | None = None,
-    R: ArrayLike | None = None,
-    S: ArrayLike | None = None,
+    A: ArrayLike, B: ArrayLike, *, Q: ArrayLike | None = None, R: ArrayLike | None = None, S: ArrayLike | None = None
 ) -> tuple[Array, Array]:
     """Return the gains K (nu, nx) and the cost P (nx, nx) of the LQR over an endless horizon.
 

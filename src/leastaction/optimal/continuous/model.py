@@ -38,11 +38,7 @@ class TangentModel:
 
 
 def sample_model(
-    system: ContinuousSystem,
-    cost: ContinuousCost,
-    curve: DenseTrajectory,
-    jumps: Sequence[float],
-    accuracy: Accuracy,
+    system: ContinuousSystem, cost: ContinuousCost, curve: DenseTrajectory, jumps: Sequence[float], accuracy: Accuracy
 ) -> TangentModel:
     """Return linearisation and derivatives of the cost along a curve.
 
@@ -85,12 +81,7 @@ def sample_model(
         c=np.zeros((n, nx)),
     )
     x_final = curve.xu.flat(curve.tf)[:nx]
-    return TangentModel(
-        mesh,
-        samples,
-        cost.final_hessian(x_final, curve.tf),
-        cost.final_gradient(x_final, curve.tf),
-    )
+    return TangentModel(mesh, samples, cost.final_hessian(x_final, curve.tf), cost.final_gradient(x_final, curve.tf))
 
 
 class SampledSystem(ContinuousSystem):
@@ -123,9 +114,7 @@ def with_identities(samples: Samples) -> Samples:
     """Return the problem with identities for weights."""
     n, nx, nu = samples.B.shape
     return samples._replace(
-        Q=np.broadcast_to(np.eye(nx), (n, nx, nx)),
-        R=np.broadcast_to(np.eye(nu), (n, nu, nu)),
-        S=np.zeros((n, nx, nu)),
+        Q=np.broadcast_to(np.eye(nx), (n, nx, nx)), R=np.broadcast_to(np.eye(nu), (n, nu, nu)), S=np.zeros((n, nx, nu))
     )
 
 

@@ -13,18 +13,10 @@ from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximat
 from leastaction.optimal.continuous.adjoint import continuous_adjoint
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.continuous.model import (
-    SampledSystem,
-    TangentModel,
-    sample_model,
-    with_identities,
-)
+from leastaction.optimal.continuous.model import SampledSystem, TangentModel, sample_model, with_identities
 from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.result import ContinuousOptimizationResult
-from leastaction.optimal.continuous.riccati import (
-    ContinuousLinearQuadraticSolution,
-    solve_samples,
-)
+from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, solve_samples
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.time_functions import TimeFunctionLike, as_horizon
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
@@ -59,9 +51,7 @@ class ContinuousDirection(Direction):
     feedback: PiecewisePolynomial = field(kw_only=True)
 
 
-class ContinuousProblem(
-    Problem[ContinuousLinearQuadraticSolution, ContinuousDirection, DenseTrajectory]
-):
+class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDirection, DenseTrajectory]):
     """The current trajectory of a continuous system, and what was computed along it.
 
     Parameters
@@ -125,8 +115,7 @@ class ContinuousProblem(
                 )
             if (initial.nx, initial.nu) != (nx, nu):
                 raise ArgumentError(
-                    f"initial: got a trajectory of {initial.nx} states and {initial.nu} inputs, "
-                    f"expected {nx} and {nu}."
+                    f"initial: got a trajectory of {initial.nx} states and {initial.nu} inputs, expected {nx} and {nu}."
                 )
             curve, is_curve = initial, True
         else:
@@ -153,14 +142,11 @@ class ContinuousProblem(
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
         if not isinstance(result, ContinuousOptimizationResult):
-            raise ArgumentError(
-                f"resume: got {type(result).__name__}, expected a ContinuousOptimizationResult"
-            )
+            raise ArgumentError(f"resume: got {type(result).__name__}, expected a ContinuousOptimizationResult")
         trajectory, nx, nu = result.trajectory, self.system.nx, self.system.nu
         if (trajectory.nx, trajectory.nu) != (nx, nu):
             raise ArgumentError(
-                f"resume: got a result of {trajectory.nx} states and {trajectory.nu} inputs, "
-                f"expected {nx} and {nu}."
+                f"resume: got a result of {trajectory.nx} states and {trajectory.nu} inputs, expected {nx} and {nu}."
             )
         self.cost.check(trajectory.t0, trajectory.tf, nx, nu)
         self.trajectory, self.gain = trajectory, result.projection
@@ -215,9 +201,7 @@ class ContinuousProblem(
 
     # ---- Directions -----------------------------------------------------------------------------
 
-    def minimise_model(
-        self, method: str, scale: float, shift: float = 0.0
-    ) -> ContinuousLinearQuadraticSolution:
+    def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> ContinuousLinearQuadraticSolution:
         """Return the solution of a method's model."""
         if self.own_regulator and self.feedback is None:
             self.gain = self.feedback = self._solve_regulator().feedback
@@ -228,11 +212,7 @@ class ContinuousProblem(
         return self.quasi_newton
 
     def direction(
-        self,
-        method: str,
-        model: ContinuousLinearQuadraticSolution,
-        scale: float,
-        shift: float = 0.0,
+        self, method: str, model: ContinuousLinearQuadraticSolution, scale: float, shift: float = 0.0
     ) -> ContinuousDirection:
         """Return the direction of a model that has a minimum."""
         feedback = model.feedback
@@ -259,11 +239,7 @@ class ContinuousProblem(
         zero = DenseTrajectory(PiecewisePolynomial.constant(np.zeros(nx + nu), t0, tf), nx)
         with self.clock("lq"):
             swept = roll_out(
-                linear,
-                Follower(zero, model.feedback, 1.0),
-                accuracy=self.accuracy,
-                jumps=self.jumps,
-                least=size,
+                linear, Follower(zero, model.feedback, 1.0), accuracy=self.accuracy, jumps=self.jumps, least=size
             )
         if swept.trajectory is None:
             raise ArgumentError(f"direction: the linearised system failed at {swept.failure}.")
@@ -279,9 +255,7 @@ class ContinuousProblem(
         mesh, values = approximate(law, Mesh(own.breaks), self.accuracy.sampling, least)
         return mesh.fit(values, (values.shape[1],))
 
-    def _solve(
-        self, method: str, scale: float, shift: float = 0.0
-    ) -> ContinuousLinearQuadraticSolution:
+    def _solve(self, method: str, scale: float, shift: float = 0.0) -> ContinuousLinearQuadraticSolution:
         model = self._model()
         samples, Q_final = model.samples, model.Q_final
         nx = samples.B.shape[1]
@@ -291,25 +265,15 @@ class ContinuousProblem(
         elif method == "newton":
             H = scale * self._curvature_along(model)
             samples = samples._replace(
-                Q=samples.Q + H[:, :nx, :nx],
-                R=samples.R + H[:, nx:, nx:],
-                S=samples.S + H[:, :nx, nx:],
+                Q=samples.Q + H[:, :nx, :nx], R=samples.R + H[:, nx:, nx:], S=samples.S + H[:, :nx, nx:]
             )
         if shift > 0.0:
             nu = self.system.nu
-            samples = samples._replace(
-                Q=samples.Q + shift * np.eye(nx), R=samples.R + shift * np.eye(nu)
-            )
+            samples = samples._replace(Q=samples.Q + shift * np.eye(nx), R=samples.R + shift * np.eye(nu))
             Q_final = Q_final + shift * np.eye(nx)
         with self.clock("lq"):
             return solve_samples(
-                model.mesh,
-                samples,
-                Q_final,
-                model.q_final,
-                accuracy=self.accuracy,
-                jumps=self.jumps,
-                escape=_ESCAPE,
+                model.mesh, samples, Q_final, model.q_final, accuracy=self.accuracy, jumps=self.jumps, escape=_ESCAPE
             )
 
     def _solve_regulator(self) -> ContinuousLinearQuadraticSolution:
@@ -320,21 +284,14 @@ class ContinuousProblem(
         nx = self.system.nx
         with self.clock("lq"):
             return solve_samples(
-                model.mesh,
-                samples,
-                np.eye(nx),
-                np.zeros(nx),
-                accuracy=self.accuracy,
-                jumps=self.jumps,
+                model.mesh, samples, np.eye(nx), np.zeros(nx), accuracy=self.accuracy, jumps=self.jumps
             )
 
     def _model(self) -> TangentModel:
         """Return linearisation and cost along the current curve."""
         if self.model is None:
             with self.clock("linearize"):
-                self.model = sample_model(
-                    self.system, self.cost, self.trajectory, self.jumps, self.accuracy
-                )
+                self.model = sample_model(self.system, self.cost, self.trajectory, self.jumps, self.accuracy)
         return self.model
 
     def _curvature_along(self, model: TangentModel) -> Array:
@@ -361,9 +318,7 @@ class ContinuousProblem(
 
     # ---- Steps ----------------------------------------------------------------------------------
 
-    def simulate(
-        self, direction: ContinuousDirection, length: float, bound: float
-    ) -> Trial[DenseTrajectory] | Refusal:
+    def simulate(self, direction: ContinuousDirection, length: float, bound: float) -> Trial[DenseTrajectory] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
         rollout = roll_out(
             self.system,
@@ -378,10 +333,7 @@ class ContinuousProblem(
             return Refusal(f"the roll-out ended at {rollout.failure}", failed=True)
         # Not "cost > bound": a NaN is refused.
         if not rollout.cost <= bound:
-            return Refusal(
-                f"a cost of {rollout.cost:.10g}, where at most {bound:.10g} was wanted",
-                cost=rollout.cost,
-            )
+            return Refusal(f"a cost of {rollout.cost:.10g}, where at most {bound:.10g} was wanted", cost=rollout.cost)
         return Trial(rollout.trajectory, rollout.cost)
 
     def accept(self, direction: ContinuousDirection, trial: Trial[DenseTrajectory]) -> None:

@@ -204,17 +204,11 @@ class ContinuousProjection:
         self.jumps = tuple(sorted({*jumps, *system.jumps}))
         feedforward = np.zeros((*K.coefficients.shape[:2], system.nu))
         self._feedback = PiecewisePolynomial(
-            K.breaks,
-            np.concatenate([K.coefficients, feedforward], axis=2),
-            (system.nu * (system.nx + 1),),
+            K.breaks, np.concatenate([K.coefficients, feedforward], axis=2), (system.nu * (system.nx + 1),)
         )
 
     def __call__(
-        self,
-        curve: DenseTrajectory,
-        cost: ContinuousCost | None = None,
-        *,
-        x0: Array | None = None,
+        self, curve: DenseTrajectory, cost: ContinuousCost | None = None, *, x0: Array | None = None
     ) -> ContinuousRollout:
         """Return the trajectory (from x0, if given), with its cost if there is one."""
         return roll_out(
@@ -226,17 +220,10 @@ class ContinuousProjection:
             x0=x0,
         )
 
-    def derivative(
-        self, trajectory: DenseTrajectory, direction: DenseTrajectory
-    ) -> DenseTrajectory:
+    def derivative(self, trajectory: DenseTrajectory, direction: DenseTrajectory) -> DenseTrajectory:
         """Return ``DP . direction`` at a trajectory (6.7)."""
         tangent = _Tangent(self.system, trajectory)
-        rollout = roll_out(
-            tangent,
-            Follower(direction, self._feedback, 0.0),
-            accuracy=self.accuracy,
-            jumps=self.jumps,
-        )
+        rollout = roll_out(tangent, Follower(direction, self._feedback, 0.0), accuracy=self.accuracy, jumps=self.jumps)
         if rollout.trajectory is None:
             raise ArgumentError(f"trajectory: the linearised system failed, {rollout.failure}.")
         return rollout.trajectory

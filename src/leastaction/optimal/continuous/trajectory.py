@@ -38,12 +38,7 @@ class DenseTrajectory:
 
     @classmethod
     def from_samples(
-        cls,
-        t: ArrayLike,
-        x: ArrayLike,
-        u: ArrayLike,
-        *,
-        kind: Literal["linear", "hold", "cubic"] = "cubic",
+        cls, t: ArrayLike, x: ArrayLike, u: ArrayLike, *, kind: Literal["linear", "hold", "cubic"] = "cubic"
     ) -> DenseTrajectory:
         """Return the curve through samples.
 
@@ -67,8 +62,7 @@ class DenseTrajectory:
         inputs = PiecewisePolynomial.through(t, u, kind=kind)
         if len(states.shape) != 1 or len(inputs.shape) != 1:
             raise ArgumentError(
-                f"x, u: got samples of shapes {states.shape} and {inputs.shape}, expected (nx,) and "
-                "(nu,)."
+                f"x, u: got samples of shapes {states.shape} and {inputs.shape}, expected (nx,) and (nu,)."
             )
         mesh = first_mesh(states.t0, states.tf, states.breaks[1:-1].tolist(), 1)
         values = np.hstack([states(mesh.t), inputs(mesh.t)])
@@ -152,8 +146,7 @@ class DenseTrajectory:
         slack = 1e-9 * (self.tf - self.t0)
         if times.size and not (self.t0 - slack <= times.min() and times.max() <= self.tf + slack):
             raise ArgumentError(
-                f"t: got times from {times.min():g} to {times.max():g} s, expected times in "
-                f"[{self.t0:g}, {self.tf:g}]."
+                f"t: got times from {times.min():g} to {times.max():g} s, expected times in [{self.t0:g}, {self.tf:g}]."
             )
         values = self.xu(times)
         return values[..., : self.nx], values[..., self.nx :]

@@ -14,9 +14,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 __all__ = ["compare_discrete"]
 
 
-def compare_discrete(
-    system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: Cost | None, seed: int
-) -> Errors:
+def compare_discrete(system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: Cost | None, seed: int) -> Errors:
     """Return by how much the derivatives along a curve differ from differences of one order less."""
     N, nx, nu = system.N, system.nx, system.nu
     states = read_only(as_array(x, "x", (N + 1, nx), meaning="(N+1, nx)"))
@@ -32,9 +30,7 @@ def compare_discrete(
     return errors
 
 
-def _compare_step(
-    system: DiscreteSystem, x: Array, u: Array, k: int, z: Array, errors: Errors
-) -> None:
+def _compare_step(system: DiscreteSystem, x: Array, u: Array, k: int, z: Array, errors: Errors) -> None:
     nx = x.size
     at = np.concatenate([x, u])
     A, B = system.derivatives(x, u, k)
@@ -51,9 +47,7 @@ def _compare_step(
         errors.note("curvature symmetry", H, H.T)
 
 
-def _compare_rollout(
-    system: DiscreteSystem, x: Array, u: Array, rng: np.random.Generator, errors: Errors
-) -> None:
+def _compare_rollout(system: DiscreteSystem, x: Array, u: Array, rng: np.random.Generator, errors: Errors) -> None:
     """Hold the roll-out to single steps from the states that it passed.
 
     Two roll-outs, each on its own, would part: an unstable system amplifies their rounding at every step.
@@ -67,24 +61,18 @@ def _compare_rollout(
         deviation = system.difference(states[done], x[done])
         try:
             with np.errstate(all="ignore"):
-                goes_on = bool(
-                    np.isfinite(system.f(states[done], u[done] - K[done] @ deviation, done)).all()
-                )
+                goes_on = bool(np.isfinite(system.f(states[done], u[done] - K[done] @ deviation, done)).all())
         except (StepError, ArithmeticError):
             goes_on = False
         if goes_on:
-            raise ArgumentError(
-                f"system.rollout: made {done} steps ({part.failure}), where f makes the next one too."
-            )
+            raise ArgumentError(f"system.rollout: made {done} steps ({part.failure}), where f makes the next one too.")
     for k in range(done):
         law = u[k] - K[k] @ system.difference(states[k], x[k])
         errors.note("rollout", part.u[k], law)
         errors.note("rollout", states[k + 1], system.f(states[k], read_only(part.u[k]), k))
 
 
-def _compare_whole(
-    system: DiscreteSystem, x: Array, u: Array, rng: np.random.Generator, errors: Errors
-) -> None:
+def _compare_whole(system: DiscreteSystem, x: Array, u: Array, rng: np.random.Generator, errors: Errors) -> None:
     """Hold the derivatives over the whole horizon to those of single steps."""
     N, nx = system.N, system.nx
     try:

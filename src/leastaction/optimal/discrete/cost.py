@@ -124,22 +124,11 @@ class QuadraticCost(Cost):
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(
-        self,
-        x_wanted: ArrayLike,
-        u_wanted: ArrayLike,
-        *,
-        Q: ArrayLike,
-        R: ArrayLike,
-        Q_final: ArrayLike | None = None,
+        self, x_wanted: ArrayLike, u_wanted: ArrayLike, *, Q: ArrayLike, R: ArrayLike, Q_final: ArrayLike | None = None
     ) -> None:
         self.x_wanted, self.u_wanted = owned(x_wanted, "x_wanted"), owned(u_wanted, "u_wanted")
         x_shape, u_shape = self.x_wanted.shape, self.u_wanted.shape
-        if (
-            len(x_shape) != 2
-            or len(u_shape) != 2
-            or x_shape[0] != u_shape[0] + 1
-            or u_shape[0] == 0
-        ):
+        if len(x_shape) != 2 or len(u_shape) != 2 or x_shape[0] != u_shape[0] + 1 or u_shape[0] == 0:
             raise ArgumentError(
                 f"x_wanted, u_wanted: got shapes {x_shape} and {u_shape}, expected (N+1, nx) and "
                 "(N, nu): one state more than inputs."
@@ -181,9 +170,7 @@ class QuadraticCost(Cost):
     def gradient(self, x: Array, u: Array) -> CostGradient:
         """Return the first derivatives."""
         dx, du = difference(x, self.x_wanted), u - self.u_wanted
-        return CostGradient(
-            weigh(self.Q, dx[:-1]), weigh(self.R, du), weigh(self.Q_final, dx[-1:])[0]
-        )
+        return CostGradient(weigh(self.Q, dx[:-1]), weigh(self.R, du), weigh(self.Q_final, dx[-1:])[0])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
         """Return the weights."""

@@ -91,9 +91,7 @@ def shifted(hessian: CostHessian, shift: float) -> CostHessian:
     The multiple is measured in the mean of the weights of the stages.
     """
     amount = 0.5 * shift * (_mean(hessian.Q) + _mean(hessian.R))
-    return CostHessian(
-        _add(hessian.Q, amount), _add(hessian.R, amount), hessian.S, _add(hessian.Q_final, amount)
-    )
+    return CostHessian(_add(hessian.Q, amount), _add(hessian.R, amount), hessian.S, _add(hessian.Q_final, amount))
 
 
 def _mean(weight: Array) -> float:
@@ -149,9 +147,7 @@ def escape(
         dx, du = dx / size, du / size
         bend = _along(hessian, curvature, dx, du)
         if bend < 0.0:
-            slope = float(
-                np.sum(gradient.q * dx[:-1]) + np.sum(gradient.r * du) + gradient.q_final @ dx[-1]
-            )
+            slope = float(np.sum(gradient.q * dx[:-1]) + np.sum(gradient.r * du) + gradient.q_final @ dx[-1])
             sign = -1.0 if slope > 0.0 else 1.0
             best = sign * dx, sign * du, model.K.copy(), sign * slope, bend
     return best
@@ -161,9 +157,7 @@ def _along(hessian: CostHessian, curvature: Array, dx: Array, du: Array) -> floa
     """Return the second derivative of the cost along a direction."""
     dxu = np.hstack([dx[:-1], du])
     total = float(np.einsum("ki,kij,kj->", dxu, curvature, dxu))
-    total += float(
-        np.sum(_times(hessian.Q, dx[:-1]) * dx[:-1]) + np.sum(_times(hessian.R, du) * du)
-    )
+    total += float(np.sum(_times(hessian.Q, dx[:-1]) * dx[:-1]) + np.sum(_times(hessian.R, du) * du))
     total += float(_times(hessian.Q_final, dx[-1:])[0] @ dx[-1])
     if hessian.S is not None:
         total += 2.0 * float(np.sum(dx[:-1] * np.einsum("...ij,...j->...i", hessian.S, du)))

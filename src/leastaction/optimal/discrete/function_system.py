@@ -40,9 +40,7 @@ class LinearSystem(DiscreteSystem):
 
     __getstate__, __setstate__ = saved_state, restore_state
 
-    def __init__(
-        self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None, N: int | None = None
-    ) -> None:
+    def __init__(self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None, N: int | None = None) -> None:
         A_given, B_given = as_array(A, "A"), as_array(B, "B")
         lengths = {a.shape[0] for a in (A_given, B_given) if a.ndim == 3}
         if N is not None:
@@ -55,9 +53,7 @@ class LinearSystem(DiscreteSystem):
             raise ArgumentError(f"A: got shape {A_given.shape}, expected (nx, nx) or (N, nx, nx).")
         self.nx = A_given.shape[-1]
         if B_given.ndim not in (2, 3) or B_given.shape[-2] != self.nx:
-            raise ArgumentError(
-                f"B: got shape {B_given.shape}, expected ({self.nx}, nu) or (N, {self.nx}, nu)."
-            )
+            raise ArgumentError(f"B: got shape {B_given.shape}, expected ({self.nx}, nu) or (N, {self.nx}, nu).")
         self.nu = B_given.shape[-1]
         shape = (self.N, self.nx)
         drift = np.zeros(shape) if c is None else as_array(c, "c", shape, (self.nx,))
@@ -117,14 +113,7 @@ class FunctionSystem(DiscreteSystem):
     """
 
     def __init__(
-        self,
-        f: StepFunction,
-        *,
-        nx: int,
-        nu: int,
-        N: int,
-        derivatives: Derivatives,
-        curvature: Curvature | None = None,
+        self, f: StepFunction, *, nx: int, nu: int, N: int, derivatives: Derivatives, curvature: Curvature | None = None
     ) -> None:
         self.nx = as_count(nx, "nx", 1)
         self.nu = as_count(nu, "nu", 1)

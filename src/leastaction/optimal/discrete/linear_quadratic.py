@@ -23,14 +23,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_number
 from leastaction.optimal.cost import final_of
 
-__all__ = [
-    "LinearQuadraticSolution",
-    "Workspace",
-    "adjoint",
-    "regulate",
-    "solve_linear_quadratic",
-    "sweep_forward",
-]
+__all__ = ["LinearQuadraticSolution", "Workspace", "adjoint", "regulate", "solve_linear_quadratic", "sweep_forward"]
 
 Regularize = Literal["none", "stage"]
 
@@ -173,9 +166,7 @@ def solve_linear_quadratic(
     if workspace is None:
         workspace = Workspace(N, nx, nu)
     elif workspace.K.shape != (N, nu, nx):
-        raise ArgumentError(
-            f"workspace: got one for K of shape {workspace.K.shape}, expected {(N, nu, nx)}."
-        )
+        raise ArgumentError(f"workspace: got one for K of shape {workspace.K.shape}, expected {(N, nu, nx)}.")
     K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
     P = np.empty((N + 1, nx, nx)) if keep_P else None
     report = _core.solve_linear_quadratic(
@@ -266,8 +257,7 @@ def regulate(
     solution = solve_linear_quadratic(A, B, Q=Q, R=R, Q_final=Q_final, workspace=workspace)
     if not solution.definite:
         raise ArgumentError(
-            f"Q, R: there is no regulator: {solution.message} Give a positive definite R and a "
-            "positive semidefinite Q."
+            f"Q, R: there is no regulator: {solution.message} Give a positive definite R and a positive semidefinite Q."
         )
     return solution.K
 
@@ -284,9 +274,7 @@ class Law(Protocol):
         """Feedforward (N, nu)."""
 
 
-def sweep_forward(
-    A: Array, B: Array, solution: Law, dx0: ArrayLike | None = None
-) -> tuple[Array, Array]:
+def sweep_forward(A: Array, B: Array, solution: Law, dx0: ArrayLike | None = None) -> tuple[Array, Array]:
     """Return dx (N+1, nx) and du (N, nu) of ``dx+ = A dx + B du`` with ``du = -K dx - C``."""
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
@@ -324,15 +312,11 @@ def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     if A.ndim != 3 or A.shape[1] != A.shape[2] or 0 in A.shape:
         raise ArgumentError(f"A: got shape {A.shape}, expected (N, nx, nx) with N, nx > 0.")
     if B.ndim != 3 or B.shape[:2] != A.shape[:2] or 0 in B.shape:
-        raise ArgumentError(
-            f"B: got shape {B.shape}, expected ({A.shape[0]}, {A.shape[1]}, nu) to go with A."
-        )
+        raise ArgumentError(f"B: got shape {B.shape}, expected ({A.shape[0]}, {A.shape[1]}, nu) to go with A.")
     return A, B
 
 
-def _optional(
-    value: ArrayLike | None, name: str, *shapes: tuple[int, ...], finite: bool = True
-) -> Array | None:
+def _optional(value: ArrayLike | None, name: str, *shapes: tuple[int, ...], finite: bool = True) -> Array | None:
     if value is None:
         return None
     if finite:
@@ -343,9 +327,7 @@ def _optional(
     return array
 
 
-def _weight(
-    value: ArrayLike | None, name: str, N: int, n: int, *, per_stage: bool = True
-) -> tuple[Array | None, bool]:
+def _weight(value: ArrayLike | None, name: str, N: int, n: int, *, per_stage: bool = True) -> tuple[Array | None, bool]:
     """Return a weight in the layout of the core and whether it is a diagonal."""
     if value is None:
         return None, False

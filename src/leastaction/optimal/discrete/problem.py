@@ -119,9 +119,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         x, u = both(initial)
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
-        x = as_array(
-            x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)"
-        )
+        x = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
         if x.ndim == 1:
             x = self._project(np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx))).x
         self.x, self.u = read_only(x), read_only(u)
@@ -159,14 +157,10 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
         def regulator() -> Array:
             self.quasi_newton = self._solve("quasi-newton", self.held)
-            return (
-                self.quasi_newton.K if self.quasi_newton.definite else regulate(*self._linearize())
-            )
+            return self.quasi_newton.K if self.quasi_newton.definite else regulate(*self._linearize())
 
         follow(regulator)
-        if found and float(np.abs(found[0][1].x - x).max()) <= 1e-8 * (
-            1.0 + float(np.abs(x).max())
-        ):
+        if found and float(np.abs(found[0][1].x - x).max()) <= 1e-8 * (1.0 + float(np.abs(x).max())):
             self.gain = found[0][2]
             return
         self.forget()
@@ -189,9 +183,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         self.x = read_only(as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)"))
         self.u = read_only(as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)"))
-        self.gain = as_array(
-            result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)"
-        )
+        self.gain = as_array(result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)")
         self.value = self.cost.value(self.x, self.u)
 
     def _project(self, xbar: Array, ubar: Array, gain: Array) -> Rollout:
@@ -208,9 +200,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
     # ---- Directions -----------------------------------------------------------------------------
 
-    def minimise_model(
-        self, method: str, scale: float, shift: float = 0.0
-    ) -> LinearQuadraticSolution:
+    def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
         """Return the solution of a method's model."""
         self._own_gain()
         if method == "quasi-newton" and shift == 0.0 and self.quasi_newton is not None:
@@ -229,9 +219,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         self.feedback = model.K if own_gain is None else own_gain
         # With dx_0 = 0 the model's minimum is half of its linear part.
         slope = 2.0 * model.constant
-        return DiscreteDirection(
-            method, slope, scale, shift, gain=self.feedback, C=model.C, dx=dx, du=du
-        )
+        return DiscreteDirection(method, slope, scale, shift, gain=self.feedback, C=model.C, dx=dx, du=du)
 
     def negative_curvature(self, scale: float) -> DiscreteDirection | None:
         """Return a direction of negative curvature, where the undamped Newton model has one."""
@@ -272,9 +260,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         linearization = self._linearize()
         curvature = self._curvature_along(gradient) if method == "newton" else None
         with self.clock("lq"):
-            return minimise_model(
-                method, linearization, gradient, hessian, curvature, workspace, scale
-            )
+            return minimise_model(method, linearization, gradient, hessian, curvature, workspace, scale)
 
     def _linearize(self) -> Linearization:
         if self.linearization is None:
@@ -307,9 +293,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
     # ---- Steps ----------------------------------------------------------------------------------
 
-    def simulate(
-        self, direction: DiscreteDirection, length: float, bound: float
-    ) -> Trial[_Iterate] | Refusal:
+    def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[_Iterate] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
         system, cost = self.system, self.cost
         xbar, ubar = direction.curve(self.x, self.u, length)
@@ -328,9 +312,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
                 return self._look_for_jump(direction, length, x[: done + 1], refusal)
             u[start:stop] = part.u
             with np.errstate(over="ignore", invalid="ignore"):
-                stage_values[start:stop] = cost.stage_values(
-                    states[start:stop], inputs[start:stop], start
-                )
+                stage_values[start:stop] = cost.stage_values(states[start:stop], inputs[start:stop], start)
                 spent = np.cumsum(stage_values[:stop])
             k = system.N
             if not np.isfinite(spent[-1]):
@@ -349,9 +331,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
             return self._look_for_jump(direction, length, x, Refusal(reason, cost=total))
         return Trial(_Iterate(x, u), total)
 
-    def _look_for_jump(
-        self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal
-    ) -> Refusal:
+    def _look_for_jump(self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal) -> Refusal:
         """Return the refusal of a trial, the better explained if one step of time leapt to another solution.
 
         Where a step that hardly moves the trajectory is torn away at once, shorter ones will be too.
@@ -400,9 +380,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         feedback = self.feedback
         if feedback is None:
             feedback = self._final_feedback()
-        return OptimizationResult(
-            x=self.x, u=self.u, K=feedback, projection_gain=self.gain, **summary
-        )
+        return OptimizationResult(x=self.x, u=self.u, K=feedback, projection_gain=self.gain, **summary)
 
     def _final_feedback(self) -> Array:
         """Return gains about the last iterate, for a run that ended before it had any."""

@@ -34,9 +34,7 @@ class Projection:
     def __init__(self, system: DiscreteSystem, K: Array) -> None:
         expected = (system.N, system.nu, system.nx)
         if K.shape != expected:
-            raise ArgumentError(
-                f"K: got shape {K.shape}, expected {expected}, that is (N, nu, nx)."
-            )
+            raise ArgumentError(f"K: got shape {K.shape}, expected {expected}, that is (N, nu, nx).")
         self.system = system
         self.K = K
 
@@ -44,9 +42,7 @@ class Projection:
         """Return the trajectory, or the part of it up to the step that failed."""
         return self.system.rollout(xbar[0], xbar, ubar, self.K, 0, self.system.N)
 
-    def derivative(
-        self, linearization: Linearization, dxbar: Array, dubar: Array
-    ) -> tuple[Array, Array]:
+    def derivative(self, linearization: Linearization, dxbar: Array, dubar: Array) -> tuple[Array, Array]:
         """Return ``DP . (dxbar, dubar)`` at a trajectory with this linearisation (6.11)."""
         A, B = linearization
         dx, du = np.empty_like(dxbar), np.empty_like(dubar)

@@ -68,15 +68,7 @@ class DiscreteSystem(System):
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu) of step k."""
 
-    def rollout(
-        self,
-        x0: Array,
-        xbar: Array,
-        ubar: Array,
-        K: Array,
-        start: int,
-        stop: int,
-    ) -> Rollout:
+    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         """Simulate steps ``start .. stop-1`` under the feedback ``u = ubar - K (x - xbar)``.
 
         Parameters
@@ -165,9 +157,7 @@ def _second(system: DiscreteSystem, x: Array, u: Array, z: Array) -> Array:
     return system.curvatures(x, u, np.concatenate([np.zeros((1, system.nx)), z]))
 
 
-def linearized(
-    system: DiscreteSystem, x: Array, u: Array, out: Linearization | None = None
-) -> Linearization:
+def linearized(system: DiscreteSystem, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
     """Return `DiscreteSystem.linearize`, complete: where it brings no second order, the system's `curvatures`."""
     found: Any = system.linearize(x, u, out)  # a user's may be a bare pair
     if isinstance(found, Linearization) and found.second is not None:

@@ -22,9 +22,7 @@ def up_axis(capture: Capture, points: Mapping[str, Array]) -> Axis:
     upright = np.mean(unit(points["spine_top"] - points["pelvis"]), axis=0)
     upright = upright + np.mean(unit(points["pelvis"] - ankles), axis=0)
     if np.max(np.abs(upright)) < 0.5:
-        raise MotionFileError(
-            f"{capture.path}: which way is up cannot be told from the poses; give the axis (up=...)"
-        )
+        raise MotionFileError(f"{capture.path}: which way is up cannot be told from the poses; give the axis (up=...)")
     return _nearest_axis(upright)
 
 
@@ -47,9 +45,7 @@ def facing(points: Mapping[str, Array]) -> Array:
 
 def right(points: Mapping[str, Array]) -> Array:
     """Direction (F, 3) to the person's right: half by the hips, half by the shoulders."""
-    return unit(points["right_hip"] - points["left_hip"]) + unit(
-        points["right_shoulder"] - points["left_shoulder"]
-    )
+    return unit(points["right_hip"] - points["left_hip"]) + unit(points["right_shoulder"] - points["left_shoulder"])
 
 
 def _nearest_axis(vector: Array) -> Axis:
@@ -74,16 +70,10 @@ def world_from(up: Axis, forward: Axis) -> Array:
     return np.stack([np.cross(y, z), y, z])
 
 
-def heading_angle(
-    capture: Capture,
-    heading: Heading,
-    points: Mapping[str, Array],
-) -> float:
+def heading_angle(capture: Capture, heading: Heading, points: Mapping[str, Array]) -> float:
     """Turn about z, in radians, that brings the chosen direction of `points`, z up, to +y."""
     if heading not in get_args(Heading):
-        raise ArgumentError(
-            f"heading: got {heading!r}, expected one of {', '.join(get_args(Heading))}"
-        )
+        raise ArgumentError(f"heading: got {heading!r}, expected one of {', '.join(get_args(Heading))}")
     if heading == "axis":
         return 0.0
     if heading == "travel":

@@ -97,13 +97,7 @@ def load_motion(
         raise ArgumentError(f"start: got {start!r}, expected one of {', '.join(get_args(Start))}")
     names = None if mapping is None else read_mapping(mapping)
     made = retarget(
-        read_bvh(path),
-        names=names,
-        proportions=proportions,
-        up=up,
-        forward=forward,
-        heading=heading,
-        in_place=in_place,
+        read_bvh(path), names=names, proportions=proportions, up=up, forward=forward, heading=heading, in_place=in_place
     )
     motion = made.motion
     extra = 0.5 * ease if start == "rest" else 0.0

@@ -63,9 +63,7 @@ def read_mapping(path: str | PathLike[str]) -> JointNames:
         with path.open("rb") as file:
             content = file.read(_MOST_BYTES + 1)
         if len(content) > _MOST_BYTES:
-            raise MotionFileError(
-                f"{path}: is too large, expected a joint mapping file of at most {_MOST_BYTES} bytes"
-            )
+            raise MotionFileError(f"{path}: is too large, expected a joint mapping file of at most {_MOST_BYTES} bytes")
         table = tomllib.loads(content.decode("utf-8"))
     except MotionFileError:
         raise
@@ -81,9 +79,7 @@ def read_mapping(path: str | PathLike[str]) -> JointNames:
     other = sorted(set(table) - {"joints"})
     if not isinstance(joints, dict) or not joints or other:
         found = f"the entries {', '.join(other)}" if other else "no table [joints]"
-        raise MotionFileError(
-            f"{path}: has {found}; expected one table [joints], such as\n{_example()}"
-        )
+        raise MotionFileError(f"{path}: has {found}; expected one table [joints], such as\n{_example()}")
     return _checked_names(joints, str(path))
 
 
@@ -152,9 +148,7 @@ def _check_tree(capture: Capture, found: Mapping[str, int]) -> None:
                 )
 
 
-def _missing_message(
-    capture: Capture, found: Mapping[str, int], missing: Mapping[str, tuple[str, ...]]
-) -> str:
+def _missing_message(capture: Capture, found: Mapping[str, int], missing: Mapping[str, tuple[str, ...]]) -> str:
     taken = {capture.names[index] for index in found.values()}
     names = capture.joint_names[:_MOST_NAMES]
     more = len(capture.joint_names) - len(names)
@@ -165,9 +159,7 @@ def _missing_message(
         near = _close(role, candidates, free)
         hint = f"; perhaps {' or '.join(repr(name) for name in near)}" if near else ""
         lines.append(f"  {role}: looked for {tried}{hint}")
-    lines.append(
-        "The file's joints are: " + ", ".join(names) + (f" and {more} more." if more else ".")
-    )
+    lines.append("The file's joints are: " + ", ".join(names) + (f" and {more} more." if more else "."))
     lines.append("Say which is which in a mapping file (--mapping FILE), such as:")
     lines.append(_example(capture, found, missing, free))
     return "\n".join(lines)
@@ -212,11 +204,7 @@ def _plain(name: str, prefixes: tuple[str, ...]) -> str:
 
 
 def _default_table() -> dict[str, Any]:
-    text = (
-        files("leastaction.apps.marionette.retargeting")
-        .joinpath("joint_names.toml")
-        .read_text(encoding="utf-8")
-    )
+    text = files("leastaction.apps.marionette.retargeting").joinpath("joint_names.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)
 
 

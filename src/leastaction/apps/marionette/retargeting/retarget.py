@@ -18,13 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from leastaction.apps.marionette.retargeting.geometry import (
-    angle_between,
-    euler_zyx,
-    frame,
-    smooth_step,
-    unit,
-)
+from leastaction.apps.marionette.retargeting.geometry import angle_between, euler_zyx, frame, smooth_step, unit
 from leastaction.apps.marionette.retargeting.heading import (
     Axis,
     Heading,
@@ -170,8 +164,7 @@ def retarget(
     directions = {bone: unit(points[b] - points[a]) for bone, (a, b) in _bones().items()}
     made = puppet_points(q, proportions=sizes)
     errors = {
-        bone: np.rad2deg(angle_between(unit(made[b] - made[a]), directions[bone]))
-        for bone, (a, b) in _bones().items()
+        bone: np.rad2deg(angle_between(unit(made[b] - made[a]), directions[bone])) for bone, (a, b) in _bones().items()
     }
     return Retargeted(
         motion=Motion(VARIABLES, t, q, source=capture.path),
@@ -197,9 +190,7 @@ def _bones() -> dict[str, tuple[str, str]]:
     return bones
 
 
-def _check_bones(
-    capture: Capture, found: Mapping[str, int], points: Mapping[str, Array], first: int
-) -> None:
+def _check_bones(capture: Capture, found: Mapping[str, int], points: Mapping[str, Array], first: int) -> None:
     leg = leg_length(points)
     across = {"hips": ("left_hip", "right_hip"), "shoulders": ("left_shoulder", "right_shoulder")}
     for bone, (a, b) in {**_bones(), **across}.items():
@@ -244,13 +235,7 @@ def _torso(points: Mapping[str, Array]) -> Array:
     return frame(right(points), z)
 
 
-def _limb(
-    side: str,
-    limb: Limb,
-    points: Mapping[str, Array],
-    frames: Mapping[str, Array],
-    torso: Array,
-) -> Array:
+def _limb(side: str, limb: Limb, points: Mapping[str, Array], frames: Mapping[str, Array], torso: Array) -> Array:
     """Angles rz, ry, rx and hinge (F, 4) of one limb."""
     root, hinge, end = (f"{side}_{joint}" for joint in CHAINS[limb])
     a = unit(points[hinge] - points[root])

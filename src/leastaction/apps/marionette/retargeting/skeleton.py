@@ -24,25 +24,13 @@ VARIABLES: tuple[str, ...] = (
     "torso_ry",
     "torso_rx",
     *(f"{side}{name}" for side in "lr" for name in ("hip_rz", "hip_ry", "hip_rx", "knee_rx")),
-    *(
-        f"{side}{name}"
-        for side in "lr"
-        for name in ("shoulder_rz", "shoulder_ry", "shoulder_rx", "elbow_rx")
-    ),
+    *(f"{side}{name}" for side in "lr" for name in ("shoulder_rz", "shoulder_ry", "shoulder_rx", "elbow_rx")),
 )
 
 Limb = Literal["leg", "arm"]
-LIMBS: tuple[tuple[str, Limb], ...] = (
-    ("left", "leg"),
-    ("right", "leg"),
-    ("left", "arm"),
-    ("right", "arm"),
-)
+LIMBS: tuple[tuple[str, Limb], ...] = (("left", "leg"), ("right", "leg"), ("left", "arm"), ("right", "arm"))
 #: Joint names from the root of a limb to its end.
-CHAINS: dict[Limb, tuple[str, str, str]] = {
-    "leg": ("hip", "knee", "ankle"),
-    "arm": ("shoulder", "elbow", "wrist"),
-}
+CHAINS: dict[Limb, tuple[str, str, str]] = {"leg": ("hip", "knee", "ankle"), "arm": ("shoulder", "elbow", "wrist")}
 #: Sign of the hinge's variable when it bends the natural way.
 BEND: dict[Limb, float] = {"leg": -1.0, "arm": 1.0}
 
@@ -83,12 +71,7 @@ def limb_variables(side: str, limb: Limb) -> tuple[str, str, str, str]:
     """Names of the four variables of a limb: root rz, ry, rx and the hinge's rx."""
     root, hinge, _ = CHAINS[limb]
     letter = side[0]
-    return (
-        f"{letter}{root}_rz",
-        f"{letter}{root}_ry",
-        f"{letter}{root}_rx",
-        f"{letter}{hinge}_rx",
-    )
+    return (f"{letter}{root}_rz", f"{letter}{root}_ry", f"{letter}{root}_rx", f"{letter}{hinge}_rx")
 
 
 def puppet_points(q: Array, *, proportions: Proportions | None = None) -> dict[str, Array]:
@@ -113,9 +96,7 @@ def puppet_points(q: Array, *, proportions: Proportions | None = None) -> dict[s
 
     def turn(names: tuple[str, ...]) -> Array:
         z, y, x = names
-        return (
-            axis_rotation(2, column[z]) @ axis_rotation(1, column[y]) @ axis_rotation(0, column[x])
-        )
+        return axis_rotation(2, column[z]) @ axis_rotation(1, column[y]) @ axis_rotation(0, column[x])
 
     pelvis = q[:, :3]
     torso = turn(("torso_rz", "torso_ry", "torso_rx"))

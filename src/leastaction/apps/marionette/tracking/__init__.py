@@ -7,13 +7,4 @@ from leastaction.apps.marionette.tracking.files import load_run, save_run
 from leastaction.apps.marionette.tracking.run import TrackingRun, track
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
 
-__all__ = [
-    "FORCED",
-    "GENTLE",
-    "TrackingCost",
-    "TrackingRun",
-    "TrackingWeights",
-    "load_run",
-    "save_run",
-    "track",
-]
+__all__ = ["FORCED", "GENTLE", "TrackingCost", "TrackingRun", "TrackingWeights", "load_run", "save_run", "track"]

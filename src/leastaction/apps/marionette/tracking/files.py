@@ -65,9 +65,7 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
         result=run.result,
     )
     arrays = {name: getattr(trajectory, name) for name in ("q", "p", "lam")}
-    return save_record(
-        path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension}
-    )
+    return save_record(path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension})
 
 
 def load_run(path: str | os.PathLike[str]) -> TrackingRun:
@@ -102,9 +100,7 @@ def load_run(path: str | os.PathLike[str]) -> TrackingRun:
         }
         for name, (array, shape) in expected.items():
             if array.shape != shape or not np.all(np.isfinite(array)):
-                raise ResultFileError(
-                    f"{name} has shape {array.shape}, expected {shape} finite numbers"
-                )
+                raise ResultFileError(f"{name} has shape {array.shape}, expected {shape} finite numbers")
         return TrackingRun(
             mechanism=mechanism,
             source=saved.source,
@@ -115,6 +111,4 @@ def load_run(path: str | os.PathLike[str]) -> TrackingRun:
             provenance=record.provenance,
         )
     except LeastActionError as error:
-        raise ResultFileError(
-            f"{path} contradicts itself: {error}. Run the optimisation again"
-        ) from error
+        raise ResultFileError(f"{path} contradicts itself: {error}. Run the optimisation again") from error

@@ -24,16 +24,7 @@ MOST_STEPS = 100_000
 _GOOD_START_ANGLE = np.deg2rad(15.0)  # largest rms error of a held joint in a first trajectory
 _GOOD_START_DISTANCE = 0.15  # m, the same for the pelvis
 # Price of a motor's square, and the iterations at that price.
-_EMBEDDING = (
-    (1e-6, 3),
-    (1e-5, 3),
-    (1e-4, 4),
-    (1e-3, 6),
-    (1e-2, 8),
-    (1e-1, 8),
-    (1.0, 8),
-    (10.0, 8),
-)
+_EMBEDDING = ((1e-6, 3), (1e-5, 3), (1e-4, 4), (1e-3, 6), (1e-2, 8), (1e-1, 8), (1.0, 8), (10.0, 8))
 # Parts of the final price of tension, and the iterations at that price, on the way there.
 _TENSION_STAGES = ((0.0, 15), (0.001, 15), (0.01, 15), (0.1, 15))
 
@@ -42,13 +33,7 @@ class TrackingProblem:
     """The tracking problem of one motion."""
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        motion: Motion,
-        weights: TrackingWeights,
-        threads: int,
-        *,
-        ahead: float = 0.0,
+        self, mechanism: Mechanism, motion: Motion, weights: TrackingWeights, threads: int, *, ahead: float = 0.0
     ) -> None:
         self.mechanism, self.weights, self.threads = mechanism, weights, threads
         self.t = motion.t
@@ -61,9 +46,7 @@ class TrackingProblem:
     def hang(self) -> tuple[Array, Array] | None:
         """Return what the puppet does under hanging strings, or None where that is no good start."""
         m = self.mechanism
-        run = self.integrator.simulate(
-            self.integrator.start(self.reference[0]), self.t, rho=self.reference[:, m.nd :]
-        )
+        run = self.integrator.simulate(self.integrator.start(self.reference[0]), self.t, rho=self.reference[:, m.nd :])
         if run.status is not SimulationStatus.COMPLETED:
             return None
         rms = np.sqrt(np.mean((run.q - self.reference)[:, : m.nd] ** 2, axis=0))
@@ -83,10 +66,7 @@ class TrackingProblem:
         motors = [JointForce(name, f"motor of {name}") for name in m.dynamic]
         helped = MidpointVI(m.with_elements(motors), threads=self.threads)
         system = MidpointSystem(helped, self.t, multipliers=True)
-        x, u = (
-            self.x_reference,
-            np.hstack([np.zeros((len(self.t) - 1, m.nd)), self.reference[1:, m.nd :]]),
-        )
+        x, u = (self.x_reference, np.hstack([np.zeros((len(self.t) - 1, m.nd)), self.reference[1:, m.nd :]]))
         for price, iterations in _EMBEDDING:
             result = optimize(
                 system,
@@ -109,18 +89,14 @@ class TrackingProblem:
                 tolerance=1e-4,
             )
             x, u = _going_on(result)
-            say(
-                f"without motors, tension at {100.0 * part:g} % of its price: cost {result.cost:.4g}"
-            )
+            say(f"without motors, tension at {100.0 * part:g} % of its price: cost {result.cost:.4g}")
         return x, u
 
     def cost(self, tension: float, *, motor: float | None = None) -> TrackingCost:
         """Return the cost at a price of tension; with motors as further inputs if they have a price."""
         m, w = self.mechanism, self.weights
         inertia = np.diag(m.mass_matrix(self.reference[0]))[: m.nd]
-        body = np.array(
-            [w.root if n in ROOT else w.unheld if n in UNHELD else w.joint for n in m.dynamic]
-        )
+        body = np.array([w.root if n in ROOT else w.unheld if n in UNHELD else w.joint for n in m.dynamic])
         rate = w.rate * np.array([w.unheld if n in UNHELD else 1.0 for n in m.dynamic]) / inertia**2
         # lam is an impulse for |p1 - p2|^2 - L^2: a newton of tension is dt / (2 L) of it.
         lengths = self.reference[0, [m.variables.index(s.length) for s in STRINGS]]
@@ -155,9 +131,7 @@ class TrackingProblem:
         start = self.integrator.start(self.reference[0])
         x = np.zeros((N + 1, self.system.nx))
         x[:, : m.nq] = self.reference
-        x[:, m.nq : m.nq + m.nd] = [
-            m.momentum(a, b)[: m.nd] for a, b in zip(self.reference, v, strict=True)
-        ]
+        x[:, m.nq : m.nq + m.nd] = [m.momentum(a, b)[: m.nd] for a, b in zip(self.reference, v, strict=True)]
         x[1:, m.nq + m.nd : m.nx] = np.diff(self.reference[:, m.nd :], axis=0) / self.dt
         x[0, : m.nx] = start.x
         x[:, m.nx :] = self._tension_at_rest()
@@ -191,9 +165,7 @@ def _columns(mechanism: Mechanism, motion: Motion) -> Array:
         )
     for name in mechanism.dynamic:
         if name not in motion.names:
-            raise ArgumentError(
-                f"motion: no column for {name!r}; {closest(name, motion.names, what='columns')}"
-            )
+            raise ArgumentError(f"motion: no column for {name!r}; {closest(name, motion.names, what='columns')}")
     if not 3 <= len(motion.t) <= MOST_STEPS + 1:
         raise ArgumentError(
             f"motion: got {len(motion.t) - 1} steps, expected 2 to {MOST_STEPS}. Take a longer time step, or "
@@ -201,7 +173,5 @@ def _columns(mechanism: Mechanism, motion: Motion) -> Array:
         )
     steps = np.diff(motion.t)
     if np.ptp(steps) > 1e-6 * steps[0]:
-        raise ArgumentError(
-            "motion: times must increase in equal steps; use Motion.resample(dt) to make them so"
-        )
+        raise ArgumentError("motion: times must increase in equal steps; use Motion.resample(dt) to make them so")
     return motion.columns(mechanism.dynamic)

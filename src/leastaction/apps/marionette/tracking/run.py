@@ -77,9 +77,7 @@ class TrackingRun:
         """How far each variable of the body is from the reference."""
         names = self.mechanism.dynamic
         nd = len(names)
-        return tracking_errors(
-            self.reference[:, :nd], self.trajectory.q[:, :nd], names, lengths=ROOT
-        )
+        return tracking_errors(self.reference[:, :nd], self.trajectory.q[:, :nd], names, lengths=ROOT)
 
 
 def track(

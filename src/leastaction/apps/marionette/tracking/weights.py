@@ -45,8 +45,7 @@ class TrackingWeights:
                 raise ArgumentError(f"weights: {name} is {value}, expected a finite number >= 0")
         if self.string <= 0.0:
             raise ArgumentError(
-                "weights: string is 0, expected a positive weight: without one nothing says where the "
-                "strings should be"
+                "weights: string is 0, expected a positive weight: without one nothing says where the strings should be"
             )
 
 

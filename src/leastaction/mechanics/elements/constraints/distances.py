@@ -17,9 +17,7 @@ from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import END, FACTORS, FRAME, PATH, Kind, number, positive
 from leastaction.numerics.arrays import Array
 
-_LENGTH = positive(
-    "as a string of zero length has no direction to pull in", unit="m", variable="kinematic"
-)
+_LENGTH = positive("as a string of zero length has no direction to pull in", unit="m", variable="kinematic")
 
 
 @dataclass(frozen=True)

@@ -124,8 +124,7 @@ class PrescribedPath(Constraint):
         super().__post_init__()
         if not self.prescribed:
             raise DescriptionError(
-                f"{self.label}: no coordinate is prescribed; give one of x=, y=, z= the name of a kinematic "
-                "variable"
+                f"{self.label}: no coordinate is prescribed; give one of x=, y=, z= the name of a kinematic variable"
             )
 
     @property
@@ -139,9 +138,7 @@ class PrescribedPath(Constraint):
         return tuple(f".{axis}" for axis in self.prescribed)
 
     def describe(self) -> str:
-        return (
-            f"{self.frame} at {', '.join(f'{a} = {name}' for a, name in self.prescribed.items())}"
-        )
+        return f"{self.frame} at {', '.join(f'{a} = {name}' for a, name in self.prescribed.items())}"
 
     def add_to(self, core: Compiler) -> None:
         world = core.context.world

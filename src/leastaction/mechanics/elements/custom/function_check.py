@@ -89,10 +89,7 @@ def check_derivatives(
     hessian = given["hessian"]
     pairs = {
         # A method that does not follow complex z makes the complex step wrong too, so it is named first.
-        **{
-            f"{name} on complex z": (stepped[name], differences[name], max(ROUGH, tolerance))
-            for name in methods
-        },
+        **{f"{name} on complex z": (stepped[name], differences[name], max(ROUGH, tolerance)) for name in methods},
         "gradient": (given["gradient"], stepped["value"], tolerance),
         "hessian": (hessian, stepped["gradient"], tolerance),
         "hessian symmetry": (hessian, hessian.T, tolerance),
@@ -112,9 +109,7 @@ def check_derivatives(
     return report
 
 
-def _message(
-    function: PythonFunction, name: str, entry: tuple[int, ...], ours: Any, theirs: Any
-) -> str:
+def _message(function: PythonFunction, name: str, entry: tuple[int, ...], ours: Any, theirs: Any) -> str:
     kind = type(function).__name__
     got, wanted = float(ours[entry]), float(theirs[entry])
     if name.endswith("on complex z"):
@@ -135,9 +130,7 @@ def _message(
     )
 
 
-def _call(
-    function: PythonFunction, name: str, z: npt.NDArray[Any], shape: tuple[int, ...]
-) -> npt.NDArray[Any]:
+def _call(function: PythonFunction, name: str, z: npt.NDArray[Any], shape: tuple[int, ...]) -> npt.NDArray[Any]:
     given = z.copy()
     given.setflags(write=False)
     result = np.asarray(getattr(function, name)(given))
@@ -153,10 +146,7 @@ def _complex_step(
     function: PythonFunction, name: str, z: npt.NDArray[np.float64], shape: tuple[int, ...]
 ) -> npt.NDArray[np.float64]:
     """Return the derivatives of a method by every entry of z, along the last axis."""
-    columns = [
-        _call(function, name, z + 1j * STEP * direction, shape).imag / STEP
-        for direction in np.eye(z.size)
-    ]
+    columns = [_call(function, name, z + 1j * STEP * direction, shape).imag / STEP for direction in np.eye(z.size)]
     return np.stack(columns, axis=-1)
 
 

@@ -86,15 +86,9 @@ class _Function(Kind):
 
     def read(self, value: Any, what: str) -> Any:
         title = what.rpartition(":")[0]
-        missing = [
-            method
-            for method in ("value", "gradient", "hessian")
-            if not callable(getattr(value, method, None))
-        ]
+        missing = [method for method in ("value", "gradient", "hessian") if not callable(getattr(value, method, None))]
         if missing or isinstance(value, type):
-            lacks = (
-                f"has no method {missing[0]!r}" if missing else "is a class; make an object of it"
-            )
+            lacks = f"has no method {missing[0]!r}" if missing else "is a class; make an object of it"
             raise DescriptionError(
                 f"{title}: expected an object with value(z), gradient(z) and hessian(z), such as a "
                 f"PythonFunction, but {value!r} {lacks}"
@@ -116,9 +110,7 @@ class _Directions(Kind):
         entry: Any
         for entry in value:
             if not isinstance(entry, (tuple, list)) or len(entry) != 2:
-                raise DescriptionError(
-                    f"{what}: expected pairs of a frame and a vector, got {entry!r}"
-                )
+                raise DescriptionError(f"{what}: expected pairs of a frame and a vector, got {entry!r}")
             frame = check_name(entry[0], f"{what}: the frame")
             directions.append((frame, unit_vector(frame, entry[1])))
         return tuple(directions)

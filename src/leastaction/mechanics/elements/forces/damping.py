@@ -8,15 +8,7 @@ from dataclasses import dataclass, field, replace
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.fields import (
-    DYNAMIC,
-    END,
-    Factors,
-    Kind,
-    Number,
-    Uses,
-    positive,
-)
+from leastaction.mechanics.elements.fields import DYNAMIC, END, Factors, Kind, Number, Uses, positive
 from leastaction.numerics.names import check_name
 
 _COEFFICIENT = Number(lambda c: c >= 0.0, "zero or more", "as damping opposes the motion")
@@ -113,22 +105,17 @@ class _OddPowers(Kind):
     def read(self, value: object, what: str) -> tuple[float, ...]:
         text = isinstance(value, (str, bytes))
         if text or not isinstance(value, Sequence) or not 1 <= len(value) <= 8:
-            raise DescriptionError(
-                f"{what}: expected a list of one to eight numbers c1, c3, c5, ..., got {value!r}"
-            )
+            raise DescriptionError(f"{what}: expected a list of one to eight numbers c1, c3, c5, ..., got {value!r}")
         last = Number(lambda c: c > 0.0, "a positive number", "as the last one opposes fast motion")
         kinds = [Number()] * (len(value) - 1) + [last]
         return tuple(
-            kind.read(c, f"{what}: c{2 * i + 1}")
-            for i, (kind, c) in enumerate(zip(kinds, value, strict=True))
+            kind.read(c, f"{what}: c{2 * i + 1}") for i, (kind, c) in enumerate(zip(kinds, value, strict=True))
         )
 
     def numbers(self, field: str, value: Sequence[float]) -> dict[str, float]:
         return {f"c{2 * i + 1}": c for i, c in enumerate(value)}
 
-    def with_number(
-        self, field: str, value: Sequence[float], parameter: str, number: float
-    ) -> tuple[float, ...]:
+    def with_number(self, field: str, value: Sequence[float], parameter: str, number: float) -> tuple[float, ...]:
         return tuple({**self.numbers(field, value), parameter: number}.values())
 
     def show(self, value: Sequence[float]) -> str:

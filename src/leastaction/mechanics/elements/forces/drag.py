@@ -49,13 +49,10 @@ class Drag(Force):
     frame: str = field(metadata=FRAME)
     coefficient: float = field(metadata=positive("as drag opposes the motion"))
     exponent: float = field(
-        default=2.0,
-        metadata=number(lambda n: n >= 1.0, "1 (viscous) or more", "such as 2 for air"),
+        default=2.0, metadata=number(lambda n: n >= 1.0, "1 (viscous) or more", "such as 2 for air")
     )
     wind: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=VECTOR)
-    smoothing: float = field(
-        default=1e-3, metadata=positive("the speed under which the drag is viscous", unit="m/s")
-    )
+    smoothing: float = field(default=1e-3, metadata=positive("the speed under which the drag is viscous", unit="m/s"))
 
     called = "drag"
     reads = "{frame}, coefficient {coefficient}, exponent {exponent}"

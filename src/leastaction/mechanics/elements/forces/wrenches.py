@@ -36,9 +36,7 @@ class _Components(Kind):
                 f"got {value!r}"
             )
         return tuple(
-            check_name(c, f"{what}: {axis}")
-            if isinstance(c, str)
-            else Number().read(c, f"{what}: {axis}")
+            check_name(c, f"{what}: {axis}") if isinstance(c, str) else Number().read(c, f"{what}: {axis}")
             for axis, c in zip("xyz", value, strict=True)
         )
 
@@ -99,9 +97,7 @@ class Wrench(Force):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.force is None and self.torque is None:
-            raise DescriptionError(
-                f"{self.label}: neither a force nor a torque is given; give force= or torque="
-            )
+            raise DescriptionError(f"{self.label}: neither a force nor a torque is given; give force= or torque=")
 
     @property
     def components(self) -> dict[str, float | str]:

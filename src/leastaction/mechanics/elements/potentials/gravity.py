@@ -93,9 +93,7 @@ class Gravity(Potential):
             bodies, placed = _bodies(core.context, frame), core.context.placed(frame)
             mass = _mass(bodies)
             com = sum((body.mass * body.com for body in bodies), np.zeros(3)) / mass
-            centre = core.builder.add_point(
-                placed.joint, placed.pose[:3, :3] @ com + placed.pose[:3, 3]
-            )
+            centre = core.builder.add_point(placed.joint, placed.pose[:3, :3] @ com + placed.pose[:3, 3])
             height = core.builder.component_coordinate(centre, origin, upwards)
             slot = core.parameter(f"mass.{frame}", mass)
             core.potential(height, core.builder.law("linear", [slot]))

@@ -91,9 +91,7 @@ class LinearSpring(Potential):
     frame1: str = field(metadata=END)
     frame2: str = field(metadata=END)
     stiffness: float = field(metadata=positive(PULLS_BACK, unit="N/m"))
-    length: float | str = field(
-        default=0.0, metadata=not_negative("in metres", unit="m", variable="either")
-    )
+    length: float | str = field(default=0.0, metadata=not_negative("in metres", unit="m", variable="either"))
 
     called = "spring"
     reads = "{frame1} to {frame2}, {stiffness}, length {length}"
@@ -253,9 +251,7 @@ class ElasticString(Potential):
     tension_only: bool = field(default=True, metadata=FLAG)
     smoothing: float = field(
         default=1e-3,
-        metadata=positive(
-            "the length over which the string gets taut; tension_only=False has no corner", unit="m"
-        ),
+        metadata=positive("the length over which the string gets taut; tension_only=False has no corner", unit="m"),
     )
 
     called = "elastic_string"
