@@ -1,8 +1,7 @@
 """The errors that the package raises on purpose.
 
 Each message says what was given, what was expected and what to do about it. Every class derives from
-`LeastActionError`, so one ``except`` clause catches them all; those that report a bad argument are a
-`ValueError` too.
+`LeastActionError`, so one ``except`` clause catches them all; those that report a bad argument are a `ValueError` too.
 """
 
 from __future__ import annotations

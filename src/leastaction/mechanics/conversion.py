@@ -63,8 +63,7 @@ def to_discrete(
     Returns
     -------
     Trajectory
-        Off the continuous motion by O(dt^2). If the integrator fails it ends there, as `MidpointVI.simulate`
-        says.
+        Off the continuous motion by O(dt^2). If the integrator fails it ends there, as `MidpointVI.simulate` says.
 
     Raises
     ------

@@ -11,10 +11,9 @@ from leastaction.numerics.arrays import Array, as_count, as_number
 def four_bars(loops: int = 2, *, length: float = 1.0, mass: float = 1.0, gravity: float = 9.81) -> Mechanism:
     """Return equal four-bar linkages in a row, in the x-y plane.
 
-    One more crank than there are loops turns on the ground; a coupler joins each to the next. All of these
-    ``2 loops + 1`` links are equal slender rods. The whole row moves as one as long as the cranks are not
-    in line with the couplers: there the constraints lose rank, and its one degree of freedom becomes
-    ``loops + 1``.
+    One more crank than there are loops turns on the ground; a coupler joins each to the next. All of these ``2 loops +
+    1`` links are equal slender rods. The whole row moves as one as long as the cranks are not in line with the
+    couplers: there the constraints lose rank, and its one degree of freedom becomes ``loops + 1``.
 
     Parameters
     ----------

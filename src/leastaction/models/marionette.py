@@ -5,8 +5,7 @@ shoulder, one at each knee and elbow. 18 kinematic variables: each string hangs 
 the horizontal plane `PLANE_HEIGHT` above the origin, and is drawn in and let out. There are no motors: the
 strings and gravity move the puppet.
 
-Axes: x to the puppet's right, y ahead, z up. All angles are zero when it stands straight with its arms
-down.
+Axes: x to the puppet's right, y ahead, z up. All angles are zero when it stands straight with its arms down.
 """
 
 from __future__ import annotations
@@ -167,8 +166,7 @@ def rest_pose(mechanism: Mechanism) -> npt.NDArray[np.float64]:
     Returns
     -------
     ndarray, shape (nq,)
-        Satisfies the constraints: every string is straight above its hook. Gravity and the strings are
-        in balance.
+        Satisfies the constraints: every string is straight above its hook. Gravity and the strings are in balance.
     """
     return hang_strings(mechanism, mechanism.configuration(REST))
 

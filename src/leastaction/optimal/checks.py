@@ -30,9 +30,8 @@ class DerivativeReport:
     Attributes
     ----------
     errors : dict[str, float]
-        By name: "A", "B", "curvature", "curvature symmetry", "linearize", "curvatures", of a discrete
-        system "rollout"; and "cost gradient", "cost hessian" (in continuous time "final gradient",
-        "final hessian") if a cost was given.
+        By name: "A", "B", "curvature", "curvature symmetry", "linearize", "curvatures", of a discrete system "rollout";
+        and "cost gradient", "cost hessian" (in continuous time "final gradient", "final hessian") if a cost was given.
     tolerance : float
         What was allowed.
     """

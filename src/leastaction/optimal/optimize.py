@@ -2,9 +2,8 @@
 
 ``minimise h(x, u) over trajectories of x+ = f(x, u, k), or of x' = f(x, u, t), from a fixed initial state``
 
-Every iterate is a trajectory. An iteration linearises along it, minimises a quadratic model over the
-tangent trajectories (a linear-quadratic problem), and follows the projection of that direction as far
-as the cost falls enough.
+Every iterate is a trajectory. An iteration linearises along it, minimises a quadratic model over the tangent
+trajectories (a linear-quadratic problem), and follows the projection of that direction as far as the cost falls enough.
 """
 
 from __future__ import annotations
@@ -115,21 +114,19 @@ def optimize(
         Go on from an earlier result instead of `initial`. The iterates are those of a run that was
         never stopped, if method, regulator, accuracy, cost and system are the same.
     method : {"auto", "steepest", "quasi-newton", "newton"}
-        The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it
-        foretells the cost well, and goes to Newton otherwise. A Newton model without a minimum is
-        damped; a method whose direction cannot be followed is replaced, for that iteration, by the
-        next simpler one, and where none can, all of them are shortened by added weights. The history and
-        the table show what was used. Whatever the method, convergence is judged by the exact second
-        derivative of a discrete system that has one: at a saddle, "auto" and "newton" go on along negative
-        curvature, the others end with `Status.SADDLE`.
+        The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it foretells the cost
+        well, and goes to Newton otherwise. A Newton model without a minimum is damped; a method whose direction cannot
+        be followed is replaced, for that iteration, by the next simpler one, and where none can, all of them are
+        shortened by added weights. The history and the table show what was used. Whatever the method, convergence is
+        judged by the exact second derivative of a discrete system that has one: at a saddle, "auto" and "newton" go on
+        along negative curvature, the others end with `Status.SADDLE`.
     regulator : {"descent", "lqr"}
         Gains of the projection: those of the descent direction's own linear-quadratic problem, which
         cost nothing more, or an LQR with identities as weights (dissertation 6.3.1).
     max_iterations : int
         Limit on the iterations of this run.
     tolerance, absolute_tolerance : float
-        Stop when the expected decrease ``-Dg . dxi`` is at most
-        ``tolerance * |cost| + absolute_tolerance``.
+        Stop when the expected decrease ``-Dg . dxi`` is at most ``tolerance * |cost| + absolute_tolerance``.
     alpha, beta : float
         Armijo's: fraction of the linear decrease that is asked for, and factor between trial steps.
     max_backtracks : int
@@ -140,10 +137,9 @@ def optimize(
         Integrator and tolerances, for a continuous system. An optimum is found to about the square of the
         relative tolerance in cost, and to the tolerance in the trajectory.
     callback : callable, optional
-        Called with an `IterationRecord` after every iteration, and once with the initial trajectory;
-        a true answer stops the optimisation. `IterationTable` is one. In continuous time `x` and `u` of the
-        record are samples at the ends of the trajectory's pieces, of which there are more or fewer from one
-        iterate to the next.
+        Called with an `IterationRecord` after every iteration, and once with the initial trajectory; a true answer
+        stops the optimisation. `IterationTable` is one. In continuous time `x` and `u` of the record are samples at the
+        ends of the trajectory's pieces, of which there are more or fewer from one iterate to the next.
 
     Returns
     -------

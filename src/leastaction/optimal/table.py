@@ -28,15 +28,13 @@ _COLUMNS = (
 class IterationTable:
     """Prints the iterations as they happen; give it to `optimize` as the callback, one for each run.
 
-    A full step of a perfect model decreases the cost by half of what is expected. Where a step had to be cut, the
-    step of time at which the longer one ended stands under "cut at".
-    One table is for one run: threads do not share it.
+    A full step of a perfect model decreases the cost by half of what is expected. Where a step had to be cut, the step
+    of time at which the longer one ended stands under "cut at". One table is for one run: threads do not share it.
 
     Parameters
     ----------
     file : text stream, optional
-        Where to; the standard output if left out. On a terminal, and if rich is installed, the
-        table is in colour.
+        Where to; the standard output if left out. On a terminal, and if rich is installed, the table is in colour.
     then : callable, optional
         Another callback to call after printing; its answer is passed on.
     """

@@ -2,10 +2,9 @@
 
 Of any mechanism: what is drawn is given as arrays, or as a `Scene` of points, bones and cords.
 
-Every ``plot_*`` function takes arrays and returns a `matplotlib.figure.Figure` of its own, so
-nothing here touches pyplot or a display; `save_png` writes one, whole or not at all.
-`animation_page` turns a `Scene` into one self-contained HTML text. Matplotlib comes with the extra
-``viz`` and is imported only when a figure is made.
+Every ``plot_*`` function takes arrays and returns a `matplotlib.figure.Figure` of its own, so nothing here touches
+pyplot or a display; `save_png` writes one, whole or not at all. `animation_page` turns a `Scene` into one
+self-contained HTML text. Matplotlib comes with the extra ``viz`` and is imported only when a figure is made.
 """
 
 from __future__ import annotations

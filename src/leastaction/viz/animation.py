@@ -19,8 +19,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.files import write_text
 from leastaction.viz.scene import Scene
 
-# A screen shows 60 pictures a second and the page interpolates, so finer samples would only make it
-# larger.
+# A screen shows 60 pictures a second and the page interpolates, so finer samples would only make it larger.
 _SAMPLES_PER_SECOND: Final = 50.0
 _CODES: Final = 65535
 
@@ -28,11 +27,10 @@ _CODES: Final = 65535
 def animation_page(scene: Scene, *, azimuth: float = 50.0) -> str:
     """Return an HTML page that plays a scene in any browser, straight from the disk.
 
-    The page turns with the mouse, zooms with the wheel, plays, pauses, slows down and scrubs; it
-    shows the mechanism, its cords coloured by tension (slack ones dashed), the reference pose as a
-    translucent ghost, the paths of chosen points, the time and the tracking error. Appending
-    ``#t=2.5`` to its address opens it paused at 2.5 s; ``theme=dark`` and ``yaw=90`` work the same
-    way.
+    The page turns with the mouse, zooms with the wheel, plays, pauses, slows down and scrubs; it shows the mechanism,
+    its cords coloured by tension (slack ones dashed), the reference pose as a translucent ghost, the paths of chosen
+    points, the time and the tracking error. Appending ``#t=2.5`` to its address opens it paused at 2.5 s;
+    ``theme=dark`` and ``yaw=90`` work the same way.
 
     Parameters
     ----------

@@ -37,8 +37,7 @@ def plot_convergence(
     Parameters
     ----------
     cost
-        Cost before the first step and after each, (M+1,). Drawn on a log scale when positive
-        throughout.
+        Cost before the first step and after each, (M+1,). Drawn on a log scale when positive throughout.
     expected_decrease
         Decrease that each direction promised (minus the directional derivative of the cost), (M,)
         or (M+1,) with the value at the end. Its size is drawn, on a log scale.

@@ -49,8 +49,7 @@ def plot_snapshots(
     times
         The times of the poses, s, instead of ``count``.
     azimuth, elevation
-        Direction from which it is seen, degrees: about the vertical from the x axis, and above the
-        horizon.
+        Direction from which it is seen, degrees: about the vertical from the x axis, and above the horizon.
     ceiling
         Height above the floor at which the picture ends, m; everything when None.
     title
@@ -148,8 +147,7 @@ def _view(azimuth: float, elevation: float) -> Array:
 def _flatten(scene: Scene, points: Mapping[str, Array], k: int, view: Array) -> dict[str, Array]:
     """Return right, up and nearness of every point, seen from beside the followed point.
 
-    Moving with that point over the ground keeps a walk away from the viewer from looking like a
-    climb.
+    Moving with that point over the ground keeps a walk away from the viewer from looking like a climb.
     """
     origin = scene.points[scene.followed][k] * (1.0, 1.0, 0.0)
     return {name: view @ (path[k] - origin) for name, path in points.items()}

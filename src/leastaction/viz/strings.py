@@ -24,9 +24,8 @@ def plot_strings(
 ) -> Figure:
     """Draw length and tension of each string.
 
-    A distance constraint pushes as readily as it pulls, a string does not: where the tension is
-    negative the real string would be slack, and the panel says so in red, with the share of the
-    time.
+    A distance constraint pushes as readily as it pulls, a string does not: where the tension is negative the real
+    string would be slack, and the panel says so in red, with the share of the time.
 
     Parameters
     ----------
@@ -35,8 +34,7 @@ def plot_strings(
     lengths
         Lengths of the strings, (N+1, n), m.
     tensions
-        Tensions, positive when the string pulls, (N, n) (one per step, drawn at the middle of the
-        step) or (N+1, n), N.
+        Tensions, positive when the string pulls, (N, n) (one per step, drawn at the middle of the step) or (N+1, n), N.
     names
         Names of the strings.
     title

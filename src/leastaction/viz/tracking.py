@@ -36,8 +36,7 @@ class TrackingErrors:
     units
         Unit of each error, ``"deg"`` or ``"m"``.
     rms, largest
-        Root mean square over time, and the largest absolute error, in those units; one entry per
-        variable.
+        Root mean square over time, and the largest absolute error, in those units; one entry per variable.
     joint_rms
         Root mean square over time and over all angles, degrees; 0 without angles.
     over_time
@@ -130,9 +129,8 @@ def plot_tracking(
     lengths
         Names of the columns that are lengths (m); the others are angles.
     groups
-        Heading of each row of panels and the names in it. A row longer than four goes on in the
-        next one. Without it, the variables follow each other in the order given. Variables in no
-        group are not drawn.
+        Heading of each row of panels and the names in it. A row longer than four goes on in the next one. Without it,
+        the variables follow each other in the order given. Variables in no group are not drawn.
     title
         Heading; the overall error is added.
 

@@ -101,8 +101,7 @@ def optimize(
     motion
         Motion capture to follow: a BVH file. A walk on the spot is made up without it.
     mapping
-        TOML file that says which joint of the capture is which joint of the puppet, where the usual
-        names do not fit.
+        TOML file that says which joint of the capture is which joint of the puppet, where the usual names do not fit.
     duration
         Length, s. A shorter capture is repeated by its best cycle. The whole capture (10 s of the
         made-up walk) if not given.

@@ -34,8 +34,7 @@ def run_summary(run: TrackingRun) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``run``, ``settings``, ``versions``, ``cost``, ``tracking`` (errors in degrees and metres) and
-        ``strings``.
+        ``run``, ``settings``, ``versions``, ``cost``, ``tracking`` (errors in degrees and metres) and ``strings``.
     """
     result, t = run.result, run.trajectory.t
     cost = result.history.cost

@@ -1,10 +1,9 @@
 """A walk on the spot for the marionette, made by formula.
 
-The puppet is held at the knees, the hands and the shoulders. At rest its thighs are raised by the
-knee strings, its shins hang straight down and its forearms lie level. In the walk the knees go up
-and down in turn, each arm with the leg of the other side, twice a cycle the body bobs, and once
-it sways and turns a little. The shins have no string: they swing as the pendulums they are, by the
-steady response of a hanging rigid body to the motion of the knee.
+The puppet is held at the knees, the hands and the shoulders. At rest its thighs are raised by the knee strings, its
+shins hang straight down and its forearms lie level. In the walk the knees go up and down in turn, each arm with the leg
+of the other side, twice a cycle the body bobs, and once it sways and turns a little. The shins have no string: they
+swing as the pendulums they are, by the steady response of a hanging rigid body to the motion of the knee.
 """
 
 from __future__ import annotations

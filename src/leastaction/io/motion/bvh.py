@@ -1,15 +1,13 @@
 """Read Biovision Hierarchy (BVH) motion capture files, strictly.
 
-A BVH file is a tree of joints (constant ``OFFSET`` from the parent, list of ``CHANNELS``) and a
-table with one row of channel values per frame. In the frame of its parent a joint is at its
-offset, or at its position channels where it has them, and is turned by the product of its
-rotation channels in the order of the file: ``CHANNELS 3 Zrotation Yrotation Xrotation`` is
-``R = Rz Ry Rx``. Angles are in degrees in the file and stay so in `Capture.values`.
+A BVH file is a tree of joints (constant ``OFFSET`` from the parent, list of ``CHANNELS``) and a table with one row of
+channel values per frame. In the frame of its parent a joint is at its offset, or at its position channels where it has
+them, and is turned by the product of its rotation channels in the order of the file: ``CHANNELS 3 Zrotation Yrotation
+Xrotation`` is ``R = Rz Ry Rx``. Angles are in degrees in the file and stay so in `Capture.values`.
 
-The package's own reader, because the readers on the package index that were tried (pybvh 0.9
-among them) refuse joints with position channels or with fewer than three rotations, which common
-exporters write, let NaN through, and do not name the line of a broken row. The tests hold the
-forward kinematics against pybvh where it is installed.
+The package's own reader, because the readers on the package index that were tried (pybvh 0.9 among them) refuse joints
+with position channels or with fewer than three rotations, which common exporters write, let NaN through, and do not
+name the line of a broken row. The tests hold the forward kinematics against pybvh where it is installed.
 """
 
 from __future__ import annotations

@@ -32,8 +32,7 @@ def count_steps(duration: float, dt: float) -> int:
 class Motion:
     """Values of named variables over time.
 
-    Immutable: every method returns a new motion. Between its samples a motion is the cubic
-    spline through them.
+    Immutable: every method returns a new motion. Between its samples a motion is the cubic spline through them.
 
     Attributes
     ----------
@@ -161,9 +160,8 @@ class Motion:
     def low_pass(self, cutoff: float) -> Motion:
         """Without its components above `cutoff` Hz, and without a phase shift.
 
-        A Butterworth filter of order 2 run forwards and backwards, on samples at equal steps.
-        The first and last pose stay what they are. A motion that has no such components (its
-        samples too far apart) comes back as it is.
+        A Butterworth filter of order 2 run forwards and backwards, on samples at equal steps. The first and last pose
+        stay what they are. A motion that has no such components (its samples too far apart) comes back as it is.
 
         Raises
         ------

@@ -72,8 +72,7 @@ def check_consistent(mechanism: Mechanism, q: npt.ArrayLike, *, tolerance: float
     q : array_like, shape (nq,)
         The configuration.
     tolerance : float, optional
-        Largest ``|h_i| / max(1, |Dh_i|, |Dh_i|^2 / 4)``: about the distance from the constraint in units
-        of q.
+        Largest ``|h_i| / max(1, |Dh_i|, |Dh_i|^2 / 4)``: about the distance from the constraint in units of q.
 
     Raises
     ------

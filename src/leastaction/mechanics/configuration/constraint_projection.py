@@ -6,10 +6,9 @@ over the free entries of q, W diagonal, by sequential quadratic programming in `
 the metric is the identity, with steps as in `leastaction.mechanics.configuration.null_space`: the slope is s, and
 ``B = 1 + sum_i lam_i d2h_i``.
 
-The curvature of the constraints in B makes the convergence quadratic however far q0 is; without it the
-iteration diverges as soon as the correction is longer than the radius of curvature. Where ``Z^T B Z`` is
-not positive definite, ``t = -Z Z^T s`` descends. The exact penalty
-``1/2 |s|^2 + sum_i m_i |h_i|`` decides how far to go.
+The curvature of the constraints in B makes the convergence quadratic however far q0 is; without it the iteration
+diverges as soon as the correction is longer than the radius of curvature. Where ``Z^T B Z`` is not positive definite,
+``t = -Z Z^T s`` descends. The exact penalty ``1/2 |s|^2 + sum_i m_i |h_i|`` decides how far to go.
 """
 
 from __future__ import annotations

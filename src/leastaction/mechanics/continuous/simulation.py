@@ -70,8 +70,7 @@ def simulate(
     q0 : array_like, shape (nq,)
         Configuration at the start, dynamic variables first (m or rad).
     v0 : array_like, shape (nq,), optional
-        Velocity at the start (m/s or rad/s). None: at rest, but for a prescribed motion, whose velocity is
-        taken.
+        Velocity at the start (m/s or rad/s). None: at rest, but for a prescribed motion, whose velocity is taken.
     t : array_like, shape (N+1,)
         Times of the result (s), increasing; the first is that of the start. The solver chooses its own steps.
     inputs : array_like or callable, optional
@@ -100,9 +99,8 @@ def simulate(
     events : mapping of str to Event, callable or str, optional
         Functions of time and state whose zeros are looked for, by name; see `Event`.
     constraints : {"project", "baumgarte", "none"}, Projection or Baumgarte, optional
-        How constraints are kept: every step is brought back onto them, in the metric of the mass matrix;
-        deviations die out by Baumgarte's stabilisation; or not at all. `Baumgarte` takes starts off the
-        constraints too.
+        How constraints are kept: every step is brought back onto them, in the metric of the mass matrix; deviations die
+        out by Baumgarte's stabilisation; or not at all. `Baumgarte` takes starts off the constraints too.
     dense_output : bool, optional
         Keep what is needed for states between the instants, and for the balance of the energy.
     progress : callable, optional

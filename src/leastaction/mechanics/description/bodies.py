@@ -24,10 +24,9 @@ class Body:
     com : array_like, shape (3,), optional
         Centre of mass in the frame (m); the frame's origin if not given.
     inertia : array_like, shape (3,), (6,) or (3, 3), optional
-        Inertia about the centre of mass, in the axes of the frame (kg m^2): the principal moments
-        ``[Ixx, Iyy, Izz]``, the entries ``[Ixx, Iyy, Izz, Ixy, Ixz, Iyz]`` of the symmetric inertia
-        matrix (so ``Ixy`` is the entry of row x and column y, minus the integral of ``x y dm``), or
-        the matrix itself. Zero if not given: a point mass.
+        Inertia about the centre of mass, in the axes of the frame (kg m^2): the principal moments ``[Ixx, Iyy, Izz]``,
+        the entries ``[Ixx, Iyy, Izz, Ixy, Ixz, Iyz]`` of the symmetric inertia matrix (so ``Ixy`` is the entry of row x
+        and column y, minus the integral of ``x y dm``), or the matrix itself. Zero if not given: a point mass.
     allow_nonphysical : bool, optional
         Accept an inertia that no distribution of positive mass has (one principal moment larger than
         the sum of the other two), as identified or lumped models sometimes need.

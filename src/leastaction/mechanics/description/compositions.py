@@ -1,8 +1,7 @@
 """Joints of several parameters as compositions of simple ones: universal, ball and free joints.
 
-A composition stands in a description like a frame: bodies, a name and children belong to the last of its
-frames. Its variables are the parameters of the simple joints, so everything that can be done with a
-variable can be done with them.
+A composition stands in a description like a frame: bodies, a name and children belong to the last of its frames. Its
+variables are the parameters of the simple joints, so everything that can be done with a variable can be done with them.
 
 A ball (and the rotation of a free joint) is three rotations, hence Euler angles, and has their
 singularity: where the middle angle is 90 degrees (any three different axes), or 0 (first and last axis the

@@ -109,9 +109,8 @@ class Frame:
 class FrameOptions(TypedDict, total=False):
     """The options that every frame takes.
 
-    ``name``: the frame's name, unique in the mechanism. ``mass`` (kg), ``com`` (m, shape (3,)) and
-    ``inertia`` (kg m^2, 3 or 6 numbers or 3x3): one `Body` on the frame, as described there.
-    ``bodies``: further bodies.
+    ``name``: the frame's name, unique in the mechanism. ``mass`` (kg), ``com`` (m, shape (3,)) and ``inertia`` (kg m^2,
+    3 or 6 numbers or 3x3): one `Body` on the frame, as described there. ``bodies``: further bodies.
     """
 
     name: str | None

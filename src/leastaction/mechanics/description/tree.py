@@ -44,10 +44,9 @@ class TreeFrame:
 class Joint:
     """A joint of the flattened tree.
 
-    ``frame``: index of the frame that it moves. ``parent``: the joint before it, -1 for the world.
-    ``pose``: its base (4, 4) in the moved frame of the parent. ``twist``: [v; w] (6,) in the base.
-    ``coordinate``: how far along it, a linear expression of variables. ``kinematic``: whether all of these
-    are prescribed.
+    ``frame``: index of the frame that it moves. ``parent``: the joint before it, -1 for the world. ``pose``: its base
+    (4, 4) in the moved frame of the parent. ``twist``: [v; w] (6,) in the base. ``coordinate``: how far along it, a
+    linear expression of variables. ``kinematic``: whether all of these are prescribed.
     """
 
     frame: int

@@ -58,8 +58,7 @@ class MidpointVI(Integrator):
     ----------
     mechanism : Mechanism
     split : {"symmetric", "left"}, optional
-        How a force acts on a step: half at each end (second order accurate), or all at the start
-        (dissertation 4.12).
+        How a force acts on a step: half at each end (second order accurate), or all at the start (dissertation 4.12).
     tolerance : float, optional
         Largest residual of a step relative to the size of its terms.
     max_iterations : int, optional
@@ -263,8 +262,7 @@ class MidpointVI(Integrator):
         Warns
         -----
         CoarseStepWarning
-            If the time step is so coarse somewhere that the solution is about to be lost; see
-            `Trajectory.worst_step`.
+            If the time step is so coarse somewhere that the solution is about to be lost; see `Trajectory.worst_step`.
         SingularityWarning
             If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
         """

@@ -86,8 +86,7 @@ class Trajectory(BaseTrajectory[State]):
     message : str
         What happened, in a sentence.
     rank_deficient : bool
-        Whether constraints were redundant somewhere, so that the least multiplier was taken; see
-        `redundant`.
+        Whether constraints were redundant somewhere, so that the least multiplier was taken; see `redundant`.
     worst_step : StepQuality or None
         The coarsest step, which may be the one that failed; None if there was none.
     singularities : tuple of str
@@ -121,10 +120,9 @@ class Trajectory(BaseTrajectory[State]):
     def redundant(self) -> dict[str, tuple[str, ...]]:
         """The constraint equations that were redundant all along, and those that each follows from.
 
-        As `Mechanism.redundancy` finds them at most of a few instants. Empty where no equation was redundant,
-        or where equations became so for an instant only, in a singular configuration; `rank_deficient` tells
-        these two apart. The motion is unique in any case, the multipliers are not: those of least norm were
-        taken.
+        As `Mechanism.redundancy` finds them at most of a few instants. Empty where no equation was redundant, or where
+        equations became so for an instant only, in a singular configuration; `rank_deficient` tells these two apart.
+        The motion is unique in any case, the multipliers are not: those of least norm were taken.
         """
         if not self.rank_deficient:
             return {}
@@ -171,9 +169,8 @@ class Trajectory(BaseTrajectory[State]):
         Returns
         -------
         dict of str to ndarray, shape (N,)
-            Newtons, positive where the string pulls: ``lam / dt`` of a path, whose multiplier is an
-            impulse, and ``2 L lam / dt`` with the length at the step's start of a distance, for the
-            constraint ``h = |p1 - p2|^2 - L^2``.
+            Newtons, positive where the string pulls: ``lam / dt`` of a path, whose multiplier is an impulse, and ``2 L
+            lam / dt`` with the length at the step's start of a distance, for the constraint ``h = |p1 - p2|^2 - L^2``.
 
         Notes
         -----

@@ -163,9 +163,8 @@ class Compiler:
     def law(self, kind: str, *numbers: str | float) -> int:
         """Add a law of a known kind with its numbers.
 
-        ``linear`` (k): k x. ``spring`` (k, x0): k/2 (x - x0)^2. ``polynomial`` (c0, c1, ...).
-        ``inverse`` (c): c/x. ``tanh`` (m, e): m tanh(x/e). ``taut`` (k, x0, e): k/2 of the square of
-        ``e log(1 + exp((x - x0)/e))``.
+        ``linear`` (k): k x. ``spring`` (k, x0): k/2 (x - x0)^2. ``polynomial`` (c0, c1, ...). ``inverse`` (c): c/x.
+        ``tanh`` (m, e): m tanh(x/e). ``taut`` (k, x0, e): k/2 of the square of ``e log(1 + exp((x - x0)/e))``.
         """
         return self.builder.law(kind, [self.slot(number) for number in numbers])
 

@@ -59,8 +59,7 @@ class Mechanism:
     elements : sequence of Element, optional
         Gravity, forces, constraints.
     dynamic, kinematic, inputs : sequence of str, optional
-        Order of the names in every array. By default the order in which the tree, then the elements meet
-        them.
+        Order of the names in every array. By default the order in which the tree, then the elements meet them.
 
     Attributes
     ----------

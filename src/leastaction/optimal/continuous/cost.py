@@ -98,8 +98,7 @@ class ContinuousQuadraticCost(ContinuousCost):
     Parameters
     ----------
     x_wanted, u_wanted : array_like (nx,) and (nu,), or PiecewisePolynomial, or callable
-        Wanted motion: a constant, a `PiecewisePolynomial` (such as one ``through`` samples), or a
-        function of one time.
+        Wanted motion: a constant, a `PiecewisePolynomial` (such as one ``through`` samples), or a function of one time.
     Q, R : the same, of shape (n,) or (n, n)
         Weights, a diagonal or a matrix. Q must be positive semidefinite, R positive definite.
     Q_final : array_like (nx,) or (nx, nx), optional
@@ -107,8 +106,7 @@ class ContinuousQuadraticCost(ContinuousCost):
     x_final : array_like (nx,), optional
         Wanted last state; x_wanted at the end if left out.
     jumps : sequence of float, optional
-        Times (s) where a function that was given jumps, or its slope. Those of a `PiecewisePolynomial`
-        are known.
+        Times (s) where a function that was given jumps, or its slope. Those of a `PiecewisePolynomial` are known.
 
     Raises
     ------

@@ -69,8 +69,7 @@ class FunctionContinuousSystem(ContinuousSystem):
     nx, nu : int
         Numbers of states and inputs.
     derivatives : callable or "complex-step" or "finite-differences"
-        ``derivatives(x, u, t) -> (A, B)``, or how to obtain them from `f`, as in
-        `leastaction.optimal.FunctionSystem`.
+        ``derivatives(x, u, t) -> (A, B)``, or how to obtain them from `f`, as in `leastaction.optimal.FunctionSystem`.
     curvature : callable or "differences", optional
         ``curvature(x, u, t, z) -> (nx+nu, nx+nu)``, or "differences": central differences of
         ``z'[A B]``. Left out: Newton's method is not available.

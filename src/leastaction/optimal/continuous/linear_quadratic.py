@@ -67,8 +67,7 @@ def solve_continuous_linear_quadratic(
     Q_final, q_final : array_like (nx,) or (nx, nx), and (nx,), optional
         Final weight and gradient.
     jumps : sequence of float, optional
-        Times (s) where a function that was given jumps, or its slope. Those of a `PiecewisePolynomial`
-        are known.
+        Times (s) where a function that was given jumps, or its slope. Those of a `PiecewisePolynomial` are known.
     accuracy : Accuracy, optional
         Of the integration. Its `atol` is not used: absolute tolerances are a hundredth of the relative
         one times the size of the weights.

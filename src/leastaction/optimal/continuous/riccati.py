@@ -72,8 +72,7 @@ class ContinuousLinearQuadraticSolution:
     nx, nu : int
         Numbers of states and inputs.
     constant : float
-        Optimal cost for ``dx(t0) = 0``. For ``c = 0`` twice this is the derivative of the cost along the
-        solution.
+        Optimal cost for ``dx(t0) = 0``. For ``c = 0`` twice this is the derivative of the cost along the solution.
     definite : bool
         Whether the problem has a unique minimum. If not, do not use the rest.
     escape_time : float or None
@@ -139,8 +138,7 @@ def solve_samples(
     jumps : sequence of float
         Times where the samples jump; ends of pieces.
     escape : float
-        P is taken to escape when an entry of its diagonal is below minus this times the size of the
-        weights.
+        P is taken to escape when an entry of its diagonal is below minus this times the size of the weights.
     """
     A, B, Q, R, S, q, r, c = samples
     nx, nu = B.shape[1:]

@@ -13,13 +13,12 @@ newton-damped  ``D2l + s z_{k+1} . D2f`` with 0 < s < 1, where the exact one has
 with the adjoint ``z_k = l_x - K'l_u + (A - BK)'z_{k+1}`` of the loop closed with the projection's
 gains (Prop. 6 and 7).
 
-Far from a minimum the exact model is often indefinite. Damping goes back towards quasi-Newton, whose
-model always has a minimum, only as far as necessary, and what was necessary is remembered. Where no direction
-can be followed far enough, the identity is added to the weights of all methods, ever more of it: the
-directions get shorter and turn towards steepest descent (Levenberg-Marquardt). Making the model convex stage
-by stage (``regularize="stage"`` of the linear-quadratic solver) was measured against it on swing-ups of
-a cart-pendulum from rest: its directions could seldom be followed far, and took up to twice the
-iterations and three times the roll-outs.
+Far from a minimum the exact model is often indefinite. Damping goes back towards quasi-Newton, whose model always has a
+minimum, only as far as necessary, and what was necessary is remembered. Where no direction can be followed far enough,
+the identity is added to the weights of all methods, ever more of it: the directions get shorter and turn towards
+steepest descent (Levenberg-Marquardt). Making the model convex stage by stage (``regularize="stage"`` of the
+linear-quadratic solver) was measured against it on swing-ups of a cart-pendulum from rest: its directions could seldom
+be followed far, and took up to twice the iterations and three times the roll-outs.
 """
 
 from __future__ import annotations

@@ -31,9 +31,8 @@ Regularize = Literal["none", "stage"]
 class Workspace:
     """Arrays that one solution after the other is written into.
 
-    Fresh memory is slow (the gains of a long horizon are tens of megabytes), so a loop that solves
-    one problem after the other hands in the same workspace. The solution it returns is valid until
-    the workspace is used again.
+    Fresh memory is slow (the gains of a long horizon are tens of megabytes), so a loop that solves one problem after
+    the other hands in the same workspace. The solution it returns is valid until the workspace is used again.
     """
 
     def __init__(self, N: int, nx: int, nu: int) -> None:
@@ -60,8 +59,7 @@ class LinearQuadraticSolution:
     P : ndarray (N+1, nx, nx) or None
         The same at every k, if asked for.
     constant : float
-        Optimal cost for ``dx_0 = 0``. For ``c = 0`` twice this is the derivative of the cost along
-        the solution.
+        Optimal cost for ``dx_0 = 0``. For ``c = 0`` twice this is the derivative of the cost along the solution.
     definite : bool
         Whether the problem, as regularised, has a unique minimum. If not, do not use the rest.
     stage : int or None

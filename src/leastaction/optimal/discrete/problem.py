@@ -46,10 +46,9 @@ class _Iterate(NamedTuple):
 class DiscreteDirection(Direction):
     """A descent direction, and the projection along which it is followed.
 
-    With the gains of the direction's own linear-quadratic problem as the projection's gains,
-    ``ubar - K (x - xbar)`` of ``(xbar, ubar) = xi + s dxi`` is ``u - s C - K (x - x_now)``: the
-    direction dxi itself is never needed, only its feedforward C. With other gains it is, and `dx`,
-    `du` are given.
+    With the gains of the direction's own linear-quadratic problem as the projection's gains, ``ubar - K (x - xbar)`` of
+    ``(xbar, ubar) = xi + s dxi`` is ``u - s C - K (x - x_now)``: the direction dxi itself is never needed, only its
+    feedforward C. With other gains it is, and `dx`, `du` are given.
 
     Attributes
     ----------
@@ -134,9 +133,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
     def _project_curve(self) -> None:
         """Put a trajectory in the place of the curve where the iterate is to be.
 
-        A trajectory is its own projection, and what was computed along it stays valid. Of a curve that is none,
-        the gains of the cost's regulator may lead far away or nowhere: then the cheapest of several projections
-        is taken.
+        A trajectory is its own projection, and what was computed along it stays valid. Of a curve that is none, the
+        gains of the cost's regulator may lead far away or nowhere: then the cheapest of several projections is taken.
         """
         x, u = self.x, self.u
         N, nx, nu = self.system.N, self.system.nx, self.system.nu

@@ -1,11 +1,10 @@
 """From a captured motion to the puppet's joint angles.
 
-The puppet has other proportions than the captured person, so what is carried over is the direction
-of every bone. A limb's two bones, with directions a (upper) and b (lower), fix its four angles: the
-upper bone's frame has z = -a and its hinge axis x along +-(a x b), so both directions come out
-exactly, whatever the angle of the hinge. Only where a limb is nearly straight does a x b say
-nothing about the twist; there the axis is taken from the captured joint's own orientation, in whose
-frame the hinge of a real knee or elbow hardly moves.
+The puppet has other proportions than the captured person, so what is carried over is the direction of every bone. A
+limb's two bones, with directions a (upper) and b (lower), fix its four angles: the upper bone's frame has z = -a and
+its hinge axis x along +-(a x b), so both directions come out exactly, whatever the angle of the hinge. Only where a
+limb is nearly straight does a x b say nothing about the twist; there the axis is taken from the captured joint's own
+orientation, in whose frame the hinge of a real knee or elbow hardly moves.
 
 The torso is one body in the puppet: its z runs from between the hips to between the shoulders, its x
 half along the hips and half along the shoulders.

@@ -40,9 +40,8 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
     Parameters
     ----------
     path : path
-        The file, by custom ``trajectory.npz``. `numpy.load` reads it too: besides the optimiser's result
-        (``result.x``, ``result.u``, ``result.K``, ...) it holds ``t``, ``q``, ``p``, ``lam``, ``tension`` and
-        the ``reference``.
+        The file, by custom ``trajectory.npz``. `numpy.load` reads it too: besides the optimiser's result (``result.x``,
+        ``result.u``, ``result.K``, ...) it holds ``t``, ``q``, ``p``, ``lam``, ``tension`` and the ``reference``.
     run : TrackingRun
 
     Returns

@@ -139,8 +139,7 @@ class PathLength(Constraint):
 
     Notes
     -----
-    The multiplier is the impulse of the tension. Consecutive frames must not meet, where the string has no
-    direction.
+    The multiplier is the impulse of the tension. Consecutive frames must not meet, where the string has no direction.
     """
 
     frames: Sequence[str] = field(metadata=PATH)

@@ -42,12 +42,11 @@ class HingeLoop(Constraint):
 
     Notes
     -----
-    Take ``planar=True`` for a loop whose joints all turn about parallel axes (or slide across them), the
-    five equations for a loop in space. The five run in a plane mechanism too, and in loops that move only
-    by their special geometry, such as Bennett's and Bricard's linkages: where equations are redundant, the
-    smallest multipliers that explain the motion are found. They then are not unique, so do not read them
-    as the forces in the hinge, and every step pays for them. The origins alone, without an axis, are
-    `PointToPoint`.
+    Take ``planar=True`` for a loop whose joints all turn about parallel axes (or slide across them), the five equations
+    for a loop in space. The five run in a plane mechanism too, and in loops that move only by their special geometry,
+    such as Bennett's and Bricard's linkages: where equations are redundant, the smallest multipliers that explain the
+    motion are found. They then are not unique, so do not read them as the forces in the hinge, and every step pays for
+    them. The origins alone, without an axis, are `PointToPoint`.
 
     The axes may close opposed, too: ``a`` and the axis of frame2 are parallel, in one sense or the other.
     """

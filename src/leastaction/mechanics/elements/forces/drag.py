@@ -37,8 +37,7 @@ class Drag(Force):
     Raises
     ------
     DescriptionError
-        If the coefficient or the smoothing is not positive, the exponent less than 1, or the wind not
-        three numbers.
+        If the coefficient or the smoothing is not positive, the exponent less than 1, or the wind not three numbers.
 
     Notes
     -----

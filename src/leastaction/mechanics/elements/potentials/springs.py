@@ -83,9 +83,8 @@ class LinearSpring(Potential):
 
     Notes
     -----
-    The ends of a spring with a length must not meet: there it has no direction to push in. Without one
-    the energy is ``k/2 |p1 - p2|^2``, which is smooth everywhere; such a spring has no parameter
-    ``"spring.length"``.
+    The ends of a spring with a length must not meet: there it has no direction to push in. Without one the energy is
+    ``k/2 |p1 - p2|^2``, which is smooth everywhere; such a spring has no parameter ``"spring.length"``.
     """
 
     frame1: str = field(metadata=END)
