@@ -12,24 +12,10 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 __all__ = [
-    "ArgumentError",
-    "CoarseStepWarning",
-    "ContradictoryConstraintsError",
-    "DescriptionError",
-    "DynamicsError",
-    "EnergyBalanceWarning",
-    "EquilibriumError",
-    "InconsistentStartError",
-    "LeastActionError",
-    "MotionFileError",
-    "OutputError",
-    "ResultFileError",
-    "SingularityWarning",
-    "StepError",
-    "UnitWarning",
-    "closest",
-    "worst_first",
-]
+    "ArgumentError", "CoarseStepWarning", "ContradictoryConstraintsError", "DescriptionError", "DynamicsError",
+    "EnergyBalanceWarning", "EquilibriumError", "InconsistentStartError", "LeastActionError", "MotionFileError",
+    "OutputError", "ResultFileError", "SingularityWarning", "StepError", "UnitWarning", "closest", "worst_first",
+]  # fmt: skip
 
 
 class LeastActionError(Exception):
@@ -236,10 +222,6 @@ def worst_first(residuals: Mapping[str, float]) -> dict[str, float]:
     ----------
     residuals : mapping of str to float
         Residual by name, any unit.
-
-    Returns
-    -------
-    dict of str to float
     """
 
     def size(item: tuple[str, float]) -> float:

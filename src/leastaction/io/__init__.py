@@ -6,13 +6,6 @@ from leastaction.io.motion import Capture, Joint, Motion, forward_kinematics, re
 from leastaction.io.results import load_record, load_result, save_record, save_result
 
 __all__ = [
-    "Capture",
-    "Joint",
-    "Motion",
-    "forward_kinematics",
-    "load_record",
-    "load_result",
-    "read_bvh",
-    "save_record",
+    "Capture", "Joint", "Motion", "forward_kinematics", "load_record", "load_result", "read_bvh", "save_record",
     "save_result",
-]
+]  # fmt: skip

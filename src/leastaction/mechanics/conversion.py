@@ -209,10 +209,6 @@ def gain_to_continuous(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike,
         Gains in discrete time.
     dt : float
         Time step that they were made for (s).
-
-    Returns
-    -------
-    ndarray, shape of K
     """
     m, h = mechanism, as_time_step(dt)
     T = legendre_jacobian(m, q, v)

@@ -34,10 +34,6 @@ def build(name: str) -> Mechanism:
     name : str
         One of `MODELS`.
 
-    Returns
-    -------
-    Mechanism
-
     Raises
     ------
     ArgumentError

@@ -69,10 +69,6 @@ def marionette(*, damping: float = 0.2) -> Mechanism:
     ----------
     damping : float, optional
         Damping of every dynamic variable (N s/m and N m s/rad).
-
-    Returns
-    -------
-    Mechanism
     """
     puppet = [
         tx("torso_tx"), [ty("torso_ty"), [tz("torso_tz"), [

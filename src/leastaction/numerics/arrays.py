@@ -27,29 +27,11 @@ def as_array(
 ) -> Array:
     """Return a value as an array of finite doubles of one of the given shapes.
 
-    Parameters
-    ----------
-    value : array_like
-        What the user gave. It is not copied if it is a contiguous array of doubles already.
-    what : str
-        What it is, for the message: ``"q"``, ``"the com of frame 'bob'"``.
-    *shapes : tuple of int or None
-        The shapes that are allowed; None stands for any length, no shape at all for any shape.
-    meaning : str, optional
-        What the axes mean, for the message: ``"(N+1, nx)"``.
-    names : sequence of str, optional
-        Names of the entries along the last axis, so that a bad entry can be named.
-    error : type, optional
-        The error to raise.
-
-    Returns
-    -------
-    ndarray of float, C-contiguous
-
-    Raises
-    ------
-    ArgumentError
-        If the value is not numeric, has another shape or holds a NaN or an infinity.
+    ``value``: what the user gave. It is not copied if it is a contiguous array of doubles already. ``what``: what it
+    is, for the message: ``"q"``, ``"the com of frame 'bob'"``. ``*shapes``: the shapes that are allowed; None stands
+    for any length, no shape at all for any shape. ``meaning``: what the axes mean, for the message: ``"(N+1, nx)"``.
+    ``names``: names of the entries along the last axis, so that a bad entry can be named. Raises `ArgumentError` if the
+    value is not numeric, has another shape or holds a NaN or an infinity.
     """
     try:
         given = np.asarray(value)
@@ -112,23 +94,8 @@ def as_number(
 ) -> float:
     """Return a value as a finite float, in a range if one is given.
 
-    Parameters
-    ----------
-    value : object
-        What the user gave.
-    what : str
-        What it is, for the message.
-    least : float, optional
-        The least value that is allowed.
-    above, below : float, optional
-        Limits that are themselves not allowed.
-    error : type, optional
-        The error to raise.
-
-    Raises
-    ------
-    ArgumentError
-        If the value is not one real, finite number in the range.
+    ``what``: what it is, for messages. ``least``: the least value that is allowed. ``above``, ``below``: limits that
+    are themselves not allowed. Raises `ArgumentError` if the value is not one real, finite number in the range.
     """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]  # an array of one number and no axis is a number
@@ -183,14 +150,7 @@ def as_times(t: object, what: str = "t") -> Array:
 def as_flag(value: object, what: str, *, error: type[LeastActionError] = ArgumentError) -> bool:
     """Return True or False, or raise an error: anything else is more likely a slip than meant.
 
-    Parameters
-    ----------
-    value : object
-        What the user gave.
-    what : str
-        What it is, for the message.
-    error : type, optional
-        The error to raise.
+    ``what``: what it is, for messages.
     """
     if not isinstance(value, (bool, np.bool_)):
         raise error(f"{what}: got {_brief(value)}, expected True or False")

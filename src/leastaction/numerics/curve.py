@@ -92,10 +92,6 @@ class Curve:
         pieces : int, optional
             How many spaces lie between the points.
 
-        Returns
-        -------
-        Curve
-
         Raises
         ------
         DescriptionError
@@ -125,16 +121,7 @@ class Curve:
     def __call__(self, x: npt.ArrayLike, derivative: int = 0) -> Any:
         """Return the value, or a derivative, at places of any shape: a float for a single place.
 
-        Parameters
-        ----------
-        x : array_like
-            Places.
-        derivative : int, optional
-            Order of the derivative.
-
-        Returns
-        -------
-        float or ndarray
+        ``x``: places. ``derivative``: order of the derivative.
         """
         order = as_count(derivative, "Curve: derivative (integral() goes the other way)", 0)
         values = self._polynomial()(np.asarray(x, dtype=np.float64), order)

@@ -20,20 +20,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     ``path`` in one step, so that a reader sees the old file or the new one, never a part. If the
     block raises (Ctrl-C included), the hidden file is removed and ``path`` stays as it was.
 
-    Parameters
-    ----------
-    path
-        The file to write; its folder must exist.
-
-    Yields
-    ------
-    BinaryIO
-        The open hidden file, seekable.
-
-    Raises
-    ------
-    OutputError
-        The file system refused to open, write or move the file.
+    ``path``: the file to write; its folder must exist. Yields the open hidden file, seekable. Raises `OutputError`: the
+    file system refused to open, write or move the file.
     """
     target = Path(path)
     # The same folder, because a move between file systems is a copy and a copy can be cut short.
@@ -61,15 +49,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> Path:
     """Write ``content`` to ``path``, whole or not at all.
 
-    Returns
-    -------
-    Path
-        The file written.
-
-    Raises
-    ------
-    OutputError
-        The file could not be written; nothing was changed.
+    Returns the file written. Raises `OutputError`: the file could not be written; nothing was changed.
     """
     with atomic_write(path) as stream:
         stream.write(content)
@@ -86,20 +66,8 @@ def prepare_output_folder(folder: str | os.PathLike[str]) -> Path:
 
     Call it before a long run: a folder that cannot be written should cost a second, not the run.
 
-    Parameters
-    ----------
-    folder
-        The folder for the results; it may exist.
-
-    Returns
-    -------
-    Path
-        The folder.
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be made, is a file, or cannot be written.
+    ``folder``: the folder for the results; it may exist. Returns the folder. Raises `OutputError`: the folder cannot be
+    made, is a file, or cannot be written.
     """
     target = Path(folder)
     try:

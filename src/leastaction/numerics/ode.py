@@ -46,14 +46,8 @@ class Interpolant:
     The bend ``s^2 (3 - 2 s)`` of the projection's change, s from 0 to 1, leaves the slopes at both ends, and
     is of the size of the step's error.
 
-    Parameters
-    ----------
-    solution : callable
-        SciPy's dense output, without shift and bend.
-    start, end : float
-        Of the step (s).
-    shift, change : ndarray (n,)
-        What is added, and the projection's change at the end; None for none.
+    ``solution``: SciPy's dense output, without shift and bend. ``start``, ``end``: of the step (s). ``shift``,
+    ``change`` (n,): what is added, and the projection's change at the end; None for none.
     """
 
     __slots__ = ("change", "end", "shift", "solution", "start")

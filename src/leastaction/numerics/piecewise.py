@@ -188,17 +188,8 @@ class PiecewisePolynomial:
 class Mesh:
     """The points of every piece.
 
-    Parameters
-    ----------
-    breaks : ndarray (n+1,)
-        Ends of the pieces (s), increasing.
-
-    Attributes
-    ----------
-    t : ndarray (n * POINTS,)
-        Times of the points, increasing.
-    weights : ndarray (n * POINTS,)
-        Weights that integrate a function sampled there.
+    ``breaks`` (n+1,): ends of the pieces (s), increasing. ``t`` (n * POINTS,): times of the points, increasing.
+    ``weights`` (n * POINTS,): weights that integrate a function sampled there.
     """
 
     def __init__(self, breaks: Array) -> None:
@@ -247,21 +238,10 @@ def approximate(
 ) -> tuple[Mesh, Array]:
     """Sample a function on a mesh that is fine enough for it.
 
-    Parameters
-    ----------
-    function : callable
-        ``function(t)`` returns values (n, size) at times (n,).
-    mesh : Mesh
-        Where to begin; pieces are halved as long as that is needed and helps.
-    tolerance : float
-        Relative error that is allowed.
-    least : ndarray (size,), optional
-        Sizes that errors are relative to where the values are smaller, as differences of larger terms.
-
-    Returns
-    -------
-    mesh : Mesh
-    values : ndarray (len(mesh.t), size)
+    ``function``: ``function(t)`` returns values (n, size) at times (n,). ``mesh``: where to begin; pieces are halved as
+    long as that is needed and helps. ``tolerance``: relative error that is allowed. ``least`` (size,): sizes that
+    errors are relative to where the values are smaller, as differences of larger terms. Returns ``mesh``, ``values``
+    (len(mesh.t), size).
     """
     values = function(mesh.t)
     for _ in range(_MOST_HALVINGS):

@@ -13,14 +13,9 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
 
 __all__ = [
-    "HistoryBuilder",
-    "IterationRecord",
-    "NewtonSchedule",
-    "OptimizationHistory",
-    "OptimizationResult",
-    "Settings",
+    "HistoryBuilder", "IterationRecord", "NewtonSchedule", "OptimizationHistory", "OptimizationResult", "Settings",
     "Status",
-]
+]  # fmt: skip
 
 
 # Factor by which the part of the curvature grows from one good step to the next, and how fast that recovers.

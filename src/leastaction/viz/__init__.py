@@ -18,17 +18,6 @@ from leastaction.viz.strings import plot_strings
 from leastaction.viz.tracking import TrackingErrors, plot_tracking, tracking_errors
 
 __all__ = [
-    "Bone",
-    "Cord",
-    "Scene",
-    "TrackingErrors",
-    "animation_page",
-    "mechanism_scene",
-    "plot_convergence",
-    "plot_snapshots",
-    "plot_strings",
-    "plot_tracking",
-    "save_png",
-    "tracking_errors",
-    "write_animation",
-]
+    "Bone", "Cord", "Scene", "TrackingErrors", "animation_page", "mechanism_scene", "plot_convergence",
+    "plot_snapshots", "plot_strings", "plot_tracking", "save_png", "tracking_errors", "write_animation",
+]  # fmt: skip

@@ -120,16 +120,8 @@ def panel_grid(
 
     The places are computed, not found by a layout engine, which takes longer than all the drawing.
 
-    Parameters
-    ----------
-    rows, columns
-        Size of the grid.
-    panel
-        Mean width and height of a panel, inches.
-    margins
-        Space around and between them.
-    width_ratios
-        Widths of the columns relative to each other.
+    ``rows``, ``columns``: size of the grid. ``panel``: mean width and height of a panel, inches. ``margins``: space
+    around and between them. ``width_ratios``: widths of the columns relative to each other.
     """
     width = margins.left + columns * panel[0] + (columns - 1) * margins.across + margins.right
     height = margins.top + rows * panel[1] + (rows - 1) * margins.down + margins.bottom

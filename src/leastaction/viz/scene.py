@@ -184,10 +184,6 @@ def mechanism_scene(
     error, traces, focus, title
         As in `Scene`.
 
-    Returns
-    -------
-    Scene
-
     Raises
     ------
     ArgumentError

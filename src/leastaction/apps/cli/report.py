@@ -40,10 +40,7 @@ _FILES: Final = {
 def check_pictures() -> None:
     """Refuse to start a run whose pictures cannot be drawn.
 
-    Raises
-    ------
-    ArgumentError
-        Matplotlib is not installed.
+    Raises `ArgumentError`: matplotlib is not installed.
     """
     if importlib.util.find_spec("matplotlib") is None:
         raise ArgumentError(
@@ -55,10 +52,7 @@ def check_pictures() -> None:
 def remove_report(folder: Path) -> None:
     """Remove what an earlier run left beside its trajectory.
 
-    Raises
-    ------
-    OutputError
-        A file cannot be removed.
+    Raises `OutputError`: a file cannot be removed.
     """
     for name in _FILES:
         try:
@@ -80,26 +74,9 @@ def write_report(
 ) -> RenderableType:
     """Write summary, plots and animation of a run into a folder.
 
-    Parameters
-    ----------
-    run
-        The run.
-    folder
-        An existing folder; files of the same names are replaced, each in one step.
-    plots, animation
-        Which of them to write.
-    progress
-        Called with the name of each file before it is made.
-
-    Returns
-    -------
-    RenderableType
-        The run's files in the folder with their sizes, to print.
-
-    Raises
-    ------
-    OutputError
-        A file could not be written.
+    ``run``: the run. ``folder``: an existing folder; files of the same names are replaced, each in one step. ``plots``,
+    ``animation``: which of them to write. ``progress``: called with the name of each file before it is made. Returns
+    the run's files in the folder with their sizes, to print. Raises `OutputError`: a file could not be written.
     """
     summary = run_summary(run)
     scene = marionette_scene(run) if plots or animation else None
@@ -143,10 +120,7 @@ def _file_table(folder: Path, names: list[str]) -> RenderableType:
 def describe(path: Path) -> RenderableType:
     """Return the summary of a result file, to print.
 
-    Raises
-    ------
-    ResultFileError
-        The file cannot be used.
+    Raises `ResultFileError`: the file cannot be used.
     """
     summary = run_summary(load_run(path))
     facts = Table(box=None, pad_edge=False, show_header=False)

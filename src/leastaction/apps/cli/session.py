@@ -38,18 +38,9 @@ def run(
 ) -> int:
     """Follow a motion, or go on with an earlier run, and fill the folder.
 
-    Returns
-    -------
-    int
-        What the program tells the shell: 0 when there is a result to use and it is written, 130 after
-        Ctrl-C, 1 when the optimiser was stuck or something could not be written.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Ctrl-C before there was anything to keep.
-    LeastActionError
-        The problem cannot be set up, or its result cannot be written anywhere.
+    Returns what the program tells the shell: 0 when there is a result to use and it is written, 130 after Ctrl-C, 1
+    when the optimiser was stuck or something could not be written. Raises `KeyboardInterrupt`: Ctrl-C before there was
+    anything to keep. Raises `LeastActionError`: the problem cannot be set up, or its result cannot be written anywhere.
     """
     console = Console(highlight=False)
     began = time.perf_counter()

@@ -17,14 +17,7 @@ _ENDING = (signal.SIGTERM, signal.SIGHUP)
 class Output:
     """A text stream that falls silent when it cannot be written, in place of ending the program.
 
-    Parameters
-    ----------
-    stream : text stream
-
-    Attributes
-    ----------
-    error : OSError or None
-        Why it is silent.
+    ``error``: why it is silent.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -68,10 +61,7 @@ class Output:
 def shielded_output() -> Iterator[Output]:
     """Replace both output streams by ones that fall silent where they cannot be written.
 
-    Yields
-    ------
-    Output
-        That of the standard output.
+    Yields that of the standard output.
     """
     before = sys.stdout, sys.stderr
     streams = [Output(stream if stream is not None else open_nowhere()) for stream in before]

@@ -31,10 +31,7 @@ _MESSAGES: Final = {
 def run_summary(run: TrackingRun) -> dict[str, Any]:
     """Return the numbers of a run as plain data for JSON.
 
-    Returns
-    -------
-    dict
-        ``run``, ``settings``, ``versions``, ``cost``, ``tracking`` (errors in degrees and metres) and ``strings``.
+    Returns ``run``, ``settings``, ``versions``, ``cost``, ``tracking`` (errors in degrees and metres) and ``strings``.
     """
     result, t = run.result, run.trajectory.t
     cost = result.history.cost

@@ -28,24 +28,7 @@ from leastaction.apps.marionette.tracking import (
 from leastaction.apps.marionette.walk import walk_in_place
 
 __all__ = [
-    "FORCED",
-    "GENTLE",
-    "VARIABLES",
-    "Proportions",
-    "PuppetMotion",
-    "Retargeted",
-    "TrackingCost",
-    "TrackingRun",
-    "TrackingWeights",
-    "default_names",
-    "load_motion",
-    "load_run",
-    "map_joints",
-    "marionette_scene",
-    "puppet_points",
-    "read_mapping",
-    "retarget",
-    "save_run",
-    "track",
-    "walk_in_place",
-]
+    "FORCED", "GENTLE", "VARIABLES", "Proportions", "PuppetMotion", "Retargeted", "TrackingCost", "TrackingRun",
+    "TrackingWeights", "default_names", "load_motion", "load_run", "map_joints", "marionette_scene", "puppet_points",
+    "read_mapping", "retarget", "save_run", "track", "walk_in_place",
+]  # fmt: skip

@@ -36,10 +36,6 @@ def read_bvh(path: str | PathLike[str]) -> Capture:
     path : path
         The file. At least two frames; any skeleton, any channel order.
 
-    Returns
-    -------
-    Capture
-
     Raises
     ------
     MotionFileError

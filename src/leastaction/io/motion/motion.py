@@ -130,10 +130,6 @@ class Motion:
         cutoff : float, optional
             Low-pass filter at this frequency in Hz first, see `low_pass`.
 
-        Returns
-        -------
-        Motion
-
         Raises
         ------
         ArgumentError
@@ -276,10 +272,6 @@ class Motion:
             Shortest cycle in seconds; set it between one step and one stride.
         travelling : sequence of str
             Variables that advance from cycle to cycle; names that the motion lacks are ignored.
-
-        Returns
-        -------
-        Motion
 
         Raises
         ------

@@ -41,12 +41,8 @@ class Archive(NamedTuple):
 def write_archive(path: str | os.PathLike[str], text: str, arrays: Mapping[str, npt.ArrayLike]) -> Path:
     """Write an archive; an existing file is replaced in one step.
 
-    Raises
-    ------
-    OutputError
-        The file could not be written; an older file of that name is untouched.
-    ArgumentError
-        An array holds neither numbers nor text.
+    Raises `OutputError`: the file could not be written; an older file of that name is untouched. Raises
+    `ArgumentError`: an array holds neither numbers nor text.
     """
     plain = {name: np.asarray(value) for name, value in arrays.items()}
     for name, array in plain.items():
@@ -62,10 +58,7 @@ def write_archive(path: str | os.PathLike[str], text: str, arrays: Mapping[str, 
 def read_archive(path: str | os.PathLike[str]) -> Archive:
     """Read an archive; its arrays are read-only.
 
-    Raises
-    ------
-    ResultFileError
-        The file is missing, damaged, or none of these archives; the message says which.
+    Raises `ResultFileError`: the file is missing, damaged, or none of these archives; the message says which.
     """
     source = Path(path)
     try:

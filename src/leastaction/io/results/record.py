@@ -35,12 +35,7 @@ FORMAT_VERSION: Final = 2
 class Provenance:
     """When something was made, and with which programs.
 
-    Attributes
-    ----------
-    created : str
-        ISO 8601.
-    versions : mapping of str to str
-        Of Python, the platform, and the packages that a result depends on.
+    ``created``: ISO 8601. ``versions``: of Python, the platform, and the packages that a result depends on.
     """
 
     created: str
@@ -58,13 +53,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Record(Generic[T]):
-    """What a file holds.
-
-    Attributes
-    ----------
-    content : dataclass
-    provenance : Provenance
-    """
+    """What a file holds."""
 
     content: T
     provenance: Provenance

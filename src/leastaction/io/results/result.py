@@ -43,10 +43,6 @@ def load_result(path: str | os.PathLike[str]) -> OptimizationResult:
     path : path
         A file that `save_result` wrote.
 
-    Returns
-    -------
-    OptimizationResult
-
     Raises
     ------
     ResultFileError
@@ -60,11 +56,7 @@ def load_result(path: str | os.PathLike[str]) -> OptimizationResult:
 def check_result(result: OptimizationResult, source: str) -> None:
     """Raise a `ResultFileError` unless the arrays of a result fit each other and are finite.
 
-    Parameters
-    ----------
-    result : OptimizationResult
-    source : str
-        Where it comes from, for the message.
+    ``source``: where it comes from, for the message.
     """
     steps, nx, nu = len(result.u), result.x.shape[-1], result.u.shape[-1]
     shapes: dict[str, tuple[int, ...]] = {

@@ -127,10 +127,6 @@ def project_configuration(
         Starting points that are tried until one leads to the constraints: first the given one, then points
         beside it (always the same ones). The change is measured from the given one in any case.
 
-    Returns
-    -------
-    ConfigurationProjection
-
     Raises
     ------
     ArgumentError
@@ -190,10 +186,6 @@ def project_velocity(
         As in `project_configuration`, for the velocities.
     tolerance : float, optional
         Largest residual that may be left, relative to ``|Dh_i| |v|`` (at least 1).
-
-    Returns
-    -------
-    VelocityProjection
 
     Raises
     ------

@@ -39,16 +39,8 @@ _QUIET = np.errstate(over="ignore", invalid="ignore")
 class ConstraintProjection:
     """A least-change problem.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Whose constraints are h.
-    start : ndarray, shape (nq,)
-        The wanted point q0.
-    free : ndarray of int, shape (n_free,)
-        The entries of q that may change.
-    root : ndarray, shape (n_free,)
-        Square roots of their weights.
+    ``mechanism``: whose constraints are h. ``start`` (nq,): the wanted point q0. ``free`` (n_free,): the entries of q
+    that may change. ``root`` (n_free,): square roots of their weights.
     """
 
     def __init__(self, mechanism: Mechanism, start: Array, free: Indices, root: Array) -> None:
@@ -61,14 +53,8 @@ class ConstraintProjection:
     def solve(self, tolerance: float, max_iterations: int, attempts: int = 1) -> tuple[Array, int]:
         """Return the point that was reached and the number of steps; the caller checks h there.
 
-        Parameters
-        ----------
-        tolerance : float
-            Largest ``|h_i| / row_scales``.
-        max_iterations : int
-            Bound on the steps of each attempt.
-        attempts : int, optional
-            Starting points that are tried until one leads to the constraints, the wanted point first.
+        ``tolerance``: largest ``|h_i| / row_scales``. ``max_iterations``: bound on the steps of each attempt.
+        ``attempts``: starting points that are tried until one leads to the constraints, the wanted point first.
         """
         total = 0
         reached = self.start
@@ -220,20 +206,9 @@ class ConstraintProjection:
         not zero, the residuals are a combination in the left null space of the Jacobian: the equations with a
         part in it pull against each other.
 
-        Parameters
-        ----------
-        q : ndarray, shape (nq,)
-            Where to start.
-        max_iterations : int, optional
-            Bound on the steps.
-
-        Returns
-        -------
-        q : ndarray, shape (nq,)
-            The point that was reached.
-        parts : ndarray, shape (nc,)
-            Part of the residual of each equation, relative to its scale, that no small motion lessens; zero
-            where q is no such point.
+        ``q`` (nq,): where to start. ``max_iterations``: bound on the steps. Returns ``q`` (nq,): the point that was
+        reached; ``parts`` (nc,): part of the residual of each equation, relative to its scale, that no small motion
+        lessens; zero where q is no such point.
         """
         s = (q[self.free] - self.start[self.free]) * self.root
         scales = self._at(s)[2]

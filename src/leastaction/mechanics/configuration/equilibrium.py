@@ -131,10 +131,6 @@ def equilibrium(
     max_iterations : int, optional
         Bound on the Newton steps.
 
-    Returns
-    -------
-    Equilibrium
-
     Raises
     ------
     ArgumentError

@@ -45,22 +45,8 @@ def row_scales(jacobian: Array) -> Array:
 def free_variables(mechanism: Mechanism, hold: Sequence[str], move_kinematic: bool = False) -> Indices:
     """Return the indices in q of the variables that may move: the dynamic ones that are not held.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    hold : sequence of str
-        Variables that must not move.
-    move_kinematic : bool, optional
-        Let the kinematic variables move too.
-
-    Returns
-    -------
-    ndarray of int
-
-    Raises
-    ------
-    ArgumentError
-        For an unknown name.
+    ``hold``: variables that must not move. ``move_kinematic``: let the kinematic variables move too. Raises
+    `ArgumentError` for an unknown name.
     """
     if isinstance(hold, str):
         raise ArgumentError(f"hold: expected a list of variables, got the string {hold!r}")
@@ -95,14 +81,10 @@ class NullSpace:
     def of(cls, jacobian: Array, h: Array | None = None) -> NullSpace:
         """Split the variables of a Jacobian into those across the constraints and those along them.
 
-        Parameters
-        ----------
-        jacobian : ndarray, shape (nc, n)
-        h : ndarray, shape (nc,), optional
-            The residual, beside the constraints. Equations that are redundant on the constraints need not be so
-            there: A has singular values of the size of the distance. They are noise, and what they belong to is
-            a direction along the constraints; so singular values below a multiple of |h| count as zero where
-            h has next to no part in them.
+        ``jacobian`` (nc, n). ``h`` (nc,): the residual, beside the constraints. Equations that are redundant on the
+        constraints need not be so there: A has singular values of the size of the distance. They are noise, and what
+        they belong to is a direction along the constraints; so singular values below a multiple of |h| count as zero
+        where h has next to no part in them.
         """
         nc, n = jacobian.shape
         if not jacobian.size:

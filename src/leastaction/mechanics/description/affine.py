@@ -138,10 +138,6 @@ def var(name: str) -> Affine:
     ----------
     name : str
         The configuration variable.
-
-    Returns
-    -------
-    Affine
     """
     return Affine(((check_name(name, "var"), 1.0),))
 
@@ -149,23 +145,8 @@ def var(name: str) -> Affine:
 def as_affine(coordinate: object, what: str, offset: float = 0.0) -> Affine:
     """Return the coordinate of a joint as a linear expression.
 
-    Parameters
-    ----------
-    coordinate : float, str, Affine or mapping of str to float
-        What the user gave.
-    what : str
-        The joint, for messages.
-    offset : float, optional
-        Added to it (m or rad).
-
-    Returns
-    -------
-    Affine
-
-    Raises
-    ------
-    DescriptionError
-        For anything else, a number that is not finite, a factor of zero or a mapping of nothing.
+    ``what``: the joint, for messages. ``offset``: added to it (m or rad). Raises `DescriptionError` for anything else,
+    a number that is not finite, a factor of zero or a mapping of nothing.
     """
     extra = as_number(offset, f"{what}: offset", error=DescriptionError)
     if isinstance(coordinate, Affine):

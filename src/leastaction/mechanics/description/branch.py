@@ -105,10 +105,6 @@ def world(name: str = "world") -> Branch:
     ----------
     name : str, optional
         Name of the world frame.
-
-    Returns
-    -------
-    Branch
     """
     return Branch(None, world_name=check_name(name, "the name of the world frame"))
 
@@ -148,18 +144,9 @@ def check_once(frame: Frame, seen: set[int]) -> None:
 def read_nested(description: Sequence[Any], place: Branch) -> None:
     """Put a nested list of frames on a place of a tree.
 
-    Parameters
-    ----------
-    description : list
-        Frames, each of which may be followed by the list of its children.
-    place : Branch
-        The place that the outermost frames are put on.
-
-    Raises
-    ------
-    DescriptionError
-        If something else than a frame or a list is met, a list does not follow a frame, a list holds
-        itself, or a frame stands in two places.
+    ``description``: frames, each of which may be followed by the list of its children. ``place``: the place that the
+    outermost frames are put on. Raises `DescriptionError` if something else than a frame or a list is met, a list does
+    not follow a frame, a list holds itself, or a frame stands in two places.
     """
     if not isinstance(description, (list, tuple)):
         raise DescriptionError(

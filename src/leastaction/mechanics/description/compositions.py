@@ -67,10 +67,6 @@ def universal(
     **options
         See `FrameOptions`. ``name`` is the name of the frame behind the joint; that of the joint if not given.
 
-    Returns
-    -------
-    Composition
-
     Raises
     ------
     DescriptionError
@@ -103,10 +99,6 @@ def ball(
     **options
         See `FrameOptions`. ``name`` is the name of the frame behind the joint; that of the joint if not given.
 
-    Returns
-    -------
-    Composition
-
     Raises
     ------
     DescriptionError
@@ -137,10 +129,6 @@ def free(
         True if all its variables are prescribed, or the list of those that are.
     **options
         See `FrameOptions`. ``name`` is the name of the frame behind the joint; that of the joint if not given.
-
-    Returns
-    -------
-    Composition
 
     Raises
     ------

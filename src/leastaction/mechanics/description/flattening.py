@@ -21,20 +21,9 @@ _EYE.setflags(write=False)
 def flatten(description: Branch | Sequence[Any]) -> Tree:
     """Flatten a description into frames and joints.
 
-    Parameters
-    ----------
-    description : nested list of Frame, or Branch
-        Any place of a tree of chained calls stands for the whole tree.
-
-    Returns
-    -------
-    Tree
-
-    Raises
-    ------
-    DescriptionError
-        For a frame that stands in two places, a name that is used twice, a variable that is dynamic in one
-        place and kinematic in another, or anything that is not a description.
+    ``description``: any place of a tree of chained calls stands for the whole tree. Raises `DescriptionError` for a
+    frame that stands in two places, a name that is used twice, a variable that is dynamic in one place and kinematic in
+    another, or anything that is not a description.
     """
     if isinstance(description, Branch):
         root = description.root

@@ -154,14 +154,7 @@ def bodies_of(
 def kinematic_names(kinematic: bool | Sequence[str], variables: Sequence[str], label: str) -> tuple[str, ...]:
     """Return those of a joint's variables that are kinematic.
 
-    Parameters
-    ----------
-    kinematic : bool or sequence of str
-        The option as given.
-    variables : sequence of str
-        The variables of the joint.
-    label : str
-        The joint, for messages.
+    ``kinematic``: the option as given. ``variables``: the variables of the joint. ``label``: the joint, for messages.
     """
     if isinstance(kinematic, (bool, np.bool_)):
         if kinematic and not variables:
@@ -198,23 +191,10 @@ def moving(
 ) -> Frame:
     """Return the frame that moves along a twist: the one place where such frames are made and checked.
 
-    Parameters
-    ----------
-    transform : str
-        The name of the function that the user called.
-    twist : ndarray, shape (6,)
-        [v; w] in the parent; must not change any more.
-    value : float, str, Affine or mapping
-        How far it moves.
-    detail, group
-        As in `Frame`.
-    offset, kinematic, name, mass, com, inertia, bodies
-        As in `JointOptions`.
-
-    Warns
-    -----
-    UnitWarning
-        For a constant angle of more than a full turn, most likely one in degrees.
+    ``transform``: the name of the function that the user called. ``twist`` (6,): [v; w] in the parent; must not change
+    any more. ``value``: how far it moves. ``detail``, ``group``: as in `Frame`. ``offset``, ``kinematic``, ``name``,
+    ``mass``, ``com``, ``inertia``, ``bodies``: as in `JointOptions`. Warns `UnitWarning` for a constant angle of more
+    than a full turn, most likely one in degrees.
     """
     if name is not None:
         check_name(name, f"the name of a {transform} frame")

@@ -44,10 +44,6 @@ def twist(
     **options
         See `JointOptions`.
 
-    Returns
-    -------
-    Frame
-
     Raises
     ------
     DescriptionError
@@ -88,10 +84,6 @@ def screw(
     **options
         See `JointOptions`.
 
-    Returns
-    -------
-    Frame
-
     Raises
     ------
     DescriptionError
@@ -124,10 +116,6 @@ def revolute(
     **options
         See `JointOptions`.
 
-    Returns
-    -------
-    Frame
-
     Raises
     ------
     DescriptionError
@@ -149,10 +137,6 @@ def prismatic(value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Un
         Direction in the parent, of any length; or ``"x"``, ``"-z"`` ...
     **options
         See `JointOptions`.
-
-    Returns
-    -------
-    Frame
 
     Raises
     ------

@@ -27,16 +27,8 @@ def check_masses(
     rotation whose axis passes through every point mass that it turns. Two configurations of no special
     shape tell: what vanishes at both vanishes everywhere.
 
-    Parameters
-    ----------
-    tree : Tree
-    variables : sequence of str
-        Names in the order of q.
-    core : _core.Mechanism
-        The compiled mechanism.
-    before : _core.Mechanism, optional
-        The same with other numbers, which was checked: the numbers are looked at again only where an inertia
-        has changed beyond its size.
+    ``variables``: names in the order of q. ``core``: the compiled mechanism. ``before``: the same with other numbers,
+    which was checked: the numbers are looked at again only where an inertia has changed beyond its size.
     """
     bodies = [(joint, body, pose) for joint, body, pose in tree.bodies() if joint != WORLD]
     # Whether there is any, not how much: sums of what is there could overflow.

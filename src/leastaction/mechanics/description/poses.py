@@ -42,10 +42,6 @@ def pose(
     name, mass, com, inertia, bodies
         As in `FrameOptions`.
 
-    Returns
-    -------
-    Frame
-
     Raises
     ------
     DescriptionError

@@ -68,16 +68,9 @@ class Joint:
 class Ball:
     """Three rotations one behind the other, of a `ball` or a `free` joint.
 
-    Attributes
-    ----------
-    name : str
-        Name of the joint.
-    angles : tuple of Affine
-        The outer, middle and inner angle (rad).
-    singular : float
-        Its angles are not determined where the middle angle is this or differs from it by a multiple of pi.
-    watched : bool
-        Whether dynamic variables move both the outer and the inner angle, so that the singularity matters.
+    ``name``: name of the joint. ``angles``: the outer, middle and inner angle (rad). ``singular``: its angles are not
+    determined where the middle angle is this or differs from it by a multiple of pi. ``watched``: whether dynamic
+    variables move both the outer and the inner angle, so that the singularity matters.
     """
 
     name: str
@@ -119,12 +112,7 @@ class Tree:
     def coupling(self, joints: Sequence[int], variables: Sequence[str]) -> tuple[Array, Array]:
         """Return E (len(joints), len(variables)) and s0 of the joint coordinates ``s = E q + s0``.
 
-        Parameters
-        ----------
-        joints : sequence of int
-            The joints asked for.
-        variables : sequence of str
-            The variables asked for, in the order of the columns.
+        ``joints``: the joints asked for. ``variables``: the variables asked for, in the order of the columns.
         """
         column = {name: index for index, name in enumerate(variables)}
         E, s0 = np.zeros((len(joints), len(variables))), np.zeros(len(joints))

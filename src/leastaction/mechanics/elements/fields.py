@@ -450,16 +450,9 @@ def number(
 ) -> Metadata:
     """Return the metadata of a finite number.
 
-    Parameters
-    ----------
-    accept : callable, optional
-        Whether the element can have it.
-    expected, why : str, optional
-        What the message says if it cannot.
-    unit : str, optional
-        Shown behind the number.
-    variable : {"kinematic", "either"}, optional
-        The kind of variable that may stand for the number; none by default.
+    ``accept``: whether the element can have it. ``expected``, ``why``: what the message says if it cannot. ``unit``:
+    shown behind the number. ``variable`` {"kinematic", "either"}: the kind of variable that may stand for the number;
+    none by default.
     """
     kind = Number(accept, expected, why, unit)
     return {"kind": kind if variable is None else NumberOrVariable(kind, variable)}

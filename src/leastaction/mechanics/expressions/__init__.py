@@ -16,14 +16,5 @@ from leastaction.mechanics.expressions.terms import (
 )
 
 __all__ = [
-    "coordinate",
-    "direction",
-    "distance",
-    "input_",
-    "parameter",
-    "point",
-    "rate",
-    "speed",
-    "unit_vector",
-    "variable",
-]
+    "coordinate", "direction", "distance", "input_", "parameter", "point", "rate", "speed", "unit_vector", "variable",
+]  # fmt: skip

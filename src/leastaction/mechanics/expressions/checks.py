@@ -53,23 +53,9 @@ NOT_SMOOTH = (
 def check_expression(expression: Any, what: str, *, allowed: Sequence[sympy.Symbol] | None = None) -> sympy.Expr:
     """Return an expression that a tape can hold, or raise an error that names the part that it cannot.
 
-    Parameters
-    ----------
-    expression : sympy.Expr or number
-    what : str
-        What it belongs to, for messages.
-    allowed : sequence of sympy.Symbol, optional
-        The symbols that may occur. By default every `Quantity`.
-
-    Returns
-    -------
-    sympy.Expr
-
-    Raises
-    ------
-    DescriptionError
-        For text, matrices and truth values; plain symbols; numbers that are infinite or not real; functions
-        that are unknown or have a jump or a kink.
+    ``what``: what it belongs to, for messages. ``allowed``: the symbols that may occur. By default every `Quantity`.
+    Raises `DescriptionError` for text, matrices and truth values; plain symbols; numbers that are infinite or not real;
+    functions that are unknown or have a jump or a kink.
     """
     if isinstance(expression, str):
         raise DescriptionError(

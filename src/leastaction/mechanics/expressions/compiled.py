@@ -75,22 +75,9 @@ class CompiledForce:
 def compile_expression(expression: Any, *, what: str = "the expression") -> CompiledExpression:
     """Compile a scalar of the configuration.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        In points, directions, variables and parameters.
-    what : str, optional
-        What it belongs to, for messages.
-
-    Returns
-    -------
-    CompiledExpression
-
-    Raises
-    ------
-    DescriptionError
-        If it depends on a rate or an input or on nothing at all, gives a parameter two values, or cannot be
-        compiled; see `compile_tape`.
+    ``expression``: in points, directions, variables and parameters. ``what``: what it belongs to, for messages. Raises
+    `DescriptionError` if it depends on a rate or an input or on nothing at all, gives a parameter two values, or cannot
+    be compiled; see `compile_tape`.
     """
     scalar = _without_marks(check_expression(expression, what))
     for part in sympy.preorder_traversal(scalar):
@@ -126,23 +113,9 @@ def compile_expression(expression: Any, *, what: str = "the expression") -> Comp
 def compile_force(expression: Any, along: Any, *, what: str = "the force") -> CompiledForce:
     """Compile a force ``f_i = F ds/dq_i`` along a scalar s of the configuration.
 
-    Parameters
-    ----------
-    expression : sympy.Expr or number
-        F, in points, directions, variables, their rates, inputs and parameters.
-    along : str or sympy.Expr
-        The scalar s, or the name of a variable.
-    what : str, optional
-        What it belongs to, for messages.
-
-    Returns
-    -------
-    CompiledForce
-
-    Raises
-    ------
-    DescriptionError
-        As `compile_expression`; also for rates of what is not a scalar of the configuration.
+    ``expression``: F, in points, directions, variables, their rates, inputs and parameters. ``along``: the scalar s, or
+    the name of a variable. ``what``: what it belongs to, for messages. Raises `DescriptionError` as
+    `compile_expression`; also for rates of what is not a scalar of the configuration.
     """
     first = along
     if isinstance(along, str):

@@ -27,13 +27,8 @@ DIGITS = 20
 class TapeCode:
     """The arguments of `_core.Tape`; plain arrays, so it can be pickled.
 
-    Attributes
-    ----------
-    n_inputs : int
-        Number of arguments.
-    instructions : ndarray of int, shape (n, 3)
-        Operation and two operands each; values are numbered arguments first, then constants, then results.
-    constants : ndarray of float, shape (k,)
+    ``n_inputs``: number of arguments. ``instructions`` (n, 3): operation and two operands each; values are numbered
+    arguments first, then constants, then results. ``constants`` (k,).
     """
 
     n_inputs: int
@@ -56,22 +51,9 @@ class TapeCode:
 def compile_tape(expression: Any, arguments: Sequence[sympy.Symbol], what: str) -> TapeCode:
     """Compile a scalar expression in the arguments.
 
-    Parameters
-    ----------
-    expression : sympy.Expr or number
-    arguments : sequence of sympy.Symbol
-        The inputs of the tape in their order; other symbols in the expression are an error.
-    what : str
-        What the expression belongs to, for messages.
-
-    Returns
-    -------
-    TapeCode
-
-    Raises
-    ------
-    DescriptionError
-        For anything that is not real, finite and smooth; see `check_expression`.
+    ``arguments``: the inputs of the tape in their order; other symbols in the expression are an error. ``what``: what
+    the expression belongs to, for messages. Raises `DescriptionError` for anything that is not real, finite and smooth;
+    see `check_expression`.
     """
     scalar = check_expression(expression, what, allowed=arguments)
     parts, (final,) = sympy.cse(_horner(scalar), symbols=sympy.numbered_symbols(cls=sympy.Dummy))

@@ -46,15 +46,7 @@ class Value:
 class TapeWriter:
     """A tape that is being written.
 
-    Parameters
-    ----------
-    n_inputs : int
-        How many inputs it has.
-
-    Attributes
-    ----------
-    inputs : list of Value
-        The inputs.
+    ``n_inputs``: how many inputs it has. ``inputs``: the inputs.
     """
 
     def __init__(self, n_inputs: int) -> None:

@@ -134,10 +134,6 @@ def parameter(name: str, value: float) -> Quantity:
     value : float
         Its value; it can be changed later without compiling the mechanism again.
 
-    Returns
-    -------
-    Quantity
-
     Raises
     ------
     DescriptionError
@@ -164,10 +160,6 @@ def rate(expression: Any) -> sympy.Expr:
     ----------
     expression : sympy.Expr
         In points, directions, variables and numbers, such as ``distance("a", "b")``.
-
-    Returns
-    -------
-    sympy.Expr
     """
     return symbols().Rate(_scalar(expression, "rate"))
 
@@ -180,22 +172,9 @@ def speed(name: str) -> sympy.Expr:
 def compile_expression(expression: Any, *, what: str = "the expression") -> CompiledExpression:
     """Compile a scalar of the configuration for the core.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        In points, directions, variables and parameters.
-    what : str, optional
-        What it belongs to, for messages.
-
-    Returns
-    -------
-    CompiledExpression
-
-    Raises
-    ------
-    DescriptionError
-        If it depends on a rate or an input or on nothing at all, gives a parameter two values, holds a plain
-        symbol, a number that is infinite or not real, or a function that is unknown or not smooth.
+    ``expression``: in points, directions, variables and parameters. ``what``: what it belongs to, for messages. Raises
+    `DescriptionError` if it depends on a rate or an input or on nothing at all, gives a parameter two values, holds a
+    plain symbol, a number that is infinite or not real, or a function that is unknown or not smooth.
     """
     symbols()
     from leastaction.mechanics.expressions import compiled as compiled_expression
@@ -206,23 +185,9 @@ def compile_expression(expression: Any, *, what: str = "the expression") -> Comp
 def compile_force(expression: Any, along: Any, *, what: str = "the force") -> CompiledForce:
     """Compile a force ``f_i = F ds/dq_i`` for the core.
 
-    Parameters
-    ----------
-    expression : sympy.Expr or number
-        F, in points, directions, variables, their rates, inputs and parameters.
-    along : str or sympy.Expr
-        The scalar s, or the name of a variable.
-    what : str, optional
-        What it belongs to, for messages.
-
-    Returns
-    -------
-    CompiledForce
-
-    Raises
-    ------
-    DescriptionError
-        As `compile_expression`.
+    ``expression``: F, in points, directions, variables, their rates, inputs and parameters. ``along``: the scalar s, or
+    the name of a variable. ``what``: what it belongs to, for messages. Raises `DescriptionError` as
+    `compile_expression`.
     """
     symbols()
     from leastaction.mechanics.expressions import compiled as compiled_expression

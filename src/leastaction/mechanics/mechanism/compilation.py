@@ -41,18 +41,9 @@ class Plan:
     def with_numbers(self, tree: Tree, numbers: Mapping[str, float], owners: Mapping[str, tuple[str, str]]) -> Plan:
         """Return the plan with another tree of the same frames, and elements with other numbers.
 
-        Parameters
-        ----------
-        tree : Tree
-        numbers : mapping of str to float
-            Values by parameter name; those of frames and bodies are in the tree already.
-        owners : mapping of str to (str, str)
-            The element that each parameter of an element belongs to, and its name there.
-
-        Raises
-        ------
-        DescriptionError
-            For a number that an element refuses.
+        ``numbers``: values by parameter name; those of frames and bodies are in the tree already. ``owners``: the
+        element that each parameter of an element belongs to, and its name there. Raises `DescriptionError` for a number
+        that an element refuses.
         """
         elements, rest = dict(self.elements), dict(self.numbers)
         for parameter, value in numbers.items():
@@ -73,10 +64,7 @@ class Plan:
     def emit(self, builder: _core.MechanismBuilder) -> Compiler:
         """Make the calls that build this mechanism, joints first, then bodies, then elements.
 
-        Returns
-        -------
-        Compiler
-            It holds the slots of the elements' numbers by name, in ``parameters``, and whose they are.
+        The result holds the slots of the elements' numbers by name, in ``parameters``, and whose they are.
         """
         core = Compiler(builder, self.context())
         variable = core.context.variables
@@ -111,25 +99,10 @@ def plan(
 ) -> Plan:
     """Check a description and settle the order of its names.
 
-    Parameters
-    ----------
-    tree : Tree
-        The flattened frames.
-    elements : sequence of Element
-        What acts on them.
-    dynamic, kinematic, inputs : sequence of str, optional
-        The order of the names; as first met in the tree, then in the elements, if not given.
-    numbers : mapping of str to float, optional
-        Values of parameters that are no field of their element, other than it gave them.
-
-    Returns
-    -------
-    Plan
-
-    Raises
-    ------
-    DescriptionError
-        For anything that does not fit; see `Mechanism`.
+    ``tree``: the flattened frames. ``elements``: what acts on them. ``dynamic``, ``kinematic``, ``inputs``: the order
+    of the names; as first met in the tree, then in the elements, if not given. ``numbers``: values of parameters that
+    are no field of their element, other than it gave them. Raises `DescriptionError` for anything that does not fit;
+    see `Mechanism`.
     """
     if isinstance(elements, Element):
         raise DescriptionError(f"elements: expected a list, got {elements!r} alone; write [...]")

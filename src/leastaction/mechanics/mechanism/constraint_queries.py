@@ -18,10 +18,7 @@ WEIGHT_TOLERANCE = 1e-6
 def dependent_rows(jacobian: Array, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return the names of rows that are linear combinations of rows before them, and of which ones.
 
-    Raises
-    ------
-    ArgumentError
-        If a row is not finite.
+    Raises `ArgumentError` if a row is not finite.
     """
     if not np.isfinite(jacobian).all():
         bad = [name for name, row in zip(names, jacobian, strict=True) if not np.isfinite(row).all()]

@@ -36,16 +36,9 @@ def origins_of(tree: Tree, frames: Sequence[int], joints: Array) -> Array:
 class PathMotion:
     """How the joints on the way from the world to a frame move a point of it, at N configurations.
 
-    Attributes
-    ----------
-    twists : ndarray, shape (N, n, 6)
-        Of these joints, in the world.
-    by_joints : ndarray, shape (N, 6, n)
-        Velocity of the point, and angular velocity, by the joints' coordinates, in world axes.
-    E : ndarray, shape (n, nq)
-        The coordinates by the variables.
-    turn : ndarray, shape (N, 3, 3), or None
-        Rotation of the frame, if the velocities are wanted in its axes.
+    ``twists`` (N, n, 6): of these joints, in the world. ``by_joints`` (N, 6, n): velocity of the point, and angular
+    velocity, by the joints' coordinates, in world axes. ``E`` (n, nq): the coordinates by the variables. ``turn`` (N,
+    3, 3): rotation of the frame, if the velocities are wanted in its axes.
     """
 
     twists: Array

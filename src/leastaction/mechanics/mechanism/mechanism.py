@@ -236,10 +236,6 @@ class Mechanism:
         elements : sequence of Element
             What to add.
 
-        Returns
-        -------
-        Mechanism
-
         Raises
         ------
         DescriptionError
@@ -285,10 +281,6 @@ class Mechanism:
         ----------
         values : mapping of str to float
             New values by the names of `parameters`; the other numbers stay.
-
-        Returns
-        -------
-        Mechanism
 
         Raises
         ------

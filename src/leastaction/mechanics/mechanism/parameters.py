@@ -167,10 +167,7 @@ def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str
 def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
     """Return a tree with other masses and lengths; the names of its frames stay.
 
-    Raises
-    ------
-    DescriptionError
-        For a body that cannot be, with the name of its frame.
+    Raises `DescriptionError` for a body that cannot be, with the name of its frame.
     """
     bodies: dict[tuple[int, int], dict[str, float]] = {}
     lengths: dict[int, dict[int | None, float]] = {}
@@ -238,12 +235,8 @@ def _resized(frame: Frame, coordinates: Mapping[int | None, float]) -> Frame:
 def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
     """Return the joint (-1: the world) whose inertia a body's number changes, and by how much.
 
-    Returns
-    -------
-    joint : int
-    slope : ndarray, shape (10,)
-        Of mass, first moment and rotational inertia (xx yy zz xy xz yz) about the origin of the joint's
-        moved frame, in its axes: ``I_o = R I R^T + m (c.c E - c c^T)`` with ``c = R com + o``.
+    Returns ``joint``; ``slope`` (10,): of mass, first moment and rotational inertia (xx yy zz xy xz yz) about the
+    origin of the joint's moved frame, in its axes: ``I_o = R I R^T + m (c.c E - c c^T)`` with ``c = R com + o``.
     """
     placed = tree.frames[place.frame]
     body = placed.frame.bodies[place.body]

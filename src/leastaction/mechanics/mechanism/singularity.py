@@ -60,26 +60,10 @@ class SingularityWatch:
         Near is where the accuracy suffers: so near that angles are not determined, or farther away where its
         outer and inner angle move too fast for the time step.
 
-        Parameters
-        ----------
-        t : ndarray, shape (N+1,)
-            Times (s); a single one says nothing of the step.
-        q : ndarray, shape (N+1, nq)
-            Configurations.
-        before : ndarray, shape (nq,), optional
-            The configuration before the first one, which has been looked at.
-        stacklevel : int, optional
-            How many calls out the warning points to; the caller's caller.
-
-        Returns
-        -------
-        tuple of str
-            The warnings.
-
-        Warns
-        -----
-        SingularityWarning
-            Once for every joint: its name, its middle angle, and the step and the time when it came near.
+        ``t`` (N+1,): times (s); a single one says nothing of the step. ``q`` (N+1, nq): configurations. ``before``
+        (nq,): the configuration before the first one, which has been looked at. ``stacklevel``: how many calls out the
+        warning points to; the caller's caller. Returns the warnings. Warns `SingularityWarning` once for every joint:
+        its name, its middle angle, and the step and the time when it came near.
         """
         if not self.balls:
             return ()

@@ -112,15 +112,7 @@ def name_lines(plan: Plan) -> list[tuple[str, tuple[str, ...]]]:
 def tree_view(plan: Plan) -> str:
     """Return a mechanism as text: the tree with variables and masses, the elements, the variables.
 
-    Parameters
-    ----------
-    plan : Plan
-        The checked mechanism.
-
-    Returns
-    -------
-    str
-        Several lines without a newline at the end.
+    ``plan``: the checked mechanism. Returns several lines without a newline at the end.
     """
     rows, left_out = tree_rows(plan.tree)
     lines = [plan.tree.frames[0].name]

@@ -45,15 +45,7 @@ padding:.4em .7em;border:1px solid rgba(128,128,128,.35);border-radius:6px}
 def html_view(plan: Plan) -> str:
     """Return a mechanism as HTML: the tree with variables and masses, the elements, the names.
 
-    Parameters
-    ----------
-    plan : Plan
-        The checked mechanism.
-
-    Returns
-    -------
-    str
-        One ``div`` with its own style; no script, nothing is loaded.
+    ``plan``: the checked mechanism. Returns one ``div`` with its own style; no script, nothing is loaded.
     """
     frames = plan.tree.frames
     rows, left_out = tree_rows(plan.tree)

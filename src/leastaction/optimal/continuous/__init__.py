@@ -23,21 +23,8 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
 __all__ = [
-    "Accuracy",
-    "ContinuousCost",
-    "ContinuousLinearQuadraticSolution",
-    "ContinuousOptimizationResult",
-    "ContinuousProjection",
-    "ContinuousQuadraticCost",
-    "ContinuousRollout",
-    "ContinuousSystem",
-    "DenseTrajectory",
-    "FunctionContinuousSystem",
-    "LinearContinuousSystem",
-    "PiecewisePolynomial",
-    "RateGradient",
-    "RateHessian",
-    "regulate_continuous",
-    "solve_continuous_linear_quadratic",
-    "steady_state_regulator",
-]
+    "Accuracy", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
+    "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "DenseTrajectory",
+    "FunctionContinuousSystem", "LinearContinuousSystem", "PiecewisePolynomial", "RateGradient", "RateHessian",
+    "regulate_continuous", "solve_continuous_linear_quadratic", "steady_state_regulator",
+]  # fmt: skip

@@ -8,14 +8,6 @@ from leastaction.apps.marionette.retargeting.retarget import Retargeted, retarge
 from leastaction.apps.marionette.retargeting.skeleton import VARIABLES, Proportions, puppet_points
 
 __all__ = [
-    "VARIABLES",
-    "Proportions",
-    "PuppetMotion",
-    "Retargeted",
-    "default_names",
-    "load_motion",
-    "map_joints",
-    "puppet_points",
-    "read_mapping",
-    "retarget",
-]
+    "VARIABLES", "Proportions", "PuppetMotion", "Retargeted", "default_names", "load_motion", "map_joints",
+    "puppet_points", "read_mapping", "retarget",
+]  # fmt: skip

@@ -29,12 +29,8 @@ def smooth_step(value: Array, low: float, high: float) -> Array:
 def frame(x: Array, z: Array) -> Array:
     """Right-handed frames (F, 3, 3), axes in the columns.
 
-    Parameters
-    ----------
-    x : (F, 3) array
-        Direction to which the frame's x axis comes as near as possible; not along `z`.
-    z : (F, 3) array
-        The frame's z axis, of length one.
+    ``x`` (F, 3): direction to which the frame's x axis comes as near as possible; not along `z`. ``z`` (F, 3): the
+    frame's z axis, of length one.
     """
     x = unit(x - z * np.sum(x * z, axis=1, keepdims=True))
     return np.stack([x, np.cross(z, x), z], axis=2)
@@ -47,9 +43,7 @@ def euler_zyx(rotation: Array) -> Array:
     to the instant before, the first one that with ry between -90 and 90 degrees. Where ry is 90
     degrees either way only rx -+ rz is determined, and rz stays where it was.
 
-    Parameters
-    ----------
-    rotation : (F, 3, 3) array
+    ``rotation`` (F, 3, 3).
     """
     level = np.hypot(rotation[:, 0, 0], rotation[:, 1, 0])
     rz = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])

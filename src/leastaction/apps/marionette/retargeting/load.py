@@ -82,10 +82,6 @@ def load_motion(
     proportions, up, forward, heading, in_place
         See `leastaction.apps.marionette.retargeting.retarget.retarget`.
 
-    Returns
-    -------
-    PuppetMotion
-
     Raises
     ------
     MotionFileError

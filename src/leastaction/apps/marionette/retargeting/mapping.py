@@ -92,10 +92,6 @@ def map_joints(capture: Capture, names: JointNames | None = None) -> dict[str, i
     names : mapping from role to joint names, optional
         Looked up first, as written; see `read_mapping`. Other roles use `default_names`.
 
-    Returns
-    -------
-    dict from role to index in ``capture.joints``
-
     Raises
     ------
     MotionFileError

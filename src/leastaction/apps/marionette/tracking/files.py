@@ -75,10 +75,6 @@ def load_run(path: str | os.PathLike[str]) -> TrackingRun:
     path : path
         A file that `save_run` wrote.
 
-    Returns
-    -------
-    TrackingRun
-
     Raises
     ------
     ResultFileError

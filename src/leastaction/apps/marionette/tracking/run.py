@@ -123,10 +123,6 @@ def track(
     threads : int, optional
         Threads for derivatives; 0: as many as there are cores.
 
-    Returns
-    -------
-    TrackingRun
-
     Raises
     ------
     KeyboardInterrupt

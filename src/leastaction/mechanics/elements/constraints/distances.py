@@ -31,8 +31,6 @@ class Distance(Constraint):
     length : float or str
         The distance (m), or the name of the kinematic variable that prescribes it. A name that no frame
         uses is a new kinematic variable.
-    name : str, optional
-        Name of the constraint.
 
     Raises
     ------
@@ -91,8 +89,6 @@ class PointToPoint(Constraint):
         The frames.
     axes : str, optional
         Axes of the world along which they coincide, some of ``"xyz"``.
-    name : str, optional
-        Name of the constraint.
 
     Raises
     ------
@@ -130,7 +126,6 @@ class PathLength(Constraint):
     length : float or str
         The length L (m), or the name of the kinematic variable that prescribes it. A name that no frame
         uses is a new kinematic variable.
-    name : str, optional
 
     Raises
     ------
@@ -174,7 +169,6 @@ class Coupling(Constraint):
     offset : float or str, optional
         What the sum is held at: a number, or the name of the kinematic variable that prescribes it. A name
         that no frame uses is a new kinematic variable.
-    name : str, optional
 
     Raises
     ------

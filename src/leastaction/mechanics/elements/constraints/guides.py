@@ -24,7 +24,6 @@ class PointOnPlane(Constraint):
     normal : str or array_like, shape (3,), optional
         The normal n in the axes of the plane's frame: ``"x"``, ``"y"``, ``"z"`` or three numbers. It is
         taken as long as it is given: h is in metres for a unit vector.
-    name : str, optional
 
     Raises
     ------
@@ -60,7 +59,6 @@ class PointOnLine(Constraint):
         The frame whose origin stays on the line.
     direction : str or array_like, shape (3,), optional
         Direction of the line in the axes of its frame: ``"x"``, ``"y"``, ``"z"`` or three numbers.
-    name : str, optional
 
     Raises
     ------
@@ -104,7 +102,6 @@ class PrescribedPath(Constraint):
     x, y, z : str, optional
         The kinematic variables that prescribe its coordinates; those that are left out stay free. A name
         that no frame uses is a new kinematic variable.
-    name : str, optional
 
     Raises
     ------

@@ -33,7 +33,6 @@ class HingeLoop(Constraint):
         The hinge's axis, with the same numbers in both frames: ``"x"``, ``"y"``, ``"z"`` or three numbers.
     planar : bool, optional
         Whether the mechanism is plane, with all its axes along this one.
-    name : str, optional
 
     Raises
     ------
@@ -94,7 +93,6 @@ class FixedOrientation(Constraint):
         The frames.
     rotation : array_like, shape (3, 3), optional
         The wanted axes of frame2 in frame1, as columns; the same axes if not given.
-    name : str, optional
 
     Raises
     ------

@@ -30,7 +30,6 @@ class ExpressionPotential(Potential):
     ----------
     expression : sympy.Expr
         V in points, directions, distances, variables and parameters; see `leastaction.mechanics.expressions.terms`.
-    name : str, optional
 
     Raises
     ------
@@ -72,7 +71,6 @@ class ExpressionConstraint(Constraint):
     expression : sympy.Expr
         h, which the motion keeps at zero; scaled like a length or an angle. In points, directions, distances,
         variables and parameters; see `leastaction.mechanics.expressions.terms`.
-    name : str, optional
 
     Raises
     ------
@@ -125,7 +123,6 @@ class ExpressionForce(Force):
         inputs and parameters; see `leastaction.mechanics.expressions.terms`.
     along : str or sympy.Expr
         The name of a variable, or a scalar expression s such as a distance. F is positive where it drives s up.
-    name : str, optional
 
     Raises
     ------

@@ -70,10 +70,6 @@ def check_derivatives(
     strict : bool, optional
         Whether an error beyond that is raised; if not, see `FunctionReport.ok`.
 
-    Returns
-    -------
-    FunctionReport
-
     Raises
     ------
     ArgumentError

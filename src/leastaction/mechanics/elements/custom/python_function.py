@@ -142,7 +142,6 @@ class PythonPotential(Potential):
         Frames and unit vectors fixed in them (``"x"``, ``"y"``, ``"z"`` or three numbers): the next part of z.
     variables : sequence of str, optional
         Configuration variables, the last part of z.
-    name : str, optional
 
     Raises
     ------
@@ -176,7 +175,6 @@ class PythonConstraint(Constraint):
         f, with its gradient and Hessian; scaled like a length or an angle.
     points, directions, variables
         What z holds, as in `PythonPotential`.
-    name : str, optional
 
     Raises
     ------
@@ -227,7 +225,6 @@ class PythonForce(Force):
         A factor, the parameter ``"name.gain"``.
     points, directions, variables
         What z holds, as in `PythonPotential`.
-    name : str, optional
 
     Raises
     ------

@@ -41,7 +41,6 @@ class Damping(Force):
         The coefficient of every dynamic variable, or of those that are named (N s/m or N m s/rad).
     default : float, optional
         The coefficient of the dynamic variables that are not named.
-    name : str, optional
 
     Raises
     ------
@@ -133,7 +132,6 @@ class NonlinearDamping(Force):
     coefficients : sequence of float
         c1, c3, c5, ... (N s/m, N s^3/m^3, ... or with N m and rad). Some may be negative, as in an oscillator
         that excites itself; the last is positive, so that fast motion is opposed.
-    name : str, optional
 
     Raises
     ------
@@ -169,7 +167,6 @@ class CoulombFriction(Force):
     speed : float
         The velocity v0 over which it turns round (m/s or rad/s): at v0 it is 0.76 F. Slower than that it is
         a viscous drag of F/v0, so under a small load the joint creeps instead of sticking.
-    name : str, optional
 
     Raises
     ------
@@ -202,7 +199,6 @@ class LinearDamper(Force):
         The frames whose origins are the ends. They must not meet, where the damper has no direction.
     coefficient : float
         The coefficient c (N s/m).
-    name : str, optional
 
     Raises
     ------

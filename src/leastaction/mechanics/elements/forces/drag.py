@@ -32,7 +32,6 @@ class Drag(Force):
         Velocity of the medium in world axes (m/s).
     smoothing : float, optional
         The speed e under which the drag goes over to a viscous one (m/s), so that it is smooth at rest.
-    name : str, optional
 
     Raises
     ------

@@ -26,7 +26,6 @@ class JointForce(Force):
         The dynamic variable, or the factors of a sum that holds one.
     input : str
         The input u (N or N m); new with this element, or shared with others of the same name.
-    name : str, optional
 
     Raises
     ------
@@ -64,7 +63,6 @@ class Motor(Force):
         Axis in frame1: ``"x"``, ``"y"``, ``"z"`` or three numbers.
     gain : float, optional
         Factor, not zero: a gear's ratio, or a constant of the motor (N m per unit of the input).
-    name : str, optional
 
     Raises
     ------
@@ -98,7 +96,6 @@ class LinearMotor(Force):
         The input u: the force (N) with the gain 1, positive where it pushes. New with this element, or shared.
     gain : float, optional
         Factor, not zero (N per unit of the input).
-    name : str, optional
 
     Raises
     ------

@@ -30,7 +30,6 @@ class TendonForce(Force):
         Factor fl by the length (m); 1 if not given.
     force_velocity : Curve, optional
         Factor fv by the rate of the length (m/s), which is negative while the string shortens; 1 if not given.
-    name : str, optional
 
     Raises
     ------

@@ -74,7 +74,6 @@ class Wrench(Force):
         with others of the same name. Zero if not given.
     torque : sequence of three float or str, optional
         The torque (N m), likewise.
-    name : str, optional
 
     Raises
     ------

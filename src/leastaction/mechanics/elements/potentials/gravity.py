@@ -42,7 +42,6 @@ class Gravity(Potential):
     frames : sequence of str, optional
         The frames on whose bodies it acts; on every body if not given. A mechanism holds one gravity for
         all at most, and as many for some as it likes; what acts on the same body adds up.
-    name : str, optional
 
     Raises
     ------
@@ -119,7 +118,6 @@ class InverseSquareGravity(Potential):
         The frames whose origins attract each other. They must not meet, where the energy has no bound.
     strength : float
         The constant k (N m^2); positive attracts, negative repels.
-    name : str, optional
 
     Raises
     ------

@@ -41,7 +41,6 @@ class JointSpring(Potential):
     rest : float or str, optional
         Value s0 of s at which the spring is slack (m or rad), or the name of the variable that is it. A name
         that no frame uses is a new kinematic variable.
-    name : str, optional
 
     Raises
     ------
@@ -74,7 +73,6 @@ class LinearSpring(Potential):
     length : float or str, optional
         Length L of the slack spring (m), or the name of the variable that is it. A name that no frame uses
         is a new kinematic variable.
-    name : str, optional
 
     Raises
     ------
@@ -137,7 +135,6 @@ class TorsionalSpring(Potential):
     rest : float or str, optional
         Angle phi0 of the slack spring (rad), between -pi and pi, or the name of the variable that is it. A
         name that no frame uses is a new kinematic variable.
-    name : str, optional
 
     Raises
     ------
@@ -188,7 +185,6 @@ class NonlinearSpring(Potential):
         through the origins of two frames or more.
     force : Curve
         The force F at s (N or N m), positive where the spring drives s down: for a length, a tension.
-    name : str, optional
 
     Raises
     ------
@@ -231,7 +227,6 @@ class ElasticString(Potential):
         Whether it goes slack when shorter than its length.
     smoothing : float, optional
         The length e over which it does (m): at ``s = L`` the stretch is ``e log 2``.
-    name : str, optional
 
     Raises
     ------
