@@ -8,6 +8,10 @@ reason is wanted. So the solvers are driven here, through what they document:
   shift, so multistep methods keep their order and implicit ones their matrices, as they would not after a restart.
 - **Jumps.** Integration starts anew where the equation jumps, and the equation sees times strictly between two jumps,
   and before the end of all.
+- **Fragile places.** Near a state where the equation is next to undetermined its values are noise, and a solver that
+  shortens its steps only comes to see more of it. A `Passage` says where that is, and steps there are taken on trial:
+  if they went wrong they are made anew, with equations that stand up to more and by ever longer steps, which lead
+  over the place.
 - **Failures.** Where the equation has no value the solver sees NaN, which it takes for a step that was too long; when
   no step is short enough, the reason is the one that the equation gave.
 """
@@ -20,6 +24,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,13 +32,31 @@ import numpy as np
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, read_only
 
-__all__ = ["IMPLICIT", "SOLVERS", "IntegrationFailed", "Interpolant", "March", "Step", "segments"]
+__all__ = [
+    "IMPLICIT",
+    "SOLVERS",
+    "IntegrationFailed",
+    "Interpolant",
+    "March",
+    "Passage",
+    "Step",
+    "segments",
+]
 
 SOLVERS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 """SciPy's solvers by name."""
 
 IMPLICIT = ("Radau", "BDF", "LSODA")
 """Those that take a Jacobian, for stiff equations."""
+
+
+# Trial steps in a fragile place are taken over when there are so many, and end when one is so much shorter than
+# the step into it.
+_HELD = 50
+_SHRUNK = 1e-3
+# Relative tolerances of further trials, of which none is less than what was asked for.
+_TRIALS = (1e-8, 1e-7, 1e-6, 1e-5)
+_BETTER = 0.1  # of the first trial's error: a further one must have come down to it
 
 
 class IntegrationFailed(LeastActionError):
@@ -77,7 +100,7 @@ class Interpolant:
 
 
 class Step:
-    """An accepted step, as a `March` gives it; its interpolant is to be asked for before the next step.
+    """An accepted step, as a `March` gives it; its interpolant is to be asked for (first) before the next step.
 
     Attributes
     ----------
@@ -87,16 +110,38 @@ class Step:
         The solution at the end, before and after it was held.
     """
 
-    __slots__ = ("_interpolate", "end", "raw", "start", "y")
+    __slots__ = ("_interpolant", "_interpolate", "end", "raw", "start", "y")
 
     def __init__(self, start: float, end: float, raw: Array, y: Array, interpolate: Callable[[], Interpolant]) -> None:
         self.start, self.end = start, end
         self.raw, self.y = raw, y
         self._interpolate = interpolate
+        self._interpolant: Interpolant | None = None
 
     def interpolant(self) -> Interpolant:
         """Return the solution over the step."""
-        return self._interpolate()
+        if self._interpolant is None:
+            self._interpolant = self._interpolate()
+        return self._interpolant
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Where an equation is fragile, and how its steps are to be made and judged there.
+
+    Attributes
+    ----------
+    fragile : callable
+        ``fragile(y) -> bool``, asked of the end of every step.
+    fun : callable
+        An equation of the same solution that stands up to more, in place of `March`'s.
+    error : callable
+        ``error(interpolants) -> float``: how wrong some steps went, in units of what is allowed.
+    """
+
+    fragile: Callable[[Array], bool]
+    fun: Callable[[float, Array], Array]
+    error: Callable[[Sequence[Interpolant]], float]
 
 
 class March:
@@ -125,6 +170,8 @@ class March:
         package ends the integration.
     jumps : sequence of float
         Times where `fun` jumps.
+    passage : Passage, optional
+        Where steps are taken on trial.
     first_step, max_step : float, optional
         Sizes (s).
     max_steps : int, optional
@@ -153,6 +200,7 @@ class March:
         jacobian: Callable[[float, Array], Array] | None = None,
         hold: Callable[[float, Array], Array] | None = None,
         jumps: Sequence[float] = (),
+        passage: Passage | None = None,
         first_step: float | None = None,
         max_step: float | None = None,
         max_steps: int | None = None,
@@ -161,6 +209,7 @@ class March:
         self.t, self.y = float(t0), np.asarray(y0, dtype=np.float64)
         self.steps = self.evaluations = self.jacobians = 0
         self._fun, self._jacobian, self._hold = fun, jacobian, hold
+        self._passage = passage
         self._stops = segments(min(t0, tf), max(t0, tf), jumps)
         if tf < t0:
             self._stops.reverse()
@@ -183,7 +232,87 @@ class March:
 
     def _segment(self, kind: Any, begin: float, end: float) -> Iterator[Step]:
         """Integrate from one jump to the next."""
-        low, high = min(begin, end), math.nextafter(max(begin, end), -math.inf)
+        steps = self._steps(kind, begin, begin, end)
+        if self._passage is None:
+            yield from steps
+            return
+        before = (self.t, self.y, self._size)
+        while (step := next(steps, None)) is not None:
+            if self._passage.fragile(step.y):
+                held, anew = self._pass(kind, begin, end, before, step, steps)
+                yield from held
+                if anew and self.t != end:
+                    steps = self._steps(kind, begin, self.t, end)
+            else:
+                yield step
+            before = (self.t, self.y, self._size)
+
+    def _pass(
+        self,
+        kind: Any,
+        begin: float,
+        end: float,
+        before: tuple[float, Array, float | None],
+        step: Step,
+        steps: Iterator[Step],
+    ) -> tuple[list[Step], bool]:
+        """Return the steps through a fragile place that went least wrong, and whether to begin anew after them."""
+        assert self._passage is not None
+        best = self._try(step, steps)
+        if best.error <= 1.0:
+            return best.steps, False
+        first = best
+        rtol = float(self._options["rtol"])
+        for tolerance in _TRIALS:
+            if best.error <= 1.0:
+                break
+            looser = max(tolerance / rtol, 1.0)
+            self.t, self.y, self._size = before
+            steps = self._steps(kind, begin, self.t, end, self._passage.fun, looser)
+            try:
+                trial = self._try(next(steps), steps)
+            except IntegrationFailed:
+                continue
+            if trial.error < min(best.error, max(_BETTER * first.error, 1.0)):
+                best = trial
+        self.t, self.y, self._size = best.state
+        return best.steps, best is not first or best.shrunk
+
+    def _try(self, step: Step, steps: Iterator[Step]) -> _Trial:
+        """Go on from the first step into a fragile place until it is left."""
+        passage = self._passage
+        assert passage is not None
+        held, pieces = [], []
+        shortest = _SHRUNK * abs(step.end - step.start)
+        while True:
+            pieces.append(step.interpolant())
+            held.append(step)
+            shrunk = abs(step.end - step.start) < shortest and step.end != self._stops[-1]
+            if shrunk or len(held) == _HELD or not passage.fragile(step.y):
+                break
+            try:
+                after = next(steps, None)
+            except IntegrationFailed:
+                shrunk = True
+                break
+            if after is None:
+                break
+            step = after
+        error = np.inf if shrunk else passage.error(pieces)
+        return _Trial(held, error, (self.t, self.y, self._size), shrunk)
+
+    def _steps(
+        self,
+        kind: Any,
+        first: float,
+        begin: float,
+        end: float,
+        fun: Callable[[float, Array], Array] | None = None,
+        looser: float = 1.0,
+    ) -> Iterator[Step]:
+        """Integrate to a jump from a time after the jump before it, which is at ``first``."""
+        fun = fun or self._fun
+        low, high = min(first, end), math.nextafter(max(first, end), -math.inf)
         if low > min(self._stops[0], self._stops[-1]):
             low = math.nextafter(low, math.inf)
         shift = np.zeros(self.y.size)
@@ -193,7 +322,7 @@ class March:
 
         def rate(t: float, z: Array) -> Array:
             self.evaluations += 1
-            return self._asked(self._fun, within(t), z if self._hold is None else z + shift, (z.size,))
+            return self._asked(fun, within(t), z if self._hold is None else z + shift, (z.size,))
 
         def slope(t: float, z: Array) -> Array:
             self.jacobians += 1
@@ -201,6 +330,8 @@ class March:
             return self._asked(self._jacobian, within(t), z + shift, (z.size, z.size))
 
         options = dict(self._options)
+        if looser > 1.0:
+            options["rtol"], options["atol"] = looser * options["rtol"], looser * options["atol"]
         if self._size is not None:
             # A segment begins with the step that the one before had come to.
             options["first_step"] = min(self._size, abs(end - begin))
@@ -290,10 +421,20 @@ class March:
     def _check_limits(self, t: float) -> None:
         if t == self._stops[-1]:
             return
-        if self.steps == self._max_steps:
+        if self._max_steps is not None and self.steps >= self._max_steps:
             raise IntegrationFailed(f"it took {self.steps} steps, as many as max_steps allows")
         if self._deadline is not None and time.monotonic() > self._deadline:
             raise IntegrationFailed("it took as long as max_seconds allows")
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Steps through a fragile place, how wrong they went, where they came to, and whether they became too short."""
+
+    steps: list[Step]
+    error: float
+    state: tuple[float, Array, float | None]
+    shrunk: bool
 
 
 def segments(t0: float, tf: float, jumps: Sequence[float]) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,13 @@ class Equations:
             self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :], t)
             raise DynamicsError("the equations of motion have no solution", t=t, variable=None)
         return np.concatenate([x[m.nq :], out.a[0], u[m.n_inputs :]])
+
+    def rate_on_constraints(self, t: float, x: Array) -> Array:
+        """Return dx/dt at the state on the constraints that is nearest, where there is one."""
+        if np.all(np.isfinite(x)):
+            with contextlib.suppress(ConstraintLost):
+                x = self.hold(t, x)
+        return self.rate(t, x)
 
     def jacobian(self, t: float, x: Array) -> Array:
         """Return the derivative of the rate by x, (nx, nx), exact but for laws that give no derivative."""

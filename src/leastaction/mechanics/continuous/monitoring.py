@@ -3,8 +3,13 @@
 Where the gradients of the constraints become dependent (a lift with its links upright, a parallelogram drawn
 out straight) the accelerations are not determined, two ways cross, and a solver's error control may step over
 the place without noticing. What tells of it: the energy's balance, for between two instants energy changes by
-the work of inputs, damping and prescribed motion and by nothing else; and the determinant of
-``Dh(q_k) M^-1 Dh(q_k+1)^T``, which changes its sign.
+the work of inputs, damping and prescribed motion and by nothing else; and the eigenvalues of
+``(Dh_k M^-1 Dh_k^T)^-1 (Dh_k M^-1 Dh_k+1^T)``, which are near 1 along the motion and of which some change their sign.
+
+The motion itself goes smoothly over such a place. At a distance d from it a configuration that is off the constraints
+by e has a tangent that is off by ``e / d``: the intermediate states of a long step are off by its error, and those of
+the short steps that a solver then takes by rounding, when d is small enough. So near such a place a simulation brings
+intermediate states back onto the constraints too, and leads over it by long steps; see `Passages`.
 """
 
 from __future__ import annotations
@@ -27,6 +32,10 @@ _LOST = 1e-3
 _TOLERANCES = 1e3
 _NODES = (0.5 - np.sqrt(3.0) / 6.0, 0.5 + np.sqrt(3.0) / 6.0)  # Gauss: none where inputs jump
 _DIFFERENCE = 1e-5  # of states, for the rate of the energy
+_NEAR = 0.1  # of the largest it was: a singular value of Dh so small is near a loss of rank
+_RANK = 1e-6  # of the largest: smaller ones are those of redundant equations
+# Part of the energy that moves about which a passage may lose, or this many relative tolerances.
+_PASSAGE_LOST, _PASSAGE_TOLERANCES = 1e-6, 30.0
 
 
 @dataclass(frozen=True)
@@ -73,8 +82,17 @@ class EnergyBalance:
 
     def __str__(self) -> str:
         """Return the balance in a sentence."""
-        passed = f"; constraints lost rank in the step to t = {self.crossings[0]:.6g} s" if self.crossings else ""
+        passed = f"; {self.passed}" if self.crossings else ""
         return f"energy: {self.lost:.2g} J of {self.scale:.3g} J lost beside the work that was done{passed}"
+
+    @property
+    def passed(self) -> str:
+        """Where constraints lost rank, in words; empty if they did not."""
+        if not self.crossings:
+            return ""
+        more = len(self.crossings) - 1
+        others = f" and {more} more time{'s'[: more != 1]}" if more else ""
+        return f"constraints lost rank in the step to t = {self.crossings[0]:.6g} s{others}"
 
 
 def balance(equations: Equations, pieces: Sequence[Interpolant], end: float) -> EnergyBalance:
@@ -115,6 +133,44 @@ def balance(equations: Equations, pieces: Sequence[Interpolant], end: float) -> 
     )
 
 
+class Passages:
+    """How a simulation passes configurations in which constraints lose rank. One for each simulation.
+
+    Parameters
+    ----------
+    equations : Equations
+        With constraints that are projected on.
+    rtol : float
+        Of the solver.
+    """
+
+    def __init__(self, equations: Equations, rtol: float) -> None:
+        self.equations = equations
+        self.allowed = max(_PASSAGE_LOST, _PASSAGE_TOLERANCES * rtol)
+        self.rank, self.typical, self.scale = 0, 0.0, 0.0
+
+    def is_near(self, x: Array) -> bool:
+        """Whether constraints are about to lose rank, by the least of their singular values against its largest."""
+        m = self.equations.mechanism
+        sizes = np.linalg.svd(m.constraint_jacobian(x[: m.nq])[:, : m.nd], compute_uv=False)
+        rank = int(np.sum(sizes > _RANK * sizes.max(initial=0.0)))
+        if rank > self.rank:
+            self.rank, self.typical = rank, 0.0
+        if not self.rank:
+            return False
+        least = float(sizes[self.rank - 1])
+        self.typical = max(self.typical, least)
+        return least < _NEAR * self.typical
+
+    def error(self, pieces: Sequence[Interpolant]) -> float:
+        """Return the energy that some steps lost against what they may."""
+        found = balance(self.equations, pieces, pieces[-1].end)
+        self.scale = max(self.scale, found.scale)
+        allowed = self.allowed * self.scale + found.rounding
+        lost = max(abs(found.lost), abs(found.worst))
+        return lost / allowed if lost > 0.0 else 0.0
+
+
 def _rate(equations: Equations, t: float, x: Array) -> Array:
     """Return dx/dt; zero where there is none."""
     try:
@@ -145,8 +201,10 @@ def crossings(m: Mechanism, q: Array) -> Array:
         if np.linalg.matrix_rank(before) < m.nc:
             continue  # redundant equations, or a start in such a configuration
         inertia = m.mass_matrix(q[k])[: m.nd, : m.nd]
-        sign, _ = np.linalg.slogdet(before @ np.linalg.solve(inertia, after.T))
-        crossed[k] = sign < 0.0
+        # Both may be singular: of variables that move no mass, and in such a configuration itself.
+        inverse = np.linalg.pinv(inertia, hermitian=True) @ before.T
+        turned = np.linalg.eigvals(np.linalg.pinv(before @ inverse, hermitian=True) @ after @ inverse)
+        crossed[k] = bool(np.any(turned.real < 0.0))
     return crossed
 
 

@@ -15,8 +15,8 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.equations import Equations
 from leastaction.mechanics.continuous.events import Event, EventRecord, watch
 from leastaction.mechanics.continuous.integration import Progress
+from leastaction.mechanics.continuous.monitoring import Passages, tell
 from leastaction.mechanics.continuous.monitoring import balance as energy_balance
-from leastaction.mechanics.continuous.monitoring import tell
 from leastaction.mechanics.continuous.signals import (
     ContinuousSignal,
     InputLaw,
@@ -31,7 +31,7 @@ from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, De
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
-from leastaction.numerics.ode import SOLVERS, March
+from leastaction.numerics.ode import SOLVERS, March, Passage
 from leastaction.numerics.signals import StateLaw
 
 _SHOWN = 8  # variables of a state that a message lists
@@ -99,8 +99,10 @@ def simulate(
     events : mapping of str to Event, callable or str, optional
         Functions of time and state whose zeros are looked for, by name; see `Event`.
     constraints : {"project", "baumgarte", "none"}, Projection or Baumgarte, optional
-        How constraints are kept: every step is brought back onto them, in the metric of the mass matrix; deviations die
-        out by Baumgarte's stabilisation; or not at all. `Baumgarte` takes starts off the constraints too.
+        How constraints are kept: every step is brought back onto them, in the metric of the mass matrix, and
+        configurations in which they lose rank are passed by long steps that keep the energy;
+        deviations die out by Baumgarte's stabilisation; or not at all. `Baumgarte` takes starts off the
+        constraints too.
     dense_output : bool, optional
         Keep what is needed for states between the instants, and for the balance of the energy.
     progress : callable, optional
@@ -124,7 +126,7 @@ def simulate(
     -----
     EnergyBalanceWarning
         If energy was lost or gained beside the work that was done, such as where constraints lose rank;
-        looked for where `dense_output` is kept.
+        looked for where `dense_output` is kept. The status is then `IntegrationStatus.UNBALANCED`.
     SingularityWarning
         If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
     """
@@ -148,6 +150,10 @@ def simulate(
     law = _law(m, inputs, rho_a, u, motion, times)
     projection = handling if isinstance(handling, Projection) else None
     equations = Equations(dynamics, law, motion, projection)
+    passage = None
+    if equations.projection is not None:
+        watch_rank = Passages(equations, float(rtol))
+        passage = Passage(watch_rank.is_near, equations.rate_on_constraints, watch_rank.error)
     march = March(
         equations.rate,
         float(times[0]),
@@ -157,6 +163,7 @@ def simulate(
         jacobian=equations.jacobian,
         hold=equations.hold if equations.holds else None,
         jumps=law.breaks.tolist(),
+        passage=passage,
         max_steps=limit,
         max_seconds=seconds,
         **options,
@@ -184,7 +191,13 @@ def simulate(
         return replace(result, warnings=told)
     balance = energy_balance(equations, done.pieces, done.reached)
     complaint = tell(balance, float(rtol))
-    return replace(result, balance=balance, warnings=(*told, *([complaint] if complaint else [])))
+    if complaint is not None:
+        if status is IntegrationStatus.COMPLETED:
+            status = IntegrationStatus.UNBALANCED
+        told, message = (*told, complaint), f"{message}, but {complaint}"
+    elif balance.crossings:
+        message += f"; {balance.passed}"
+    return replace(result, status=status, message=message, balance=balance, warnings=told)
 
 
 def _motion(

@@ -24,6 +24,11 @@ class IntegrationStatus(Enum):
     """How a simulation in continuous time ended; the value says what happened and what to try."""
 
     COMPLETED = "completed: integrated over all times"
+    UNBALANCED = (
+        "integrated over all times, but energy was lost or gained beside the work that was done: do not trust the "
+        "motion from there on. Try smaller tolerances, max_step=, or a start that stays away from where constraints "
+        "lose rank"
+    )
     EVENT = "an event ended it: the last instant is that of the event"
     FAILED = (
         "failed: the trajectory ends at the last accepted step. Try an implicit method, looser tolerances, a "

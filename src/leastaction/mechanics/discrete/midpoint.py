@@ -23,6 +23,7 @@ from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
 from leastaction.mechanics.discrete import sensitivity as parameters
+from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
 from leastaction.mechanics.discrete.quality import quality_of
@@ -36,6 +37,7 @@ from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_st
 from leastaction.numerics.step_quality import StepQuality, coarsest
 
 Split = Literal["symmetric", "left"]
+LawAt = Literal["start", "midpoint"]
 
 _REASONS = {
     _core.StepStatus.no_convergence: "Newton's method did not converge in {iterations} iterations",
@@ -230,6 +232,7 @@ class MidpointVI(Integrator):
         *,
         inputs: Signal | StateLaw = None,
         rho: Signal = None,
+        law_at: LawAt = "start",
         progress: Callable[[int, int], None] | None = None,
     ) -> Trajectory:
         """Simulate over given times, which need not be equidistant.
@@ -241,11 +244,16 @@ class MidpointVI(Integrator):
             Times (s), increasing, the first one that of the start.
         inputs : array_like (n_inputs,) or (N, n_inputs), or callable, optional
             Inputs: constant, one row a step, or a function of the time at the middle of a step; or a feedback
-            ``(t, x)``, such as `Feedback`, of the time and the state ``x = [q; rho; p; v_rho]`` at the start
-            of each step, held over it. One input may be given as (N,). Zero if not given.
+            ``(t, x)``, such as `Feedback`, of the time and the state ``x = [q; rho; p; v_rho]`` (see `law_at`).
+            One input may be given as (N,). Zero if not given.
         rho : array_like (N+1, nrho) or (N, nrho), or callable, optional
             Kinematic variables at every instant (or at the ends of the steps), or a function of time.
             Unchanged if not given.
+        law_at : {"start", "midpoint"}, optional
+            Where in each step a feedback is evaluated: at its start, and held over it, as a digital controller
+            does; or at its midpoint, where forces act (``q = (q1 + q2)/2``, ``v = (q2 - q1)/dt``, p = dL/dv). The
+            closed loop is of first order with the former, of second with the latter, whose input is solved for
+            with the step.
         progress : callable, optional
             Called with the number of steps done and of all steps now and then.
 
@@ -257,7 +265,7 @@ class MidpointVI(Integrator):
         Raises
         ------
         ArgumentError
-            For wrong shapes, values that are not finite, or times that do not increase.
+            For wrong shapes, values that are not finite, times that do not increase, or an unknown `law_at`.
 
         Warns
         -----
@@ -276,6 +284,9 @@ class MidpointVI(Integrator):
         rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nd :], extra_row=True)
         self._check_lengths(np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
         law = inputs if takes_state(inputs) else None
+        if law_at not in ("start", "midpoint"):
+            raise ArgumentError(f"law_at: got {law_at!r}, expected 'start' or 'midpoint'")
+        inside = MidpointLaw(self, law) if law is not None and law_at == "midpoint" else None
         forces = None if law is not None else cast(Signal, inputs)
         u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
         x, lam = np.empty((N + 1, m.nx)), np.empty((N, m.nc))
@@ -286,11 +297,15 @@ class MidpointVI(Integrator):
         try:
             while done < N:
                 stop = min(N, done + (_CHUNK if law is None else 1))
-                if law is not None:
-                    at = float(times[done])
-                    given = law(at, read_only(x[done]))
-                    u[done, : m.n_inputs] = as_array(given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs)
-                out = self.core.roll_out(times[done : stop + 1], x[done].copy(), None, u[done:stop], None)
+                if inside is not None:
+                    pair = times[done : stop + 1]
+                    out, u[done, : m.n_inputs] = inside.step(pair, x[done], rho_next[done])
+                else:
+                    if law is not None:
+                        at = float(times[done])
+                        given = law(at, read_only(x[done]))
+                        u[done, : m.n_inputs] = as_array(given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs)
+                    out = self.core.roll_out(times[done : stop + 1], x[done].copy(), None, u[done:stop], None)
                 qualities.append(quality_of(m, out, times[done:]))
                 made = out.steps
                 x[done + 1 : done + 1 + made] = out.x[1 : made + 1]
@@ -304,6 +319,8 @@ class MidpointVI(Integrator):
                     break
                 if progress is not None and done > begun:
                     progress(done, N)
+        except StepError as error:
+            status, message = SimulationStatus.STEP_FAILED, str(error)
         except KeyboardInterrupt:
             status = SimulationStatus.INTERRUPTED
             message = f"interrupted after {done} of {N} steps"
