@@ -46,16 +46,16 @@ def coupled(links: int) -> Mechanism:
 def test_four_times_the_joints_take_about_four_times_as_long(build):
     """Quadratic would be sixteen times."""
 
-    def seconds(links: int) -> float:
-        times = []
-        for _ in range(3):
+    best = {400: np.inf, 1600: np.inf}
+    build(50)
+    for _ in range(20):  # others on this machine can only lengthen a measurement
+        for links in best:
             start = time.process_time()
             build(links)
-            times.append(time.process_time() - start)
-        return min(times)
-
-    build(50)
-    assert seconds(1600) < 9.0 * seconds(400)
+            best[links] = min(best[links], time.process_time() - start)
+        if best[1600] < 6.0 * best[400]:
+            return
+    pytest.fail(f"400 and 1600 joints take {best} s")
 
 
 def test_three_thousand_joints_take_little_memory():

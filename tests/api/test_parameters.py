@@ -336,20 +336,17 @@ def test_a_frame_too_far_away() -> None:
 
 
 def test_it_is_cheaper_than_to_describe_again() -> None:
-    """Nothing is analysed again; the margin is wide, so that a busy machine does not matter."""
-
-    def best(work: Any) -> float:
-        times = []
-        for _ in range(7):
-            begun = time.perf_counter()
-            work()
-            times.append(time.perf_counter() - begun)
-        return min(times)
-
+    """Nothing is analysed again."""
     m = marionette()
     name = next(name for name in m.parameters if name.endswith(".mass"))
-    value = m.parameters[name]
-    assert best(lambda: m.with_parameters({name: 1.1 * value})) < best(marionette)
+    changed = {name: 1.1 * m.parameters[name]}
+    best = [np.inf, np.inf]
+    for _ in range(20):  # others on this machine can only lengthen a measurement
+        for i, work in enumerate((lambda: m.with_parameters(changed), marionette)):
+            begun = time.perf_counter()
+            work()
+            best[i] = min(best[i], time.perf_counter() - begun)
+    assert 3.0 * best[0] < best[1]
 
 
 def test_a_frame_without_a_name_has_parameters_by_its_variable() -> None:

@@ -37,15 +37,36 @@ def run(words: Sequence[object], *, before: str = "", **options: object) -> tupl
     return done.returncode, done.stdout or "", done.stderr or ""
 
 
+# The program stands still after its first line that matches until it is told to go on, so that a signal comes exactly
+# there, however fast the program and however busy the machine.
+HELD = """
+import re, sys
+pattern, write = re.compile({!r}), sys.stdout.write
+def held(text):
+    global pattern
+    done = write(text)
+    if pattern is not None and pattern.search(text):
+        pattern = None
+        sys.stdout.flush()
+        sys.stdin.readline()
+    return done
+sys.stdout.write = held
+"""
+
+
 def run_until(pattern: str, words: Sequence[object], number: signal.Signals) -> tuple[int, str]:
     """Run the command line and send it a signal after a line of its output: exit code and error output."""
-    process = subprocess.Popen(command(words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command(words, before=HELD.format(pattern)),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     assert process.stdout is not None
-    for line in process.stdout:
-        if re.search(pattern, line):
-            process.send_signal(number)
-            break
-    _, errors = process.communicate(timeout=120)
+    assert any(re.search(pattern, line) for line in process.stdout), "the line never came"
+    process.send_signal(number)
+    _, errors = process.communicate("go on\n", timeout=120)
     assert "Traceback" not in errors
     return process.returncode, errors
 

@@ -232,18 +232,19 @@ OFFSET 1 0 0
 
 
 def test_reading_takes_time_in_proportion_to_the_joints(tmp_path: Path) -> None:
-    def seconds(joints: int) -> float:
-        path = tmp_path / f"{joints}.bvh"
+    best = {500: np.inf, 5000: np.inf}
+    paths = {joints: tmp_path / f"{joints}.bvh" for joints in best}
+    for joints, path in paths.items():
         path.write_text(skeleton(joints), encoding="ascii")
-        times = []
-        for _ in range(3):
+    for _ in range(20):  # others on this machine can only lengthen a measurement
+        for joints, path in paths.items():
             began = time.process_time()
             assert len(read_bvh(path).joints) == 2 * joints + 1
-            times.append(time.process_time() - began)
-        return min(times)
-
-    # Ten times the joints: a hundred times the time, were it quadratic.
-    assert seconds(5000) < 30.0 * seconds(500)
+            best[joints] = min(best[joints], time.process_time() - began)
+        # Ten times the joints: a hundred times the time, were it quadratic.
+        if best[5000] < 20.0 * best[500]:
+            return
+    pytest.fail(f"500 and 5000 joints take {best} s")
 
 
 def test_a_skeleton_of_many_joints_is_refused_in_few_words(tmp_path: Path) -> None:
