@@ -74,7 +74,9 @@ class Curve:
         from scipy.interpolate import PPoly, make_interp_spline
 
         degree = min(_DEGREE, len(places) - 1)
-        pieces = PPoly.from_spline(make_interp_spline(places, values, k=degree))
+        # One polynomial has no knots inside, which older versions of SciPy must be told for even degrees.
+        knots = np.repeat(places[[0, -1]], degree + 1) if len(places) == degree + 1 else None
+        pieces = PPoly.from_spline(make_interp_spline(places, values, k=degree, t=knots))
         # A spline repeats the knots at its ends, which makes pieces of no width.
         wide = np.diff(pieces.x) > 0.0
         self._set(np.append(pieces.x[:-1][wide], pieces.x[-1]), pieces.c[::-1, wide].T)
@@ -136,7 +138,8 @@ class Curve:
         """Return it as SciPy has piecewise polynomials."""
         from scipy.interpolate import PPoly  # slow to import
 
-        return PPoly(self.coefficients.T[::-1], self.breaks)
+        # Copies: older versions of SciPy cannot integrate what is read-only.
+        return PPoly(self.coefficients.T[::-1].copy(), self.breaks.copy())
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Curve):
