@@ -5,6 +5,7 @@
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
+#include <array>
 #include <initializer_list>
 #include <optional>
 #include <stdexcept>
@@ -28,6 +29,12 @@ inline Out new_array(std::initializer_list<std::size_t> shape) {
     double* data = new double[std::max<std::size_t>(size, 1)];
     nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
     return Out(data, shape.size(), shape.begin(), owner);
+}
+
+inline Out zeros(std::initializer_list<std::size_t> shape) {
+    Out out = new_array(shape);
+    std::fill_n(out.data(), out.size(), 0.0);
+    return out;
 }
 
 // The given array where it has the right shape (its contents are overwritten), else a new one: large results that are
@@ -59,11 +66,20 @@ inline void expect(std::size_t got, std::size_t expected, const char* what) {
                                     std::to_string(expected));
 }
 
+// Mass, first moment and rotational inertia xx yy zz xy xz yz about an origin.
+inline Inertia<double> inertia_of(const std::array<double, 10>& i) {
+    return {i[0], {i[1], i[2], i[3]}, {i[4], i[5], i[6], i[7], i[8], i[9]}};
+}
+
 // Between the user's order of variables and the internal one.
-inline std::vector<double> to_internal(const Mechanism& m, const double* values, int n) {
-    std::vector<double> out(n);
-    for (int i = 0; i < n; ++i) out[i] = values[m.external[i]];
+inline std::vector<double> to_internal(const Mechanism& m, const double* values) {
+    std::vector<double> out(m.n_variables());
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = values[m.external[i]];
     return out;
+}
+inline std::vector<double> to_internal(const Mechanism& m, const In<1>& values, const char* what) {
+    expect(values.size(), m.n_variables(), what);
+    return to_internal(m, values.data());
 }
 
 }  // namespace leastaction

@@ -51,13 +51,13 @@ void bind_coordinates(nb::class_<MechanismBuilder>& builder) {
         .def(
             "component_coordinate",
             [](MechanismBuilder& b, int point1, int point2, int direction) {
-                return b.local({point1, point2}, {direction}, {}, std::make_shared<ComponentFunction>());
+                return b.local({point1, point2}, {direction}, {}, component_function());
             },
             "point1"_a, "point2"_a, "direction"_a, "e.(p1 - p2).")
         .def(
             "product_coordinate",
             [](MechanismBuilder& b, int direction1, int direction2) {
-                return b.local({}, {direction1, direction2}, {}, std::make_shared<ProductFunction>());
+                return b.local({}, {direction1, direction2}, {}, product_function());
             },
             "direction1"_a, "direction2"_a, "d1.d2.")
         .def(
@@ -65,8 +65,8 @@ void bind_coordinates(nb::class_<MechanismBuilder>& builder) {
             [](MechanismBuilder& b, const Indices& points, const Indices& directions, const Indices& variables,
                std::shared_ptr<Tape> tape, const Indices& slots) {
                 expect_inputs(*tape, 3 * (points.size() + directions.size()) + variables.size() + slots.size());
-                for (const int slot : slots) b.check_slot(slot);
-                return b.local(points, directions, variables, std::make_shared<TapeFunction>(tape, slots));
+                b.check_slots(slots);
+                return b.local(points, directions, variables, tape_function(tape, slots));
             },
             "points"_a, "directions"_a, "variables"_a, "tape"_a, "slots"_a,
             "An expression in the components of points and directions, variables and numbers (slots).")
@@ -85,7 +85,7 @@ void bind_laws(nb::class_<MechanismBuilder>& builder) {
         .def(
             "law",
             [](MechanismBuilder& b, const std::string& kind, const Indices& slots) {
-                for (const int slot : slots) b.check_slot(slot);
+                b.check_slots(slots);
                 return b.add_law(std::make_shared<Law>(kind, slots));
             },
             "kind"_a, "slots"_a, "A function of one number, by name.")
@@ -101,7 +101,7 @@ void bind_laws(nb::class_<MechanismBuilder>& builder) {
         .def(
             "tape_law",
             [](MechanismBuilder& b, std::shared_ptr<Tape> tape, const Indices& slots) {
-                for (const int slot : slots) b.check_slot(slot);
+                b.check_slots(slots);
                 return b.add_law(std::make_shared<Law>(tape, slots));
             },
             "tape"_a, "slots"_a, "An expression in one number, and slots.");
@@ -124,9 +124,8 @@ void bind_elements(nb::class_<MechanismBuilder>& builder) {
         .def(
             "add_force",
             [](MechanismBuilder& b, int coordinate, int gain, int input, int law_s, int law_v) {
-                b.add_force(
-                    {coordinate}, input < 0 ? Indices{} : Indices{input},
-                    std::make_shared<ProductMagnitude>(b.check_slot(gain), input >= 0, b.law(law_s), b.law(law_v)));
+                b.add_force({coordinate}, input < 0 ? Indices{} : Indices{input},
+                            product_magnitude(b.check_slot(gain), input >= 0, b.law(law_s), b.law(law_v)));
             },
             "coordinate"_a, "gain"_a, "input"_a = -1, "law_s"_a = -1, "law_v"_a = -1,
             "A force gain * u * law_s(s) * law_v(rate of s) along a coordinate s.")
@@ -135,8 +134,8 @@ void bind_elements(nb::class_<MechanismBuilder>& builder) {
             [](MechanismBuilder& b, const Indices& coordinates, const Indices& inputs, std::shared_ptr<Tape> tape,
                const Indices& slots) {
                 expect_inputs(*tape, 2 * coordinates.size() + inputs.size() + slots.size());
-                for (const int slot : slots) b.check_slot(slot);
-                b.add_force(coordinates, inputs, std::make_shared<TapeMagnitude>(tape, slots));
+                b.check_slots(slots);
+                b.add_force(coordinates, inputs, tape_magnitude(tape, slots));
             },
             "coordinates"_a, "inputs"_a, "tape"_a, "slots"_a,
             "A force along the first coordinate: an expression in all of them, their rates, inputs and numbers.")

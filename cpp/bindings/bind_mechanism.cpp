@@ -35,8 +35,7 @@ public:
         const Mechanism& m = mechanism_;
         this->hessian();
         const std::size_t n = m.n_variables();
-        Out qq = new_array({n, n}), vq = new_array({n, n}), vv = new_array({n, n});
-        for (const Out& out : {qq, vq, vv}) std::fill_n(out.data(), n * n, 0.0);
+        const Out qq = zeros({n, n}), vq = zeros({n, n}), vv = zeros({n, n});
         const auto add = [&](const Out& out, int i, int j, double x) {
             out.data()[m.external[i] * n + m.external[j]] += x;
         };
@@ -67,9 +66,7 @@ private:
 };
 
 WholeLagrangian<double> point_at(const Mechanism& m, const In<1>& q, const In<1>& v) {
-    expect(q.size(), m.n_variables(), "q");
-    expect(v.size(), m.n_variables(), "v");
-    return {m, to_internal(m, q.data(), m.n_variables()), to_internal(m, v.data(), m.n_variables())};
+    return {m, to_internal(m, q, "q"), to_internal(m, v, "v")};
 }
 
 std::vector<Dual<double>> duals(const Mechanism& m, const double* x, const double* dx) {
@@ -89,9 +86,8 @@ struct ConstraintRows {
 };
 
 ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
-    expect(q.size(), m.n_variables(), "q");
     const int nq = m.n_variables(), nc = m.n_constraints();
-    const std::vector<double> internal = to_internal(m, q.data(), nq);
+    const std::vector<double> internal = to_internal(m, q, "q");
     Placement<double> at(m);
     place(m.constraint_joints, internal.data(), at);
     ConstraintRows out{std::vector<double>(nc), std::vector<double>(static_cast<std::size_t>(nc) * nq)};
@@ -104,7 +100,7 @@ ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
     return out;
 }
 
-// `write(out, joint)` for every joint, in the builder's order, of every configuration; `size` doubles each.
+// `write(out, joint)` for every joint of every configuration; `size` doubles each.
 template <class Write>
 void at_every_joint(const Mechanism& m, const In<2>& q, std::size_t size, double* out, const Write& write) {
     const std::size_t nj = m.joints.size(), nq = m.n_variables();
@@ -113,8 +109,8 @@ void at_every_joint(const Mechanism& m, const In<2>& q, std::size_t size, double
     std::vector<int> all(nj);
     std::iota(all.begin(), all.end(), 0);
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        place(all, to_internal(m, q.data() + k * nq, static_cast<int>(nq)).data(), at);
-        for (std::size_t j = 0; j < nj; ++j, out += size) write(out, at, m.joint_of_builder[j]);
+        place(all, to_internal(m, q.data() + k * nq).data(), at);
+        for (std::size_t j = 0; j < nj; ++j, out += size) write(out, at, static_cast<int>(j));
     }
 }
 
@@ -140,14 +136,12 @@ Out joint_twists(const Mechanism& m, const In<2>& q) {
 }
 
 Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
-    expect(q.size(), m.n_variables(), "q");
     expect(lam.size(), m.n_constraints(), "lam");
     const std::size_t n = m.n_variables();
-    const std::vector<double> internal = to_internal(m, q.data(), m.n_variables());
+    const std::vector<double> internal = to_internal(m, q, "q");
     Placement<double> at(m);
     place(m.constraint_joints, internal.data(), at);
-    Out out = new_array({n, n});
-    std::fill_n(out.data(), n * n, 0.0);
+    Out out = zeros({n, n});
     LocalTaylor<double> local;
     for (int c = 0; c < m.n_constraints(); ++c) {
         for_each_entry(*m.constraints[c], at, internal.data(), local, [&](int i, int j, double bend) {
@@ -160,19 +154,14 @@ Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
 // All forces at one point: f (nq), of kinematic variables too; by_q and by_v (nq x nq), by_u (nq x inputs).
 struct Forces {
     Forces(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, Order order) : m(m), n(m.n_variables()) {
-        expect(q.size(), n, "q");
-        expect(v.size(), n, "v");
+        const std::vector<double> Q = to_internal(m, q, "q"), V = to_internal(m, v, "v");
         expect(u.size(), m.n_inputs, "u");
         const std::size_t r = m.n_inputs;
-        f = new_array({n});
-        std::fill_n(f.data(), n, 0.0);
+        f = zeros({n});
         if (order != Order::value) {
-            by_q = new_array({n, n});
-            by_v = new_array({n, n});
-            by_u = new_array({n, r});
-            std::fill_n(by_q.data(), n * n, 0.0);
-            std::fill_n(by_v.data(), n * n, 0.0);
-            std::fill_n(by_u.data(), n * r, 0.0);
+            by_q = zeros({n, n});
+            by_v = zeros({n, n});
+            by_u = zeros({n, r});
         }
         for (const auto& [variable, slot] : m.damping) {
             const std::size_t i = m.external[variable];
@@ -183,8 +172,6 @@ struct Forces {
             f.data()[m.external[variable]] += u.data()[input];
             if (order != Order::value) by_u.data()[m.external[variable] * r + input] += 1.0;
         }
-        const std::vector<double> Q = to_internal(m, q.data(), m.n_variables());
-        const std::vector<double> V = to_internal(m, v.data(), m.n_variables());
         Placement<double> at(m);
         place(m.force_joints, Q.data(), at);
         LocalForce<double> local;
@@ -205,19 +192,15 @@ struct Forces {
 
 Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, const In<1>& mu) {
     const std::size_t n = m.n_variables(), r = m.n_inputs, size = 2 * n + r;
-    for (const auto* a : {&q, &v, &mu}) expect(a->size(), n, "argument");
     expect(u.size(), r, "u");
-    const std::vector<double> Q = to_internal(m, q.data(), m.n_variables());
-    const std::vector<double> V = to_internal(m, v.data(), m.n_variables());
-    const std::vector<double> MU = to_internal(m, mu.data(), m.n_variables());
+    const std::vector<double> Q = to_internal(m, q, "q"), V = to_internal(m, v, "v"), MU = to_internal(m, mu, "mu");
     const auto along_v = duals(m, q.data(), v.data()), along_mu = duals(m, q.data(), mu.data());
     Placement<double> at(m);
     Placement<Dual<double>> at_v(m), at_mu(m);
     place(m.force_joints, Q.data(), at);
     place(m.force_joints, along_v.data(), at_v);
     place(m.force_joints, along_mu.data(), at_mu);
-    Out out = new_array({size, size});
-    std::fill_n(out.data(), size * size, 0.0);
+    Out out = zeros({size, size});
     LocalForce<double> local;
     for (const auto& force : m.forces) {
         force->curvature({at, Q.data(), V.data(), u.data()}, {at_v, at_mu, along_v.data(), along_mu.data(), MU.data()},
@@ -283,16 +266,13 @@ void bind_mechanism(nb::module_& module) {
         .def(
             "inertia_slope",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, int joint, const std::array<double, 10>& i) {
-                if (joint < 0 || joint >= static_cast<int>(m.joints.size()) || m.joint_of_builder[joint] >= m.n_massive)
-                    throw std::invalid_argument("no such joint with a mass");
+                if (joint < 0 || joint >= m.n_massive) throw std::invalid_argument("no such joint with a mass");
                 std::vector<double> L_q(m.n_variables()), L_v(m.n_variables());
-                point_at(m, q, v).add_inertia_slope(m.joint_of_builder[joint],
-                                                    {i[0], {i[1], i[2], i[3]}, {i[4], i[5], i[6], i[7], i[8], i[9]}},
-                                                    L_q, L_v);
+                point_at(m, q, v).add_inertia_slope(joint, inertia_of(i), L_q, L_v);
                 return std::tuple(by_variable(m, L_q), by_variable(m, L_v));
             },
             "q"_a, "v"_a, "joint"_a, "inertia"_a,
-            "What gradient() changes by where the body of a joint (the builder's number) gets more inertia: mass, "
+            "What gradient() changes by where the body of a joint gets more inertia: mass, "
             "first "
             "moment and rotational inertia xx yy zz xy xz yz about the origin of the joint's frame.")
         .def("constraint_hessian", &constraint_hessian, "q"_a, "lam"_a, "Second derivatives (nq, nq) of lam.h(q).")

@@ -101,7 +101,7 @@ View curvature(const Linearization& of, const In<2>& w, bool multipliers, int th
     return View(data, {N, n, n}, owner);
 }
 
-// directions (P, n_numbers) of the elements' numbers; inertias: (parameter, builder's joint, 10 numbers m, m c, I in
+// directions (P, n_numbers) of the elements' numbers; inertias: (parameter, joint, 10 numbers m, m c, I in
 // the joint's frame about its origin, xx yy zz xy xz yz).
 ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u,
                                    const In<2>& directions,
@@ -117,11 +117,9 @@ ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, con
         if (std::any_of(row, row + n, [](double d) { return d != 0.0; })) parameters[k].numbers.assign(row, row + n);
     }
     for (const auto& [k, joint, i] : inertias) {
-        if (k < 0 || k >= static_cast<int>(P) || joint < 0 || joint >= static_cast<int>(m.joints.size()) ||
-            m.joint_of_builder[joint] >= m.n_massive)
+        if (k < 0 || k >= static_cast<int>(P) || joint < 0 || joint >= m.n_massive)
             throw std::invalid_argument("inertias: no such parameter, or no such joint with a mass");
-        parameters[k].inertias.push_back(
-            {m.joint_of_builder[joint], {i[0], {i[1], i[2], i[3]}, {i[4], i[5], i[6], i[7], i[8], i[9]}}});
+        parameters[k].inertias.push_back({joint, inertia_of(i)});
     }
     Out by_x = new_array({N, nx, P}), by_lam = new_array({N, nc, P});
     nb::gil_scoped_release release;
@@ -132,13 +130,11 @@ ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, con
 
 nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, const In<1>& u, double dt) {
     const Mechanism& m = midpoint.mechanism();
-    expect(q1.size(), m.n_variables(), "q1");
-    expect(q2.size(), m.n_variables(), "q2");
     expect(u.size(), m.n_inputs, "u");
     auto workspace = midpoint.workspace();
     MidpointStep& step = workspace->step;
-    step.q1 = to_internal(m, q1.data(), m.n_variables());
-    step.q2 = to_internal(m, q2.data(), m.n_variables());
+    step.q1 = to_internal(m, q1, "q1");
+    step.q2 = to_internal(m, q2, "q2");
     step.u.assign(u.data(), u.data() + m.n_inputs);
     std::vector<double> start(m.n_dynamic);
     step.momenta(dt, start);

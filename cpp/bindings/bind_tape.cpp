@@ -69,9 +69,7 @@ void bind_tape(nb::module_& module) {
                 if (order < 0 || order > 2)
                     throw std::invalid_argument("order: got " + std::to_string(order) + ", expected 0, 1 or 2");
                 const std::size_t n = m;
-                Out gradient = new_array({n}), hessian = new_array({n, n});
-                std::fill_n(gradient.data(), n, 0.0);
-                std::fill_n(hessian.data(), n * n, 0.0);
+                Out gradient = zeros({n}), hessian = zeros({n, n});
                 double value = 0.0;
                 TapeWork<double> work;
                 tape.evaluate(z.data(), m, static_cast<Order>(order), value, gradient.data(), hessian.data(), work);

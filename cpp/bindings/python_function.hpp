@@ -20,18 +20,15 @@ public:
     PythonFunction(const PythonFunction&) = delete;
     PythonFunction& operator=(const PythonFunction&) = delete;
 
-    void evaluate(const Placement<double>&, const double* z, int n, Order order, double& value, double* gradient,
-                  double* hessian, double&) const override;
-    void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
-                  Dual<double>* gradient, Dual<double>* hessian, double&) const override;
+    void evaluate(const LocalCall<double>& call) const override;
+    void evaluate(const LocalCall<Dual<double>>& call) const override;
     // A complex step gives one direction only: throws std::domain_error.
-    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
-                  HyperDual* gradient, HyperDual* hessian, double&) const override;
+    void evaluate(const LocalCall<HyperDual>& call) const override;
 
 private:
     // Value, gradient (n) and Hessian (n x n) in a row, as far as the order asks.
     template <class Number>
-    std::vector<Number> call(std::vector<Number> z, Order order) const;
+    std::vector<Number> ask(std::vector<Number> z, Order order) const;
 
     static constexpr double step = 1e-30;  // complex: no difference is taken, so it may be as small as it likes
     nb::object function_;
@@ -46,7 +43,7 @@ inline PythonFunction::~PythonFunction() {
 }
 
 template <class Number>
-std::vector<Number> PythonFunction::call(std::vector<Number> z, Order order) const {
+std::vector<Number> PythonFunction::ask(std::vector<Number> z, Order order) const {
     using Argument = nb::ndarray<nb::numpy, Number, nb::ndim<1>, nb::c_contig>;
     using Result = nb::ndarray<const Number, nb::c_contig, nb::device::cpu>;
     nb::gil_scoped_acquire acquire;
@@ -68,28 +65,25 @@ std::vector<Number> PythonFunction::call(std::vector<Number> z, Order order) con
     return out;
 }
 
-inline void PythonFunction::evaluate(const Placement<double>&, const double* z, int n, Order order, double& value,
-                                     double* gradient, double* hessian, double&) const {
-    const std::vector<double> out = call(std::vector<double>(z, z + n), order);
-    value = out[0];
-    if (order != Order::value) std::copy_n(out.begin() + 1, n, gradient);
-    if (order == Order::hessian) std::copy_n(out.begin() + 1 + n, n * n, hessian);
+inline void PythonFunction::evaluate(const LocalCall<double>& call) const {
+    const std::vector<double> out = ask(std::vector<double>(call.z, call.z + call.n), call.order);
+    call.value = out[0];
+    if (call.order != Order::value) std::copy_n(out.begin() + 1, call.n, call.gradient);
+    if (call.order == Order::hessian) std::copy_n(out.begin() + 1 + call.n, call.n * call.n, call.hessian);
 }
 
-inline void PythonFunction::evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order,
-                                     Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian,
-                                     double&) const {
+inline void PythonFunction::evaluate(const LocalCall<Dual<double>>& call) const {
+    const int n = call.n;
     std::vector<std::complex<double>> complex(n);
-    for (int i = 0; i < n; ++i) complex[i] = {z[i].v, step * z[i].d};
-    const auto out = call(std::move(complex), order);
+    for (int i = 0; i < n; ++i) complex[i] = {call.z[i].v, step * call.z[i].d};
+    const auto out = ask(std::move(complex), call.order);
     const auto dual = [](const std::complex<double>& x) { return Dual<double>(x.real(), x.imag() / step); };
-    value = dual(out[0]);
-    for (int i = 0; i < n && order != Order::value; ++i) gradient[i] = dual(out[1 + i]);
-    for (int i = 0; i < n * n && order == Order::hessian; ++i) hessian[i] = dual(out[1 + n + i]);
+    call.value = dual(out[0]);
+    for (int i = 0; i < n && call.order != Order::value; ++i) call.gradient[i] = dual(out[1 + i]);
+    for (int i = 0; i < n * n && call.order == Order::hessian; ++i) call.hessian[i] = dual(out[1 + n + i]);
 }
 
-inline void PythonFunction::evaluate(const Placement<HyperDual>&, const HyperDual*, int, Order, HyperDual&, HyperDual*,
-                                     HyperDual*, double&) const {
+inline void PythonFunction::evaluate(const LocalCall<HyperDual>&) const {
     throw std::domain_error(
         "second derivatives in continuous time need the fourth order of every constraint, which a function in Python "
         "does not give; state the constraint as an expression, or use first derivatives only");

@@ -46,36 +46,58 @@ T sum_of(const T* a, const T* b, int n) {
     return out;
 }
 
-// f = sum over c of sign * a[c] b[c], whose Hessian is constant: the two bilinear functions below.
-template <class T>
-void add_product(const T* z, int n, int a, int b, double sign, Order order, T& value, T* gradient, T* hessian) {
-    for (int c = 0; c < 3; ++c) {
-        value += sign * (z[a + c] * z[b + c]);
-        if (order == Order::value) continue;
-        gradient[a + c] += sign * z[b + c];
-        gradient[b + c] += sign * z[a + c];
-        if (order == Order::gradient) continue;
-        hessian[(a + c) * n + b + c] += T(sign);
-        hessian[(b + c) * n + a + c] += T(sign);
+// Lets a function state itself once, as a template on().
+template <class Function>
+class OnAnyCall final : public LocalFunction {
+public:
+    explicit OnAnyCall(Function function) : function_(std::move(function)) {}
+    void evaluate(const LocalCall<double>& call) const override { function_.on(call); }
+    void evaluate(const LocalCall<Dual<double>>& call) const override { function_.on(call); }
+    void evaluate(const LocalCall<HyperDual>& call) const override { function_.on(call); }
+
+private:
+    Function function_;
+};
+
+// f = sum over the products of sign * z[a].z[b], whose Hessian is constant.
+struct Product {
+    int a, b;
+    double sign;
+};
+constexpr Product component[] = {{6, 0, 1.0}, {6, 3, -1.0}}, product[] = {{0, 3, 1.0}};
+
+template <const auto& products>
+struct Bilinear {
+    template <class T>
+    void on(const LocalCall<T>& call) const {
+        const T* z = call.z;
+        call.value = T{};
+        if (call.order != Order::value) std::fill_n(call.gradient, call.n, T{});
+        if (call.order == Order::hessian) std::fill_n(call.hessian, call.n * call.n, T{});
+        for (const auto& [first, second, sign] : products)
+            for (int c = 0; c < 3; ++c) {
+                const int a = first + c, b = second + c;
+                call.value += sign * (z[a] * z[b]);
+                if (call.order == Order::value) continue;
+                call.gradient[a] += sign * z[b];
+                call.gradient[b] += sign * z[a];
+                if (call.order == Order::gradient) continue;
+                call.hessian[a * call.n + b] += T(sign);
+                call.hessian[b * call.n + a] += T(sign);
+            }
     }
-}
-template <class T>
-void clear(int n, Order order, T& value, T* gradient, T* hessian) {
-    value = T{};
-    if (order != Order::value) std::fill_n(gradient, n, T{});
-    if (order == Order::hessian) std::fill_n(hessian, n * n, T{});
-}
-template <class T>
-void component(const T* z, int n, Order order, T& value, T* gradient, T* hessian) {
-    clear(n, order, value, gradient, hessian);
-    add_product(z, n, 6, 0, 1.0, order, value, gradient, hessian);
-    add_product(z, n, 6, 3, -1.0, order, value, gradient, hessian);
-}
-template <class T>
-void product(const T* z, int n, Order order, T& value, T* gradient, T* hessian) {
-    clear(n, order, value, gradient, hessian);
-    add_product(z, n, 0, 3, 1.0, order, value, gradient, hessian);
-}
+};
+
+struct TapeFunction {
+    std::shared_ptr<const Tape> tape;
+    std::vector<int> slots;
+
+    template <class T>
+    void on(const LocalCall<T>& call) const {
+        evaluate_tape(*tape, slots, call.at, call.z, call.n, call.order, call.value, call.gradient, call.hessian,
+                      &call.scale);
+    }
+};
 
 }  // namespace
 
@@ -224,7 +246,7 @@ void LocalCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order orde
         for (const T& x : {at_z[k].x, at_z[k].y, at_z[k].z}) out.scale = std::max(out.scale, std::abs(value_of(x)));
     }
     for (int k = 0; k < nv; ++k) z[3 * vectors + k] = q[variables_[k]];
-    function_->evaluate(at, z, n, order, out.value, g, H, out.scale);
+    function_->evaluate(LocalCall<T>{at, z, n, order, out.value, g, H, out.scale});
     out.scale = std::max(out.scale, std::abs(value_of(out.value)));
     if (order == Order::value) return;
     for (int k = 0; k < n; ++k) out.scale = std::max(out.scale, std::abs(value_of(g[k]) * value_of(z[k])));
@@ -269,50 +291,16 @@ void LocalCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order orde
     support_joints_.fold(order, out);
 }
 
-void ComponentFunction::evaluate(const Placement<double>&, const double* z, int n, Order order, double& value,
-                                 double* gradient, double* hessian, double&) const {
-    component(z, n, order, value, gradient, hessian);
+std::shared_ptr<const LocalFunction> component_function() {
+    static const auto only = std::make_shared<OnAnyCall<Bilinear<component>>>(Bilinear<component>{});
+    return only;
 }
-void ComponentFunction::evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order,
-                                 Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double&) const {
-    component(z, n, order, value, gradient, hessian);
+std::shared_ptr<const LocalFunction> product_function() {
+    static const auto only = std::make_shared<OnAnyCall<Bilinear<product>>>(Bilinear<product>{});
+    return only;
 }
-void ComponentFunction::evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
-                                 HyperDual* gradient, HyperDual* hessian, double&) const {
-    component(z, n, order, value, gradient, hessian);
-}
-void ProductFunction::evaluate(const Placement<double>&, const double* z, int n, Order order, double& value,
-                               double* gradient, double* hessian, double&) const {
-    product(z, n, order, value, gradient, hessian);
-}
-void ProductFunction::evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order,
-                               Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double&) const {
-    product(z, n, order, value, gradient, hessian);
-}
-void ProductFunction::evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
-                               HyperDual* gradient, HyperDual* hessian, double&) const {
-    product(z, n, order, value, gradient, hessian);
-}
-
-TapeFunction::TapeFunction(std::shared_ptr<const Tape> tape, std::vector<int> slots)
-    : tape_(std::move(tape)), slots_(std::move(slots)) {}
-
-template <class T>
-void TapeFunction::evaluate_on(const Placement<T>& at, const T* z, int n, Order order, T& value, T* gradient,
-                               T* hessian, double& scale) const {
-    evaluate_tape(*tape_, slots_, at, z, n, order, value, gradient, hessian, &scale);
-}
-void TapeFunction::evaluate(const Placement<double>& at, const double* z, int n, Order order, double& value,
-                            double* gradient, double* hessian, double& scale) const {
-    evaluate_on(at, z, n, order, value, gradient, hessian, scale);
-}
-void TapeFunction::evaluate(const Placement<Dual<double>>& at, const Dual<double>* z, int n, Order order,
-                            Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double& scale) const {
-    evaluate_on(at, z, n, order, value, gradient, hessian, scale);
-}
-void TapeFunction::evaluate(const Placement<HyperDual>& at, const HyperDual* z, int n, Order order, HyperDual& value,
-                            HyperDual* gradient, HyperDual* hessian, double& scale) const {
-    evaluate_on(at, z, n, order, value, gradient, hessian, scale);
+std::shared_ptr<const LocalFunction> tape_function(std::shared_ptr<const Tape> tape, std::vector<int> slots) {
+    return std::make_shared<OnAnyCall<TapeFunction>>(TapeFunction{std::move(tape), std::move(slots)});
 }
 
 LEASTACTION_ON_ANY_SCALAR(Combination);

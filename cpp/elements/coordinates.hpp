@@ -58,17 +58,22 @@ private:
 
 // A function of places and directions in the world and of configuration variables, z = [points | directions | variables]. It
 // states its value, gradient and Hessian by z; the chain rule is done here.
+template <class T>
+struct LocalCall {
+    const Placement<T>& at;
+    const T* z;
+    int n;  // values in z; gradient (n) and Hessian (n x n, row-major) have room
+    Order order;
+    T &value, *gradient, *hessian;
+    double&
+        scale;  // raised to the size of the terms that cancel in the value, as far as the function knows of any but z
+};
 class LocalFunction {
 public:
     virtual ~LocalFunction() = default;
-    // n values in z; gradient (n) and Hessian (n x n, row-major) have room. `scale` is raised to the size of the terms that
-    // cancel in the value, as far as the function knows of any but z itself.
-    virtual void evaluate(const Placement<double>& at, const double* z, int n, Order order, double& value,
-                          double* gradient, double* hessian, double& scale) const = 0;
-    virtual void evaluate(const Placement<Dual<double>>& at, const Dual<double>* z, int n, Order order,
-                          Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian, double& scale) const = 0;
-    virtual void evaluate(const Placement<HyperDual>& at, const HyperDual* z, int n, Order order, HyperDual& value,
-                          HyperDual* gradient, HyperDual* hessian, double& scale) const = 0;
+    virtual void evaluate(const LocalCall<double>& call) const = 0;
+    virtual void evaluate(const LocalCall<Dual<double>>& call) const = 0;
+    virtual void evaluate(const LocalCall<HyperDual>& call) const = 0;
 };
 
 class LocalCoordinate final : public OnAnyScalar<LocalCoordinate> {
@@ -86,46 +91,9 @@ private:
     std::vector<char> moves_;  // by joint and by point, then direction
 };
 
-// z = [p1 | p2 | e]: e.(p1 - p2).
-class ComponentFunction final : public LocalFunction {
-public:
-    void evaluate(const Placement<double>&, const double* z, int n, Order order, double& value, double* gradient,
-                  double* hessian, double& scale) const override;
-    void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
-                  Dual<double>* gradient, Dual<double>* hessian, double& scale) const override;
-    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
-                  HyperDual* gradient, HyperDual* hessian, double& scale) const override;
-};
-
-// z = [d | e]: d.e.
-class ProductFunction final : public LocalFunction {
-public:
-    void evaluate(const Placement<double>&, const double* z, int n, Order order, double& value, double* gradient,
-                  double* hessian, double& scale) const override;
-    void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
-                  Dual<double>* gradient, Dual<double>* hessian, double& scale) const override;
-    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
-                  HyperDual* gradient, HyperDual* hessian, double& scale) const override;
-};
-
-// A recorded expression; its last inputs are numbers of the mechanism.
-class TapeFunction final : public LocalFunction {
-public:
-    TapeFunction(std::shared_ptr<const Tape> tape, std::vector<int> slots);
-    void evaluate(const Placement<double>&, const double* z, int n, Order order, double& value, double* gradient,
-                  double* hessian, double& scale) const override;
-    void evaluate(const Placement<Dual<double>>&, const Dual<double>* z, int n, Order order, Dual<double>& value,
-                  Dual<double>* gradient, Dual<double>* hessian, double& scale) const override;
-    void evaluate(const Placement<HyperDual>&, const HyperDual* z, int n, Order order, HyperDual& value,
-                  HyperDual* gradient, HyperDual* hessian, double& scale) const override;
-
-private:
-    template <class T>
-    void evaluate_on(const Placement<T>& at, const T* z, int n, Order order, T& value, T* gradient, T* hessian,
-                     double& scale) const;
-
-    std::shared_ptr<const Tape> tape_;
-    std::vector<int> slots_;
-};
+// z = [p1 | p2 | e]: e.(p1 - p2); z = [d | e]: d.e; a recorded expression, whose last inputs are numbers of the mechanism.
+std::shared_ptr<const LocalFunction> component_function();
+std::shared_ptr<const LocalFunction> product_function();
+std::shared_ptr<const LocalFunction> tape_function(std::shared_ptr<const Tape> tape, std::vector<int> slots);
 
 }  // namespace leastaction

@@ -6,54 +6,70 @@
 
 namespace leastaction {
 
-ProductMagnitude::ProductMagnitude(int gain_slot, bool has_input, std::shared_ptr<const Law> by_place,
-                                   std::shared_ptr<const Law> by_rate)
-    : gain_slot_(gain_slot), has_input_(has_input), by_place_(std::move(by_place)), by_rate_(std::move(by_rate)) {}
+namespace {
 
-template <class T>
-void ProductMagnitude::evaluate_on(const Placement<T>& at, const T* y, Order order, T& value, T* gradient,
-                                   T* hessian) const {
-    const T one(1.0), gain = at.number(gain_slot_), input = has_input_ ? y[2] : one;
-    T place[3] = {one, T{}, T{}}, rate[3] = {one, T{}, T{}};
-    if (by_place_) by_place_->evaluate(at, y[0], place);
-    if (by_rate_) by_rate_->evaluate(at, y[1], rate);
-    const T scaled = gain * input;
-    value = scaled * place[0] * rate[0];
-    if (order == Order::value) return;
-    gradient[0] = scaled * place[1] * rate[0];
-    gradient[1] = scaled * place[0] * rate[1];
-    if (has_input_) gradient[2] = gain * place[0] * rate[0];
-    if (order == Order::gradient) return;
-    const int n = has_input_ ? 3 : 2;
-    hessian[0] = scaled * place[2] * rate[0];
-    hessian[1] = hessian[n] = scaled * place[1] * rate[1];
-    hessian[n + 1] = scaled * place[0] * rate[2];
-    if (has_input_) {
-        hessian[2] = hessian[6] = gain * place[1] * rate[0];
-        hessian[5] = hessian[7] = gain * place[0] * rate[1];
-        hessian[8] = T{};
+// Lets a magnitude state itself once, as a template on().
+template <class Function>
+class OnAnyCall final : public Magnitude {
+public:
+    explicit OnAnyCall(Function function) : function_(std::move(function)) {}
+    void evaluate(const MagnitudeCall<double>& call) const override { function_.on(call); }
+    void evaluate(const MagnitudeCall<Dual<double>>& call) const override { function_.on(call); }
+
+private:
+    Function function_;
+};
+
+struct ProductMagnitude {
+    int gain_slot;
+    bool has_input;
+    std::shared_ptr<const Law> by_place, by_rate;
+
+    template <class T>
+    void on(const MagnitudeCall<T>& call) const {
+        const auto& [at, y, size, order, value, gradient, hessian] = call;
+        const T one(1.0), gain = at.number(gain_slot), input = has_input ? y[2] : one;
+        T place[3] = {one, T{}, T{}}, rate[3] = {one, T{}, T{}};
+        if (by_place) by_place->evaluate(at, y[0], place);
+        if (by_rate) by_rate->evaluate(at, y[1], rate);
+        const T scaled = gain * input;
+        value = scaled * place[0] * rate[0];
+        if (order == Order::value) return;
+        gradient[0] = scaled * place[1] * rate[0];
+        gradient[1] = scaled * place[0] * rate[1];
+        if (has_input) gradient[2] = gain * place[0] * rate[0];
+        if (order == Order::gradient) return;
+        const int n = has_input ? 3 : 2;
+        hessian[0] = scaled * place[2] * rate[0];
+        hessian[1] = hessian[n] = scaled * place[1] * rate[1];
+        hessian[n + 1] = scaled * place[0] * rate[2];
+        if (has_input) {
+            hessian[2] = hessian[6] = gain * place[1] * rate[0];
+            hessian[5] = hessian[7] = gain * place[0] * rate[1];
+            hessian[8] = T{};
+        }
     }
-}
+};
 
-void ProductMagnitude::evaluate(const Placement<double>& at, const double* y, int, Order order, double& value,
-                                double* gradient, double* hessian) const {
-    evaluate_on(at, y, order, value, gradient, hessian);
-}
-void ProductMagnitude::evaluate(const Placement<Dual<double>>& at, const Dual<double>* y, int, Order order,
-                                Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian) const {
-    evaluate_on(at, y, order, value, gradient, hessian);
-}
+struct TapeMagnitude {
+    std::shared_ptr<const Tape> tape;
+    std::vector<int> slots;
 
-TapeMagnitude::TapeMagnitude(std::shared_ptr<const Tape> tape, std::vector<int> slots)
-    : tape_(std::move(tape)), slots_(std::move(slots)) {}
+    template <class T>
+    void on(const MagnitudeCall<T>& call) const {
+        evaluate_tape(*tape, slots, call.at, call.y, call.size, call.order, call.value, call.gradient, call.hessian);
+    }
+};
 
-void TapeMagnitude::evaluate(const Placement<double>& at, const double* y, int size, Order order, double& value,
-                             double* gradient, double* hessian) const {
-    evaluate_tape(*tape_, slots_, at, y, size, order, value, gradient, hessian);
+}  // namespace
+
+std::shared_ptr<const Magnitude> product_magnitude(int gain_slot, bool has_input, std::shared_ptr<const Law> by_place,
+                                                   std::shared_ptr<const Law> by_rate) {
+    return std::make_shared<OnAnyCall<ProductMagnitude>>(
+        ProductMagnitude{gain_slot, has_input, std::move(by_place), std::move(by_rate)});
 }
-void TapeMagnitude::evaluate(const Placement<Dual<double>>& at, const Dual<double>* y, int size, Order order,
-                             Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian) const {
-    evaluate_tape(*tape_, slots_, at, y, size, order, value, gradient, hessian);
+std::shared_ptr<const Magnitude> tape_magnitude(std::shared_ptr<const Tape> tape, std::vector<int> slots) {
+    return std::make_shared<OnAnyCall<TapeMagnitude>>(TapeMagnitude{std::move(tape), std::move(slots)});
 }
 
 // n coordinates, m variables, r inputs: y | gradient of F | Hessian of F | rows.
@@ -116,7 +132,7 @@ void CoordinateForce::evaluate(const ForcePoint<Dual<double>>& point, LocalForce
                                        static_cast<int>(inputs_.size()), false);
     measure(point, Order::value, out);
     Dual<double> F;
-    magnitude_->evaluate(point.at, room.y, room.size, Order::value, F, room.gradient, room.hessian);
+    magnitude_->evaluate({point.at, room.y, room.size, Order::value, F, room.gradient, room.hessian});
     out.f.assign(m, Dual<double>{});
     for (std::size_t i = 0; i < index_[0].size(); ++i) out.f[index_[0][i]] = F * out.coordinates[0].gradient[i];
 }
@@ -127,7 +143,7 @@ void CoordinateForce::evaluate(const ForcePoint<double>& point, Order order, Loc
     const Workspace<double> room(out.work, n, m, r, false);
     measure(point, order, out);
     double F;
-    magnitude_->evaluate(point.at, room.y, room.size, order, F, room.gradient, room.hessian);
+    magnitude_->evaluate({point.at, room.y, room.size, order, F, room.gradient, room.hessian});
     const auto& along = index_[0];
     const LocalTaylor<double>& s = out.coordinates[0];
     out.f.assign(m, 0.0);
@@ -175,7 +191,7 @@ void CoordinateForce::curvature(const ForcePoint<double>& point, const ForceDire
     const Workspace<double> room(out.work, n, m, r, true);
     measure(point, Order::gradient, out);
     double F;
-    magnitude_->evaluate(point.at, room.y, room.size, Order::hessian, F, room.gradient, room.hessian);
+    magnitude_->evaluate({point.at, room.y, room.size, Order::hessian, F, room.gradient, room.hessian});
     if (out.along_v.size() < coordinates_.size()) {
         out.along_v.resize(n);
         out.along_mu.resize(1);

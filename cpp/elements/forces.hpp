@@ -13,47 +13,26 @@
 namespace leastaction {
 
 // F(y) with y = [c (n) | their rates (n) | inputs (r)], its gradient, and its Hessian.
+template <class T>
+struct MagnitudeCall {
+    const Placement<T>& at;
+    const T* y;
+    int size;
+    Order order;
+    T &value, *gradient, *hessian;
+};
 class Magnitude {
 public:
     virtual ~Magnitude() = default;
-    virtual void evaluate(const Placement<double>& at, const double* y, int size, Order order, double& value,
-                          double* gradient, double* hessian) const = 0;
-    virtual void evaluate(const Placement<Dual<double>>& at, const Dual<double>* y, int size, Order order,
-                          Dual<double>& value, Dual<double>* gradient, Dual<double>* hessian) const = 0;
+    virtual void evaluate(const MagnitudeCall<double>& call) const = 0;
+    virtual void evaluate(const MagnitudeCall<Dual<double>>& call) const = 0;
 };
 
 // F = gain * u * by_place(c) * by_rate(rate of c) of one coordinate; without an input, or a law, its factor is 1.
-class ProductMagnitude final : public Magnitude {
-public:
-    ProductMagnitude(int gain_slot, bool has_input, std::shared_ptr<const Law> by_place,
-                     std::shared_ptr<const Law> by_rate);
-    void evaluate(const Placement<double>& at, const double* y, int size, Order order, double& value, double* gradient,
-                  double* hessian) const override;
-    void evaluate(const Placement<Dual<double>>& at, const Dual<double>* y, int size, Order order, Dual<double>& value,
-                  Dual<double>* gradient, Dual<double>* hessian) const override;
-
-private:
-    template <class T>
-    void evaluate_on(const Placement<T>& at, const T* y, Order order, T& value, T* gradient, T* hessian) const;
-
-    int gain_slot_;
-    bool has_input_;
-    std::shared_ptr<const Law> by_place_, by_rate_;
-};
-
+std::shared_ptr<const Magnitude> product_magnitude(int gain_slot, bool has_input, std::shared_ptr<const Law> by_place,
+                                                   std::shared_ptr<const Law> by_rate);
 // F from a recorded expression.
-class TapeMagnitude final : public Magnitude {
-public:
-    TapeMagnitude(std::shared_ptr<const Tape> tape, std::vector<int> slots);
-    void evaluate(const Placement<double>& at, const double* y, int size, Order order, double& value, double* gradient,
-                  double* hessian) const override;
-    void evaluate(const Placement<Dual<double>>& at, const Dual<double>* y, int size, Order order, Dual<double>& value,
-                  Dual<double>* gradient, Dual<double>* hessian) const override;
-
-private:
-    std::shared_ptr<const Tape> tape_;
-    std::vector<int> slots_;
-};
+std::shared_ptr<const Magnitude> tape_magnitude(std::shared_ptr<const Tape> tape, std::vector<int> slots);
 
 class CoordinateForce final : public GeneralizedForce {
 public:

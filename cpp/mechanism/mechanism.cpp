@@ -68,6 +68,25 @@ SharedLists eliminate(std::vector<std::vector<int>> earlier) {
     return out;
 }
 
+int checked(int index, std::size_t count, const char* what) {
+    if (index < 0 || index >= static_cast<int>(count))
+        throw std::invalid_argument(std::string("no ") + what + " " + std::to_string(index));
+    return index;
+}
+
+// Adds to a list and returns the index there.
+template <class T, class Added>
+int append(std::vector<T>& list, Added&& added) {
+    list.push_back(std::forward<Added>(added));
+    return static_cast<int>(list.size()) - 1;
+}
+
+std::vector<int> internal_of(const Mechanism& m, const std::vector<int>& variables) {
+    std::vector<int> out;
+    for (const int variable : variables) out.push_back(m.internal[variable]);
+    return out;
+}
+
 }  // namespace
 
 MechanismBuilder::MechanismBuilder(int n_dynamic, int n_kinematic, int n_inputs)
@@ -77,38 +96,22 @@ MechanismBuilder::MechanismBuilder(int n_dynamic, int n_kinematic, int n_inputs)
 }
 
 int MechanismBuilder::check_joint(int joint) const {
-    if (joint < -1 || joint >= static_cast<int>(joints_.size()))
-        throw std::invalid_argument("no joint " + std::to_string(joint));
-    return joint;
+    return joint == -1 ? -1 : checked(joint, joints_.size(), "joint");
 }
 int MechanismBuilder::check_variable(int variable) const {
-    if (variable < 0 || variable >= n_dynamic_ + n_kinematic_)
-        throw std::invalid_argument("no configuration variable " + std::to_string(variable));
-    return variable;
+    return checked(variable, n_dynamic_ + n_kinematic_, "configuration variable");
 }
-int MechanismBuilder::check_point(int point) const {
-    if (point < 0 || point >= static_cast<int>(points_.size()))
-        throw std::invalid_argument("no point " + std::to_string(point));
-    return point;
-}
-int MechanismBuilder::check_input(int input) const {
-    if (input < 0 || input >= n_inputs_) throw std::invalid_argument("no input " + std::to_string(input));
-    return input;
-}
-int MechanismBuilder::check_slot(int slot) const {
-    if (slot < 0 || slot >= static_cast<int>(numbers_.size()))
-        throw std::invalid_argument("no number " + std::to_string(slot));
-    return slot;
+int MechanismBuilder::check_point(int point) const { return checked(point, points_.size(), "point"); }
+int MechanismBuilder::check_input(int input) const { return checked(input, n_inputs_, "input"); }
+int MechanismBuilder::check_slot(int slot) const { return checked(slot, numbers_.size(), "number"); }
+void MechanismBuilder::check_slots(const std::vector<int>& slots) const {
+    for (const int slot : slots) check_slot(slot);
 }
 int MechanismBuilder::check_coordinate(int coordinate) const {
-    if (coordinate < 0 || coordinate >= static_cast<int>(coordinates_.size()))
-        throw std::invalid_argument("no coordinate " + std::to_string(coordinate));
-    return coordinate;
+    return checked(coordinate, coordinates_.size(), "coordinate");
 }
 std::shared_ptr<const Law> MechanismBuilder::law(int index) const {
-    if (index < 0) return nullptr;
-    if (index >= static_cast<int>(laws_.size())) throw std::invalid_argument("no law " + std::to_string(index));
-    return laws_[index];
+    return index < 0 ? nullptr : laws_[checked(index, laws_.size(), "law")];
 }
 
 int MechanismBuilder::add_joint(int parent, const Pose<double>& base, const Motion<double>& twist, int variable,
@@ -123,8 +126,7 @@ int MechanismBuilder::add_joint(int parent, const Pose<double>& base, const Moti
     joint.twist = twist;
     joint.axis = axis_of(twist);
     joint.base_rotates = !is_identity(base.R);
-    joints_.push_back(joint);
-    return static_cast<int>(joints_.size()) - 1;
+    return append(joints_, joint);
 }
 void MechanismBuilder::couple_joint(int joint, int variable, double factor) {
     if (joint < 0) throw std::invalid_argument("the world has no coordinate to couple");
@@ -134,66 +136,48 @@ void MechanismBuilder::couple_joint(int joint, int variable, double factor) {
 }
 void MechanismBuilder::add_body(int joint, const Body& body) { bodies_.emplace_back(check_joint(joint), body); }
 int MechanismBuilder::add_point(int joint, const Vec3<double>& offset) {
-    points_.push_back({check_joint(joint), offset});
-    return static_cast<int>(points_.size()) - 1;
+    return append(points_, Point{check_joint(joint), offset});
 }
 int MechanismBuilder::add_direction(int joint, const Vec3<double>& direction) {
-    directions_.push_back({check_joint(joint), direction});
-    return static_cast<int>(directions_.size()) - 1;
+    return append(directions_, Point{check_joint(joint), direction});
 }
-int MechanismBuilder::add_number(double value) {
-    numbers_.push_back(value);
-    return static_cast<int>(numbers_.size()) - 1;
-}
+int MechanismBuilder::add_number(double value) { return append(numbers_, value); }
 void MechanismBuilder::set_number(int slot, double value) { numbers_[check_slot(slot)] = value; }
 void MechanismBuilder::set_gravity(const Vec3<double>& g) { gravity_ = g; }
 
-int MechanismBuilder::add_coordinate(Maker maker) {
-    coordinates_.push_back(std::move(maker));
-    return static_cast<int>(coordinates_.size()) - 1;
-}
 int MechanismBuilder::combination(std::vector<int> variables, std::vector<int> factor_slots) {
     if (variables.empty() || variables.size() != factor_slots.size())
         throw std::invalid_argument("one factor for each of at least one variable is needed");
     for (const int variable : variables) check_variable(variable);
-    for (const int slot : factor_slots) check_slot(slot);
-    return add_coordinate([variables, factor_slots](const Mechanism& m, const Coordinates&) {
-        std::vector<int> internal;
-        for (const int variable : variables) internal.push_back(m.internal[variable]);
-        return std::make_shared<Combination>(internal, factor_slots);
+    check_slots(factor_slots);
+    return append(coordinates_, [variables, factor_slots](const Mechanism& m, const Coordinates&) {
+        return std::make_shared<Combination>(internal_of(m, variables), factor_slots);
     });
 }
 int MechanismBuilder::path(std::vector<int> points) {
     if (points.size() < 2) throw std::invalid_argument("a path needs two points at least");
     for (const int point : points) check_point(point);
-    return add_coordinate(
-        [points](const Mechanism& m, const Coordinates&) { return std::make_shared<PathLength>(m, points); });
+    return append(coordinates_,
+                  [points](const Mechanism& m, const Coordinates&) { return std::make_shared<PathLength>(m, points); });
 }
 int MechanismBuilder::local(std::vector<int> points, std::vector<int> directions, std::vector<int> variables,
                             std::shared_ptr<const LocalFunction> function) {
     for (const int point : points) check_point(point);
     for (const int variable : variables) check_variable(variable);
-    for (const int direction : directions)
-        if (direction < 0 || direction >= static_cast<int>(directions_.size()))
-            throw std::invalid_argument("no direction " + std::to_string(direction));
-    return add_coordinate([=](const Mechanism& m, const Coordinates&) {
-        std::vector<int> internal;
-        for (const int variable : variables) internal.push_back(m.internal[variable]);
-        return std::make_shared<LocalCoordinate>(m, points, directions, internal, function);
+    for (const int direction : directions) checked(direction, directions_.size(), "direction");
+    return append(coordinates_, [=](const Mechanism& m, const Coordinates&) {
+        return std::make_shared<LocalCoordinate>(m, points, directions, internal_of(m, variables), function);
     });
 }
 int MechanismBuilder::offset(int coordinate, int slot, int variable) {
     check_coordinate(coordinate);
     if (slot >= 0) check_slot(slot);
     if (variable >= 0) check_variable(variable);
-    return add_coordinate([=](const Mechanism& m, const Coordinates& made) {
+    return append(coordinates_, [=](const Mechanism& m, const Coordinates& made) {
         return std::make_shared<OffsetCoordinate>(made[coordinate], slot, variable < 0 ? -1 : m.internal[variable]);
     });
 }
-int MechanismBuilder::add_law(std::shared_ptr<const Law> law) {
-    laws_.push_back(std::move(law));
-    return static_cast<int>(laws_.size()) - 1;
-}
+int MechanismBuilder::add_law(std::shared_ptr<const Law> law) { return append(laws_, std::move(law)); }
 
 int MechanismBuilder::add_distance(int point1, int point2, double length, int variable) {
     check_point(point1);
@@ -256,44 +240,37 @@ void MechanismBuilder::add_wrench(Wrench::Kind kind, int joint, const Pose<doubl
     });
 }
 
-// Massive joints first, in depth-first preorder; then the others, parents before children as they came.
-std::vector<int> MechanismBuilder::joint_order(Mechanism& m) const {
+// How many joints carry mass somewhere behind them; checks that these are the first, and in depth-first preorder.
+int MechanismBuilder::count_massive() const {
     const int nj = static_cast<int>(joints_.size());
     std::vector<char> massive(nj, 0);
     for (const auto& [joint, body] : bodies_)
         if (joint >= 0 && !body.is_empty()) massive[joint] = 1;
     for (int j = nj - 1; j >= 0; --j)
         if (massive[j] && joints_[j].parent >= 0) massive[joints_[j].parent] = 1;
-    std::vector<std::vector<int>> children(nj + 1);
-    for (int j = nj - 1; j >= 0; --j)
-        if (massive[j]) children[joints_[j].parent + 1].push_back(j);
-    std::vector<int> order, stack = children[0];
-    while (!stack.empty()) {
-        const int j = stack.back();
-        stack.pop_back();
-        order.push_back(j);
-        for (const int child : children[j + 1]) stack.push_back(child);
+    const int count = static_cast<int>(std::count(massive.begin(), massive.end(), 1));
+    for (int j = 0; j < count; ++j) {
+        int place = massive[j] ? j - 1 : -2;
+        while (place >= 0 && place != joints_[j].parent) place = joints_[place].parent;
+        if (place != joints_[j].parent)
+            throw std::invalid_argument("joint " + std::to_string(j) +
+                                        ": joints with a mass behind them come first, in depth-first preorder");
     }
-    m.n_massive = static_cast<int>(order.size());
-    for (int j = 0; j < nj; ++j)
-        if (!massive[j]) order.push_back(j);
-    m.joint_of_builder.resize(nj);
-    for (int i = 0; i < nj; ++i) m.joint_of_builder[order[i]] = i;
-    return order;
+    return count;
 }
 
 // Dynamic variables in the order of their joints (those that move no mass, which no step can be made with, last), kinematic
 // ones as the user has them.
-void MechanismBuilder::order_variables(Mechanism& m, const std::vector<int>& order) const {
+void MechanismBuilder::order_variables(Mechanism& m) const {
     const int nq = n_dynamic_ + n_kinematic_;
     std::vector<char> has_joint(nq, 0);
     for (int i = 0; i < m.n_massive; ++i)
-        joints_[order[i]].each_term([&](int variable, double factor) {
+        joints_[i].each_term([&](int variable, double factor) {
             m.plain = m.plain && !has_joint[variable] && factor == 1.0;
             if (variable < n_dynamic_ && !has_joint[variable]) m.external.push_back(variable);
             has_joint[variable] = 1;
         });
-    for (int i = 0; i < m.n_massive; ++i) m.plain = m.plain && joints_[order[i]].more.empty();
+    for (int i = 0; i < m.n_massive; ++i) m.plain = m.plain && joints_[i].more.empty();
     for (int variable = 0; variable < n_dynamic_; ++variable)
         if (!has_joint[variable]) {
             m.external.push_back(variable);
@@ -311,17 +288,10 @@ void MechanismBuilder::order_variables(Mechanism& m, const std::vector<int>& ord
 void MechanismBuilder::set_numbers(Mechanism& m) const {
     m.gravity = gravity_;
     m.numbers = numbers_;
-    const auto moved = [&](const std::vector<Point>& from, std::vector<Point>& to) {
-        to.clear();
-        for (const Point& point : from)
-            to.push_back({point.joint < 0 ? -1 : m.joint_of_builder[point.joint], point.offset});
-    };
-    moved(points_, m.points);
-    moved(directions_, m.directions);
-    m.joints.resize(joints_.size());
-    for (std::size_t j = 0; j < joints_.size(); ++j) {
-        Joint& joint = m.joints[m.joint_of_builder[j]] = joints_[j];
-        joint.parent = joint.parent < 0 ? -1 : m.joint_of_builder[joint.parent];
+    m.points = points_;
+    m.directions = directions_;
+    m.joints = joints_;
+    for (Joint& joint : m.joints) {
         joint.variable = m.internal[joint.variable];
         for (Term& term : joint.more) term.variable = m.internal[term.variable];
     }
@@ -331,7 +301,7 @@ void MechanismBuilder::set_numbers(Mechanism& m) const {
         if (joint < 0) {
             m.fixed_potential -= body.mass * dot(gravity_, body.com);
         } else if (!body.is_empty()) {
-            Body& sum = m.bodies[m.joint_of_builder[joint]];
+            Body& sum = m.bodies[joint];
             sum = sum.is_empty() ? body : merged(sum, body);
         }
     }
@@ -404,7 +374,8 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
     m->n_dynamic = n_dynamic_;
     m->n_kinematic = n_kinematic_;
     m->n_inputs = n_inputs_;
-    order_variables(*m, joint_order(*m));
+    m->n_massive = count_massive();
+    order_variables(*m);
     set_numbers(*m);
 
     for (int i = 0; i < m->n_massive; ++i) {
@@ -435,9 +406,9 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build_like(const Mechanism& o
                        other.numbers.size() == numbers_.size() && other.constraints.size() == constraints_.size() &&
                        other.potentials.size() == potentials_.size() && other.forces.size() == forces_.size();
     Mechanism order;  // which joints carry masses, and which coordinates are variables, are structure too
-    order_variables(order, joint_order(order));
-    if (!alike || order.joint_of_builder != other.joint_of_builder || order.n_massive != other.n_massive ||
-        order.external != other.external || order.plain != other.plain)
+    order.n_massive = count_massive();
+    order_variables(order);
+    if (!alike || order.n_massive != other.n_massive || order.external != other.external || order.plain != other.plain)
         throw std::invalid_argument("the other mechanism is of another structure");
     auto m = std::make_shared<Mechanism>(other);
     set_numbers(*m);

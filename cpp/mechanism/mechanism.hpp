@@ -1,8 +1,8 @@
 // The compiled, immutable mechanism: joints, bodies and elements in the order that the sweeps want.
 //
-// Joints: first those that carry mass somewhere behind them ("massive"), in depth-first preorder, so that a parent
-// stands before its children and a loop over joints is a sweep over the tree; then the massless ones (the upper end of a
-// string, say), which only move points.
+// Joints, in the order in which they are given: first those that carry mass somewhere behind them ("massive"), in depth-first
+// preorder, so that a parent stands before its children and a loop over joints is a sweep over the tree; then the massless
+// ones (the upper end of a string, say), which only move points.
 // Variables: internally the dynamic ones in the order of their joints, then the kinematic ones. This is the elimination
 // order of the Newton matrix: eliminating from last to first fills nothing in where a tree is all that couples them.
 // `external` maps back to the user's order.
@@ -41,13 +41,12 @@ public:
 
     Vec3<double> gravity;
     int n_massive = 0;
-    std::vector<Body> bodies;           // by massive joint
-    std::vector<int> joint_of_builder;  // builder's joint number -> joint
-    std::vector<int> external;          // internal variable -> user's
-    std::vector<int> internal;          // user's variable -> internal
-    bool same_order = true;             // internal and user's order agree
-    bool plain = true;                  // the coordinate of every massive joint is a variable of its own
-    double fixed_potential = 0;         // of masses fixed in the world
+    std::vector<Body> bodies;    // by massive joint
+    std::vector<int> external;   // internal variable -> user's
+    std::vector<int> internal;   // user's variable -> internal
+    bool same_order = true;      // internal and user's order agree
+    bool plain = true;           // the coordinate of every massive joint is a variable of its own
+    double fixed_potential = 0;  // of masses fixed in the world
 
     // By massive joint: its path from the root, itself last; and that path as few runs [first, last) of joints.
     SharedLists path;
@@ -134,6 +133,7 @@ public:
     // Checks that return what they are given.
     int check_input(int input) const;
     int check_slot(int slot) const;
+    void check_slots(const std::vector<int>& slots) const;
     std::shared_ptr<const Law> law(int index) const;
 
 private:
@@ -145,11 +145,10 @@ private:
     int check_variable(int variable) const;
     int check_point(int point) const;
     int check_coordinate(int coordinate) const;
-    int add_coordinate(Maker maker);
 
     void set_numbers(Mechanism& m) const;
-    std::vector<int> joint_order(Mechanism& m) const;
-    void order_variables(Mechanism& m, const std::vector<int>& order) const;
+    int count_massive() const;
+    void order_variables(Mechanism& m) const;
     void note_coupled_variables(Mechanism& m) const;
     void note_what_elements_see(Mechanism& m) const;
 

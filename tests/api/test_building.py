@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from leastaction import _core
-from leastaction.mechanics import Damping, Distance, Gravity, Mechanism, pose, rx, ry, tz, world
+from leastaction.mechanics import Damping, Distance, Gravity, Mechanism, pose, rx, ry, rz, tx, ty, tz, world
 
 
 def chain(links: int) -> Mechanism:
@@ -114,6 +114,27 @@ def test_the_inertias_are_the_diagonal_of_the_mass_matrix():
         q = np.random.default_rng(1).normal(size=mechanism.nq)
         expected = np.diag(mechanism.mass_matrix(q))
         np.testing.assert_allclose(mechanism.core.inertias(q), expected, rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.parametrize("parents", [[-1, 0, 1], [-1, 0, -1, 1]], ids=["massless first", "not depth first"])
+def test_the_core_takes_joints_in_its_own_order_only(parents):
+    """Everything with a mass comes first, depth first: its sweeps rely on it."""
+    builder = _core.MechanismBuilder(len(parents), 0, 0)
+    massless_first = len(parents) == 3
+    for variable, parent in enumerate(parents):
+        builder.add_joint(-1 if massless_first else parent, np.eye(4), np.eye(6)[3], variable)
+    for joint in range(1 if massless_first else 0, len(parents)):
+        builder.add_body(joint, 1.0, np.array([0.0, 1.0, 0.0]), np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="come first, in depth-first preorder"):
+        builder.build()
+
+
+def test_massless_joints_come_last_whatever_the_description_says():
+    settled = Mechanism([tx("hook", kinematic=True, name="top"), [ty("lift", kinematic=True)], rz("a"), [
+        tx(1.0, mass=1.0)]])  # fmt: skip
+    assert [joint.variables for joint in settled.tree.joints] == [("a",), ("hook",), ("lift",)]
+    assert [joint.parent for joint in settled.tree.joints] == [-1, -1, 1]
+    np.testing.assert_array_equal(settled.positions([0.0, 2.0, 3.0])[1:3], [[2, 0, 0], [2, 3, 0]])
 
 
 def test_a_core_whose_variable_moves_no_mass_is_singular_and_no_crash():

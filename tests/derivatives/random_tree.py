@@ -41,14 +41,26 @@ class Tree:
     def nq(self) -> int:
         return self.n_dynamic + self.n_kinematic
 
+    def core_joints(self) -> list[int]:
+        """Return the joints in the order of the core: those with a mass behind them, depth first, then the others."""
+        heavy = set(self.body_joint.tolist()) - {-1}
+        for joint in reversed(range(len(self.parent))):
+            heavy |= {int(self.parent[joint])} if joint in heavy else set()
+        order, stack = [], [-1]
+        while stack:
+            order.append(stack.pop())
+            stack += [j for j in reversed(range(len(self.parent))) if self.parent[j] == order[-1] and j in heavy]
+        return order[1:] + [j for j in range(len(self.parent)) if j not in heavy]
+
     def core(self) -> _core.Mechanism:
         builder = _core.MechanismBuilder(self.n_dynamic, self.n_kinematic, self.inputs.shape[1])
-        for parent, pose, twist, variable in zip(self.parent, self.pose, self.twist, self.variable, strict=True):
-            builder.add_joint(int(parent), pose, twist, int(variable))
+        place = {-1: -1}
+        for j in self.core_joints():
+            place[j] = builder.add_joint(place[self.parent[j]], self.pose[j], self.twist[j], int(self.variable[j]))
         for joint, mass, com, inertia in zip(self.body_joint, self.mass, self.com, self.inertia, strict=True):
-            builder.add_body(int(joint), float(mass), com, inertia)
+            builder.add_body(place[joint], float(mass), com, inertia)
         for joint, offset in zip(self.point_joint, self.point_offset, strict=True):
-            builder.add_point(int(joint), offset)
+            builder.add_point(place[joint], offset)
         builder.set_gravity(self.gravity)
         for (p1, p2), length, variable in zip(self.ends, self.length, self.length_variable, strict=True):
             builder.add_distance(int(p1), int(p2), float(length), int(variable))

@@ -85,7 +85,7 @@ def test_joint_poses(seed: int) -> None:
     ours = tree.core().joint_poses(q)
     for row, configuration in zip(ours, q, strict=True):
         theirs = np.asarray(oracle.joint_poses(oracle.data_of(tree), configuration))[:-1]
-        assert np.abs(row - theirs).max() < 1e-13
+        assert np.abs(row - theirs[tree.core_joints()]).max() < 1e-13
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,7 @@ def place_frames(names: Sequence[str], frames: Sequence[Frame], parents: Sequenc
             )
         )
         placed.append(TreeFrame(name, parent, frame, len(joints) - 1, _EYE))
+    placed, joints = _massive_first(placed, joints)
     dynamic = tuple(variable for variable, (kinematic, _) in kinds.items() if not kinematic)
     groups: dict[int, tuple[Group, list[int]]] = {}
     for index, at in enumerate(placed):
@@ -112,6 +114,25 @@ def place_frames(names: Sequence[str], frames: Sequence[Frame], parents: Sequenc
         tuple(variable for variable, (kinematic, _) in kinds.items() if kinematic),
         compositions,
         _balls(placed, compositions, dynamic),
+    )
+
+
+def _massive_first(frames: list[TreeFrame], joints: list[Joint]) -> tuple[list[TreeFrame], list[Joint]]:
+    """Put the joints with a mass somewhere behind them before those without."""
+    massive = [False] * len(joints)
+    for at in frames:
+        if at.joint != WORLD and any(body.mass or body.inertia.any() for body in at.frame.bodies):
+            massive[at.joint] = True
+    for index in reversed(range(len(joints))):
+        if massive[index] and joints[index].parent != WORLD:
+            massive[joints[index].parent] = True
+    if massive == sorted(massive, reverse=True):
+        return frames, joints
+    order = sorted(range(len(joints)), key=lambda index: not massive[index])
+    place = {WORLD: WORLD, **{index: i for i, index in enumerate(order)}}
+    return (
+        [replace(at, joint=place[at.joint]) for at in frames],
+        [replace(joints[index], parent=place[joints[index].parent]) for index in order],
     )
 
 

@@ -2,8 +2,8 @@
 
 The core knows joints only: a coordinate each (a linear expression of variables), a twist, and a constant
 pose in the moved frame of the parent joint. A frame without a variable costs nothing at run time: it is a
-constant pose on the joint that carries it. Joints are in depth-first preorder, so parents come before
-children and every subtree is a contiguous range.
+constant pose on the joint that carries it. Joints are in the core's order: those with a mass somewhere behind them in
+depth-first preorder, then the others, which only move points. Parents come before children.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class Tree:
     frames : tuple of TreeFrame
         In depth-first preorder; the world first.
     joints : tuple of Joint
-        In depth-first preorder.
+        Those that move a mass in depth-first preorder, then the others.
     dynamic, kinematic : tuple of str
         Names of the variables in the order that the tree meets them.
     compositions : tuple of (Group, tuple of int)
