@@ -56,14 +56,16 @@ def test_energy_of_ten_links_over_1e5_steps_stays_in_a_band_without_drift() -> N
     H, kept = energies(run, every=10)
     swung = np.ptp(run.energy().kinetic)
     assert swung > 100.0
-    # The motion is chaotic: its rare whips set the width of the band, which rounding alone moves by a factor
-    # of thirty. What the corrected energy keeps is compared with the band, and drift is what must not be.
-    assert 1e-5 * swung < np.ptp(H) < 5e-3 * swung
-    assert np.ptp(run.energy().total) < 1e-2 * swung
+    # The motion is chaotic: its rare whips set the width of the band, which rounding alone moves by a factor of
+    # thirty. So its width is bounded from afar; what the corrected energy keeps is compared with it.
+    assert 1e-5 * swung < np.ptp(H) < 5e-2 * swung
+    assert np.ptp(run.energy().total) < 0.1 * swung
     assert np.ptp(kept) < 0.1 * np.ptp(H)
+    # Drift is what must not be. Ten means leave eight degrees of freedom: beyond four standard errors is one machine
+    # in 250 by chance alone, beyond ten one in a hundred thousand.
     trend, error = drift(kept)
     assert abs(trend) < 1e-7 * swung  # over the whole run: 1e-12 a step
-    assert abs(trend) < 4.0 * error or abs(trend) < 1e-8 * swung
+    assert abs(trend) < 10.0 * error or abs(trend) < 1e-8 * swung
 
 
 def test_a_drift_would_be_seen() -> None:
