@@ -20,10 +20,16 @@ for _name, _value in {
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
-from hypothesis import settings  # noqa: E402
+from hypothesis import HealthCheck, settings  # noqa: E402
 
-# Derandomised: a failure on one machine is a failure on all.
-settings.register_profile("leastaction", deadline=None, derandomize=True, print_blob=True)
+# Derandomised: a failure on one machine is a failure on all. Nor is a busy one a failure: no deadlines.
+settings.register_profile(
+    "leastaction",
+    deadline=None,
+    derandomize=True,
+    print_blob=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
 settings.load_profile("leastaction")
 
 
