@@ -105,13 +105,20 @@ from leastaction.optimal import (
     IterationTable,
     OptimizationResult,
     QuadraticCost,
+    StageRecord,
+    StageTable,
+    StartResult,
+    StartStatus,
     Status,
+    coarse_to_fine,
+    continuation,
     optimize,
     optimize_continuous,
+    receding_horizon,
     regulate,
 )
 from leastaction.optimal.continuous import ContinuousQuadraticCost, regulate_continuous, steady_state_regulator
-from leastaction.systems import MechanismSystem, MidpointSystem
+from leastaction.systems import MechanismSystem, MidpointSystem, embed, warm_start
 
 __all__ = [
     "Baumgarte", "Body", "BodyWrench", "ContinuousDynamics", "ContinuousQuadraticCost", "ContinuousTrajectory",
@@ -122,10 +129,12 @@ __all__ = [
     "MidpointSystem", "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "PathLength",
     "PointOnLine", "PointOnPlane", "PointToPoint", "PrescribedMotion", "PrescribedPath", "Projection",
     "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "QuadraticCost", "SimulationStatus",
-    "SpatialWrench", "State", "Status", "TendonForce", "TorsionalSpring", "Trajectory", "__version__", "ball",
-    "check_consistent", "check_derivatives", "coordinate", "direction", "distance", "equilibrium", "free",
-    "gain_to_continuous", "gain_to_discrete", "input_", "optimize", "optimize_continuous", "parameter", "point", "pose",
-    "prismatic", "project_configuration", "project_velocity", "rate", "regulate", "regulate_continuous", "revolute",
-    "rx", "ry", "rz", "screw", "simulate", "speed", "steady_state_regulator", "to_continuous", "to_discrete",
-    "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal", "var", "variable", "world",
+    "SpatialWrench", "StageRecord", "StageTable", "StartResult", "StartStatus", "State", "Status", "TendonForce",
+    "TorsionalSpring", "Trajectory", "__version__", "ball", "check_consistent", "check_derivatives", "coarse_to_fine",
+    "continuation", "coordinate", "direction", "distance", "embed", "equilibrium", "free", "gain_to_continuous",
+    "gain_to_discrete", "input_", "optimize", "optimize_continuous", "parameter", "point", "pose", "prismatic",
+    "project_configuration", "project_velocity", "rate", "receding_horizon", "regulate", "regulate_continuous",
+    "revolute", "rx", "ry", "rz", "screw", "simulate", "speed", "steady_state_regulator", "to_continuous",
+    "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal", "var",
+    "variable", "warm_start", "world",
 ]  # fmt: skip

@@ -144,6 +144,14 @@ def continuous_cost() -> la.ContinuousQuadraticCost:
     return la.ContinuousQuadraticCost(np.zeros(2), np.zeros(1), Q=np.ones(2), R=np.ones(1), Q_final=np.ones(2))
 
 
+@cache
+def started() -> la.StartResult:
+    """Return a trajectory made window by window."""
+    problem = system()
+    inputs = np.zeros((problem.N, problem.nu))
+    return la.receding_horizon(problem, cost(), initial=(start().x, inputs), window=3, max_iterations=2)
+
+
 PUBLIC: dict[str, Callable[[], Any]] = {
     "Baumgarte": lambda: la.Baumgarte(10.0),
     "Body": lambda: la.Body(1.0, com=(0.1, 0.2, 0.3), inertia=(1.0, 2.0, 2.5)),
@@ -198,6 +206,10 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "QuadraticCost": cost,
     "SimulationStatus": lambda: la.SimulationStatus.STEP_FAILED,
     "SpatialWrench": lambda: la.SpatialWrench("bob", force=("F", 0.0, 1.0)),
+    "StageRecord": lambda: started().stages[0],
+    "StageTable": la.StageTable,
+    "StartResult": started,
+    "StartStatus": lambda: la.StartStatus.COMPLETED,
     "State": start,
     "Status": lambda: la.Status.CONVERGED,
     "TendonForce": lambda: la.TendonForce(["bob", "hand"], input="T"),
@@ -219,9 +231,12 @@ OTHERS: dict[str, Callable[[], Any]] = {
     "Frame": lambda: la.pose(translation=[1.0, 0.0, 0.0], name="f", mass=1.0),
     "FunctionContinuousSystem": oscillating,
     "FunctionSystem": lambda: optimal.FunctionSystem(oscillator, nx=2, nu=1, N=5, derivatives="finite-differences"),
+    "HelpedCost": lambda: optimal.HelpedCost(cost(), np.array([0]), np.array([2.0])),
     "LinearSystem": lambda: optimal.LinearSystem(np.ones((5, 2, 2)), np.ones((5, 2, 1))),
     "Step": lambda: integrator().step(start(), 0.01),
     "an expression": lambda: la.direction("bob", "x")[0] * la.speed("x"),
+    "WindowCost": lambda: optimal.WindowCost(cost(), 1, 3, N=5, nu=1),
+    "WindowSystem": lambda: optimal.WindowSystem(system(), 1, 3),
     "a description": lambda: [la.tx("x"), [la.rz({"x": 2.0}, offset=0.1)]],
     "DescriptionError": lambda: la.errors.DescriptionError("what was given"),
     "StepError": lambda: la.errors.StepError("no solution", t=1.0, residuals={"x": 1.0}, iteration=3, state=start()),

@@ -26,7 +26,7 @@ from leastaction.optimal.continuous import (
     solve_continuous_linear_quadratic,
     steady_state_regulator,
 )
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian, QuadraticCost
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian, QuadraticCost, WindowCost
 from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
@@ -36,9 +36,20 @@ from leastaction.optimal.discrete.linear_quadratic import (
     sweep_forward,
 )
 from leastaction.optimal.discrete.projection import Projection
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
 from leastaction.optimal.optimize import optimize, optimize_continuous
 from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Settings, Status
+from leastaction.optimal.starts import (
+    HelpedCost,
+    StageRecord,
+    StageTable,
+    StartResult,
+    StartStatus,
+    coarse_to_fine,
+    continuation,
+    receding_horizon,
+    resample,
+)
 from leastaction.optimal.system import Linearization
 from leastaction.optimal.table import IterationTable
 
@@ -46,10 +57,11 @@ __all__ = [
     "Accuracy", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
     "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Cost", "CostGradient",
     "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "FunctionContinuousSystem",
-    "FunctionSystem", "IterationRecord", "IterationTable", "LinearContinuousSystem", "LinearQuadraticSolution",
-    "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult", "PiecewisePolynomial", "Projection",
-    "QuadraticCost", "RateGradient", "RateHessian", "Rollout", "Settings", "Status", "adjoint",
-    "check_continuous_derivatives", "check_derivatives", "optimize", "optimize_continuous", "regulate",
-    "regulate_continuous", "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator",
-    "sweep_forward",
+    "FunctionSystem", "HelpedCost", "IterationRecord", "IterationTable", "LinearContinuousSystem",
+    "LinearQuadraticSolution", "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult",
+    "PiecewisePolynomial", "Projection", "QuadraticCost", "RateGradient", "RateHessian", "Rollout", "Settings",
+    "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "WindowCost", "WindowSystem", "adjoint",
+    "check_continuous_derivatives", "check_derivatives", "coarse_to_fine", "continuation", "optimize",
+    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
+    "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

@@ -8,7 +8,7 @@ from typing import IO, Any
 
 from leastaction.optimal.result import IterationRecord
 
-__all__ = ["IterationTable"]
+__all__ = ["IterationTable", "console"]
 
 _COLUMNS = (
     ("iter", 4),
@@ -42,7 +42,7 @@ class IterationTable:
     def __init__(self, *, file: IO[str] | None = None, then: Any = None) -> None:
         self._file = file
         self._then = then
-        self._console = _console(file)
+        self._console = console(file)
         self._has_header = False
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -86,7 +86,8 @@ class IterationTable:
 _STYLES = {"newton": "green", "newton-damped": "cyan", "steepest": "yellow"}
 
 
-def _console(file: IO[str] | None) -> Any:
+def console(file: IO[str] | None) -> Any:
+    """Return a console of rich, or None where that is not installed."""
     try:
         from rich.console import Console
     except ImportError:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from leastaction.systems.continuous import MechanismSystem
+from leastaction.systems.embedding import embed
 from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.warm_start import warm_start
 
-__all__ = ["MechanismSystem", "MidpointSystem"]
+__all__ = ["MechanismSystem", "MidpointSystem", "embed", "warm_start"]

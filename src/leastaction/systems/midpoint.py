@@ -12,7 +12,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array, as_times
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, check_window
 from leastaction.optimal.system import Linearization
 
 
@@ -50,6 +50,13 @@ class MidpointSystem(DiscreteSystem):
     def when(self, k: int) -> str:
         """Return how to speak of step k in messages."""
         return f"step {k} at t = {self.t[k]:.4g} s"
+
+    def window(self, start: int, stop: int) -> DiscreteSystem:
+        """Return the steps ``start .. stop-1`` as a system of their own."""
+        if type(self) is not MidpointSystem:
+            return super().window(start, stop)
+        check_window(start, stop, self.N)
+        return MidpointSystem(self.integrator, self.t[start : stop + 1], multipliers=self.multipliers)
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         """Return the next state (nx,); `StepError` where the step has no solution."""

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.cost import as_weight, final_of, owned, weigh
+from leastaction.optimal.discrete.system import check_window
 from leastaction.optimal.system import difference
 
-__all__ = ["Cost", "CostGradient", "CostHessian", "QuadraticCost"]
+__all__ = ["Cost", "CostGradient", "CostHessian", "QuadraticCost", "WindowCost"]
 
 
 class CostGradient(NamedTuple):
@@ -85,6 +86,14 @@ class Cost(ABC):
     def value(self, x: Array, u: Array) -> float:
         """Return the cost of ``x`` (N+1, nx), ``u`` (N, nu)."""
         return float(np.sum(self.stage_values(x[:-1], u, 0))) + self.final_value(x[-1])
+
+    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+        """Return the cost of the stages ``start .. stop-1`` of a horizon of N with nu inputs, as a cost of its own.
+
+        At the end of the horizon the last state costs what it does there, before that what it costs as the state of
+        stage `stop`, with inputs of zero.
+        """
+        return WindowCost(self, start, stop, N=N, nu=nu)
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:  # noqa: B027
         """Complain if the cost is not for N steps of nx states and nu inputs; optional."""
@@ -175,6 +184,83 @@ class QuadraticCost(Cost):
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
         """Return the weights."""
         return CostHessian(self.Q, self.R, None, self.Q_final)
+
+    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+        """Return the cost of the stages ``start .. stop-1``; see `Cost`."""
+        if type(self) is not QuadraticCost:
+            return super().window(start, stop, N=N, nu=nu)
+        check_window(start, stop, N)
+        self.check_shapes(N, self.x_wanted.shape[1], nu)
+        part = slice(start, stop)
+        return QuadraticCost(
+            self.x_wanted[start : stop + 1],
+            self.u_wanted[part],
+            Q=_stages(self.Q, part),
+            R=_stages(self.R, part),
+            Q_final=self.Q_final if stop == N else _weight_at(self.Q, stop),
+        )
+
+
+class WindowCost(Cost):
+    """The stages ``start .. stop-1`` of a cost, as a cost of its own; as fit for several threads as that is.
+
+    Parameters
+    ----------
+    cost : Cost
+    start, stop : int
+        First stage, and one past the last.
+    N, nu : int
+        Number of stages of the whole cost, and of inputs.
+
+    Raises
+    ------
+    ArgumentError
+        For a window that is empty, or not within the horizon.
+    """
+
+    def __init__(self, cost: Cost, start: int, stop: int, *, N: int, nu: int) -> None:
+        check_window(start, stop, N)
+        self.cost = cost
+        self.start, self.stop, self.horizon, self.nu = start, stop, N, nu
+        self.nonnegative = cost.nonnegative
+
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:
+        """Return the cost of the stages of the window from `start` on."""
+        return self.cost.stage_values(x, u, self.start + start)
+
+    def final_value(self, x: Array) -> float:
+        """Return the cost of the window's last state."""
+        if self.stop == self.horizon:
+            return self.cost.final_value(x)
+        return float(self.cost.stage_values(x[None], np.zeros((1, self.nu)), self.stop)[0])
+
+    def gradient(self, x: Array, u: Array) -> CostGradient:
+        """Return the first derivatives."""
+        q, r, q_final = self.cost.gradient(*self._whole(x, u))
+        part = slice(self.start, self.stop)
+        return CostGradient(q[part], r[part], q_final if self.stop == self.horizon else q[self.stop])
+
+    def hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return the second derivatives."""
+        Q, R, S, Q_final = self.cost.hessian(*self._whole(x, u))
+        part = slice(self.start, self.stop)
+        last = Q_final if self.stop == self.horizon else _weight_at(Q, self.stop)
+        return CostHessian(_stages(Q, part), _stages(R, part), None if S is None else _stages(S, part), last)
+
+    def _whole(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return states and inputs of the whole horizon; those outside of the window are never looked at."""
+        whole_x, whole_u = np.empty((self.horizon + 1, x.shape[1])), np.zeros((self.horizon, u.shape[1]))
+        whole_x[: self.start], whole_x[self.stop + 1 :] = x[0], x[-1]
+        whole_x[self.start : self.stop + 1] = x
+        whole_u[self.start : self.stop] = u
+        return read_only(whole_x), read_only(whole_u)
+
+
+def _weight_at(weight: Array, k: int) -> Array:
+    """Return the weight of stage k."""
+    if weight.ndim < 3:
+        return weight
+    return weight[k, :, 0] if weight.shape[2] == 1 else weight[k]
 
 
 def _stages(weight: Array, part: slice) -> Array:

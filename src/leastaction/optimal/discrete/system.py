@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.errors import StepError
+from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.system import Linearization, System
 
-__all__ = ["DiscreteSystem", "Rollout", "linearized"]
+__all__ = ["DiscreteSystem", "Rollout", "WindowSystem", "check_window", "linearized"]
 
 
 @dataclass(frozen=True)
@@ -111,6 +111,10 @@ class DiscreteSystem(System):
         """Return how to speak of step k in messages; one that knows the time says it."""
         return f"step {k}"
 
+    def window(self, start: int, stop: int) -> DiscreteSystem:
+        """Return the steps ``start .. stop-1`` as a system of their own; one with a faster way overrides it."""
+        return WindowSystem(self, start, stop)
+
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         """Return the derivatives of every step along ``x`` (N+1, nx), ``u`` (N, nu).
 
@@ -150,6 +154,68 @@ class DiscreteSystem(System):
         for k in range(self.N):
             H[k] = self.curvature(x[k], u[k], k, z[k + 1])
         return H
+
+
+class WindowSystem(DiscreteSystem):
+    """The steps ``start .. stop-1`` of a system, as a system of their own; as fit for several threads as that is.
+
+    Parameters
+    ----------
+    system : DiscreteSystem
+    start, stop : int
+        First step, and one past the last.
+
+    Raises
+    ------
+    ArgumentError
+        For a window that is empty, or not within the horizon.
+    """
+
+    def __init__(self, system: DiscreteSystem, start: int, stop: int) -> None:
+        check_window(start, stop, system.N)
+        self.system = system
+        self.start = start
+        self.nx, self.nu, self.N = system.nx, system.nu, stop - start
+        self.has_curvature = system.has_curvature
+
+    def f(self, x: Array, u: Array, k: int) -> Array:
+        """Return the next state."""
+        return self.system.f(x, u, self.start + k)
+
+    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
+        """Return A and B of step k of the window."""
+        return self.system.derivatives(x, u, self.start + k)
+
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
+        """Return ``z . D2f`` of step k of the window."""
+        return self.system.curvature(x, u, self.start + k, z)
+
+    def difference(self, x: Array, xbar: Array) -> Array:
+        """Return the difference of states."""
+        return self.system.difference(x, xbar)
+
+    def when(self, k: int) -> str:
+        """Return how the system speaks of step k of the window."""
+        return self.system.when(self.start + k)
+
+    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
+        """Simulate steps of the window; see `DiscreteSystem`."""
+        first, last = self.start + start, self.start + stop
+        rows = slice(first, last)
+        # The system takes rows of its whole horizon; only those of the window are read.
+        N = self.system.N
+        whole_x, whole_u, whole_K = (np.empty((N + 1, self.nx)), np.empty((N, self.nu)), np.empty((N, *K.shape[1:])))
+        whole_x[first : last + 1] = xbar[start : stop + 1]
+        whole_u[rows], whole_K[rows] = ubar[start:stop], K[start:stop]
+        return self.system.rollout(x0, whole_x, whole_u, whole_K, first, last)
+
+
+def check_window(start: int, stop: int, N: int) -> None:
+    """Complain about steps ``start .. stop-1`` that are none of a horizon of N."""
+    if not 0 <= start < stop <= N:
+        raise ArgumentError(
+            f"window: got the steps {start} to {stop}, expected at least one step within those of the horizon, 0 to {N}"
+        )
 
 
 def _second(system: DiscreteSystem, x: Array, u: Array, z: Array) -> Array:

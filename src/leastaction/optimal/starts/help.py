@@ -1,0 +1,87 @@
+"""Help that has a price: inputs beside those of a problem, which are to do nothing in the end."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.cost import is_diagonal
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+
+__all__ = ["HelpedCost"]
+
+
+class HelpedCost(Cost):
+    """A cost and the price of further inputs: ``h(x, u) + 1/2 sum_k v_k' diag(price) v_k``.
+
+    As fit for several threads as the cost is.
+
+    Parameters
+    ----------
+    cost : Cost
+        Of the inputs u.
+    columns : ndarray of int (n,)
+        Where the help v stands among all inputs.
+    price : ndarray (n,)
+        Price of each, positive.
+
+    Raises
+    ------
+    ArgumentError
+        For a price that is not positive.
+    """
+
+    def __init__(self, cost: Cost, columns: npt.NDArray[np.int64], price: Array) -> None:
+        if not np.all(price > 0.0):
+            raise ArgumentError(f"price: got {price.min():g}, expected positive prices of the help")
+        self.cost = cost
+        self.columns = np.asarray(columns, dtype=np.int64)
+        self.price = np.asarray(price, dtype=np.float64)
+        self.nonnegative = cost.nonnegative
+
+    def own(self, n: int) -> npt.NDArray[np.int64]:
+        """Return where the problem's own inputs stand among all n."""
+        return np.setdiff1d(np.arange(n), self.columns)
+
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:
+        """Return the cost of the stages from `start` on."""
+        spent: Array = 0.5 * (u[:, self.columns] ** 2 @ self.price)
+        return self.cost.stage_values(x, self._without(u), start) + spent
+
+    def final_value(self, x: Array) -> float:
+        """Return the cost of the last state."""
+        return self.cost.final_value(x)
+
+    def gradient(self, x: Array, u: Array) -> CostGradient:
+        """Return the first derivatives."""
+        q, r_own, q_final = self.cost.gradient(x, self._without(u))
+        r = np.empty(u.shape)
+        r[:, self.own(u.shape[1])] = r_own
+        r[:, self.columns] = u[:, self.columns] * self.price
+        return CostGradient(q, r, q_final)
+
+    def hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return the second derivatives."""
+        Q, R_own, S_own, Q_final = self.cost.hessian(x, self._without(u))
+        n = u.shape[1]
+        own = self.own(n)
+        if is_diagonal(R_own):
+            R = np.empty((len(R_own), n, 1) if R_own.ndim == 3 else n)
+            if R_own.ndim == 3:
+                R[:, own], R[:, self.columns, 0] = R_own, self.price
+            else:
+                R[own], R[self.columns] = R_own, self.price
+        else:
+            R = np.zeros((*R_own.shape[:-2], n, n))
+            R[..., own[:, None], own] = R_own
+            R[..., self.columns, self.columns] = self.price
+        S = None
+        if S_own is not None:
+            S = np.zeros((*S_own.shape[:-1], n))
+            S[..., own] = S_own
+        return CostHessian(Q, R, S, Q_final)
+
+    def _without(self, u: Array) -> Array:
+        return read_only(np.ascontiguousarray(u[:, self.own(u.shape[1])]))

@@ -1,0 +1,260 @@
+"""Dynamic embedding: a motion is found with help that any motion can be made with, and the help is then removed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError, LeastActionError, closest
+from leastaction.mechanics.elements import Element, JointForce
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.loop import both
+from leastaction.optimal.optimize import optimize
+from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
+from leastaction.optimal.starts.stages import StageCallback, Stages
+from leastaction.systems.midpoint import MidpointSystem
+
+__all__ = ["embed"]
+
+_DECADES = 14  # of the price, at most
+_REMOVALS = 4  # how often the help is taken away
+_PROGRESS = 0.7  # of the help's effort, that a stage may leave which does not converge
+_DEAR = 10.0  # without the help the motion is lost where it costs so much more
+
+
+def embed(
+    system: MidpointSystem,
+    cost: Cost,
+    *,
+    initial: tuple[ArrayLike, ArrayLike],
+    help: Sequence[Element | str] | None = None,  # noqa: A002
+    scale: ArrayLike | None = None,
+    price: float | None = None,
+    tolerance: float = 1e-3,
+    stage_iterations: int = 60,
+    stage_tolerance: float = 1e-4,
+    max_stages: int = 60,
+    callback: StageCallback | None = None,
+    **options: Any,
+) -> StartResult:
+    """Find a motion with help that has a price, raise the price until the help does nothing, and remove it.
+
+    With a force on every dynamic variable any motion can be followed, so a first trajectory is there at once, close to
+    the wanted one. Then the help is made ever more expensive, by a factor that grows where that was easy and shrinks
+    where a stage fails, until its effort is below the tolerance; the motion is projected onto the trajectories of the
+    system without help, and optimised. Where that loses the motion, the price is raised further.
+
+    Parameters
+    ----------
+    system : MidpointSystem
+        What is steered, without the help.
+    cost : Cost
+        Of its motions.
+    initial : (x, u)
+        Where to start: x (N+1, nx) a curve, such as the wanted motion, or an initial state (nx,); u (N, nu).
+    help : sequence of Element or str, optional
+        The help: names of dynamic variables, on each of which a `JointForce` acts, or elements with inputs of their
+        own (and no constraints). A force on every dynamic variable if left out.
+    scale : array_like (n,) or float, optional
+        What is much of each help (N or N m): prices and efforts count in it. If left out, of a force on a variable what
+        carries it (the potential's gradient, at most along the curve) and accelerates its inertia by 1 m/s^2 or
+        rad/s^2; of others 1.
+    price : float, optional
+        The first price of half the square of the help at each step, in its scale. If left out, help as large as its
+        scale costs a hundredth of what the motion from `initial` without help costs.
+    tolerance : float
+        Effort at which the help may go: the largest root mean square of any help, in its scale.
+    stage_iterations, stage_tolerance : int, float
+        ``max_iterations`` and ``tolerance`` of the optimisations with help.
+    max_stages : int
+        Limit on their number.
+    callback : callable, optional
+        Called with a `StageRecord` after every stage, whose value is the price (infinite without help); a true answer
+        ends the search.
+    **options
+        Of `optimize`, for the last optimisation; its status is that of ``.result``.
+
+    Returns
+    -------
+    StartResult
+        A trajectory of `system`, if the status is COMPLETED. Where the search ended before, it is the last one with
+        help (its u has the columns of the help after those of the other inputs), and `value` the price there.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, unknown names, help that has no inputs of its own or adds constraints; or from `optimize`, where
+        not even the first motion with help is found.
+
+    Notes
+    -----
+    Dissertation 6.6.1, with an adaptive price.
+    """
+    if not isinstance(system, MidpointSystem):
+        raise ArgumentError(f"system: got {type(system).__name__}, expected a MidpointSystem")
+    if not isinstance(cost, Cost):
+        raise ArgumentError(f"cost: got {type(cost).__name__}, expected a Cost")
+    for name in ("initial", "resume", "horizon"):
+        if name in options:
+            raise ArgumentError(f"{name}: cannot be an option for the last stage, which starts from the one before")
+    m, N = system.integrator.mechanism, system.N
+    given, inputs = both(initial)
+    x = as_array(given, "initial x", (N + 1, system.nx), (system.nx,), meaning="(N+1, nx) or (nx,)")
+    u = as_array(inputs, "initial u", (N, system.nu), meaning="(N, nu)")
+    limit = as_number(tolerance, "tolerance", above=0.0)
+
+    elements = _helpers(m, help)
+    helped_mechanism = m.with_elements(elements)
+    columns = np.arange(m.n_inputs, helped_mechanism.n_inputs)
+    _check(m, helped_mechanism, elements)
+    helped = MidpointSystem(system.integrator.like(helped_mechanism), system.t, multipliers=system.multipliers)
+    sizes = _scale(m, elements, np.atleast_2d(x), scale, len(columns))
+    first = _price(system, cost, x, u, len(columns)) if price is None else as_number(price, "price", above=0.0)
+
+    def effort(result: OptimizationResult) -> float:
+        return float(np.sqrt(np.mean((result.u[:, columns] / sizes) ** 2, axis=0)).max())
+
+    efforts: list[float] = []
+
+    def progresses(result: OptimizationResult) -> bool:
+        """Tell whether the help does less; the first stage is a start whatever it came to."""
+        now = effort(result)
+        if efforts and not (result.success or now < _PROGRESS * efforts[-1]):
+            return False
+        efforts.append(now)
+        return True
+
+    def small_enough(limit: float, result: OptimizationResult) -> bool:
+        return effort(result) <= limit
+
+    def solve(value: float, earlier: OptimizationResult | None) -> OptimizationResult:
+        if earlier is None:
+            start: tuple[Array, Array] = (x, np.insert(u, [m.n_inputs] * len(columns), 0.0, axis=1))
+        else:
+            start = (earlier.x, earlier.u)
+        return optimize(
+            helped,
+            HelpedCost(cost, columns, value / sizes**2),
+            initial=start,
+            max_iterations=stage_iterations,
+            tolerance=stage_tolerance,
+        )
+
+    found: StartResult | None = None
+    for _ in range(_REMOVALS):
+        found = continuation(
+            solve,
+            first * 10.0 ** np.arange(_DECADES + 1),
+            scale="log",
+            name="price of the help",
+            accept=progresses,
+            done=partial(small_enough, limit),
+            note=lambda result: f"effort of the help {effort(result):.2g}",
+            max_stages=max_stages if found is None else max(1, max_stages - len(found.stages)),
+            resume=found,
+            callback=callback,
+        )
+        if not found.success or found.result is None:
+            return found
+        stages = Stages(callback, found.stages)
+        with_help = found.result
+        start = with_help.x, np.delete(with_help.u, columns, axis=1)
+        dearest = _DEAR * with_help.cost
+
+        def keeps(result: OptimizationResult, dearest: float = dearest) -> bool:
+            kept = result.success or result.status is not Status.DERIVATIVES_FAILED
+            return kept and bool(min(result.history.cost[0], result.cost) <= dearest or result.success)
+
+        result, accepted = stages.make(
+            "without help", np.inf, partial(optimize, system, cost, initial=start, **options), accept=keeps
+        )
+        if result is not None and (accepted or stages.ended is not None):
+            status = StartStatus.COMPLETED if accepted else stages.ended
+            assert status is not None
+            return stages.result(status, result.x, result.u, result.cost, np.inf, result)
+        found = stages.result(
+            stages.ended or StartStatus.GAVE_UP,
+            with_help.x,
+            with_help.u,
+            with_help.cost,
+            found.value,
+            with_help,
+            "Without the help the motion was lost" + (f": {stages.error}" if stages.error is not None else ""),
+        )
+        if stages.ended is not None:
+            break
+        limit *= 0.1
+    assert found is not None
+    return found
+
+
+def _helpers(m: Mechanism, help: Sequence[Element | str] | None) -> list[Element]:  # noqa: A002
+    """Return the elements that help."""
+    if isinstance(help, (str, Element)):
+        raise ArgumentError(f"help: got {help!r}, expected a list of names or elements")
+    elements: list[Element] = []
+    for it in m.dynamic if help is None else help:
+        if isinstance(it, Element):
+            elements.append(it)
+        elif it in m.dynamic:
+            elements.append(JointForce(it, f"help on {it}"))
+        else:
+            raise ArgumentError(
+                f"help: unknown variable {it!r}; {closest(str(it), m.dynamic, what='dynamic variables')}"
+            )
+    return elements
+
+
+def _check(m: Mechanism, helped: Mechanism, elements: list[Element]) -> None:
+    """Complain about help that changes more than the inputs, or not even these."""
+    if helped.nc != m.nc:
+        raise ArgumentError("help: got elements that are constraints, expected forces with inputs of their own")
+    if helped.n_inputs == m.n_inputs:
+        raise ArgumentError(f"help: got {len(elements)} elements without new inputs, expected forces that have some")
+
+
+def _scale(m: Mechanism, elements: list[Element], x: Array, scale: ArrayLike | None, n: int) -> Array:
+    """Return what is much of each help."""
+    if scale is not None:
+        given = as_array(scale, "scale", (), (n,), meaning="one number, or (n,) for n inputs that help")
+        sizes = np.broadcast_to(given, (n,)).copy()
+        if not np.all(sizes > 0.0):
+            raise ArgumentError(f"scale: got {sizes.min():g}, expected positive numbers")
+        return sizes
+    rest = np.zeros(m.nq)
+    rows = x[:: max(1, len(x) // 50), : m.nq]
+    carried = np.abs([m.core.gradient(np.ascontiguousarray(q), rest)[0] for q in rows]).max(axis=0)
+    much = carried + np.diag(m.mass_matrix(x[0, : m.nq]))
+    by_input = {
+        e.input: float(much[m.variables.index(e.variable)])
+        for e in elements
+        if isinstance(e, JointForce) and isinstance(e.variable, str)
+    }
+    new = dict.fromkeys(name for e in elements for name in e.uses.inputs if name not in m.inputs)
+    return np.array([by_input.get(name, 1.0) for name in new])
+
+
+def _price(system: MidpointSystem, cost: Cost, x: Array, u: Array, n: int) -> float:
+    """Return the price at which much help costs little, of what the motion costs as it starts."""
+    N = system.N
+    reference = np.tile(np.atleast_2d(x)[0], (N + 1, 1))
+    values = [cost.value(reference, u)]
+    if x.ndim == 2:
+        values.append(cost.value(x, u))
+    try:
+        run = system.rollout(reference[0], reference, u, np.zeros((N, system.nu, system.nx)), 0, N)
+        if run.complete:
+            values.append(cost.value(run.x, run.u))
+    except LeastActionError:
+        pass
+    largest = max(value for value in values if np.isfinite(value)) if np.isfinite(values).any() else 0.0
+    if largest <= 0.0:
+        raise ArgumentError("price: the initial motion costs nothing, so there is no price to compare with; give one")
+    return 0.02 * largest / (N * n)
