@@ -94,15 +94,8 @@ def ball(
         three coordinates. If an axis comes twice, its second variable ends in ``2``, as in ``name.rz2``.
     axes : str, optional
         The axes: three letters of ``xyz``, no two neighbours the same.
-    kinematic : bool or sequence of str, optional
-        True if all its variables are prescribed, or the list of those that are.
-    **options
-        See `FrameOptions`. ``name`` is the name of the frame behind the joint; that of the joint if not given.
-
-    Raises
-    ------
-    DescriptionError
-        For other axes, another number of coordinates, or what a frame does not take.
+    kinematic, **options
+        As in `universal`, and so are the errors.
     """
     return _compose("ball", variables, "", axes, 3, kinematic, options)
 
@@ -125,15 +118,8 @@ def free(
         ``name.rz`` (or as the axes are); or the six coordinates.
     axes : str, optional
         The axes of the rotations: three letters of ``xyz``, no two neighbours the same.
-    kinematic : bool or sequence of str, optional
-        True if all its variables are prescribed, or the list of those that are.
-    **options
-        See `FrameOptions`. ``name`` is the name of the frame behind the joint; that of the joint if not given.
-
-    Raises
-    ------
-    DescriptionError
-        For other axes, another number of coordinates, or what a frame does not take.
+    kinematic, **options
+        As in `universal`, and so are the errors.
     """
     return _compose("free", variables, "xyz", axes, 3, kinematic, options)
 

@@ -60,42 +60,6 @@ def twist(
     return moving("twist", _twist(v, w, "twist"), value, detail=detail, **options)
 
 
-def screw(
-    value: CoordinateLike,
-    *,
-    axis: npt.ArrayLike | str,
-    point: npt.ArrayLike = (0.0, 0.0, 0.0),
-    pitch: float,
-    **options: Unpack[JointOptions],
-) -> Frame:
-    """Rotate about an axis and move along it in proportion.
-
-    Parameters
-    ----------
-    value : float, str, Affine or mapping of str to float
-        The angle (rad).
-    axis : array_like, shape (3,), or str
-        Direction of the axis in the parent, of any length; or ``"x"``, ``"-z"`` ...
-    point : array_like, shape (3,), optional
-        A point of the axis in the parent (m); its origin if not given.
-    pitch : float
-        Metres per radian: a screw that advances by ``L`` a turn has the pitch ``L / (2 pi)``. Negative for
-        a left-handed one.
-    **options
-        See `JointOptions`.
-
-    Raises
-    ------
-    DescriptionError
-        If the axis is zero or a number is not finite.
-    """
-    w, p = _unit(axis, "screw"), as_array(point, "screw: point", (3,), error=DescriptionError)
-    h = as_number(pitch, "screw: pitch (m per radian)", error=DescriptionError)
-    detail = f"{_line(w, p)}, {h:.6g} m/rad"
-    v = _moment(p, w, "screw") + h * w
-    return moving("screw", _twist(v, w, "screw"), value, detail=detail, **options)
-
-
 def revolute(
     value: CoordinateLike,
     *,
@@ -126,6 +90,35 @@ def revolute(
     return moving("revolute", _twist(v, w, "revolute"), value, detail=_line(w, p), **options)
 
 
+def screw(
+    value: CoordinateLike,
+    *,
+    axis: npt.ArrayLike | str,
+    point: npt.ArrayLike = (0.0, 0.0, 0.0),
+    pitch: float,
+    **options: Unpack[JointOptions],
+) -> Frame:
+    """Rotate about an axis and move along it in proportion.
+
+    Parameters
+    ----------
+    value : float, str, Affine or mapping of str to float
+        The angle (rad).
+    axis, point
+        As in `revolute`.
+    pitch : float
+        Metres per radian: a screw that advances by ``L`` a turn has the pitch ``L / (2 pi)``. Negative for
+        a left-handed one.
+    **options
+        See `JointOptions`.
+    """
+    w, p = _unit(axis, "screw"), as_array(point, "screw: point", (3,), error=DescriptionError)
+    h = as_number(pitch, "screw: pitch (m per radian)", error=DescriptionError)
+    detail = f"{_line(w, p)}, {h:.6g} m/rad"
+    v = _moment(p, w, "screw") + h * w
+    return moving("screw", _twist(v, w, "screw"), value, detail=detail, **options)
+
+
 def prismatic(value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]) -> Frame:
     """Translate along any axis.
 
@@ -137,11 +130,6 @@ def prismatic(value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Un
         Direction in the parent, of any length; or ``"x"``, ``"-z"`` ...
     **options
         See `JointOptions`.
-
-    Raises
-    ------
-    DescriptionError
-        If the axis is zero or a number is not finite.
     """
     v = _unit(axis, "prismatic")
     along = f"along {_shown(v)}"

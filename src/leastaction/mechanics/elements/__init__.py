@@ -19,12 +19,12 @@ from leastaction.mechanics.elements.custom.python_function import (
     PythonFunction,
     PythonPotential,
 )
-from leastaction.mechanics.elements.fields import Uses
 from leastaction.mechanics.elements.forces.damping import CoulombFriction, Damping, LinearDamper, NonlinearDamping
 from leastaction.mechanics.elements.forces.drag import Drag
 from leastaction.mechanics.elements.forces.motors import JointForce, LinearMotor, Motor
 from leastaction.mechanics.elements.forces.tendons import TendonForce
 from leastaction.mechanics.elements.forces.wrenches import BodyWrench, HybridWrench, SpatialWrench, Wrench
+from leastaction.mechanics.elements.kinds import Uses
 from leastaction.mechanics.elements.potentials.gravity import Gravity, InverseSquareGravity
 from leastaction.mechanics.elements.potentials.springs import (
     ElasticString,

@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
-from leastaction.mechanics.elements.fields import Frame, Kind, Uses
+from leastaction.mechanics.elements.kinds import Frame, Kind, Uses
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import check_name
 
@@ -73,7 +73,7 @@ class Element(abc.ABC):
         for name, kind, _ in _declared(type(self)):
             value = getattr(self, name)
             if value is not None:
-                yield name, kind, value
+                yield name, kind.for_value(value), value
 
     # What the fields say
 

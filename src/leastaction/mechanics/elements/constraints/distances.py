@@ -14,7 +14,8 @@ import numpy as np
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.fields import END, FACTORS, FRAME, PATH, Kind, number, positive
+from leastaction.mechanics.elements.fields import END, FACTORS, FRAME, PATH, number, positive
+from leastaction.mechanics.elements.kinds import Kind
 from leastaction.numerics.arrays import Array
 
 _LENGTH = positive("as a string of zero length has no direction to pull in", unit="m", variable="kinematic")

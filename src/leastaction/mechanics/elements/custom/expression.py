@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from leastaction.mechanics.elements.base import Constraint, Force, Potential
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
-from leastaction.mechanics.elements.fields import Uses
+from leastaction.mechanics.elements.kinds import Uses
 from leastaction.mechanics.expressions.terms import compile_expression, compile_force
 
 if TYPE_CHECKING:

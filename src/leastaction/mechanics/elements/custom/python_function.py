@@ -18,7 +18,8 @@ from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics.elements.base import Constraint, Force, Potential
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
-from leastaction.mechanics.elements.fields import INPUT, Kind, Metadata, Names, Uses, number
+from leastaction.mechanics.elements.fields import INPUT, Metadata, number
+from leastaction.mechanics.elements.kinds import Kind, Names, Uses
 from leastaction.mechanics.expressions.terms import unit_vector
 from leastaction.numerics.names import check_name
 

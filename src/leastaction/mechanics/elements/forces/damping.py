@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.fields import DYNAMIC, END, Factors, Kind, Number, Uses, positive
+from leastaction.mechanics.elements.fields import DYNAMIC, END, positive
+from leastaction.mechanics.elements.kinds import Kind, Number, Uses
+from leastaction.mechanics.elements.scalars import Factors
 from leastaction.numerics.names import check_name
 
 _COEFFICIENT = Number(lambda c: c >= 0.0, "zero or more", "as damping opposes the motion")

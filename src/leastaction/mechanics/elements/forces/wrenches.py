@@ -11,7 +11,8 @@ import numpy as np
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.fields import FRAME, Kind, Number, Uses
+from leastaction.mechanics.elements.fields import FRAME
+from leastaction.mechanics.elements.kinds import Kind, Number, Uses
 from leastaction.numerics.names import check_name
 
 _Three = tuple[float | str, ...]

@@ -12,7 +12,8 @@ from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.elements.base import Potential
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
-from leastaction.mechanics.elements.fields import END, VECTOR, Names, not_zero
+from leastaction.mechanics.elements.fields import END, VECTOR, not_zero
+from leastaction.mechanics.elements.kinds import Names
 from leastaction.mechanics.expressions.tapes import TapeWriter
 
 

@@ -1,0 +1,128 @@
+"""Kinds of fields that are scalars of the configuration: sums of variables, lengths of paths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from leastaction.errors import DescriptionError
+from leastaction.mechanics.elements.context import Context
+from leastaction.mechanics.elements.kinds import Kind, Uses
+from leastaction.numerics.arrays import as_number
+from leastaction.numerics.names import check_name
+
+
+class Factors(dict[str, float]):
+    """Numbers by name that can be hashed, as the fields of a frozen element must be."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+
+@dataclass(frozen=True)
+class Sum(Kind):
+    """A variable, or the sum of some by their factors, which are the parameters ``factors.<variable>``.
+
+    ``alone``: what a single variable may be: "variables" for any, "dynamic", or "" for none.
+    """
+
+    alone: str = "variables"
+
+    def read(self, value: Any, what: str) -> str | Factors:
+        if isinstance(value, str) and self.alone:
+            return check_name(value, f"{what}: a variable's name")
+        if not isinstance(value, Mapping):
+            expected = "a variable's name or a mapping" if self.alone else "a mapping"
+            raise DescriptionError(
+                f"{what}: expected {expected} of variables to factors such as {{'theta': 2.0}}, got {value!r}"
+            )
+        if not value:
+            raise DescriptionError(f"{what}: the mapping is empty; give at least one variable")
+        result = Factors()
+        for name, given in value.items():
+            check_name(name, f"{what}: a variable's name")
+            result[name] = as_number(given, f"{what}: {name!r}", error=DescriptionError)
+            if result[name] == 0.0:
+                raise DescriptionError(f"{what}: the factor of {name!r} is zero; leave the variable out")
+        return result
+
+    def uses(self, value: str | Factors) -> Uses:
+        return Uses(**{self.alone if isinstance(value, str) else "variables": self.acts_on(value)})
+
+    def acts_on(self, value: str | Factors) -> tuple[str, ...]:
+        return (value,) if isinstance(value, str) else tuple(value)
+
+    def movers(self, value: str | Factors, context: Context) -> tuple[frozenset[str], str]:
+        names = self.acts_on(value)
+        return frozenset(names) & context.variables.keys(), (
+            f"is among {', '.join(map(repr, names))}, so nothing can give way to the element; remove it or "
+            "name a variable that can"
+        )
+
+    def numbers(self, field: str, value: str | Factors) -> dict[str, float]:
+        return {} if isinstance(value, str) else {f"factors.{n}": f for n, f in value.items()}
+
+    def with_number(self, field: str, value: Factors, parameter: str, number: float) -> Any:
+        return {**value, parameter.removeprefix("factors."): number}
+
+    def show(self, value: str | Factors) -> str:
+        if isinstance(value, str):
+            return value
+        plain = {1.0: "", -1.0: "-"}
+        terms = [plain.get(factor, f"{factor:g} ") + name for name, factor in value.items()]
+        return " + ".join(terms).replace("+ -", "- ")
+
+
+@dataclass(frozen=True)
+class Path(Kind):
+    """The frames of a path: two or more, each different from the one before it.
+
+    Those between the ends are via-points: pulleys of no radius, eyelets, sheaths of a tendon.
+    """
+
+    def read(self, value: object, what: str) -> tuple[str, ...]:
+        if isinstance(value, str) or not isinstance(value, Sequence):
+            raise DescriptionError(f"{what}: expected a list of frames, got {value!r}")
+        names = tuple(check_name(name, what) for name in value)
+        if len(names) < 2:
+            raise DescriptionError(
+                f"{what}: got {len(names)} frame{'s'[: len(names) != 1]}, expected two or more: both ends "
+                "and what lies between"
+            )
+        for before, name in pairwise(names):
+            if before == name:
+                raise DescriptionError(
+                    f"{what}: {name!r} follows itself, which is a piece of length zero; name it once"
+                )
+        return names
+
+    def uses(self, value: tuple[str, ...]) -> Uses:
+        return Uses(frames=value)
+
+    def acts_on(self, value: tuple[str, ...]) -> tuple[str, ...]:
+        return value if len(value) <= 3 else (value[0], "...", value[-1])
+
+    def movers(self, value: tuple[str, ...], context: Context) -> tuple[frozenset[str], str]:
+        return context.moving(*value), (
+            f"moves the frames of the path {self.show(value)} relative to each other, so nothing can change "
+            "its length; remove the element or choose other frames"
+        )
+
+    def strings(self, value: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+        return (value,)
+
+    def show(self, value: tuple[str, ...]) -> str:
+        return " to ".join(value)
+
+
+@dataclass(frozen=True)
+class SumOrPath(Kind):
+    """A variable, a sum of some, or the length of a path."""
+
+    def for_value(self, value: object) -> Kind:
+        return Sum() if isinstance(value, (str, Mapping)) else Path()
+
+    def read(self, value: object, what: str) -> Any:
+        return self.for_value(value).read(value, what)
