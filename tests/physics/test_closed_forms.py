@@ -27,6 +27,9 @@ from oracles.closed_forms import (
 )
 from physics.laws import G, mass_on_string, measured_order, pendulum, swing, times
 
+# What a step may leave of a momentum: the tolerance of 1e-13, of two or three terms that are as large. It adds up.
+SOLVED = 3e-13
+
 IFTOMM_A01_PERIOD = 2.367841947576237  # 4 K(1/sqrt 2) / sqrt(9.81)
 
 
@@ -84,22 +87,23 @@ def test_projectile_is_exact(split: str) -> None:
     t = times(2.0, 40)
     run = swing(m, q, v, t, split=split)
     exact = q + np.outer(t, v) + 0.5 * np.outer(t**2, [0.3, -0.2, -G])
-    assert np.abs(run.q - exact).max() < 1e-12 * np.abs(exact).max()
-    assert np.abs(run.p - 3.0 * (v + np.outer(t, [0.3, -0.2, -G]))).max() < 1e-12 * np.abs(run.p).max()
+    allowed = run.steps * SOLVED
+    assert np.abs(run.q - exact).max() < allowed * np.abs(exact).max()
+    assert np.abs(run.p - 3.0 * (v + np.outer(t, [0.3, -0.2, -G]))).max() < allowed * np.abs(run.p).max()
     # At uneven time steps too.
     uneven = np.cumsum([0.0, 0.1, 0.01, 0.3, 0.002, 0.05])
     run = swing(m, q, v, uneven, split=split)
     exact = q + np.outer(uneven, v) + 0.5 * np.outer(uneven**2, [0.3, -0.2, -G])
-    assert np.abs(run.q - exact).max() < 1e-12 * np.abs(exact).max()
+    assert np.abs(run.q - exact).max() < run.steps * SOLVED * np.abs(exact).max()
 
 
 def test_constant_force_is_exact_in_the_symmetric_split_only() -> None:
     m = Mechanism([tx("x", mass=2.0)], [JointForce("x", input="push")])
     t = times(3.0, 30)
     ends = {split: swing(m, [0.0], [1.0], t, inputs=[4.0], split=split)["x"][-1] for split in ("symmetric", "left")}
-    assert ends["symmetric"] == pytest.approx(3.0 + 0.5 * 2.0 * 9.0, rel=1e-13)
+    assert ends["symmetric"] == pytest.approx(3.0 + 0.5 * 2.0 * 9.0, rel=30 * SOLVED)
     # Left: the momentum at each start jumps by all of dt f, so the mass is dt f / (2 m) faster.
-    assert ends["left"] == pytest.approx(3.0 + 9.0 + 3.0 * 0.1 * 4.0 / (2 * 2.0), rel=1e-13)
+    assert ends["left"] == pytest.approx(3.0 + 9.0 + 3.0 * 0.1 * 4.0 / (2 * 2.0), rel=30 * SOLVED)
 
 
 def test_damped_mass() -> None:
@@ -144,7 +148,8 @@ def test_weight_on_a_string_that_is_lifted() -> None:
     length = 2.0 - 0.5 * acceleration * t**2
     start = m.configuration({"z": -2.0, "length": 2.0})
     run = swing(m, start, np.zeros(3), t, rho=length[:, None])
-    assert np.abs(run["z"] + length).max() < 1e-13
+    # h = z^2 - length^2 is met to 1e-13 of its terms, and has the slope 2 z: an error of 1e-13 of the length.
+    assert np.abs(run["z"] + length).max() < 1e-12
     assert np.abs(run["x"]).max() == 0.0
     assert run.tensions()["string0"][1:] == pytest.approx(mass * (G + acceleration), rel=1e-3)
     still = swing(m, start, np.zeros(3), t)

@@ -122,7 +122,7 @@ def test_a_string_that_is_reeled(method: str) -> None:
         simulate(m, m.configuration(start), m.configuration(speed), t, rho=motion, method=method, rtol=1e-9)
     )  # fmt: skip
     np.testing.assert_allclose(run["x"], [length(at) for at in t] * np.sin(angle(t)), atol=1e-6)
-    assert run.drift["string0"].h < 1e-14
+    assert run.drift["string0"].h < 1e-13  # a hundred roundings of terms of 2 m^2
 
 
 def test_motions_by_splines_and_rows() -> None:
