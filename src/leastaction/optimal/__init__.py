@@ -37,7 +37,10 @@ from leastaction.optimal.discrete.linear_quadratic import (
 )
 from leastaction.optimal.discrete.projection import Projection
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
+from leastaction.optimal.limit_report import LimitReport, LimitState
+from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
 from leastaction.optimal.optimize import optimize, optimize_continuous
+from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
 from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Settings, Status
 from leastaction.optimal.starts import (
     HelpedCost,
@@ -54,13 +57,14 @@ from leastaction.optimal.system import Linearization
 from leastaction.optimal.table import IterationTable
 
 __all__ = [
-    "Accuracy", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
+    "Accuracy", "Bound", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
     "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Cost", "CostGradient",
-    "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "FunctionContinuousSystem",
-    "FunctionSystem", "HelpedCost", "IterationRecord", "IterationTable", "LinearContinuousSystem",
-    "LinearQuadraticSolution", "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult",
-    "PiecewisePolynomial", "Projection", "QuadraticCost", "RateGradient", "RateHessian", "Rollout", "Settings",
-    "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "WindowCost", "WindowSystem", "adjoint",
+    "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal",
+    "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem", "HelpedCost", "IterationRecord",
+    "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution",
+    "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult", "PiecewisePolynomial", "Projection",
+    "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout", "Settings", "StageRecord", "StageTable",
+    "StartResult", "StartStatus", "Status", "WindowCost", "WindowSystem", "Within", "adjoint",
     "check_continuous_derivatives", "check_derivatives", "coarse_to_fine", "continuation", "optimize",
     "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
     "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",

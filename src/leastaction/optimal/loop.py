@@ -35,6 +35,9 @@ Callback = Callable[[IterationRecord], object]
 # Methods in the order in which they replace one another when a direction cannot be followed.
 _CHAIN = ("newton", "quasi-newton", "steepest")
 
+# Where a stage of the problem may be followed by the next.
+_ENDS = (Status.CONVERGED, Status.STALLED)
+
 # Shorter steps that are tried along a direction which another one can replace.
 _BACKTRACKS = {"newton": 4, "quasi-newton": 6, "negative-curvature": 8}
 _BACKTRACKS_SHIFTED = 2
@@ -147,6 +150,23 @@ class Problem(ABC, Generic[M, D, I]):
         """What the cost may be off: steps are not refused for that much."""
         return rounding_of(self.value)
 
+    def tolerated(self, goal: float) -> float:
+        """Return the expected decrease that is small enough at this stage, given what is so at the end."""
+        return goal
+
+    def next_stage(self) -> bool:
+        """Go on from the minimum of one stage to the next, and return whether there is one."""
+        return False
+
+    def verdict(self) -> tuple[Status, str] | None:
+        """Return another ending than that of the last stage's minimum, and its particulars."""
+        return None
+
+    @property
+    def shown(self) -> float:
+        """The cost of the current iterate as it is told: without what only guides the search."""
+        return self.value
+
     @abstractmethod
     def start(self, initial: Any) -> None:
         """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
@@ -249,13 +269,24 @@ class Loop(Generic[M, D, I]):
             outcome = None
             if not self.history.cost:
                 outcome = self._tell(None, None, np.nan, self.problem.note)
-            while outcome is None:
+            while outcome is None or (outcome.status in _ENDS and self._next_stage()):
                 outcome = self._advance()
+            verdict = self.problem.verdict() if outcome.status in _ENDS else None
+            if verdict is not None:
+                outcome = _Outcome(*verdict, expected=outcome.expected)
         except KeyboardInterrupt:
             # A solution may have been left half written; none of it belongs to the iterate.
             self.problem.forget()
             outcome = _Outcome(Status.INTERRUPTED)
         return self._finish(outcome)
+
+    def _next_stage(self) -> bool:
+        """Go on to the problem's next stage, if it has one."""
+        if not self.problem.next_stage():
+            return False
+        self.still, self.stalled = 0, False
+        self.schedule = replace(self.schedule, expected=np.nan, full=False)
+        return True
 
     def _advance(self) -> _Outcome | None:
         """Make one iteration; the outcome if it was the last."""
@@ -354,7 +385,8 @@ class Loop(Generic[M, D, I]):
     def _goal(self) -> float:
         """Return the expected decrease that is small enough."""
         settings = self.settings
-        return settings.tolerance * abs(self.problem.value) + settings.absolute_tolerance
+        goal = settings.tolerance * abs(self.problem.value) + settings.absolute_tolerance
+        return self.problem.tolerated(goal)
 
     def _confirm(self, direction: D) -> D:
         """Return a direction along which the cost still falls, where a model expects no more of its own.
@@ -468,7 +500,7 @@ class Loop(Generic[M, D, I]):
                 "cut_at": -1 if cut is None else cut,
             }
         record = IterationRecord(
-            cost=problem.value,
+            cost=problem.shown,
             decrease=decrease,
             note=note,
             seconds=problem.clock.seconds,
@@ -495,7 +527,7 @@ class Loop(Generic[M, D, I]):
             {
                 "status": outcome.status,
                 "message": f"{outcome.status.value} {outcome.detail}".strip(),
-                "cost": self.problem.value,
+                "cost": self.problem.shown,
                 "expected_decrease": outcome.expected,
                 "history": self.history.build(),
                 "timings": MappingProxyType(timings),

@@ -8,6 +8,7 @@ trajectories (a linear-quadratic problem), and follows the projection of that di
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal, cast, overload
 
 from numpy.typing import ArrayLike
@@ -23,6 +24,8 @@ from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.limit import Limit
+from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.loop import Callback, Loop, Problem
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import check_settings
@@ -39,8 +42,9 @@ def optimize(
     system: DiscreteSystem,
     cost: Cost,
     *,
-    initial: tuple[ArrayLike, ArrayLike] | None = ...,
+    initial: tuple[ArrayLike, ArrayLike] | OptimizationResult | None = ...,
     resume: OptimizationResult | None = ...,
+    limits: Sequence[Limit] = ...,
     method: Method = ...,
     regulator: Regulator = ...,
     max_iterations: int = ...,
@@ -82,6 +86,7 @@ def optimize(
     initial: Any = None,
     horizon: tuple[float, float] | None = None,
     resume: OptimizationResult | None = None,
+    limits: Sequence[Limit] = (),
     method: Method = "auto",
     regulator: Regulator = "descent",
     max_iterations: int = 500,
@@ -102,10 +107,11 @@ def optimize(
         What is steered.
     cost : Cost or ContinuousCost
         What is minimised, such as a `QuadraticCost` or a `ContinuousQuadraticCost`.
-    initial : (x, u) or DenseTrajectory
+    initial : (x, u), OptimizationResult or DenseTrajectory
         Where to start. Of a discrete system x (N+1, nx) and u (N, nu): if x is not a trajectory of the
         system, the projection of (x, u) is taken, by the gains of several regulators if the first leads far away;
-        x (nx,) is an initial state alone, to which u is applied.
+        x (nx,) is an initial state alone, to which u is applied. Of an earlier result the trajectory is taken, and
+        the duals, if its limits read as these do.
         Of a continuous system a curve, whose projection is taken; or x and u, of shapes (nx,) and (nu,), as
         constants, functions of one time or `PiecewisePolynomial`, where a constant x is an initial state.
     horizon : (t0, tf), optional
@@ -113,6 +119,9 @@ def optimize(
     resume : OptimizationResult, optional
         Go on from an earlier result instead of `initial`. The iterates are those of a run that was
         never stopped, if method, regulator, accuracy, cost and system are the same.
+    limits : sequence of Limit, optional
+        What the motion of a discrete system has to keep to, as `Bound`, `Equal`, `Within` say. The start need not keep
+        to them. See `leastaction.optimal.limits`.
     method : {"auto", "steepest", "quasi-newton", "newton"}
         The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it foretells the cost
         well, and goes to Newton otherwise. A Newton model without a minimum is damped; a method whose direction cannot
@@ -186,7 +195,16 @@ def optimize(
         stages = cast(Cost, cost)
         stages.check_shapes(system.N, system.nx, system.nu)
         problem = DiscreteProblem(system, stages, settings)
+        rows = [row for limit in _checked(limits) for row in limit.rows(system, 1)]
+        if rows:
+            problem = LimitedProblem(system, stages, rows, settings)
+        elif isinstance(initial, OptimizationResult):
+            initial = initial.x, initial.u
     else:
+        if limits:
+            raise ArgumentError(
+                "limits: got some for a continuous system, expected none: limits are for discrete systems"
+            )
         problem = ContinuousProblem(system, cast(ContinuousCost, cost), settings, accuracy or Accuracy(), horizon)
     if resume is not None:
         problem.resume(resume)
@@ -194,6 +212,16 @@ def optimize(
         problem.start(initial)
     loop: Loop[Any, Any, Any] = Loop(problem, settings, callback, resume)
     return loop.run()
+
+
+def _checked(limits: Sequence[Limit]) -> list[Limit]:
+    given: list[Limit] = [limits] if isinstance(limits, Limit) else list(limits)
+    for i, limit in enumerate(given):
+        if not isinstance(limit, Limit):
+            raise ArgumentError(
+                f"limits[{i}]: got {type(limit).__name__}, expected a Limit such as Bound('push', -5, 5)"
+            )
+    return given
 
 
 def optimize_continuous(system: ContinuousSystem, cost: ContinuousCost, **options: Any) -> ContinuousOptimizationResult:

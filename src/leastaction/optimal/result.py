@@ -11,6 +11,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.optimal.limit_report import LimitReport
 
 __all__ = [
     "HistoryBuilder", "IterationRecord", "NewtonSchedule", "OptimizationHistory", "OptimizationResult", "Settings",
@@ -49,6 +50,10 @@ class Status(Enum):
         "The cost does not change to first order, but it has no minimum here: it falls along a direction of "
         "negative curvature that could not be followed. Start from another trajectory (inputs that differ a "
         "little break a symmetry), or use method='auto'."
+    )
+    INFEASIBLE = (
+        "The limits cannot all be met, or not from this start; they are violated as little as was found possible. "
+        "Loosen what the message names, give the motion more time, or start elsewhere."
     )
     NO_DIRECTION = "No quadratic model had a minimum. Give the cost a positive definite weight on every input."
     DERIVATIVES_FAILED = "The derivatives of the system could not be computed along the last iterate (see the message)."
@@ -319,6 +324,8 @@ class OptimizationResult:
         The gains by which the trajectory was reached. Resuming needs them to go on exactly.
     schedule : NewtonSchedule
         State of the automatic choice of method. Resuming needs it too.
+    limits : LimitReport or None
+        Duals and room of the limits; None of an optimisation without.
     """
 
     status: Status
@@ -334,6 +341,7 @@ class OptimizationResult:
     settings: Settings
     projection_gain: Array
     schedule: NewtonSchedule
+    limits: LimitReport | None = field(default=None, kw_only=True)
 
     __getstate__, __setstate__ = saved_state, restore_state
 

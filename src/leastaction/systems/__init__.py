@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.embedding import embed
+from leastaction.systems.keep import Ball, Box, HalfSpace, Keep, Region
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.warm_start import warm_start
 
-__all__ = ["MechanismSystem", "MidpointSystem", "embed", "warm_start"]
+__all__ = [
+    "Ball", "Box", "HalfSpace", "Keep", "MechanismSystem", "MidpointSystem", "Region", "embed", "warm_start",
+]

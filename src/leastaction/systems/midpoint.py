@@ -13,7 +13,9 @@ from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array, as_times
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, check_window
+from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
+from leastaction.systems.quantities import KINDS, quantity_of
 
 
 class MidpointSystem(DiscreteSystem):
@@ -57,6 +59,19 @@ class MidpointSystem(DiscreteSystem):
             return super().window(start, stop)
         check_window(start, stop, self.N)
         return MidpointSystem(self.integrator, self.t[start : stop + 1], multipliers=self.multipliers)
+
+    def time(self, k: int) -> float:
+        """Return the time of instant k (s)."""
+        return float(self.t[k])
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The kinds of quantities that can be limited; those of multipliers only where they are part of the state."""
+        return tuple(kind for kind in KINDS if self.multipliers or kind not in ("multiplier", "tension"))
+
+    def quantity(self, kind: str) -> Quantity:
+        """Return the quantities of a kind, by the names of the mechanism."""
+        return quantity_of(self.integrator.mechanism, kind, self.t, multipliers=self.multipliers)
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         """Return the next state (nx,); `StepError` where the step has no solution."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.discrete.descent import escape, minimise_model, shifted
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
@@ -27,7 +27,7 @@ from leastaction.optimal.loop import Direction, Problem, both
 from leastaction.optimal.result import OptimizationResult, Settings
 from leastaction.optimal.system import Linearization
 
-__all__ = ["DiscreteDirection", "DiscreteProblem"]
+__all__ = ["DiscreteDirection", "DiscreteProblem", "Iterate"]
 
 # A projection of a curve that costs so much more than its inputs alone has lost the curve.
 _DEAR = 10.0
@@ -37,7 +37,9 @@ _DEAR = 10.0
 _SHORT, _NEAR, _FAR = 0.1, 0.02, 0.2
 
 
-class _Iterate(NamedTuple):
+class Iterate(NamedTuple):
+    """States (N+1, nx) and inputs (N, nu) of a trajectory."""
+
     x: Array
     u: Array
 
@@ -77,7 +79,7 @@ class DiscreteDirection(Direction):
         return x + length * self.dx, u + length * self.du
 
 
-class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Iterate]):
+class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterate]):
     """The current trajectory of a discrete system, and what was computed along it.
 
     Parameters
@@ -221,11 +223,11 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
     def negative_curvature(self, scale: float) -> DiscreteDirection | None:
         """Return a direction of negative curvature, where the undamped Newton model has one."""
-        gradient = self.cost.gradient(self.x, self.u)
+        gradient = self._gradient()
         found = escape(
             self._linearize(),
             gradient,
-            self.cost.hessian(self.x, self.u),
+            self._hessian(),
             self._curvature_along(gradient),
             self.free,
             scale,
@@ -251,14 +253,22 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
     def _solve(
         self, method: str, workspace: Workspace, scale: float = 0.0, shift: float = 0.0
     ) -> LinearQuadraticSolution:
-        gradient = self.cost.gradient(self.x, self.u)
-        hessian = self.cost.hessian(self.x, self.u)
+        gradient = self._gradient()
+        hessian = self._hessian()
         if shift > 0.0:
             hessian = shifted(hessian, shift)
         linearization = self._linearize()
         curvature = self._curvature_along(gradient) if method == "newton" else None
         with self.clock("lq"):
             return minimise_model(method, linearization, gradient, hessian, curvature, workspace, scale)
+
+    def _gradient(self) -> CostGradient:
+        """Return the first derivatives of what is minimised."""
+        return self.cost.gradient(self.x, self.u)
+
+    def _hessian(self) -> CostHessian:
+        """Return the second derivatives of what is minimised, without the dynamics' part."""
+        return self.cost.hessian(self.x, self.u)
 
     def _linearize(self) -> Linearization:
         if self.linearization is None:
@@ -291,7 +301,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
 
     # ---- Steps ----------------------------------------------------------------------------------
 
-    def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[_Iterate] | Refusal:
+    def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
         system, cost = self.system, self.cost
         xbar, ubar = direction.curve(self.x, self.u, length)
@@ -327,7 +337,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         if not total <= bound:
             reason = f"a cost of {total:.10g}, where at most {bound:.10g} was wanted"
             return self._look_for_jump(direction, length, x, Refusal(reason, cost=total))
-        return Trial(_Iterate(x, u), total)
+        return Trial(Iterate(x, u), total)
 
     def _look_for_jump(self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal) -> Refusal:
         """Return the refusal of a trial, the better explained if one step of time leapt to another solution.
@@ -355,7 +365,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, _Itera
         )
         return Refusal(reason, k, hopeless=True)
 
-    def accept(self, direction: DiscreteDirection, trial: Trial[_Iterate]) -> None:
+    def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
         """Make a trial the current iterate."""
         self.x, self.u = map(read_only, trial.iterate)
         self.value, self.gain = trial.cost, direction.gain

@@ -16,6 +16,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.quantity import Entries, Quantity
 from leastaction.optimal.system import Linearization, System
 
 __all__ = ["DiscreteSystem", "Rollout", "WindowSystem", "check_window", "linearized"]
@@ -114,6 +115,38 @@ class DiscreteSystem(System):
     def window(self, start: int, stop: int) -> DiscreteSystem:
         """Return the steps ``start .. stop-1`` as a system of their own; one with a faster way overrides it."""
         return WindowSystem(self, start, stop)
+
+    def time(self, k: int) -> float:
+        """Return the time of instant k; its index, of a system that knows no time."""
+        return float(k)
+
+    def instant(self, t: float, what: str) -> int:
+        """Return the index of a time.
+
+        Raises
+        ------
+        ArgumentError
+            If it is none of the system's.
+        """
+        times = np.array([self.time(k) for k in range(self.N + 1)])
+        k = int(np.argmin(np.abs(times - t)))
+        if abs(times[k] - t) > 1e-6 * (times[-1] - times[0]) / self.N:
+            raise ArgumentError(
+                f"{what}: got the time {t:.6g}, expected one of the system's; {times[k]:.6g} is the next"
+            )
+        return k
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The kinds of quantities that can be limited, in the order in which names are looked for."""
+        return ("input", "state")
+
+    def quantity(self, kind: str) -> Quantity:
+        """Return the quantities of a kind, by name."""
+        count = self.nu if kind == "input" else self.nx
+        return Entries(
+            [f"{'u' if kind == 'input' else 'x'}[{i}]" for i in range(count)], range(count), of_state=kind != "input"
+        )
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         """Return the derivatives of every step along ``x`` (N+1, nx), ``u`` (N, nu).

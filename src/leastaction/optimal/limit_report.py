@@ -1,0 +1,131 @@
+"""What an optimisation tells of its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import restore_state, saved_state
+
+__all__ = ["LimitReport", "LimitState"]
+
+
+@dataclass(frozen=True)
+class LimitState:
+    """One side of a limit along the trajectory. Frozen.
+
+    Attributes
+    ----------
+    limit : str
+        What was stated.
+    labels : tuple of str (m,)
+        What each column says, such as ``"push <= 5"``.
+    equation : bool
+        Whether equality is asked.
+    k : ndarray of int (n,)
+        Instants (of quantities of the state) or steps.
+    value : ndarray (n, m)
+        How far inside: negative where the limit is not met. Of an equation, how far above.
+    dual : ndarray (n, m)
+        By how much the cost would fall for a unit more of room. Of an equation, how fast the cost rises with its value.
+    price : ndarray (m,)
+        What a unit of excess cost in the end.
+    active : ndarray of bool (n, m)
+        Where the limit holds the motion back.
+    """
+
+    limit: str
+    labels: tuple[str, ...]
+    equation: bool
+    k: np.ndarray
+    value: Array
+    dual: Array
+    price: Array
+    active: np.ndarray
+
+    def broken(self, column: int) -> bool:
+        """Whether what a column says is not enforced by its price somewhere."""
+        return bool((np.abs(self.dual[:, column]) > 0.5 * self.price[column]).any())
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+
+@dataclass(frozen=True)
+class LimitReport:
+    """The limits of an optimisation where it ended. Frozen, so any number of threads may share it.
+
+    Attributes
+    ----------
+    sides : tuple of LimitState
+        Every side of every limit, in the order in which they were given. An equation has one.
+    mu : float
+        The last parameter of the barrier: each dual times its slack, in units of the cost.
+    excess : float
+        The largest violation, relative to the limit's scale; 0 if all are met.
+    """
+
+    sides: tuple[LimitState, ...]
+    mu: float
+    excess: float
+    first_mu: float = field(repr=False, default=np.nan)
+
+    def __getitem__(self, label: str) -> Array:
+        """Return the values (n,) of a side by its label; see `LimitState`."""
+        state, j = self._find(label)
+        return np.asarray(state.value[:, j])
+
+    def dual(self, label: str) -> Array:
+        """Return the duals (n,) of a side by its label."""
+        state, j = self._find(label)
+        return np.asarray(state.dual[:, j])
+
+    def active(self, label: str) -> Array:
+        """Return where a side holds the motion back, indices by its label."""
+        state, j = self._find(label)
+        return np.asarray(state.k[state.active[:, j]])
+
+    def sides_shaped(self) -> list[tuple[tuple[str, ...], tuple[int, ...]]]:
+        """Return labels and shapes of the sides."""
+        return [(side.labels, side.value.shape) for side in self.sides]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """All labels."""
+        return tuple(label for side in self.sides for label in side.labels)
+
+    def _find(self, label: str) -> tuple[LimitState, int]:
+        for side in self.sides:
+            if label in side.labels:
+                return side, side.labels.index(label)
+        raise ArgumentError(f"limits: {closest(label, list(self.labels), what='limits')}")
+
+    def __str__(self) -> str:
+        width = max((len(label) for label in self.labels), default=0)
+        lines = [f"{'limit':{width}s}  {'active at':>14s}  {'largest dual':>12s}  {'least room':>10s}"]
+        for side in self.sides:
+            for j, label in enumerate(side.labels):
+                share = f"{int(side.active[:, j].sum())} of {len(side.k)}"
+                room = -np.abs(side.value[:, j]).max() if side.equation else side.value[:, j].min()
+                dual = np.abs(side.dual[:, j]).max()
+                lines.append(f"{label:{width}s}  {share:>14s}  {dual:12.4g}  {room:10.2g}")
+        return "\n".join(lines)
+
+    def contradiction(self, when: Callable[[int], str], most: int = 3) -> str:
+        """Return which limits are not met and where, and which ones stand against them."""
+        broken, against = [], []
+        for side in self.sides:
+            for j, label in enumerate(side.labels):
+                value = -np.abs(side.value[:, j]) if side.equation else side.value[:, j]
+                i = int(np.argmin(value))
+                pull = side.price[j] * -value[i]
+                if side.broken(j):
+                    broken.append((pull, f"{label!r} by {-value[i]:.3g} at {when(int(side.k[i]))}"))
+                elif side.active[:, j].any():
+                    i = int(np.argmax(np.abs(side.dual[:, j])))
+                    against.append((abs(side.dual[i, j]), f"{label!r} (most at {when(int(side.k[i]))})"))
+        texts = [", ".join(text for _, text in sorted(each, reverse=True)[:most]) for each in (broken, against)]
+        return f"Not met: {texts[0]}." + (f" Against that stand {texts[1]}." if texts[1] else "")

@@ -1,0 +1,245 @@
+"""Limits as users state them, by the names of the system."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.quantity import Quantity
+
+__all__ = ["Bound", "Equal", "Limit", "When", "Within"]
+
+When = str | int | float | Sequence[int] | Sequence[float] | None
+Value = ArrayLike | Callable[[float], Any] | None
+
+
+class Limit(ABC):
+    """What a motion has to keep to. Frozen, so any number of threads may share it."""
+
+    @abstractmethod
+    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
+        """Return the rows for a system; quantities of the state hold from instant `first` on.
+
+        Raises
+        ------
+        ArgumentError
+            Unknown names, values of wrong shapes, or bounds that contradict each other.
+        """
+
+
+@dataclass(frozen=True)
+class Bound(Limit):
+    """Least and largest values of quantities of the system, by name.
+
+    Parameters
+    ----------
+    names : str or sequence of str
+        Such as ``"push"``, or with wildcards, ``"*_string"``.
+    min, max : float, array_like (n,) or (n, m), or callable
+        For all names and instants, over the instants, for each of the m names too, or a function of the time (s).
+        None is no bound.
+    of : str, optional
+        Which quantity of the system: "input" or "state"; of a `MidpointSystem` also "variable", "rate", "momentum",
+        "acceleration", "multiplier" and "tension". The first that knows the names, if left out.
+    at : str, int, float or sequence, optional
+        "end", "start", an index or a time (s) of the system's, or several; everywhere if left out.
+
+    Notes
+    -----
+    The fixed initial state is not asked: bounds on quantities of the state hold from the second instant on.
+    """
+
+    names: str | Sequence[str]
+    min: Value = None
+    max: Value = None
+    of: str | None = field(default=None, kw_only=True)
+    at: When = field(default=None, kw_only=True)
+
+    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
+        """Return the rows of both sides."""
+        what = f"Bound({self.names!r})"
+        quantity = selected(system, self.names, self.of, what)
+        if self.min is None and self.max is None:
+            raise ArgumentError(f"{what}: got neither min nor max, expected one of them at least")
+        return _bounded(system, quantity, self.min, self.max, self.at, first, what)
+
+
+@dataclass(frozen=True)
+class Within(Limit):
+    """Least and largest values of a quantity of your own, such as a `FunctionQuantity`.
+
+    Parameters
+    ----------
+    quantity : Quantity
+    min, max : float, array_like (n,) or (n, m), or callable
+        As of `Bound`; at least 0 if both are left out.
+    at : str, int, float or sequence, optional
+        As of `Bound`.
+    """
+
+    quantity: Quantity
+    min: Value = None
+    max: Value = None
+    at: When = field(default=None, kw_only=True)
+
+    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
+        """Return the rows of both sides."""
+        least = 0.0 if self.min is None and self.max is None else self.min
+        what = f"Within({self.quantity.names[0]!r})"
+        return _bounded(system, self.quantity, least, self.max, self.at, first, what)
+
+
+@dataclass(frozen=True)
+class Equal(Limit):
+    """Values that quantities of the system must have at some instants: conditions at the end, or on the way.
+
+    Parameters
+    ----------
+    names : str, sequence of str, or Quantity
+        As of `Bound`, or a quantity of your own.
+    value : float, array_like (n,) or (n, m), or callable
+        As of `Bound`; for a single instant one value for each name, (m,), will do.
+    of : str, optional
+        As of `Bound`.
+    at : str, int, float or sequence, optional
+        As of `Bound`; "end" if left out.
+    """
+
+    names: str | Sequence[str] | Quantity
+    value: ArrayLike | Callable[[float], Any] = 0.0
+    of: str | None = field(default=None, kw_only=True)
+    at: When = field(default="end", kw_only=True)
+
+    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
+        """Return both sides of the equations."""
+        if isinstance(self.names, Quantity):
+            what, quantity = f"Equal({self.names.names[0]!r})", self.names
+        else:
+            what = f"Equal({self.names!r})"
+            quantity = selected(system, self.names, self.of, what)
+        k = _instants(system, quantity, self.at, first, what)
+        value = _values(system, self.value, k, len(quantity.names), f"{what}: value")
+        scale = np.maximum(np.abs(value).max(axis=0), 1.0)
+        return [Rows(what, quantity, sign, value, k, scale, equal=True) for sign in (1.0, -1.0)]
+
+
+def selected(system: DiscreteSystem, names: str | Sequence[str], of: str | None, what: str) -> Quantity:
+    """Return a quantity of the system, of the functions whose names match."""
+    kinds = system.quantities
+    if of is not None and of not in kinds:
+        raise ArgumentError(f"{what}: got of={of!r}, expected one of {', '.join(map(repr, kinds))}")
+    patterns = [names] if isinstance(names, str) else list(names)
+    if not patterns:
+        raise ArgumentError(f"{what}: got no names")
+    known: list[str] = []
+    for kind in (of,) if of is not None else kinds:
+        whole = system.quantity(kind)
+        found = [
+            [i for i, name in enumerate(whole.names) if name == pattern or fnmatchcase(name, pattern)]
+            for pattern in patterns
+        ]
+        if all(found):
+            return whole.select(sorted({i for each in found for i in each}))
+        known += [name for name in whole.names if name not in known]
+    raise ArgumentError(f"{what}: {closest(str(patterns[0]), known, what='names' if of is None else of + ' names')}")
+
+
+def _bounded(
+    system: DiscreteSystem, quantity: Quantity, least: Value, most: Value, at: When, first: int, what: str
+) -> list[Rows]:
+    k = _instants(system, quantity, at, first, what)
+    m = len(quantity.names)
+    low = None if least is None else _values(system, least, k, m, f"{what}: min")
+    high = None if most is None else _values(system, most, k, m, f"{what}: max")
+    scale = np.zeros(m)
+    if low is not None and high is not None:
+        crossed = np.argwhere(low >= high)
+        if crossed.size:
+            i, j = crossed[0]
+            raise ArgumentError(
+                f"{what}: got min {low[i, j]:.6g} and max {high[i, j]:.6g} for {quantity.names[j]!r} at "
+                f"{system.when(int(k[i]))}, expected the least value below the largest. Equations are `Equal`"
+            )
+        scale = np.where(np.isfinite(high - low), high - low, np.inf).min(axis=0)
+        scale = np.where(np.isfinite(scale), scale, 0.0)
+    rows = []
+    for sign, bounds in ((1.0, low), (-1.0, high)):
+        if bounds is None:
+            continue
+        # Where a bound is infinite for every instant there is none; an infinite one among others is far away.
+        columns = [j for j in range(m) if np.isfinite(bounds[:, j]).any()]
+        if not columns:
+            continue
+        kept = bounds[:, columns]
+        if not np.isfinite(kept).all():
+            raise ArgumentError(
+                f"{what}: got bounds that are infinite at some instants only; give `at`, and two bounds"
+            )
+        part = quantity if len(columns) == m else quantity.select(columns)
+        if not kept.any():
+            part = part.sign
+        rows.append(Rows(what, part, sign, kept, k, scale[columns]))
+    return rows
+
+
+def _instants(system: DiscreteSystem, quantity: Quantity, at: When, first: int, what: str) -> Any:
+    """Return the indices at which a quantity is asked."""
+    N = system.N
+    last = N if quantity.of_state else N - 1
+    start = first if quantity.of_state else 0
+    if at is None:
+        return np.arange(start, last + 1)
+    found = []
+    for one in [at] if isinstance(at, (str, int, float)) else at:
+        if one == "end":
+            k = last
+        elif one == "start":
+            k = start
+        elif isinstance(one, (str, bool)):
+            raise ArgumentError(f"{what}: got at={one!r}, expected 'end', 'start', an index or a time (s)")
+        elif isinstance(one, (int, np.integer)):
+            k = int(one) + (N + 1 if one < 0 else 0)
+        else:
+            k = system.instant(float(one), what)
+        if not start <= k <= last:
+            raise ArgumentError(
+                f"{what}: got at={one!r}, which is index {k}, expected one of {start} .. {last}"
+                + (": the initial state is fixed" if k < start and quantity.of_state else "")
+            )
+        found.append(k)
+    if not found or len(set(found)) < len(found):
+        raise ArgumentError(f"{what}: got at={at!r}, expected one or several different instants")
+    return np.array(sorted(found), dtype=np.intp)
+
+
+def _values(system: DiscreteSystem, value: Any, k: Any, m: int, what: str) -> Array:
+    """Return bounds (n, m)."""
+    n = len(k)
+    if callable(value):
+        value = [value(system.time(int(i))) for i in k]
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"{what}: got {value!r}, expected numbers") from None
+    if np.isnan(array).any():
+        raise ArgumentError(f"{what}: got NaN, expected numbers")
+    if array.ndim == 1 and n == 1 and array.shape == (m,):
+        array = array[None, :]
+    elif array.ndim == 1 and array.shape == (n,):
+        array = array[:, None]
+    if array.ndim > 2 or (array.ndim and array.shape not in ((n, m), (n, 1), (1, m))):
+        raise ArgumentError(
+            f"{what}: got shape {np.shape(value)}, expected a number, ({n},) over the instants, or ({n}, {m}) for each "
+            "of the names too"
+        )
+    return np.array(np.broadcast_to(array, (n, m)))

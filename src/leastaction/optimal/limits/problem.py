@@ -1,0 +1,221 @@
+"""A discrete problem with limits, as the optimiser's loop sees it: one barrier problem after the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.linear_quadratic import Workspace, sweep_forward
+from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limit_report import LimitReport, LimitState
+from leastaction.optimal.limits.cost import LimitedCost
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.line_search import Refusal, Trial
+from leastaction.optimal.result import OptimizationResult, Settings, Status
+
+__all__ = ["LimitedProblem"]
+
+# The barrier's parameter: the first, in the cost by the number of rows; how it falls from one stage to the next.
+_FIRST, _LESS, _POWER = 0.1, 0.1, 1.5
+_FIRST_AGAIN = 1e-4  # where duals are known
+_LOOSE = 10.0  # times mu: the expected decrease with which a stage but the last is over
+_DEAREST = 1e6  # costs of the start for an excess of a limit's scale
+_MET = 1e-6  # of its scale a limit may be off where the problem cannot be met otherwise
+_ACTIVE = 100.0  # times mu: dual times scale of a limit that is active
+
+
+class LimitedProblem(DiscreteProblem):
+    """A discrete system, its cost and its limits.
+
+    What the loop minimises is the cost with the barriers of a `LimitedCost`. Where it is at its minimum the next stage
+    has a smaller barrier, until that does not matter any more.
+
+    Parameters
+    ----------
+    system : DiscreteSystem
+    cost : Cost
+    rows : sequence of Rows
+    settings : Settings
+    """
+
+    def __init__(self, system: DiscreteSystem, cost: Cost, rows: list[Rows], settings: Settings) -> None:
+        super().__init__(system, cost, settings)
+        self.limited = LimitedCost(cost, rows)
+        self.tolerance = settings.tolerance
+        self.size = np.nan
+        self.given: LimitReport | None = None
+        self.spare = Workspace(system.N, system.nx, system.nu)
+        # Of the iterate and its duals; None: not yet.
+        self.derivatives: tuple[CostGradient, CostHessian] | None = None
+
+    # ---- Where to start -------------------------------------------------------------------------
+
+    def start(self, initial: Any) -> None:
+        """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
+        if isinstance(initial, OptimizationResult):
+            self.given = initial.limits
+            initial = initial.x, initial.u
+        super().start(initial)
+        self._begin()
+
+    def resume(self, result: OptimizationResult) -> None:
+        """Begin where an earlier run ended."""
+        super().resume(result)
+        self.given = result.limits
+        self._begin(resumed=True)
+
+    def _begin(self, *, resumed: bool = False) -> None:
+        """Put the limits in, at the trajectory to start from."""
+        limited = self.limited
+        self.size = abs(self.value) if self.value else 1.0
+        first = _FIRST * self.size / limited.count
+        self.last = 0.1 * self.tolerance * self.size / limited.count
+        self.first_mu = first
+        limited.begin(self.x, self.u, first, self.size)
+        for rows in limited.rows:
+            rows.check(self.x, self.u)
+        given = self.given
+        if given is not None and given.sides_shaped() == limited.shapes():
+            limited.mu = given.mu if resumed else max(_FIRST_AGAIN * first, self.last)
+            if resumed:
+                self.first_mu, self.last = given.first_mu, given.first_mu * self.last / first
+            limited.take(given)
+        elif resumed and given is not None:
+            raise ArgumentError(
+                f"resume: got a result with the limits {', '.join(given.labels[:4])} ..., expected those of this "
+                "call. Give initial=result to start from its trajectory with others"
+            )
+        self._set_out()
+
+    # ---- Stages ---------------------------------------------------------------------------------
+
+    @property
+    def shown(self) -> float:
+        """The cost without barriers."""
+        return self.cost.value(self.x, self.u)
+
+    def tolerated(self, goal: float) -> float:
+        """Return the expected decrease that is small enough at this stage."""
+        mu = self.limited.mu
+        if mu > self.last:
+            return max(goal, _LOOSE * mu)
+        # The duals are worth no more than the motion is near the barrier's minimum.
+        return max(min(goal, _LOOSE * mu), 10.0 * self.noise)
+
+    def next_stage(self) -> bool:
+        """Go on with dearer excess, where a limit needs it, or else with a smaller barrier."""
+        limited = self.limited
+        dearer = limited.price(self.x, self.u, _DEAREST * self.size)
+        if not dearer:
+            if limited.mu <= self.last or limited.hopeless():
+                return False
+            unit = self.first_mu / _FIRST
+            part = limited.mu / unit
+            limited.mu = max(self.last, unit * min(_LESS * part, part**_POWER))
+        self._set_out()
+        return True
+
+    def _set_out(self) -> None:
+        """Begin a stage: another cost, the same dynamics."""
+        self.tells_saddles = self.system.has_curvature and self.limited.mu <= self.last
+        self.curvature = self.quasi_newton = self.feedback = self.derivatives = None
+        self.value = self.shown + self.limited.barriers(self.x, self.u)
+
+    def verdict(self) -> tuple[Status, str] | None:
+        """Return that limits contradict each other, where they could not be met at any price."""
+        if self.limited.excess(self.x, self.u) <= _MET:
+            return None
+        return Status.INFEASIBLE, self._report().contradiction(self.system.when)
+
+    # ---- Directions -----------------------------------------------------------------------------
+
+    @property
+    def _begun(self) -> bool:
+        """Whether there are limits already: the start is projected without."""
+        return bool(self.limited.y)
+
+    def _gradient(self) -> CostGradient:
+        return self._derivatives()[0] if self._begun else super()._gradient()
+
+    def _hessian(self) -> CostHessian:
+        return self._derivatives()[1] if self._begun else super()._hessian()
+
+    def _derivatives(self) -> tuple[CostGradient, CostHessian]:
+        if self.derivatives is None:
+            dynamics = None
+            if any(rows.quantity.looks_ahead for rows in self.limited.rows):
+                dynamics = np.concatenate(list(self._linearize()), axis=2)
+            gradient = self.limited.gradient(self.x, self.u)
+            self.derivatives = gradient, self.limited.hessian(self.x, self.u, dynamics)
+        return self.derivatives
+
+    def forget(self) -> None:
+        """Drop all that was computed along the current iterate."""
+        super().forget()
+        self.derivatives = None
+
+    def _curvature_along(self, gradient: CostGradient) -> Array:
+        # The multipliers of the dynamics are those of the Lagrangian.
+        return super()._curvature_along(self.limited.lagrangian(self.x, self.u) if self._begun else gradient)
+
+    # ---- Steps ----------------------------------------------------------------------------------
+
+    def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
+        """Return the projection of a step along the direction, or why it is refused."""
+        outcome = super().simulate(direction, length, np.inf)
+        if isinstance(outcome, Refusal):
+            return outcome
+        x, u = outcome.iterate
+        total = outcome.cost + self.limited.barriers(x, u)
+        if not total <= bound:
+            reason = f"a cost with barriers of {total:.10g}, where at most {bound:.10g} was wanted"
+            return self._look_for_jump(direction, length, x, Refusal(reason, cost=total))
+        return replace(outcome, cost=total)
+
+    def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
+        """Make a trial the current iterate, and move the duals with it."""
+        dx, du = direction.dx, direction.du
+        if dx is None or du is None:
+            A, B = self._linearize()
+            dx, du = sweep_forward(A, B, direction)
+        self.limited.step_duals(self.x, self.u, dx, du, *trial.iterate)
+        super().accept(direction, trial)
+
+    # ---- What is told ---------------------------------------------------------------------------
+
+    def result(self, summary: dict[str, Any]) -> OptimizationResult:
+        """Return the result at the current iterate."""
+        return replace(super().result(summary), limits=self._report())
+
+    def _duals(self) -> list[Array]:
+        """Return the duals after a last step of theirs along Newton's direction, which the motion hardly needs."""
+        limited = self.limited
+        if limited.mu <= self.last:
+            try:
+                model = self._solve("newton" if self.has_curvature else "quasi-newton", self.spare, 1.0)
+                if model.definite:
+                    limited.step_duals(self.x, self.u, *sweep_forward(*self._linearize(), model), self.x, self.u)
+            except LeastActionError:
+                pass  # The duals of the last step will do.
+        return limited.settled_duals(self.x, self.u)
+
+    def _report(self) -> LimitReport:
+        limited, sides = self.limited, []
+        duals = self._duals()
+        for i, (rows, c) in enumerate(zip(limited.rows, limited.limits(self.x, self.u), strict=True)):
+            if rows.equal and rows.sign < 0.0:
+                continue
+            dual = duals[i]
+            active = np.ones(dual.shape, dtype=bool)
+            if rows.equal:
+                dual = dual - duals[i + 1]
+            else:
+                active = dual * limited.scale[i] > _ACTIVE * limited.mu
+            sides.append(LimitState(rows.limit, rows.labels, rows.equal, rows.k, c, dual, limited.rho[i], active))
+        return LimitReport(tuple(sides), limited.mu, limited.excess(self.x, self.u), self.first_mu)

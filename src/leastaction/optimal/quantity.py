@@ -1,0 +1,266 @@
+"""Quantities of a system by name: what can be limited."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array
+
+__all__ = ["Entries", "FunctionQuantity", "Instants", "Quantity", "Samples"]
+
+Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
+
+
+class Samples(NamedTuple):
+    """Where a quantity is asked.
+
+    Attributes
+    ----------
+    k : ndarray of int (n,)
+        Instants of a quantity of the state, steps of any other.
+    x, u, x_next : ndarray (n, nx), (n, nu), (n, nx)
+        State and input there, and the state that the step leads to; no columns where that is not asked for.
+    """
+
+    k: Instants
+    x: Array
+    u: Array
+    x_next: Array
+
+
+class Quantity(ABC):
+    """Named functions of the state, of state and input, or of a whole step; vectorised over time, and pure.
+
+    A quantity of the state (`of_state`) is asked at instants. Any other is asked for steps, with their inputs and, if
+    it `looks_ahead`, with the states that the steps lead to.
+    """
+
+    names: tuple[str, ...]
+    """One for each function."""
+    unit: str = ""
+    """For messages and figures."""
+    kind: str = ""
+    """Before the names in messages and figures, such as "rate of"."""
+    of_state: bool = False
+    looks_ahead: bool = False
+    says_all: bool = False
+    """Whether the names say all of a bound at zero."""
+
+    @abstractmethod
+    def values(self, at: Samples) -> Array:
+        """Return the values (n, m)."""
+
+    @abstractmethod
+    def jacobian(self, at: Samples) -> Array:
+        """Return the derivatives by x, and by u, and by x_next, as far as it depends on them, (n, m, ...)."""
+
+    @abstractmethod
+    def curvature(self, at: Samples, y: Array) -> Array | None:
+        """Return the second derivative of ``y . values`` by the same, (n, ..., ...); None where all are linear."""
+
+    def select(self, rows: Sequence[int]) -> Quantity:
+        """Return some of the functions."""
+        return _Selected(self, tuple(rows))
+
+    @property
+    def sign(self) -> Quantity:
+        """A quantity with the same signs, for bounds at zero; a simpler one, if there is one."""
+        return self
+
+
+class Entries(Quantity):
+    """Entries of state or input, times factors.
+
+    Parameters
+    ----------
+    names : sequence of str
+    columns : sequence of int
+        Places in x, or in u.
+    of_state : bool
+        Whether they are of the state.
+    factors : array_like, optional
+        1 if left out.
+    kind, unit : str, optional
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        columns: ArrayLike,
+        *,
+        of_state: bool,
+        factors: Any = 1.0,
+        kind: str = "",
+        unit: str = "",
+    ) -> None:
+        self.names, self.of_state, self.kind, self.unit = tuple(names), of_state, kind, unit
+        self.columns = np.asarray(columns, dtype=np.intp)
+        self.factors = np.broadcast_to(np.asarray(factors, dtype=np.float64), self.columns.shape)
+
+    def values(self, at: Samples) -> Array:
+        """Return the entries times their factors."""
+        return np.asarray((at.x if self.of_state else at.u)[:, self.columns] * self.factors)
+
+    def jacobian(self, at: Samples) -> Array:
+        """Return the constant derivatives."""
+        offset = 0 if self.of_state else at.x.shape[1]
+        result = np.zeros((len(at.k), len(self.columns), at.x.shape[1] + (0 if self.of_state else at.u.shape[1])))
+        result[:, np.arange(len(self.columns)), offset + self.columns] = self.factors
+        return result
+
+    def curvature(self, at: Samples, y: Array) -> None:
+        """Return None: they are linear."""
+
+    def select(self, rows: Sequence[int]) -> Entries:
+        """Return some of the entries."""
+        return Entries(
+            [self.names[row] for row in rows],
+            self.columns[list(rows)],
+            of_state=self.of_state,
+            factors=self.factors[list(rows)],
+            kind=self.kind,
+            unit=self.unit,
+        )
+
+
+class _Selected(Quantity):
+    """Some of the functions of another quantity."""
+
+    def __init__(self, whole: Quantity, rows: tuple[int, ...]) -> None:
+        self.whole, self.rows = whole, list(rows)
+        self.names = tuple(whole.names[row] for row in rows)
+        self.kind, self.unit = whole.kind, whole.unit
+        self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
+
+    def values(self, at: Samples) -> Array:
+        return self.whole.values(at)[:, self.rows]
+
+    def jacobian(self, at: Samples) -> Array:
+        return self.whole.jacobian(at)[:, self.rows]
+
+    def curvature(self, at: Samples, y: Array) -> Array | None:
+        weights = np.zeros((len(y), len(self.whole.names)))
+        weights[:, self.rows] = y
+        return self.whole.curvature(at, weights)
+
+
+class FunctionQuantity(Quantity):
+    """Functions of your own of the state, or of state and input.
+
+    Parameters
+    ----------
+    names : str or sequence of str
+        One for each function.
+    values : callable
+        ``values(x)`` or ``values(x, u)`` for x (n, nx), u (n, nu): (n, m), or (n,) of a single one. Built of NumPy
+        functions that take complex numbers, if no derivatives are given. With `indexed` the instants k (n,) come
+        last, here as below.
+    of_state : bool
+        Whether it is a function of the state alone.
+    jacobian : callable, optional
+        ``jacobian(x)`` or ``jacobian(x, u)``, (n, m, nx) or (n, m, nx + nu). By the complex step if left out.
+    curvature : callable, optional
+        ``curvature(x, y)`` or ``curvature(x, u, y)``, the second derivative of ``y . values``. By central
+        differences of the first derivatives if left out, which are good to about nine digits.
+    indexed : bool
+        Whether the functions take the instants k too, for what changes over time.
+    unit : str, optional
+
+    Raises
+    ------
+    ArgumentError
+        When first used: functions that return wrong shapes, or real results for complex arguments.
+    """
+
+    def __init__(
+        self,
+        names: str | Sequence[str],
+        values: Callable[..., Any],
+        *,
+        of_state: bool = True,
+        jacobian: Callable[..., Any] | None = None,
+        curvature: Callable[..., Any] | None = None,
+        indexed: bool = False,
+        unit: str = "",
+    ) -> None:
+        self.names = (names,) if isinstance(names, str) else tuple(names)
+        self.of_state, self.unit = of_state, unit
+        self._values, self._jacobian, self._curvature = values, jacobian, curvature
+        self._indexed = indexed
+
+    def values(self, at: Samples) -> Array:
+        """Return the values (n, m)."""
+        return np.asarray(self._called(at.k, self._joined(at), at.x.shape[1]), dtype=np.float64)
+
+    def jacobian(self, at: Samples) -> Array:
+        """Return the first derivatives."""
+        return self._derivative(at.k, self._joined(at), at.x.shape[1])
+
+    def curvature(self, at: Samples, y: Array) -> Array:
+        """Return the second derivative of ``y . values``."""
+        z = self._joined(at)
+        n, size = z.shape
+        if self._curvature is not None:
+            given = self._curvature(*self._split(z, at.x.shape[1]), y, *self._instants(at.k))
+            return _shaped(given, (n, size, size), "curvature", self.names)
+        H = np.empty((n, size, size))
+        for i in range(size):
+            h = 6e-6 * (1.0 + np.abs(z[:, i]))
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = z.copy()
+                moved[:, i] += sign * h
+                ends.append(np.einsum("kmi,km->ki", self._derivative(at.k, moved, at.x.shape[1]), y))
+            H[:, i] = (ends[0] - ends[1]) / (2.0 * h[:, None])
+        return np.asarray(0.5 * (H + H.transpose(0, 2, 1)))
+
+    def _joined(self, at: Samples) -> Array:
+        return at.x if self.of_state else np.hstack([at.x, at.u])
+
+    def _split(self, z: Any, nx: int) -> tuple[Any, ...]:
+        return (z,) if self.of_state else (z[:, :nx], z[:, nx:])
+
+    def _instants(self, k: Instants) -> tuple[Instants, ...]:
+        return (k,) if self._indexed else ()
+
+    def _called(self, k: Instants, z: Any, nx: int) -> Any:
+        found = np.asarray(self._values(*self._split(z, nx), *self._instants(k)))
+        if found.ndim == 1 and len(self.names) == 1:
+            found = found[:, None]
+        if found.shape != (len(z), len(self.names)):
+            raise ArgumentError(
+                f"limit {self.names[0]!r}: its function returned shape {found.shape} for {len(z)} instants, expected "
+                f"{(len(z), len(self.names))}, a column for each of its names. It is called with all instants at once"
+            )
+        return found
+
+    def _derivative(self, k: Instants, z: Array, nx: int) -> Array:
+        n, size = z.shape
+        if self._jacobian is not None:
+            given = self._jacobian(*self._split(z, nx), *self._instants(k))
+            return _shaped(given, (n, len(self.names), size), "jacobian", self.names)
+        J = np.empty((n, len(self.names), size))
+        for i in range(size):
+            moved = z.astype(complex)
+            moved[:, i] += 1e-30j
+            value = self._called(k, moved, nx)
+            if not np.iscomplexobj(value):
+                raise ArgumentError(
+                    f"limit {self.names[0]!r}: got a real result for complex arguments, so the complex step sees no "
+                    "derivative. Build it of NumPy functions of the arguments, or give `jacobian`"
+                )
+            J[:, :, i] = value.imag / 1e-30
+        return J
+
+
+def _shaped(value: Any, shape: tuple[int, ...], what: str, names: tuple[str, ...]) -> Array:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != shape:
+        raise ArgumentError(f"limit {names[0]!r}: its {what} returned shape {array.shape}, expected {shape}")
+    return array

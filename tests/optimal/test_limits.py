@@ -1,0 +1,276 @@
+"""Limits: the barrier against its definition, optima against the conditions of an optimum, and what users get wrong."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics import MidpointVI
+from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.optimal import (
+    Bound,
+    Equal,
+    FunctionQuantity,
+    LinearSystem,
+    OptimizationResult,
+    QuadraticCost,
+    Status,
+    Within,
+    adjoint,
+    optimize,
+)
+from leastaction.optimal.limits.barrier import barrier_value, split, stiffness
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.quantity import Samples
+from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
+
+N, DT = 150, 0.02
+
+
+@pytest.fixture(scope="module")
+def cart() -> MidpointSystem:
+    return MidpointSystem(MidpointVI(cart_pendulum(), threads=1), DT * np.arange(N + 1))
+
+
+@pytest.fixture(scope="module")
+def cost() -> QuadraticCost:
+    """Swing the pendulum out by a radian and back."""
+    reference = np.zeros((N + 1, 4))
+    reference[:, 1] = 0.5 * (1.0 - np.cos(2.0 * np.pi * np.arange(N + 1) / N))
+    return QuadraticCost(reference, np.zeros((N, 1)), Q=np.array([0.01, 100.0, 0.01, 0.01]), R=np.array([0.01]))
+
+
+REST = np.zeros((N + 1, 4)), np.zeros((N, 1))
+
+
+def stationarity(system, cost, limits, result: OptimizationResult) -> float:
+    """Return the gradient of the Lagrangian by the inputs, relative to the cost's own; found without the optimiser."""
+    x, u = result.x, result.u
+    gradient = cost.gradient(x, u)
+    q, r = np.vstack([gradient.q, gradient.q_final]), gradient.r.copy()
+    size = np.abs(r).max()
+    rows: list[Rows] = [row for limit in limits for row in limit.rows(system, 1)]
+    rows = [row for row in rows if not (row.equal and row.sign < 0.0)]
+    for row, side in zip(rows, result.limits.sides, strict=True):
+        row.add_gradient(x, u, side.dual, q, r)
+    A, B = system.linearize(x, u)
+    z = adjoint(A, B, np.zeros((system.N, system.nu, system.nx)), q[:-1], r, q[-1])
+    total = r + np.einsum("kij,ki->kj", B, z[1:])
+    return float(np.abs(total).max() / size)
+
+
+def certify(system, cost, limits, result: OptimizationResult) -> None:
+    """Hold an end to the conditions of Karush, Kuhn and Tucker."""
+    assert result.status is Status.CONVERGED, result.message
+    report = result.limits
+    assert report is not None
+    assert report.excess < 1e-8
+    for side in report.sides:
+        if not side.equation:
+            assert (side.dual > 0.0).all()
+            # Each dual times its room is the barrier's parameter.
+            assert np.sum(side.dual * np.maximum(side.value, 0.0)) < 1e-7 * abs(result.cost)
+    assert stationarity(system, cost, limits, result) < 2e-5
+
+
+# ---- The barrier -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("c", [-2.0, -0.01, 0.0, 0.003, 1.5])
+@pytest.mark.parametrize(("mu", "rho"), [(0.1, 3.0), (1e-3, 50.0)])
+def test_the_barrier_is_the_minimum_over_slack_and_excess(c: float, mu: float, rho: float) -> None:
+    def value(log_excess: np.ndarray) -> float:
+        t = np.exp(log_excess[0])
+        if c + t <= 0.0:
+            return np.inf
+        return float(rho * t - mu * np.log(rho * t / mu) - mu * np.log(rho * (c + t) / mu))
+
+    slack, excess = split(np.array([[c]]), mu, np.array([rho]))
+    assert slack[0, 0] - excess[0, 0] == pytest.approx(c, abs=1e-14)
+    found = minimize(value, np.log(excess[0] * 1.3), method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-14})
+    assert barrier_value(np.array([[c]]), mu, np.array([rho])) == pytest.approx(found.fun, rel=1e-9, abs=1e-11)
+    assert mu / slack[0, 0] + mu / excess[0, 0] == pytest.approx(rho, rel=1e-12)
+
+
+def test_the_dual_is_the_slope_of_the_barrier_and_its_stiffness_the_bend() -> None:
+    c, mu, rho = np.linspace(-1.0, 1.0, 21)[:, None], 0.02, np.array([7.0])
+    h = 1e-5
+
+    def each(values: np.ndarray) -> np.ndarray:
+        return np.array([barrier_value(value[None], mu, rho) for value in values])
+
+    slope = (each(c + h) - each(c - h)) / (2.0 * h)
+    part = split(c, mu, rho)
+    y = mu / part.slack
+    np.testing.assert_allclose(-slope, y[:, 0], rtol=1e-6, atol=1e-7)
+    bend = (mu / split(c - h, mu, rho).slack - mu / split(c + h, mu, rho).slack) / (2.0 * h)
+    np.testing.assert_allclose(stiffness(part, rho, y), bend, rtol=1e-5)
+
+
+# ---- Optima ----------------------------------------------------------------------------------------
+
+
+def test_a_linear_problem_with_bounds_keeps_to_them_and_is_optimal(rng: np.random.Generator) -> None:
+    A, B = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.005], [0.1]])
+    system = LinearSystem(np.tile(A, (40, 1, 1)), np.tile(B, (40, 1, 1)))
+    cost = QuadraticCost(rng.normal(size=(41, 2)), np.zeros((40, 1)), Q=np.array([1.0, 0.1]), R=np.array([0.1]))
+    limits = [Bound("u[0]", -0.3, 0.25), Bound("x[1]", min=-0.3, max=0.05)]
+    result = optimize(system, cost, limits=limits, initial=(np.zeros((41, 2)), np.zeros((40, 1))), tolerance=1e-11)
+    certify(system, cost, limits, result)
+    assert result.limits.active("u[0] <= 0.25").size > 0
+    assert result.limits.active("x[1] <= 0.05").size > 0
+
+
+CASES = {
+    "push": [Bound("x-force", -12.0, 12.0)],
+    "push over time": [Bound("x-force", max=lambda t: 12.0 + t)],
+    "place": [Bound("x", -0.15, 0.1)],
+    "rate": [Bound("x", -0.3, 0.3, of="rate")],
+    "end": [Equal(["x", "theta"]), Equal("*", of="momentum")],
+    "on the way": [Equal("theta", 0.9, at=1.5), Bound("x-force", -60.0, 60.0)],
+    "own": [Within(FunctionQuantity("height", lambda x: -np.cos(x[:, 1])), max=-0.97)],
+    "ball": [Keep("bob", outside=Ball((0.3, -0.95, 0.0), 0.05))],
+    "moving ball": [Keep("bob", outside=Ball(lambda t: (0.3 - 0.02 * t, -0.95, 0.0), 0.05))],
+    "box": [Keep("bob", inside=Box((-0.3, -2.0, -1.0), (0.6, 2.0, 1.0)))],
+    "half space": [Keep("bob", inside=HalfSpace((0.0, -2.0, 0.0), 1.94))],
+    "apart": [Keep("bob", outside=Ball((0.35, -0.95, 0.0), 0.08), origin="cart")],
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_limits_on_a_cart_are_kept_at_an_optimum(name: str, cart: MidpointSystem, cost: QuadraticCost) -> None:
+    limits = CASES[name]
+    result = optimize(cart, cost, limits=limits, initial=REST, tolerance=1e-11)
+    certify(cart, cost, limits, result)
+    free = optimize(cart, cost, initial=REST)
+    assert result.cost > free.cost + 1e-6 * abs(free.cost), "the limit does not bind: the test says nothing"
+    assert any(side.active.any() for side in result.limits.sides)
+    assert str(result.limits).count("\n") == len(result.limits.labels)
+
+
+def test_the_duals_tell_what_more_room_is_worth(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    def solve(bound: float) -> OptimizationResult:
+        return optimize(cart, cost, limits=[Bound("x-force", max=bound)], initial=REST, tolerance=1e-11)
+
+    h = 0.01
+    fall = (solve(12.0 - h).cost - solve(12.0 + h).cost) / (2.0 * h)
+    result = solve(12.0)
+    assert np.sum(result.limits.dual("x-force <= 12")) == pytest.approx(fall, rel=1e-4)
+
+
+def test_a_start_far_outside_of_the_limits_will_do(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    limits = [Bound("x-force", -12.0, 12.0), Bound("x", -0.3, 0.3)]
+    rng = np.random.default_rng(4)
+    u = 40.0 * rng.normal(size=(N, 1))
+    wild = optimize(cart, cost, limits=limits, initial=(np.zeros(4), u), tolerance=1e-11)
+    certify(cart, cost, limits, wild)
+    assert wild.cost == pytest.approx(optimize(cart, cost, limits=limits, initial=REST).cost, rel=1e-8)
+
+
+# ---- Going on --------------------------------------------------------------------------------------
+
+
+def test_a_run_that_was_stopped_goes_on_as_if_it_had_not_been(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    limits = CASES["push"]
+    whole = optimize(cart, cost, limits=limits, initial=REST)
+    part = optimize(cart, cost, limits=limits, initial=REST, max_iterations=6)
+    assert part.status is Status.ITERATION_LIMIT
+    rest = optimize(cart, cost, limits=limits, resume=pickle.loads(pickle.dumps(part)))
+    assert rest.cost == pytest.approx(whole.cost, rel=1e-9)
+    assert rest.iterations <= whole.iterations + 2
+
+
+def test_a_warm_start_keeps_the_duals(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    first = optimize(cart, cost, limits=CASES["push"], initial=REST)
+    again = optimize(cart, cost, limits=CASES["push"], initial=first)
+    assert again.iterations <= 4
+    assert again.cost == pytest.approx(first.cost, rel=1e-9)
+
+
+# ---- What cannot be, and what is wrong ----------------------------------------------------------------
+
+
+def test_limits_that_contradict_each_other_are_named(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    limits = [Bound("x-force", -3.0, 3.0), Equal("x", 2.0, at=0.4)]
+    result = optimize(cart, cost, limits=limits, initial=REST)
+    assert result.status is Status.INFEASIBLE
+    assert not result.success
+    assert "Not met: 'x = 2' by" in result.message
+    assert "t = 0.4 s" in result.message
+    assert "'x-force <= 3'" in result.message
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ([Bound("x-forc", -1.0, 1.0)], ("x-force",)),
+        ([Bound("x-force", 1.0, -1.0)], ("min 1", "max -1", "t = 0 s")),
+        ([Bound("x-force")], ("neither min nor max",)),
+        ([Bound("x", 1.0, of="force")], ("of='force'", "'rate'")),
+        ([Bound("x", np.nan)], ("NaN",)),
+        ([Bound("x", np.zeros(7))], ("(7,)", "(150,)")),
+        ([Bound("x", max="high")], ("'high'",)),
+        ([Bound("x", 0.0, at=0)], ("initial state is fixed",)),
+        ([Bound("x", 0.0, at=1.234567)], ("1.23457", "1.24")),
+        ([Bound("x", 0.0, at="middle")], ("'middle'", "'end'")),
+        ([Bound("string", min=0.0, of="tension")], ("tension", "'variable'")),
+        ([3], ("limits[0]", "int")),
+        ([Keep("hand", inside=Box((0, 0, 0), (1, 1, 1)))], ("hand",)),
+        ([Within(FunctionQuantity("f", lambda x: x))], ("'f'", "(150, 4)", "(150, 1)")),
+        ([Within(FunctionQuantity("f", lambda x: np.abs(x[:, 0])))], ("complex",)),
+    ],
+)  # fmt: skip
+def test_wrong_limits_are_named(limits, words, cart: MidpointSystem, cost: QuadraticCost) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        optimize(cart, cost, limits=limits, initial=REST)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: Keep("bob"),
+        lambda: Keep("bob", inside=Ball((0, 0, 0), 1.0), outside=Ball((0, 0, 0), 1.0)),
+        lambda: Keep("bob", outside=Box((0, 0, 0), (1, 1, 1))),
+        lambda: Keep("bob", inside=(0, 1)),
+        lambda: Box((0, 0, 0), (1, -1, 1)),
+        lambda: Ball((0, 0), 1.0),
+        lambda: Ball((0, 0, 0), -1.0),
+        lambda: HalfSpace((0, 0, 0)),
+    ],
+)
+def test_wrong_regions_are_named(wrong) -> None:
+    with pytest.raises(ArgumentError):
+        wrong()
+
+
+# ---- Derivatives of quantities -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_derivatives_of_rows(name: str, cart: MidpointSystem, rng: np.random.Generator) -> None:
+    """First derivatives against differences of values, second ones against differences of first ones."""
+    for rows in (row for limit in CASES[name] for row in limit.rows(cart, 1)):
+        quantity, n = rows.quantity, 5
+        k = rows.k[rng.integers(0, len(rows.k), n)]
+        sizes = (4,) if quantity.of_state else (4, 1, 4) if quantity.looks_ahead else (4, 1)
+        z = rng.normal(size=(n, sum(sizes)))
+        y = rng.normal(size=(n, len(quantity.names)))
+
+        def at(z: np.ndarray, k=k, n=n, sizes=sizes) -> Samples:
+            parts = [*np.split(z, np.cumsum(sizes)[:-1], axis=1), np.empty((n, 0)), np.empty((n, 0))]
+            return Samples(k, *parts[:3])
+
+        J, H = quantity.jacobian(at(z)), quantity.curvature(at(z), y)
+        h = 1e-6
+        for i in range(z.shape[1]):
+            e = h * np.eye(z.shape[1])[i]
+            difference = (quantity.values(at(z + e)) - quantity.values(at(z - e))) / (2.0 * h)
+            np.testing.assert_allclose(J[:, :, i], difference, atol=2e-8)
+            bend = np.einsum("kmi,km->ki", quantity.jacobian(at(z + e)) - quantity.jacobian(at(z - e)), y) / (2.0 * h)
+            np.testing.assert_allclose(0.0 if H is None else H[:, i], bend, atol=3e-8)
