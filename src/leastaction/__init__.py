@@ -102,6 +102,9 @@ from leastaction.mechanics.expressions import (
     variable,
 )
 from leastaction.optimal import (
+    Bound,
+    Equal,
+    FunctionQuantity,
     IterationTable,
     OptimizationResult,
     QuadraticCost,
@@ -110,6 +113,7 @@ from leastaction.optimal import (
     StartResult,
     StartStatus,
     Status,
+    Within,
     coarse_to_fine,
     continuation,
     optimize,
@@ -118,23 +122,23 @@ from leastaction.optimal import (
     regulate,
 )
 from leastaction.optimal.continuous import ContinuousQuadraticCost, regulate_continuous, steady_state_regulator
-from leastaction.systems import MechanismSystem, MidpointSystem, embed, warm_start
+from leastaction.systems import Ball, Box, HalfSpace, Keep, MechanismSystem, MidpointSystem, embed, warm_start
 
 __all__ = [
-    "Baumgarte", "Body", "BodyWrench", "ContinuousDynamics", "ContinuousQuadraticCost", "ContinuousTrajectory",
-    "CoulombFriction", "Coupling", "Curve", "Damping", "Distance", "Drag", "ElasticString", "Event",
-    "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation", "Gravity",
-    "HingeLoop", "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "IterationTable", "JointForce",
-    "JointSpring", "LeastActionError", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MechanismSystem",
-    "MidpointSystem", "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "PathLength",
-    "PointOnLine", "PointOnPlane", "PointToPoint", "PrescribedMotion", "PrescribedPath", "Projection",
-    "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "QuadraticCost", "SimulationStatus",
-    "SpatialWrench", "StageRecord", "StageTable", "StartResult", "StartStatus", "State", "Status", "TendonForce",
-    "TorsionalSpring", "Trajectory", "__version__", "ball", "check_consistent", "check_derivatives", "coarse_to_fine",
-    "continuation", "coordinate", "direction", "distance", "embed", "equilibrium", "free", "gain_to_continuous",
-    "gain_to_discrete", "input_", "optimize", "optimize_continuous", "parameter", "point", "pose", "prismatic",
-    "project_configuration", "project_velocity", "rate", "receding_horizon", "regulate", "regulate_continuous",
-    "revolute", "rx", "ry", "rz", "screw", "simulate", "speed", "steady_state_regulator", "to_continuous",
-    "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal", "var",
-    "variable", "warm_start", "world",
+    "Ball", "Baumgarte", "Body", "BodyWrench", "Bound", "Box", "ContinuousDynamics", "ContinuousQuadraticCost",
+    "ContinuousTrajectory", "CoulombFriction", "Coupling", "Curve", "Damping", "Distance", "Drag", "ElasticString",
+    "Equal", "Event", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation",
+    "FunctionQuantity", "Gravity", "HalfSpace", "HingeLoop", "HybridWrench", "IntegrationStatus",
+    "InverseSquareGravity", "IterationTable", "JointForce", "JointSpring", "Keep", "LeastActionError", "LinearDamper",
+    "LinearMotor", "LinearSpring", "Mechanism", "MechanismSystem", "MidpointSystem", "MidpointVI", "Motor",
+    "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "PathLength", "PointOnLine", "PointOnPlane",
+    "PointToPoint", "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce",
+    "PythonFunction", "PythonPotential", "QuadraticCost", "SimulationStatus", "SpatialWrench", "StageRecord",
+    "StageTable", "StartResult", "StartStatus", "State", "Status", "TendonForce", "TorsionalSpring", "Trajectory",
+    "Within", "__version__", "ball", "check_consistent", "check_derivatives", "coarse_to_fine", "continuation",
+    "coordinate", "direction", "distance", "embed", "equilibrium", "free", "gain_to_continuous", "gain_to_discrete",
+    "input_", "optimize", "optimize_continuous", "parameter", "point", "pose", "prismatic", "project_configuration",
+    "project_velocity", "rate", "receding_horizon", "regulate", "regulate_continuous", "revolute", "rx", "ry", "rz",
+    "screw", "simulate", "speed", "steady_state_regulator", "to_continuous", "to_discrete", "to_momentum",
+    "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal", "var", "variable", "warm_start", "world",
 ]  # fmt: skip

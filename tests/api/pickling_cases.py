@@ -152,10 +152,28 @@ def started() -> la.StartResult:
     return la.receding_horizon(problem, cost(), initial=(start().x, inputs), window=3, max_iterations=2)
 
 
+def height(x: Any) -> Any:
+    return x[:, 1]
+
+
+def limited() -> Any:
+    """A swing down with a bounded push, and its duals."""
+    given = system()
+    N, nx, nu = given.N, given.nx, given.nu
+    weights = la.QuadraticCost(np.zeros((N + 1, nx)), np.zeros((N, nu)), Q=np.ones(nx), R=np.ones(nu))
+    start = np.zeros(nx)
+    start[0] = 0.2
+    name = given.quantity("input").names[0]
+    return la.optimize(given, weights, initial=(start, np.zeros((N, nu))), limits=[la.Bound(name, -0.1, 0.1)])
+
+
 PUBLIC: dict[str, Callable[[], Any]] = {
+    "Ball": lambda: la.Ball((0.0, 1.0, 0.0), 0.5),
     "Baumgarte": lambda: la.Baumgarte(10.0),
     "Body": lambda: la.Body(1.0, com=(0.1, 0.2, 0.3), inertia=(1.0, 2.0, 2.5)),
     "BodyWrench": lambda: la.BodyWrench("bob", force=("F", 0.0, 1.0)),
+    "Bound": lambda: la.Bound("x", -1.0, 1.0, of="rate"),
+    "Box": lambda: la.Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)),
     "ContinuousDynamics": dynamics,
     "ContinuousQuadraticCost": continuous_cost,
     "ContinuousTrajectory": continuous_trajectory,
@@ -166,13 +184,16 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "Distance": lambda: la.Distance("bob", "hand", "L", name="string"),
     "Drag": lambda: la.Drag("bob", 0.3),
     "ElasticString": lambda: la.ElasticString(["bob", "hand"], stiffness=3.0, length=1.0),
+    "Equal": lambda: la.Equal("x", 0.5, at=0.1),
     "Event": lambda: la.Event(late),
     "ExpressionConstraint": lambda: la.ExpressionConstraint(la.point("bob")[0] - la.variable("x")),
     "ExpressionForce": lambda: la.ExpressionForce(la.input_("u") * la.parameter("k", 2.0) * la.speed("x"), along="x"),
     "ExpressionPotential": lambda: la.ExpressionPotential(la.distance("bob", "hand") ** 2),
     "Feedback": lambda: la.Feedback(np.ones((1, 4)), np.zeros(4), np.zeros(1)),
     "FixedOrientation": lambda: la.FixedOrientation("bob", "hand"),
+    "FunctionQuantity": lambda: la.FunctionQuantity("height", height),
     "Gravity": lambda: la.Gravity((0.0, 0.0, -9.81)),
+    "HalfSpace": lambda: la.HalfSpace((0.0, 1.0, 0.0), -0.2),
     "HingeLoop": lambda: la.HingeLoop("bob", "hand", axis="z"),
     "HybridWrench": lambda: la.HybridWrench("bob", torque=("T", 0.0, 1.0)),
     "IntegrationStatus": lambda: la.IntegrationStatus.EVENT,
@@ -180,6 +201,7 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "IterationTable": la.IterationTable,
     "JointForce": lambda: la.JointForce("x", input="F"),
     "JointSpring": lambda: la.JointSpring("x", stiffness=2.0, rest=0.1),
+    "Keep": lambda: la.Keep("bob", inside=la.Ball((0.0, 0.0, 0.0), 3.0)),
     "LeastActionError": lambda: la.LeastActionError("what happened"),
     "LinearDamper": lambda: la.LinearDamper("bob", "hand", 2.0),
     "LinearMotor": lambda: la.LinearMotor("bob", "hand", "F", gain=2.0),
@@ -215,10 +237,12 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "TendonForce": lambda: la.TendonForce(["bob", "hand"], input="T"),
     "TorsionalSpring": lambda: la.TorsionalSpring("bob", "hand", 2.0, axis="z"),
     "Trajectory": trajectory,
+    "Within": lambda: la.Within(la.FunctionQuantity("height", height), max=2.0),
 }
 """By the names in ``leastaction.__all__``."""
 
 OTHERS: dict[str, Callable[[], Any]] = {
+    "limited result": limited,
     "Accelerations": lambda: dynamics().accelerations([0.0, 0.3, 1.0], np.zeros(3)),
     "Affine": lambda: 2.0 * la.var("a") + 1.0,
     "Branch": lambda: la.world().tx("x", mass=1.0).rz("theta").ty(-1.0, name="bob", mass=1.0),

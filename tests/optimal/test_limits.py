@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
 from leastaction.errors import ArgumentError
+from leastaction.io.results import load_result, save_result
 from leastaction.mechanics import MidpointVI
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import (
@@ -174,12 +175,14 @@ def test_a_start_far_outside_of_the_limits_will_do(cart: MidpointSystem, cost: Q
 # ---- Going on --------------------------------------------------------------------------------------
 
 
-def test_a_run_that_was_stopped_goes_on_as_if_it_had_not_been(cart: MidpointSystem, cost: QuadraticCost) -> None:
+def test_a_run_that_was_stopped_goes_on_as_if_it_had_not_been(
+    cart: MidpointSystem, cost: QuadraticCost, tmp_path: Path
+) -> None:
     limits = CASES["push"]
     whole = optimize(cart, cost, limits=limits, initial=REST)
     part = optimize(cart, cost, limits=limits, initial=REST, max_iterations=6)
     assert part.status is Status.ITERATION_LIMIT
-    rest = optimize(cart, cost, limits=limits, resume=pickle.loads(pickle.dumps(part)))
+    rest = optimize(cart, cost, limits=limits, resume=load_result(save_result(tmp_path / "part.npz", part)))
     assert rest.cost == pytest.approx(whole.cost, rel=1e-9)
     assert rest.iterations <= whole.iterations + 2
 

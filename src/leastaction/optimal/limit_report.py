@@ -41,11 +41,11 @@ class LimitState:
     limit: str
     labels: tuple[str, ...]
     equation: bool
-    k: np.ndarray
+    k: np.ndarray[tuple[int], np.dtype[np.int64]]
     value: Array
     dual: Array
     price: Array
-    active: np.ndarray
+    active: np.ndarray[tuple[int, int], np.dtype[np.bool_]]
 
     def broken(self, column: int) -> bool:
         """Whether what a column says is not enforced by its price somewhere."""

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, read_only
 
 __all__ = ["Entries", "FunctionQuantity", "Instants", "Quantity", "Samples"]
 
 Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
+"""Whole numbers: indices of instants, or places in a vector."""
 
 
 class Samples(NamedTuple):
@@ -36,6 +37,8 @@ class Samples(NamedTuple):
 
 class Quantity(ABC):
     """Named functions of the state, of state and input, or of a whole step; vectorised over time, and pure.
+
+    Any number of threads may share one.
 
     A quantity of the state (`of_state`) is asked at instants. Any other is asked for steps, with their inputs and, if
     it `looks_ahead`, with the states that the steps lead to.
@@ -100,8 +103,9 @@ class Entries(Quantity):
         unit: str = "",
     ) -> None:
         self.names, self.of_state, self.kind, self.unit = tuple(names), of_state, kind, unit
-        self.columns = np.asarray(columns, dtype=np.intp)
-        self.factors = np.broadcast_to(np.asarray(factors, dtype=np.float64), self.columns.shape)
+        self.columns: Instants = np.array(columns, dtype=np.intp)
+        self.columns.setflags(write=False)
+        self.factors = read_only(np.array(np.broadcast_to(np.asarray(factors, dtype=np.float64), self.columns.shape)))
 
     def values(self, at: Samples) -> Array:
         """Return the entries times their factors."""

@@ -9,5 +9,13 @@ from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.warm_start import warm_start
 
 __all__ = [
-    "Ball", "Box", "HalfSpace", "Keep", "MechanismSystem", "MidpointSystem", "Region", "embed", "warm_start",
+    "Ball",
+    "Box",
+    "HalfSpace",
+    "Keep",
+    "MechanismSystem",
+    "MidpointSystem",
+    "Region",
+    "embed",
+    "warm_start",
 ]

@@ -193,13 +193,18 @@ def _without_arrays(value: Any, name: str, arrays: dict[str, npt.ArrayLike]) -> 
     if isinstance(value, Mapping):
         prefix = f"{name}." if name else ""
         return {key: _without_arrays(v, f"{prefix}{key}", arrays) for key, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_arrays(v, f"{name}.{i}", arrays) for i, v in enumerate(value)]
     return value.name if isinstance(value, Enum) else value
 
 
 def _put(content: Any, path: list[str], array: npt.NDArray[Any]) -> None:
     """Put an array where it was taken from; one that was not taken from there is left out."""
     for part in path[:-1]:
-        content = content.get(part) if isinstance(content, dict) else None
+        if isinstance(content, list) and part.isdecimal() and int(part) < len(content):
+            content = content[int(part)]
+        else:
+            content = content.get(part) if isinstance(content, dict) else None
     if isinstance(content, dict) and path[-1] in content:
         content[path[-1]] = array.item() if array.shape == () else array
 

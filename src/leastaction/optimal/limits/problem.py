@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.discrete.linear_quadratic import Workspace, sweep_forward
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
@@ -200,7 +200,8 @@ class LimitedProblem(DiscreteProblem):
             try:
                 model = self._solve("newton" if self.has_curvature else "quasi-newton", self.spare, 1.0)
                 if model.definite:
-                    limited.step_duals(self.x, self.u, *sweep_forward(*self._linearize(), model), self.x, self.u)
+                    A, B = self._linearize()
+                    limited.step_duals(self.x, self.u, *sweep_forward(A, B, model), self.x, self.u)
             except LeastActionError:
                 pass  # The duals of the last step will do.
         return limited.settled_duals(self.x, self.u)
@@ -217,5 +218,9 @@ class LimitedProblem(DiscreteProblem):
                 dual = dual - duals[i + 1]
             else:
                 active = dual * limited.scale[i] > _ACTIVE * limited.mu
-            sides.append(LimitState(rows.limit, rows.labels, rows.equal, rows.k, c, dual, limited.rho[i], active))
+            k = rows.k.astype(np.int64)
+            for array in (k, c, dual, active):
+                array.setflags(write=False)
+            price = read_only(limited.rho[i].copy())
+            sides.append(LimitState(rows.limit, rows.labels, rows.equal, k, c, dual, price, active))
         return LimitReport(tuple(sides), limited.mu, limited.excess(self.x, self.u), self.first_mu)

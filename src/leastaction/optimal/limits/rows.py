@@ -83,7 +83,8 @@ class Rows:
         ArgumentError
             From the quantity.
         """
-        at = Samples(*(each[:1] for each in self._at(x, u)))
+        k, x, u, x_next = self._at(x, u)
+        at = Samples(k[:1], x[:1], u[:1], x_next[:1])
         self.quantity.jacobian(at)
         self.quantity.curvature(at, np.ones((1, len(self.quantity.names))))
 
