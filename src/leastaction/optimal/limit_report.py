@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class LimitState:
     value: Array
     dual: Array
     price: Array
-    active: np.ndarray[tuple[int, int], np.dtype[np.bool_]]
+    active: np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
 
     def broken(self, column: int) -> bool:
         """Whether what a column says is not enforced by its price somewhere."""

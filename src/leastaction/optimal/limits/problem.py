@@ -213,11 +213,11 @@ class LimitedProblem(DiscreteProblem):
             if rows.equal and rows.sign < 0.0:
                 continue
             dual = duals[i]
-            active = np.ones(dual.shape, dtype=bool)
+            active = np.full(dual.shape, rows.equal)
             if rows.equal:
                 dual = dual - duals[i + 1]
             else:
-                active = dual * limited.scale[i] > _ACTIVE * limited.mu
+                active |= dual * limited.scale[i] > _ACTIVE * limited.mu
             k = rows.k.astype(np.int64)
             for array in (k, c, dual, active):
                 array.setflags(write=False)
