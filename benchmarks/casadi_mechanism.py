@@ -164,8 +164,7 @@ class Symbolic:
         R, p = _clean(pose[:3, :3]), _clean(pose[:3, 3])
         v, w = self._rates[joint]
         force, torque = (
-            ca.vertcat(*(self._number(c) for c in part or (0.0, 0.0, 0.0)))
-            for part in (e.force, e.torque)
+            ca.vertcat(*(self._number(c) for c in part or (0.0, 0.0, 0.0))) for part in (e.force, e.torque)
         )
         power = ca.dot(R.T @ (v + ca.cross(w, p)), force) + ca.dot(R.T @ w, torque)
         return ca.gradient(power, self.v)
@@ -185,8 +184,7 @@ class Symbolic:
         u, lam = ca.SX.sym("u", m.nu + m.nrho), ca.SX.sym("lam", m.nc)
         q1, q2 = x1[:nq, 0], x2[:nq, 0]
         by_q, by_v = (
-            ca.Function("D", [self.q, self.v], [ca.gradient(self.lagrangian, z)[:nd]])
-            for z in (self.q, self.v)
+            ca.Function("D", [self.q, self.v], [ca.gradient(self.lagrangian, z)[:nd]]) for z in (self.q, self.v)
         )
         middle, v = 0.5 * (q1 + q2), (q2 - q1) / dt
         force = ca.Function("f", [self.q, self.v, self.u], [self.force])(middle, v, u[: m.nu, 0])
@@ -194,10 +192,7 @@ class Symbolic:
         momentum = by_v(middle, v)
         pull = ca.jtimes(self.constraints, self.q, lam, True)[:nd] if m.nc else ca.SX.zeros(nd)
         residual = ca.vertcat(
-            x1[nq : nq + nd]
-            + half
-            - momentum
-            - ca.Function("pull", [self.q, lam], [pull])(q1, lam),
+            x1[nq : nq + nd] + half - momentum - ca.Function("pull", [self.q, lam], [pull])(q1, lam),
             x2[nq : nq + nd] - half - momentum,
             x2[nd:nq, 0] - u[m.nu :, 0],
             x2[nq + nd :, 0] - v[nd:, 0],

@@ -96,7 +96,7 @@ def _talos(settings: Settings) -> list[Row | Absent]:
         return [Absent(GROUP, name, f"{error.name} is not installed")]
     model = example_robot_data.load(ROBOT).model
     model.armature = np.zeros(model.nv)
-    m = _conversion().mechanism_of(model)
+    m = conversion().mechanism_of(model)
     core = ContinuousDynamics(m, threads=1).core
     rng = np.random.default_rng(0)
     q, v, tau = 0.5 * rng.normal(size=(3, 1, m.nq))
@@ -129,9 +129,9 @@ def _talos(settings: Settings) -> list[Row | Absent]:
     ]
 
 
-def _conversion() -> ModuleType:
+def conversion() -> ModuleType:
     """Return the tests' conversion of Pinocchio's models, which is no part of a package."""
-    name, path = "_pinocchio_models", ROOT / "tests" / "reference" / "pinocchio_models.py"
+    name, path = "_pinocchio_models", ROOT / "tests" / "oracles" / "pinocchio_models.py"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)

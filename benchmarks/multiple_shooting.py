@@ -73,9 +73,7 @@ class MultipleShooting:
         Bounds on the unknowns. See `bound` to set them.
     """
 
-    def __init__(
-        self, system: MidpointSystem, cost: QuadraticCost, *, compiled: bool = False
-    ) -> None:
+    def __init__(self, system: MidpointSystem, cost: QuadraticCost, *, compiled: bool = False) -> None:
         m = system.integrator.mechanism
         self.N, self.nx, self.nu, self.nc = system.N, system.nx, system.nu, m.nc
         self.size = self.nx + self.nu + self.nc
