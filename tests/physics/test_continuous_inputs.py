@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from leastaction.errors import ArgumentError
 from leastaction.mechanics import Damping, JointForce, Mechanism, rz, tx, ty
 from leastaction.mechanics.continuous.events import Event
 from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
 from leastaction.mechanics.continuous.simulation import simulate
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from oracles.closed_forms import damped_velocity, pendulum_period
 from physics.laws import G, mass_on_string, pendulum, times
 from physics.test_order import driven_arm, fine, inputs, reeled, table
@@ -65,6 +67,35 @@ def test_rows_at_the_instants_are_joined_by_lines() -> None:
     v = np.concatenate([[0.0], np.cumsum(0.25 * (rows[1:, 0] + rows[:-1, 0]) / 2.0)])
     np.testing.assert_allclose(run.v[:, 0], v, atol=1e-8)
     np.testing.assert_allclose(run.input([0.25, 1.5, 2.0])[:, 0], [1.0, 1.0, 1.0])
+
+
+def test_a_piecewise_polynomial_is_an_input_and_a_prescribed_motion() -> None:
+    """One function of time serves wherever one is asked for, with its derivatives and its jumps."""
+    t = times(2.0, 4)
+    rows = np.array([0.0, 2.0, -2.0, 1.0, 1.0])[:, None]
+    for kind, given in (("linear", rows), ("hold", rows[1:])):
+        function = PiecewisePolynomial.through(t, given, kind=kind)
+        by_rows, by_function = (
+            done(simulate(slider(), [0.0], [0.0], t, inputs=signal, rtol=1e-10, atol=1e-12))
+            for signal in (given, function)
+        )
+        np.testing.assert_allclose(by_function.q, by_rows.q, atol=1e-9)
+        np.testing.assert_allclose(by_function["push"], by_rows["push"], atol=1e-14)
+    carried = Mechanism([tx("rho", kinematic=True, mass=1.0), [ty("y", mass=1.0)]], [])
+    spline = CubicSpline(t, rows)
+    runs = [
+        done(simulate(carried, [0.0, 0.0], None, t, rho=motion))
+        for motion in (spline, PiecewisePolynomial.through(t, rows))
+    ]
+    np.testing.assert_allclose(runs[1].q, runs[0].q, atol=1e-12)
+    np.testing.assert_allclose(runs[1].v, runs[0].v, atol=1e-12)
+    np.testing.assert_allclose(runs[1].a, runs[0].a, atol=1e-10)
+
+
+def test_a_function_of_another_shape_is_no_input() -> None:
+    t = times(1.0, 2)
+    with pytest.raises(ArgumentError, match=r"inputs at t = 0 s: got shape \(2,\), expected \(1,\)"):
+        simulate(slider(), [0.0], [0.0], t, inputs=PiecewisePolynomial.constant([1.0, 2.0], 0.0, 1.0))
 
 
 @pytest.mark.parametrize("method", ["DOP853", "Radau"])

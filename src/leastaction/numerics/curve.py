@@ -17,8 +17,6 @@ _DEGREE = 5
 class Curve:
     """A smooth function of one variable through given points: an interpolating quintic spline.
 
-    Nothing in it changes: threads may share it.
-
     Four derivatives are continuous, so a force from it has all the derivatives that Newton's method and
     the second order of a step use. Up to six points are met by the one polynomial through them, which is
     smooth everywhere. Outside of the points the first and the last piece carry on, so give points as far

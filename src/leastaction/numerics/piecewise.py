@@ -41,8 +41,6 @@ _MOST_PIECES = 20_000
 class PiecewisePolynomial:
     """A function of time, ``f(t)``, of any shape; continuous from the right where it jumps.
 
-    Nothing in it changes: threads may share it.
-
     Parameters
     ----------
     breaks : ndarray (n+1,)
@@ -155,13 +153,15 @@ class PiecewisePolynomial:
             values = np.einsum("nk,nkm->nm", basis, self.coefficients[i])
         return values.reshape(times.shape + self.shape)
 
-    def derivative(self) -> PiecewisePolynomial:
-        """Return the derivative by time."""
+    def derivative(self, order: int = 1) -> PiecewisePolynomial:
+        """Return the derivative of an order by time."""
+        if order == 0:
+            return self
         slopes = chebyshev.chebder(self.coefficients, axis=1)
         if slopes.shape[1] == 0:
             slopes = np.zeros_like(self.coefficients)
         slopes = slopes * np.asarray(self._scale)[:, None, None]
-        return PiecewisePolynomial(self.breaks, slopes, self.shape)
+        return PiecewisePolynomial(self.breaks, slopes, self.shape).derivative(order - 1)
 
     def jumps(self) -> tuple[float, ...]:
         """Return the times (s) between pieces at which the value or its slope jumps."""

@@ -12,10 +12,12 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_times, shape_of
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.signals import StateLaw
+from leastaction.numerics.time_functions import TimeFunction
 
-ContinuousSignal = npt.ArrayLike | StateLaw | None
-"""A constant, one row an instant, one row an interval, a function of time and state, or nothing."""
+ContinuousSignal = npt.ArrayLike | PiecewisePolynomial | StateLaw | None
+"""A constant, one row an instant, one row an interval, a function of time, one of time and state, or nothing."""
 
 _AGREE = 1e-6  # by how much a start may be off a prescribed motion, relative to its size (at least 1)
 
@@ -105,7 +107,8 @@ class InputLaw:
     ----------
     signal : array_like, callable or None
         A constant (n,); rows (N+1, n), which are joined by straight lines; rows (N, n), each held over an
-        interval; a function ``(t, x)``, which may have a ``jacobian(t, x)`` of shape (n, nx); zero if None.
+        interval; a `PiecewisePolynomial`; a function ``(t, x)``, which may have a ``jacobian(t, x)`` of shape
+        (n, nx); zero if None.
     times : ndarray, shape (N+1,)
         The instants of the rows (s).
     names : sequence of str
@@ -115,63 +118,56 @@ class InputLaw:
     """
 
     def __init__(self, signal: ContinuousSignal, times: Array, names: Sequence[str], what: str) -> None:
-        self.times, self.names, self.what = times, tuple(names), what
+        self.names, self.what = tuple(names), what
         self.n = len(self.names)
-        self.function: StateLaw | None = None
-        self.rows = np.zeros((1, self.n))
-        self.held = False
-        if callable(signal):
+        self.law: StateLaw | None = None
+        self.kinked = False
+        self.signal = TimeFunction(np.zeros(self.n), what)
+        if isinstance(signal, PiecewisePolynomial):
+            self.signal = TimeFunction(signal, what)
+            self.signal.check(times[0], times[-1], (self.n,), what=f"({self.n},)")
+        elif callable(signal):
             _check_call(signal, what)
-            self.function = signal
-            return
-        if signal is None:
-            return
+            self.law = signal
+        elif signal is not None:
+            self.signal = TimeFunction(self._sampled(signal, times), what)
+
+    def _sampled(self, signal: npt.ArrayLike, times: Array) -> Array | PiecewisePolynomial:
         shape, N = shape_of(signal), len(times) - 1
-        if shape is not None and len(shape) == 2:
-            self.held = shape[0] == N
-            rows = N if self.held else N + 1
-            self.rows = as_array(signal, what, (rows, self.n), names=self.names)
-        else:
+        if shape is None or len(shape) != 2:
             meaning = f"a constant; rows are of shape ({N}, {self.n}) or ({N + 1}, {self.n})"
-            constant = as_array(signal, what, (self.n,), meaning=meaning, names=self.names)
-            self.rows = constant[None, :]
+            return as_array(signal, self.what, (self.n,), meaning=meaning, names=self.names)
+        held = shape[0] == N
+        self.kinked = not held
+        rows = as_array(signal, self.what, (N if held else N + 1, self.n), names=self.names)
+        if not self.n:
+            return np.zeros(0)
+        return PiecewisePolynomial.through(times, rows, kind="hold" if held else "linear")
 
     @property
-    def breaks(self) -> Array:
-        """Times (s) inside at which the signal jumps."""
-        if not self.held or len(self.rows) < 2:
-            return np.zeros(0)
-        jumps = np.any(np.diff(self.rows, axis=0) != 0.0, axis=1)
-        breaks: Array = self.times[1:-1][jumps]
-        return breaks
+    def breaks(self) -> tuple[float, ...]:
+        """Times (s) inside at which the signal jumps; a kink between rows is nothing to stop at."""
+        return () if self.kinked else self.signal.jumps
 
     def value(self, t: float, x: Array) -> Array:
         """Return the input (n,); after the jump where it jumps."""
-        if self.function is not None:
-            given = self.function(t, x)
-            array = np.asarray(given)
-            if array.shape == (self.n,) and array.dtype.kind == "f":
-                # What is not finite is for the integrator to say: it knows the state that led to it.
-                return array.astype(np.float64, copy=False)
-            return as_array(given, f"{self.what}({t:g}, x)", (self.n,), names=self.names)
-        if len(self.rows) == 1:
-            return np.asarray(self.rows[0])
-        if self.held:
-            k = int(np.searchsorted(self.times, t, side="right")) - 1
-            return np.asarray(self.rows[min(max(k, 0), len(self.rows) - 1)])
-        k = min(max(int(np.searchsorted(self.times, t, side="right")) - 1, 0), len(self.times) - 2)
-        part = (t - self.times[k]) / (self.times[k + 1] - self.times[k])
-        line: Array = (1.0 - part) * self.rows[k] + part * self.rows[k + 1]
-        return line
+        if self.law is None:
+            return self.signal.at(t)
+        given = self.law(t, x)
+        array = np.asarray(given)
+        if array.shape == (self.n,) and array.dtype.kind == "f":
+            # What is not finite is for the integrator to say: it knows the state that led to it.
+            return array.astype(np.float64, copy=False)
+        return as_array(given, f"{self.what}({t:g}, x)", (self.n,), names=self.names)
 
     def jacobian(self, t: float, x: Array) -> Array | None:
         """Return the derivative by the state (n, nx): the law's own, or forward differences; None for zero.
 
         The differences serve the Newton iterations of an implicit method, and nothing else.
         """
-        if self.function is None or not self.n:
+        if self.law is None or not self.n:
             return None
-        derivative = getattr(self.function, "jacobian", None)
+        derivative = getattr(self.law, "jacobian", None)
         if callable(derivative):
             given = derivative(t, x)
             return as_array(given, f"{self.what}.jacobian({t:g}, x)", (self.n, len(x)))

@@ -75,9 +75,9 @@ def simulate(
         Times of the result (s), increasing; the first is that of the start. The solver chooses its own steps.
     inputs : array_like or callable, optional
         Force inputs: a constant (n_inputs,); rows (N+1, n_inputs) at the instants, joined by straight lines; rows
-        (N, n_inputs), each held from one instant to the next, at whose jumps the solver stops; or a function
-        ``(t, x) -> (n_inputs,)``, which may have a ``jacobian(t, x) -> (n_inputs, nx)`` for implicit methods, such
-        as `Feedback`. Zero if not given.
+        (N, n_inputs), each held from one instant to the next, at whose jumps the solver stops; a
+        `PiecewisePolynomial`, likewise; or a function ``(t, x) -> (n_inputs,)``, which may have a
+        ``jacobian(t, x) -> (n_inputs, nx)`` for implicit methods, such as `Feedback`. Zero if not given.
     rho : PrescribedMotion, spline of SciPy, or array_like of shape (N+1, nrho), optional
         Motion of the kinematic variables, twice differentiable; through rows a quintic spline is laid. It is kept
         exactly.
@@ -100,9 +100,8 @@ def simulate(
         Functions of time and state whose zeros are looked for, by name; see `Event`.
     constraints : {"project", "baumgarte", "none"}, Projection or Baumgarte, optional
         How constraints are kept: every step is brought back onto them, in the metric of the mass matrix, and
-        configurations in which they lose rank are passed by long steps that keep the energy;
-        deviations die out by Baumgarte's stabilisation; or not at all. `Baumgarte` takes starts off the
-        constraints too.
+        configurations in which they lose rank are passed by long steps that keep the energy; deviations die out by
+        Baumgarte's stabilisation; or not at all. `Baumgarte` takes starts off the constraints too.
     dense_output : bool, optional
         Keep what is needed for states between the instants, and for the balance of the energy.
     progress : callable, optional
