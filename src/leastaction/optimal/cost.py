@@ -24,26 +24,11 @@ def is_diagonal(weight: Array) -> bool:
 def as_weight(value: ArrayLike, what: str, n: int, *, stages: int | None = None, definite: bool) -> Array:
     """Return a weight of n entries, checked, and owned.
 
-    Parameters
-    ----------
-    value : array_like
-        A diagonal (n,) or a matrix (n, n); with `stages` also a diagonal (N, n) or (N, n, 1) or a matrix
-        (N, n, n) for each stage. An array (n, n) is a matrix, whatever N is.
-    what : str
-        Its name, for messages.
-    n, stages : int
-        Sizes.
-    definite : bool
-        Whether it must be positive definite, not only semidefinite.
-
-    Returns
-    -------
-    ndarray (n,), (n, n), (N, n, 1) or (N, n, n)
-
-    Raises
-    ------
-    ArgumentError
-        A wrong shape, values that are not finite, a matrix that is not symmetric, or not definite.
+    ``value``: a diagonal (n,) or a matrix (n, n); with `stages` also a diagonal (N, n) or (N, n, 1) or a matrix (N, n,
+    n) for each stage. An array (n, n) is a matrix, whatever N is. ``what``: its name, for messages. ``n``, ``stages``:
+    sizes. ``definite``: whether it must be positive definite, not only semidefinite. Returns (n,), (n, n), (N, n, 1) or
+    (N, n, n). Raises `ArgumentError`: a wrong shape, values that are not finite, a matrix that is not symmetric, or not
+    definite.
     """
     shapes: list[tuple[int, ...]] = [(n,), (n, n)]
     if stages is not None:

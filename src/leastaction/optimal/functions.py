@@ -19,19 +19,9 @@ Curvature = Callable[[Array, Array, Any, Array], Any] | Literal["differences"]
 class Functions:
     """A function ``f(x, u, when)`` and its derivatives, given or obtained as asked for.
 
-    Parameters
-    ----------
-    f : callable
-        ``f(x, u, when) -> (nx,)``; `when` is the index of a step or a time.
-    nx, nu : int
-        Numbers of states and inputs.
-    derivatives, curvature
-        As in `leastaction.optimal.FunctionSystem`.
-
-    Raises
-    ------
-    ArgumentError
-        An unknown way to differentiate, or functions that return wrong shapes (at the first call).
+    ``f``: ``f(x, u, when) -> (nx,)``; `when` is the index of a step or a time. ``nx``, ``nu``: numbers of states and
+    inputs. ``derivatives``, ``curvature``: as in `leastaction.optimal.FunctionSystem`. Raises `ArgumentError`: an
+    unknown way to differentiate, or functions that return wrong shapes (at the first call).
     """
 
     def __init__(

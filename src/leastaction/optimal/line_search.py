@@ -22,12 +22,7 @@ def rounding_of(cost: float) -> float:
 class Trial(Generic[Iterate]):
     """A trajectory at some step length, and its cost.
 
-    Attributes
-    ----------
-    iterate : Iterate
-        The trajectory.
-    cost : float
-        Its cost.
+    ``iterate``: the trajectory. ``cost``: its cost.
     """
 
     iterate: Iterate
@@ -38,18 +33,9 @@ class Trial(Generic[Iterate]):
 class Refusal:
     """Why a step length was refused.
 
-    Attributes
-    ----------
-    reason : str
-        In words.
-    step : int or None
-        The step of time at which the roll-out ended; None if it came to the end.
-    cost : float
-        What the trajectory costs at least; NaN if that is not known.
-    failed : bool
-        Whether the roll-out could not be made to its end.
-    hopeless : bool
-        Whether shorter steps along this direction would be refused too.
+    ``reason``: in words. ``step``: the step of time at which the roll-out ended; None if it came to the end. ``cost``:
+    what the trajectory costs at least; NaN if that is not known. ``failed``: whether the roll-out could not be made to
+    its end. ``hopeless``: whether shorter steps along this direction would be refused too.
     """
 
     reason: str
@@ -85,12 +71,8 @@ class Step(Generic[Iterate]):
 class LineSearch:
     """Backtracking until ``g(xi + s dxi) <= h(xi) + alpha (s Dg . dxi + s^2 bend / 2)``.
 
-    Attributes
-    ----------
-    alpha : float
-        Fraction of the expected decrease that is asked for.
-    beta : float
-        Largest factor from one trial to the next. The parabola through what is known may say less.
+    ``alpha``: fraction of the expected decrease that is asked for. ``beta``: largest factor from one trial to the next.
+    The parabola through what is known may say less.
     """
 
     alpha: float
@@ -109,21 +91,10 @@ class LineSearch:
     ) -> Step[Iterate]:
         """Search from a trajectory, with this many shorter steps at most.
 
-        Parameters
-        ----------
-        simulate : callable
-            ``simulate(length, bound)`` returns the trajectory at a step length, or why it is refused;
-            a cost above the bound is a reason.
-        value, noise : float
-            Cost of the trajectory, and what that may be off.
-        slope : float
-            ``Dg . dxi``.
-        bend : float
-            The second derivative along the direction, if it is negative and to be followed for that.
-        max_backtracks : int
-            Shorter steps to be tried.
-        first : float
-            Length of the first trial.
+        ``simulate``: ``simulate(length, bound)`` returns the trajectory at a step length, or why it is refused; a cost
+        above the bound is a reason. ``value``, ``noise``: cost of the trajectory, and what that may be off. ``slope``:
+        ``Dg . dxi``. ``bend``: the second derivative along the direction, if it is negative and to be followed for
+        that. ``max_backtracks``: shorter steps to be tried. ``first``: length of the first trial.
         """
         length = first
         refusal = None

@@ -229,15 +229,8 @@ def both(initial: Any) -> tuple[Any, Any]:
 class Loop(Generic[M, D, I]):
     """One optimisation.
 
-    Parameters
-    ----------
-    problem : Problem
-        Standing at its first iterate.
-    settings : Settings
-    callback : callable or None
-        Told of every iteration; a true answer ends it.
-    resume : OptimizationResult or None
-        The result whose history goes on.
+    ``problem``: standing at its first iterate. ``callback``: told of every iteration; a true answer ends it.
+    ``resume``: the result whose history goes on.
     """
 
     def __init__(

@@ -21,12 +21,8 @@ Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
 class Samples(NamedTuple):
     """Where a quantity is asked.
 
-    Attributes
-    ----------
-    k : ndarray of int (n,)
-        Instants of a quantity of the state, steps of any other.
-    x, u, x_next : ndarray (n, nx), (n, nu), (n, nx)
-        State and input there, and the state that the step leads to; no columns where that is not asked for.
+    ``k`` (n,): instants of a quantity of the state, steps of any other. ``x``, ``u``, ``x_next`` (n, nx), (n, nu), (n,
+    nx): state and input there, and the state that the step leads to; no columns where that is not asked for.
     """
 
     k: Instants

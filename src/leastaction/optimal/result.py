@@ -215,18 +215,9 @@ class NewtonSchedule:
     ) -> NewtonSchedule:
         """Return the schedule after an accepted step.
 
-        Parameters
-        ----------
-        method : str
-            Whose direction it followed.
-        curvature_scale : float
-            The part of the dynamics' curvature in its model.
-        length : float
-            Its length.
-        agreement : float
-            Decrease of the cost, relative to the decrease of the model over its full step.
-        expected, value : float
-            Expected decrease, and the cost.
+        ``method``: whose direction it followed. ``curvature_scale``: the part of the dynamics' curvature in its model.
+        ``length``: its length. ``agreement``: decrease of the cost, relative to the decrease of the model over its full
+        step. ``expected``, ``value``: expected decrease, and the cost.
         """
         shift = self.shift * (0.1 if length == 1.0 else 1.0)
         new = replace(

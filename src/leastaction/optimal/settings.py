@@ -28,17 +28,9 @@ def check_settings(
 ) -> Settings:
     """Return the settings of an optimisation, or complain about the first that is wrong.
 
-    Parameters
-    ----------
-    has_curvature, system
-        Whether the system has a second derivative, and its name.
-    method, regulator, max_iterations, tolerance, absolute_tolerance, alpha, beta, max_backtracks, chunk
-        As in `leastaction.optimal.optimize`.
-
-    Raises
-    ------
-    ArgumentError
-        A setting that does not exist or is out of range.
+    ``has_curvature``, ``system``: whether the system has a second derivative, and its name. ``method``, ``regulator``,
+    ``max_iterations``, ``tolerance``, ``absolute_tolerance``, ``alpha``, ``beta``, ``max_backtracks``, ``chunk``: as in
+    `leastaction.optimal.optimize`. Raises `ArgumentError`: a setting that does not exist or is out of range.
     """
     for name, value, allowed in (("method", method, METHODS), ("regulator", regulator, REGULATORS)):
         if value not in allowed:

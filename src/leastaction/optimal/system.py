@@ -131,10 +131,7 @@ class System(ABC):
 def check_system(system: object, kinds: tuple[type[System], ...], sizes: tuple[str, ...]) -> None:
     """Complain about what is no system of these kinds, or one whose sizes are not set.
 
-    Raises
-    ------
-    ArgumentError
-        Naming what was given and what would do.
+    Raises `ArgumentError`: naming what was given and what would do.
     """
     name = type(system).__name__
     if not isinstance(system, kinds):

@@ -91,10 +91,6 @@ class ContinuousDynamics:
         t : float or array_like, shape (N,), optional
             Time (s), for the message of an error: no element depends on it.
 
-        Returns
-        -------
-        Accelerations
-
         Raises
         ------
         ArgumentError

@@ -20,14 +20,8 @@ class Equations:
     A prescribed motion takes the place of its entries of x wherever x is used, so that they are exact at all
     times; what the integrator makes of them is its own business.
 
-    Parameters
-    ----------
-    dynamics : ContinuousDynamics
-    law : WholeInput
-        The input ``[inputs; rho_a]``; only its part for the inputs where there is a prescribed motion.
-    motion : PrescribedMotion, optional
-    projection : Projection, optional
-        Given where constraints are projected on.
+    ``law``: the input ``[inputs; rho_a]``; only its part for the inputs where there is a prescribed motion.
+    ``projection``: given where constraints are projected on.
     """
 
     def __init__(
@@ -140,10 +134,7 @@ class Equations:
     def hold(self, t: float, x: Array) -> Array:
         """Return x with the prescribed motion in its place, and on the constraints where they are projected on.
 
-        Raises
-        ------
-        ConstraintLost
-            If the constraints are not reached.
+        Raises `ConstraintLost` if the constraints are not reached.
         """
         x = self.state(t, x)
         if self.projection is None:

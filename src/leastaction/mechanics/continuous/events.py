@@ -110,17 +110,8 @@ class Watched:
 def watch(events: Mapping[str, Event | Callable[[float, Array], float] | str], mechanism: Mechanism) -> list[Watched]:
     """Return the events of a user, checked, ready to be watched.
 
-    Parameters
-    ----------
-    events : mapping of str to Event, callable or str
-        By name. A function may have the attributes ``terminal`` and ``direction``, as SciPy's events do; a
-        name is that of a variable.
-    mechanism : Mechanism
-
-    Raises
-    ------
-    ArgumentError
-        For what is no event, or an unknown variable.
+    ``events``: by name. A function may have the attributes ``terminal`` and ``direction``, as SciPy's events do; a name
+    is that of a variable. Raises `ArgumentError` for what is no event, or an unknown variable.
     """
     if not isinstance(events, Mapping):
         raise ArgumentError(

@@ -20,14 +20,8 @@ _AT_ONCE = 1e-12  # after the start, relative to its time (at least 1 s): as goo
 class SolverCounts:
     """What a simulation took.
 
-    Attributes
-    ----------
-    steps : int
-        Accepted steps of the solver.
-    evaluations : int
-        Evaluations of the equations of motion.
-    jacobians : int
-        Evaluations of their exact derivatives.
+    ``steps``: accepted steps of the solver. ``evaluations``: evaluations of the equations of motion. ``jacobians``:
+    evaluations of their exact derivatives.
     """
 
     steps: int
@@ -39,16 +33,8 @@ class SolverCounts:
 class Progress:
     """What an integration has come to: filled as it goes, so that it is whole whenever it ends.
 
-    Parameters
-    ----------
-    equations : Equations
-    times : ndarray, shape (N+1,)
-        Instants of the result (s).
-    events : sequence of Watched
-    march : March
-        The integration, at its start.
-    keep : bool
-        Keep the interpolants.
+    ``times`` (N+1,): instants of the result (s). ``march``: the integration, at its start. ``keep``: keep the
+    interpolants.
     """
 
     equations: Equations

@@ -98,13 +98,7 @@ class EnergyBalance:
 def balance(equations: Equations, pieces: Sequence[Interpolant], end: float) -> EnergyBalance:
     """Return the balance of a simulation.
 
-    Parameters
-    ----------
-    equations : Equations
-    pieces : sequence of Interpolant
-        Its steps, one after the other.
-    end : float
-        Where it ended (s), which may be inside the last step.
+    ``pieces``: its steps, one after the other. ``end``: where it ended (s), which may be inside the last step.
     """
     m = equations.mechanism
     starts = np.array([piece.start for piece in pieces])
@@ -136,12 +130,7 @@ def balance(equations: Equations, pieces: Sequence[Interpolant], end: float) -> 
 class Passages:
     """How a simulation passes configurations in which constraints lose rank. One for each simulation.
 
-    Parameters
-    ----------
-    equations : Equations
-        With constraints that are projected on.
-    rtol : float
-        Of the solver.
+    ``equations``: with constraints that are projected on. ``rtol``: of the solver.
     """
 
     def __init__(self, equations: Equations, rtol: float) -> None:

@@ -139,12 +139,7 @@ def check_start_consistent(mechanism: Mechanism, q: Array, v: Array) -> None:
 class ConstraintMetric:
     """The constraints at one configuration, in the metric of the mass matrix.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    q : ndarray, shape (nq,)
-    size : float, optional
-        |h| there: a bound for what counts as redundant.
+    ``q`` (nq,). ``size``: |h| there: a bound for what counts as redundant.
     """
 
     def __init__(self, mechanism: Mechanism, q: Array, size: float = 0.0) -> None:
@@ -208,18 +203,8 @@ def rates(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
 def project(mechanism: Mechanism, q: Array, v: Array, tolerance: float) -> tuple[Array, Array]:
     """Return the nearest configuration on the constraints and the velocity there that keeps them.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    q, v : ndarray, shape (nq,)
-        Near the constraints. The kinematic entries stay.
-    tolerance : float
-        See `Projection`.
-
-    Raises
-    ------
-    ConstraintLost
-        If the constraints are not reached.
+    ``q``, ``v`` (nq,): near the constraints. The kinematic entries stay. ``tolerance``: see `Projection`. Raises
+    `ConstraintLost` if the constraints are not reached.
     """
     nd, core = mechanism.nd, mechanism.core
     v = v.copy()

@@ -123,20 +123,9 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     def __call__(self, t: npt.ArrayLike) -> Array:
         """Return the state at any time between the first and the last instant, by dense output.
 
-        Parameters
-        ----------
-        t : float or array_like, shape (n,)
-            Times (s).
-
-        Returns
-        -------
-        ndarray, shape (nx,) or (n, nx)
-            ``[q; rho; v; v_rho]``; prescribed variables are exact, and constraints that were projected on hold.
-
-        Raises
-        ------
-        ArgumentError
-            For a time outside, or a trajectory without dense output.
+        ``t``: times (s). Returns (nx,) or (n, nx): ``[q; rho; v; v_rho]``; prescribed variables are exact, and
+        constraints that were projected on hold. Raises `ArgumentError` for a time outside, or a trajectory without
+        dense output.
         """
         if self.dense is None:
             raise ArgumentError("the trajectory has no dense output; simulate with dense_output=True")
@@ -199,14 +188,9 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
 class DenseOutput:
     """States between the instants, from the interpolants of the steps.
 
-    Parameters
-    ----------
-    pieces : sequence of callable
-        Interpolants of the steps, with ``start`` and ``end``, in the order of time.
-    hold : callable
-        What brings an interpolated state onto prescribed motions and constraints: ``(t, x) -> x``.
-    start : ndarray, shape (nx,)
-        The state before the first step.
+    ``pieces``: interpolants of the steps, with ``start`` and ``end``, in the order of time. ``hold``: what brings an
+    interpolated state onto prescribed motions and constraints: ``(t, x) -> x``. ``start`` (nx,): the state before the
+    first step.
     """
 
     def __init__(self, pieces: Sequence[Any], hold: Callable[[float, Array], Array], start: Array) -> None:

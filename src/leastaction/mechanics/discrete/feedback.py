@@ -31,11 +31,7 @@ _PART = 1e-4  # of a change of the input by one: the way over which the law is d
 class MidpointLaw:
     """The inputs of steps by a law at their midpoints, one step after the other. Not for several threads.
 
-    Parameters
-    ----------
-    integrator : Integrator
-    law : callable
-        ``law(t, x) -> (n_inputs,)``, with ``x = [q; rho; p; v_rho]`` at the midpoint.
+    ``law``: ``law(t, x) -> (n_inputs,)``, with ``x = [q; rho; p; v_rho]`` at the midpoint.
     """
 
     def __init__(self, integrator: Integrator, law: StateLaw) -> None:
@@ -47,25 +43,9 @@ class MidpointLaw:
     def step(self, t: Array, x: Array, rho_next: Array) -> tuple[_core.RollOut, Array]:
         """Return the step from a state under the law's input, and that input.
 
-        Parameters
-        ----------
-        t : ndarray, shape (2,)
-            Times of its ends (s).
-        x : ndarray, shape (nx,)
-            State at its start.
-        rho_next : ndarray, shape (nrho,)
-            Kinematic variables at its end.
-
-        Returns
-        -------
-        RollOut
-            Of a single step; one that failed is returned as it is.
-        ndarray, shape (n_inputs,)
-
-        Raises
-        ------
-        StepError
-            If no input is found that agrees with the law.
+        ``t`` (2,): times of its ends (s). ``x`` (nx,): state at its start. ``rho_next`` (nrho,): kinematic variables at
+        its end. Returns the roll-out of a single step, as it is
+        where it failed, and the input (n_inputs,). Raises `StepError` if no input is found that agrees with the law.
         """
         n = self.integrator.mechanism.n_inputs
         u = self._at(float(t[0]), x) if self._u is None else self._u

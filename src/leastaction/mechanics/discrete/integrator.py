@@ -11,12 +11,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 class Integrator(ABC):
     """Steps of one mechanism in discrete time. Holds settings and no state, so that threads may share it.
 
-    Attributes
-    ----------
-    mechanism : Mechanism
-    core : Midpoint of the core
-    threads : int
-        Threads for derivatives over a trajectory; 0: as many as there are cores.
+    ``threads``: threads for derivatives over a trajectory; 0: as many as there are cores.
     """
 
     mechanism: Mechanism

@@ -250,10 +250,9 @@ class MidpointVI(Integrator):
             Kinematic variables at every instant (or at the ends of the steps), or a function of time.
             Unchanged if not given.
         law_at : {"start", "midpoint"}, optional
-            Where in each step a feedback is evaluated: at its start, and held over it, as a digital controller
-            does; or at its midpoint, where forces act (``q = (q1 + q2)/2``, ``v = (q2 - q1)/dt``, p = dL/dv). The
-            closed loop is of first order with the former, of second with the latter, whose input is solved for
-            with the step.
+            Where in each step a feedback is evaluated: at its start, and held over it, as a digital controller does; or
+            at its midpoint, where forces act (``q = (q1 + q2)/2``, ``v = (q2 - q1)/dt``, p = dL/dv). The closed loop is
+            of first order with the former, of second with the latter, whose input is solved for with the step.
         progress : callable, optional
             Called with the number of steps done and of all steps now and then.
 

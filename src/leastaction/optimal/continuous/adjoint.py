@@ -23,22 +23,9 @@ def continuous_adjoint(
     ``-z' = (A - BK)'z + q - K'r``, ``z(tf) = q_final``: the derivative of the cost to go by the state
     while the feedback holds on.
 
-    Parameters
-    ----------
-    mesh, samples : Mesh, Samples
-        Linearisation and gradients along the trajectory.
-    K : ndarray (n, nu, nx)
-        Gains at the points of the mesh.
-    q_final : ndarray (nx,)
-        Gradient of the final cost.
-    accuracy : Accuracy
-    jumps : sequence of float
-        Times where the samples jump.
-
-    Raises
-    ------
-    ArgumentError
-        An equation that cannot be integrated.
+    ``mesh``, ``samples``: linearisation and gradients along the trajectory. ``K`` (n, nu, nx): gains at the points of
+    the mesh. ``q_final`` (nx,): gradient of the final cost. ``jumps``: times where the samples jump. Raises
+    `ArgumentError`: an equation that cannot be integrated.
     """
     nx = q_final.size
     closed = samples.A - samples.B @ K

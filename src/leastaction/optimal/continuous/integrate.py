@@ -55,18 +55,9 @@ class Accuracy:
 class Integration:
     """The solution of an initial-value problem, or the part of it before it failed.
 
-    Attributes
-    ----------
-    y : ndarray (n,)
-        Value at the last time reached.
-    t : float
-        That time (s).
-    steps : int
-        Steps made.
-    failure : str or None
-        Why it ended early; None if it did not.
-    breaks, values : ndarray (n+1,), (n * POINTS, size)
-        Ends of the steps in increasing order, and the solution at the points of that mesh.
+    ``y`` (n,): value at the last time reached. ``t``: that time (s). ``steps``: steps made. ``failure``: why it ended
+    early; None if it did not. ``breaks``, ``values`` (n+1,), (n * POINTS, size): ends of the steps in increasing order,
+    and the solution at the points of that mesh.
     """
 
     y: Array
@@ -99,21 +90,9 @@ def integrate(
 ) -> Integration:
     """Integrate ``y' = fun(t, y)`` from t0 to tf, forwards or backwards.
 
-    Parameters
-    ----------
-    fun : callable
-        As of `March`.
-    t0, tf : float
-        Times (s).
-    y0 : ndarray (size,)
-        Initial value.
-    accuracy : Accuracy
-    atol : ndarray (size,), optional
-        Absolute tolerance of each entry, instead of the one of `accuracy`.
-    jumps : sequence of float
-        Times where `fun` jumps.
-    check : callable, optional
-        ``check(t, y)`` after every step; a string ends the integration with that reason.
+    ``fun``: as of `March`. ``t0``, ``tf``: times (s). ``y0`` (size,): initial value. ``atol`` (size,): absolute
+    tolerance of each entry, instead of the one of `accuracy`. ``jumps``: times where `fun` jumps. ``check``: ``check(t,
+    y)`` after every step; a string ends the integration with that reason.
     """
     march = March(
         fun,

@@ -23,12 +23,7 @@ __all__ = ["SampledSystem", "TangentModel", "sample_model", "with_identities"]
 class TangentModel:
     """A linear-quadratic problem at the points of a mesh.
 
-    Attributes
-    ----------
-    mesh : Mesh
-    samples : Samples
-    Q_final, q_final : ndarray (nx, nx), (nx,)
-        Final weight and gradient.
+    ``Q_final``, ``q_final`` (nx, nx), (nx,): final weight and gradient.
     """
 
     mesh: Mesh
@@ -42,20 +37,8 @@ def sample_model(
 ) -> TangentModel:
     """Return linearisation and derivatives of the cost along a curve.
 
-    Parameters
-    ----------
-    system, cost
-        What is differentiated.
-    curve : DenseTrajectory
-        Where.
-    jumps : sequence of float
-        Times (s) at which pieces of the mesh have to end.
-    accuracy : Accuracy
-
-    Raises
-    ------
-    ArgumentError
-        Derivatives that are not finite.
+    ``system``, ``cost``: what is differentiated. ``curve``: where. ``jumps``: times (s) at which pieces of the mesh
+    have to end. Raises `ArgumentError`: derivatives that are not finite.
     """
     nx, nu = system.nx, system.nu
 
@@ -85,13 +68,7 @@ def sample_model(
 
 
 class SampledSystem(ContinuousSystem):
-    """The linear system ``dx' = A dx + B du`` of samples along a trajectory.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    samples : Samples
-    """
+    """The linear system ``dx' = A dx + B du`` of samples along a trajectory."""
 
     def __init__(self, mesh: Mesh, samples: Samples) -> None:
         n, self.nx, self.nu = samples.B.shape

@@ -42,10 +42,7 @@ class ContinuousDirection(Direction):
 
     At the step length s the input is ``u_now - s C - K (x - x_now)``.
 
-    Attributes
-    ----------
-    feedback : PiecewisePolynomial
-        ``[K (row by row); C]`` in one vector.
+    ``feedback``: ``[K (row by row); C]`` in one vector.
     """
 
     feedback: PiecewisePolynomial = field(kw_only=True)
@@ -54,14 +51,7 @@ class ContinuousDirection(Direction):
 class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDirection, DenseTrajectory]):
     """The current trajectory of a continuous system, and what was computed along it.
 
-    Parameters
-    ----------
-    system : ContinuousSystem
-    cost : ContinuousCost
-    settings : Settings
-    accuracy : Accuracy
-    horizon : (t0, tf), optional
-        Times (s), if what it starts from does not bring them.
+    ``horizon``: times (s), if what it starts from does not bring them.
     """
 
     # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.

@@ -54,14 +54,7 @@ class ContinuousRollout:
 class Follower:
     """The feedback ``u = u_ref - length C - K (x - x_ref)``.
 
-    Attributes
-    ----------
-    reference : DenseTrajectory
-        ``(x_ref, u_ref)``.
-    feedback : PiecewisePolynomial
-        ``[K (row by row); C]`` in one vector.
-    length : float
-        Factor of C.
+    ``reference``: ``(x_ref, u_ref)``. ``feedback``: ``[K (row by row); C]`` in one vector. ``length``: factor of C.
     """
 
     reference: DenseTrajectory
@@ -100,24 +93,11 @@ def roll_out(
 ) -> ContinuousRollout:
     """Integrate a system under a feedback, and its cost with it.
 
-    Parameters
-    ----------
-    system : ContinuousSystem
-    follower : Follower
-        The feedback; its reference sets the horizon.
-    accuracy : Accuracy
-        Of one step. The cost's own absolute tolerance is no larger than `rtol` times `cost_scale`.
-    jumps : sequence of float
-        Times where dynamics, cost or feedback jump.
-    cost : ContinuousCost, optional
-    cost_scale : float
-        A cost of about the size to be expected, if known.
-    bound : float
-        The integration is given up when a cost that only grows is past this.
-    x0 : ndarray (nx,), optional
-        Initial state; that of the reference if left out.
-    least : ndarray (nx + nu,), optional
-        Sizes of states and inputs below which relative accuracy is not worth having.
+    ``follower``: the feedback; its reference sets the horizon. ``accuracy``: of one step. The cost's own absolute
+    tolerance is no larger than `rtol` times `cost_scale`. ``jumps``: times where dynamics, cost or feedback jump.
+    ``cost_scale``: a cost of about the size to be expected, if known. ``bound``: the integration is given up when a
+    cost that only grows is past this. ``x0`` (nx,): initial state; that of the reference if left out. ``least`` (nx +
+    nu,): sizes of states and inputs below which relative accuracy is not worth having.
     """
     reference = follower.reference
     nx, t0, tf = reference.nx, reference.t0, reference.tf

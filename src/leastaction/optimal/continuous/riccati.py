@@ -28,14 +28,8 @@ __all__ = ["ContinuousLinearQuadraticSolution", "Samples", "largest", "solve_sam
 class Samples(NamedTuple):
     """A linear-quadratic problem sampled at the points of a mesh; n is their number.
 
-    Attributes
-    ----------
-    A, B : ndarray (n, nx, nx), (n, nx, nu)
-        Dynamics.
-    Q, R, S : ndarray (n, nx, nx), (n, nu, nu), (n, nx, nu)
-        Weights.
-    q, r, c : ndarray (n, nx), (n, nu), (n, nx)
-        Gradients of the cost, and drift.
+    ``A``, ``B`` (n, nx, nx), (n, nx, nu): dynamics. ``Q``, ``R``, ``S`` (n, nx, nx), (n, nu, nu), (n, nx, nu): weights.
+    ``q``, ``r``, ``c`` (n, nx), (n, nu), (n, nx): gradients of the cost, and drift.
     """
 
     A: Array
@@ -127,18 +121,9 @@ def solve_samples(
 ) -> ContinuousLinearQuadraticSolution:
     """Solve a linear-quadratic problem that is given by its samples on a mesh.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Fine enough for the samples.
-    samples : Samples
-    Q_final, q_final : ndarray (nx, nx), (nx,)
-        Final weight and gradient.
-    accuracy : Accuracy
-    jumps : sequence of float
-        Times where the samples jump; ends of pieces.
-    escape : float
-        P is taken to escape when an entry of its diagonal is below minus this times the size of the weights.
+    ``mesh``: fine enough for the samples. ``Q_final``, ``q_final`` (nx, nx), (nx,): final weight and gradient.
+    ``jumps``: times where the samples jump; ends of pieces. ``escape``: P is taken to escape when an entry of its
+    diagonal is below minus this times the size of the weights.
     """
     A, B, Q, R, S, q, r, c = samples
     nx, nu = B.shape[1:]

@@ -49,18 +49,9 @@ def minimise_model(
 ) -> LinearQuadraticSolution:
     """Solve the linear-quadratic problem of a method.
 
-    Parameters
-    ----------
-    method : {"steepest", "quasi-newton", "newton"}
-        Which model.
-    linearization, gradient, hessian
-        Of dynamics and cost along the current trajectory.
-    curvature : ndarray (N, nx+nu, nx+nu) or None
-        ``z_{k+1} . D2f``, for "newton".
-    workspace : Workspace
-        Where the solution is written.
-    scale : float
-        Factor of the curvature.
+    ``method`` {"steepest", "quasi-newton", "newton"}: which model. ``linearization``, ``gradient``, ``hessian``: of
+    dynamics and cost along the current trajectory. ``curvature`` (N, nx+nu, nx+nu): ``z_{k+1} . D2f``, for "newton".
+    ``workspace``: where the solution is written. ``scale``: factor of the curvature.
     """
     A, B = linearization
     q, r, q_final = gradient

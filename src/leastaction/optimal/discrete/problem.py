@@ -52,14 +52,8 @@ class DiscreteDirection(Direction):
     ``(xbar, ubar) = xi + s dxi`` is ``u - s C - K (x - x_now)``: the direction dxi itself is never needed, only its
     feedforward C. With other gains it is, and `dx`, `du` are given.
 
-    Attributes
-    ----------
-    gain : ndarray (N, nu, nx)
-        Gains of the projection.
-    C : ndarray (N, nu)
-        Feedforward of the model's solution.
-    dx, du : ndarray or None
-        The direction, if the projection has gains of its own.
+    ``gain`` (N, nu, nx): gains of the projection. ``C`` (N, nu): feedforward of the model's solution. ``dx``, ``du``:
+    the direction, if the projection has gains of its own.
     """
 
     gain: Array = field(kw_only=True)
@@ -80,14 +74,7 @@ class DiscreteDirection(Direction):
 
 
 class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterate]):
-    """The current trajectory of a discrete system, and what was computed along it.
-
-    Parameters
-    ----------
-    system : DiscreteSystem
-    cost : Cost
-    settings : Settings
-    """
+    """The current trajectory of a discrete system, and what was computed along it."""
 
     def __init__(self, system: DiscreteSystem, cost: Cost, settings: Settings) -> None:
         super().__init__()
