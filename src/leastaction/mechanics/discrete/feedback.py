@@ -44,8 +44,8 @@ class MidpointLaw:
         """Return the step from a state under the law's input, and that input.
 
         ``t`` (2,): times of its ends (s). ``x`` (nx,): state at its start. ``rho_next`` (nrho,): kinematic variables at
-        its end. Returns the roll-out of a single step, as it is
-        where it failed, and the input (n_inputs,). Raises `StepError` if no input is found that agrees with the law.
+        its end. Returns the roll-out of a single step, as it is where it failed, and the input (n_inputs,). Raises
+        `StepError` if no input is found that agrees with the law.
         """
         n = self.integrator.mechanism.n_inputs
         u = self._at(float(t[0]), x) if self._u is None else self._u
