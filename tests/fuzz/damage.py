@@ -451,6 +451,7 @@ NODE_FIELDS: dict[str, Bad] = {
 def hurt_node(d: Draw, nodes: list[Node]) -> Damage:
     """Put a bad value into one option, or the amount, of one frame."""
     call = d.pick(nodes).call
+    others = [node.call for node in nodes if node.call is not call]
     where = call.function.__name__
     options = [*call.options, "mass", "inertia", "name", "bodies"]
     if call.args and where not in ("universal", "ball", "free"):
@@ -459,8 +460,10 @@ def hurt_node(d: Draw, nodes: list[Node]) -> Damage:
     if option == "amount":
         label, value, certain = choose(d, AMOUNT)
         call.args[0] = value
-        if call.options.get("kinematic"):
-            certain = certain and label != "massless"
+        if label == "massless" and (
+            call.options.get("kinematic") or any("'a'" in repr(other.args) for other in others)
+        ):
+            certain = False  # where "a" moves something else as well, "a" and "never" are two freedoms
     else:
         label, value, certain = choose(d, NODE_FIELDS[option])
         if where == "prismatic" and option == "axis" and label == "wrong type" and isinstance(value, str):
