@@ -20,9 +20,18 @@ SHORT = ("demo", "--duration", "0.2", "--no-plots", "--no-animation")
 LONG = ("demo", "--duration", "10", "--no-plots", "--no-animation", "--tolerance", "1e-12")
 
 
+# A test run in the background, or under nohup, hands signals down as ignored.
+HEARD = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+for number in (signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, signal.SIG_DFL)
+"""
+
+
 def command(words: Sequence[object], *, before: str = "") -> list[str]:
     """Return the command line as a process of its own, with lines of Python to run first."""
-    code = f"{before}\nfrom leastaction_command import main\nmain()"
+    code = f"{HEARD}\n{before}\nfrom leastaction_command import main\nmain()"
     return [sys.executable, "-c", code, *map(str, words)]
 
 
