@@ -4,7 +4,7 @@
 #   make test                 the test suite        (ARGS="-k midpoint", SLOW=1, ORACLES=1, WORKERS=0)
 #   make bench                the benchmarks        (ARGS=--json)
 #   make lint                 everything that is checked without running
-#   make variants             the fast tests in the variants of the core that are not the default here
+#   make variants             the fast tests of numbers in the variants of the core that are not the default here
 #   make lowest               the fast tests with the lowest versions that pyproject.toml states
 #   make sanitize             tests of the core with its memory, its arithmetic and Eigen's assertions checked (slow)
 #   make build                compile the C++ that changed   (VARIANTS=v3: only that instruction set)
@@ -18,6 +18,8 @@ ORACLES  ?=
 SLOW     ?=
 WORKERS  ?= auto
 LOWEST   ?= .venv-lowest
+# What depends on how the core rounds, and what of that is quick enough when every access is checked.
+VARIED    ?= tests/conformance tests/derivatives tests/numerics tests/optimal tests/physics tests/api/test_variants.py
 SANITIZED ?= tests/conformance tests/derivatives tests/physics tests/optimal
 JOBS     ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu 2>/dev/null || echo 2)
 
@@ -89,19 +91,20 @@ lint: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extr
 	$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 	$(BIN)/lint-imports
 
-# An environment of its own beside $(VENV), with the modules that are compiled already.
-# The fast tests in the variants of the core that are not the default of this machine.
 variants: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test
 	for variant in $$($(BIN)/python -c 'from leastaction import _core; print(*[v for v in _core.available_variants() if v != _core.variant])'); do \
-	  LEASTACTION_CORE=$$variant $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS) || exit 1; \
+	  LEASTACTION_CORE=$$variant $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(VARIED) $(ARGS) || exit 1; \
 	done
 
+# An environment of its own beside $(VENV), with the modules that are compiled already.
 lowest: $(STAMPS)/compiled
 	@test -x $(LOWEST)/bin/python || $(PYTHON) -m venv $(LOWEST)
 	@$(BIN)/python -c 'import re, tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; x = p["optional-dependencies"]; print("\n".join(re.sub(">=([^,]*).*", r"==\1", r) for r in p["dependencies"] + x["viz"] + x["expressions"] + x["test"]))' > $(LOWEST)/lowest.txt
 	$(LOWEST)/bin/python -m pip --disable-pip-version-check -qq install -r $(LOWEST)/lowest.txt
+	@echo "$(abspath src)" > $$(echo $(LOWEST)/lib/python*/site-packages)/leastaction.pth
+	@cp -r $(VENV)/lib/python*/site-packages/leastaction-*.dist-info $(LOWEST)/lib/python*/site-packages/
 	@# Old libraries warn of what younger ones beneath them deprecate: no concern of ours.
-	PYTHONPATH=src $(LOWEST)/bin/python -m pytest --numprocesses $(WORKERS) --dist loadfile -W ignore::DeprecationWarning -W ignore::PendingDeprecationWarning $(ARGS)
+	$(LOWEST)/bin/python -m pytest --numprocesses $(WORKERS) --dist loadfile -W ignore::DeprecationWarning -W ignore::PendingDeprecationWarning $(ARGS)
 
 # The checked modules go into a copy of the package: those of `make build` stay as they are.
 sanitize: $(STAMPS)/installed $(STAMPS)/extra-viz $(STAMPS)/extra-test
@@ -109,7 +112,7 @@ sanitize: $(STAMPS)/installed $(STAMPS)/extra-viz $(STAMPS)/extra-test
 	$(BIN)/cmake --build build/sanitize
 	rm -rf build/sanitize/package && mkdir build/sanitize/package && cp -r src/leastaction build/sanitize/package/ && rm -f build/sanitize/package/leastaction/_core/*.so
 	$(BIN)/cmake --install build/sanitize --prefix build/sanitize/package
-	ASAN_OPTIONS=detect_leaks=0 PYTHONPATH=build/sanitize/package \
+	ASAN_OPTIONS=detect_leaks=0 PYTHONPATH=$(abspath build/sanitize/package) \
 	  LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" \
 	  $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(SANITIZED) $(ARGS)
 
