@@ -46,7 +46,7 @@ from leastaction.optimal import (
 from optimal.systems import CartPendulum
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.robustness_problems import PROBLEMS, Given, _rod, arm, cart, double_pendulum, puppet_arm
+from benchmarks.robustness_problems import PROBLEMS, Given, _problem, _rod, arm, cart, double_pendulum, puppet_arm
 
 BY_NAME = {problem.name: problem for problem in PROBLEMS}
 
@@ -513,6 +513,13 @@ def test_a_stage_that_cannot_be_begun_is_left_out():
     stopped = coarse_to_fine(build, t, initial=initial, factors=(4, 2, 1), callback=lambda stage: True)
     assert stopped.status is StartStatus.STOPPED_BY_CALLBACK
     assert stopped.value == 4
+    whole = coarse_to_fine(build, t, initial=initial, factors=(4, 2, 1), resume=stopped)
+    assert whole.success
+    assert [stage.name for stage in whole.stages] == ["3 steps", "6 steps", "12 steps"]
+    with pytest.raises(ArgumentError, match="resume: got 3 steps, expected the 5"):
+        coarse_to_fine(
+            build, np.arange(18.0), initial=(initial[0], np.zeros((17, 1))), factors=(4, 2, 1), resume=stopped
+        )
 
 
 @pytest.mark.parametrize(
@@ -526,7 +533,7 @@ def test_a_stage_that_cannot_be_begun_is_left_out():
         ({"initial": (np.zeros(4), np.zeros((3, 1)))}, "initial u"),
         ({"build": lambda t: 3}, "build: got int"),
         ({"build": lambda t: (3, 4)}, "build: got int of None steps"),
-        ({"resume": 1}, "resume"),
+        ({"horizon": (0, 1)}, "horizon"),
     ],
 )
 def test_coarse_to_fine_names_what_is_wrong(changed, match):
@@ -696,6 +703,26 @@ def test_embedding_finds_a_swing_up_that_is_not_found_without(name):
     assert alone.cost > 10.0 * found.cost
 
 
+@pytest.mark.slow
+def test_embedding_finds_a_motion_of_strings():
+    """Fast motions of an arm on a string: cheap help leads where the string has no grip, and must be left again."""
+    m = puppet_arm(2)
+
+    def wanted(t):
+        return {"joint0": 0.6 + 1.2 * np.sin(6.0 * t), "joint1": 0.5 + 1.2 * np.sin(9.0 * t)}
+
+    how = {"N": 100, "dt": 0.02, "Q": 10.0, "final": 100.0, "R": 1e-2, "kind": "rest"}
+    given = _problem(m, HANGING, wanted, **how)
+    system, cost = given.system, given.cost
+    alone = optimize(system, cost, initial=(given.x, given.u), max_iterations=100)
+    assert alone.status is Status.ITERATION_LIMIT
+    found = embed(system, cost, initial=(cost.x_wanted, given.u), max_iterations=100)
+    assert found.success
+    assert is_trajectory(system, found.x, found.u)
+    assert np.abs(m.constraint_values(found.x[:, : m.nq])).max() < 1e-9
+    assert found.cost < 0.5 * alone.cost
+
+
 def test_any_help_will_do():
     """A motor between cart and pole instead of forces on each; in its own scale and price."""
     system, cost = swing_up(0.02 * np.arange(101))
@@ -717,6 +744,12 @@ def test_embedding_keeps_what_it_has():
     assert stopped.status is StartStatus.STOPPED_BY_CALLBACK
     assert stopped.u.shape == (100, 3)
     assert stopped.value == stopped.stages[-1].value
+    whole = embed(system, cost, initial=(line, u), resume=stopped)
+    assert whole.success
+    assert whole.stages[:2] == stopped.stages
+    assert whole.u.shape == (100, 1)
+    with pytest.raises(ArgumentError, match="resume: got inputs of shape"):
+        embed(system, cost, initial=(line, u), resume=whole)
     calls = []
 
     def interrupt(stage):
@@ -743,7 +776,7 @@ def test_embedding_keeps_what_it_has():
         ({"price": -1.0}, "price"),
         ({"tolerance": 0.0}, "tolerance"),
         ({"initial": (np.zeros(4), np.zeros((3, 1)))}, "initial u"),
-        ({"resume": None}, "resume"),
+        ({"horizon": None}, "horizon"),
     ],
 )
 def test_embedding_names_what_is_wrong(changed, match):

@@ -15,7 +15,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.loop import both
-from leastaction.optimal.optimize import optimize
+from leastaction.optimal.optimize import Method, optimize
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
 from leastaction.optimal.starts.stages import StageCallback, Stages
@@ -23,6 +23,7 @@ from leastaction.systems.midpoint import MidpointSystem
 
 __all__ = ["embed"]
 
+_ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE
 _DECADES = 14  # of the price, at most
 _REMOVALS = 4  # how often the help is taken away
 _PROGRESS = 0.7  # of the help's effort, that a stage may leave which does not converge
@@ -39,8 +40,9 @@ def embed(
     price: float | None = None,
     tolerance: float = 1e-3,
     stage_iterations: int = 60,
-    stage_tolerance: float = 1e-4,
+    stage_tolerance: float = 1e-2,
     max_stages: int = 60,
+    resume: StartResult | None = None,
     callback: StageCallback | None = None,
     **options: Any,
 ) -> StartResult:
@@ -72,9 +74,12 @@ def embed(
     tolerance : float
         Effort at which the help may go: the largest root mean square of any help, in its scale.
     stage_iterations, stage_tolerance : int, float
-        ``max_iterations`` and ``tolerance`` of the optimisations with help.
+        ``max_iterations`` and ``tolerance`` of the optimisations with help. They are tried by the automatic choice of
+        method first, then by quasi-Newton's, then anew from the initial curve.
     max_stages : int
         Limit on their number.
+    resume : StartResult, optional
+        Go on from where an earlier search, with the same help, ended before the help was removed.
     callback : callable, optional
         Called with a `StageRecord` after every stage, whose value is the price (infinite without help); a true answer
         ends the search.
@@ -101,7 +106,7 @@ def embed(
         raise ArgumentError(f"system: got {type(system).__name__}, expected a MidpointSystem")
     if not isinstance(cost, Cost):
         raise ArgumentError(f"cost: got {type(cost).__name__}, expected a Cost")
-    for name in ("initial", "resume", "horizon"):
+    for name in ("initial", "horizon"):
         if name in options:
             raise ArgumentError(f"{name}: cannot be an option for the last stage, which starts from the one before")
     m, N = system.integrator.mechanism, system.N
@@ -121,43 +126,72 @@ def embed(
     def effort(result: OptimizationResult) -> float:
         return float(np.sqrt(np.mean((result.u[:, columns] / sizes) ** 2, axis=0)).max())
 
-    efforts: list[float] = []
-
-    def progresses(result: OptimizationResult) -> bool:
-        """Tell whether the help does less; the first stage is a start whatever it came to."""
-        now = effort(result)
-        if efforts and not (result.success or now < _PROGRESS * efforts[-1]):
-            return False
-        efforts.append(now)
-        return True
+    def progresses(result: OptimizationResult, earlier: OptimizationResult | None) -> bool:
+        """Tell whether a stage converged, or else left the help less to do."""
+        if result.status in _ENOUGH:
+            return True
+        if earlier is None:
+            return result.status is Status.ITERATION_LIMIT
+        return effort(result) < _PROGRESS * effort(earlier)
 
     def small_enough(limit: float, result: OptimizationResult) -> bool:
         return effort(result) <= limit
 
-    def solve(value: float, earlier: OptimizationResult | None) -> OptimizationResult:
-        if earlier is None:
-            start: tuple[Array, Array] = (x, np.insert(u, [m.n_inputs] * len(columns), 0.0, axis=1))
-        else:
-            start = (earlier.x, earlier.u)
-        return optimize(
-            helped,
-            HelpedCost(cost, columns, value / sizes**2),
-            initial=start,
-            max_iterations=stage_iterations,
-            tolerance=stage_tolerance,
-        )
+    curve = x, np.insert(u, [m.n_inputs] * len(columns), 0.0, axis=1)
+    last: OptimizationResult | None = None
 
-    found: StartResult | None = None
+    def solve(value: float, earlier: OptimizationResult | None) -> OptimizationResult:
+        # Newton's method may follow cheap help to the edge of what the time step can follow, where nothing can be
+        # changed any more; quasi-Newton's stays away, and where it does not, the curve is followed anew at this price.
+        nonlocal last
+        last = earlier
+        ways: list[tuple[tuple[Array, Array], Method]] = [(curve, "quasi-newton")]
+        if earlier is None:
+            ways.insert(0, (curve, "auto"))
+        else:
+            there = earlier.x, earlier.u
+            ways[:0] = [(there, "auto"), (there, "quasi-newton")]
+        priced = HelpedCost(cost, columns, value / sizes**2)
+        result: OptimizationResult | None = None
+        failure: LeastActionError | None = None
+        for start, method in ways:
+            try:
+                result = optimize(
+                    helped,
+                    priced,
+                    initial=start,
+                    method=method,
+                    max_iterations=stage_iterations,
+                    tolerance=stage_tolerance,
+                )
+            except LeastActionError as error:
+                failure = error
+                continue
+            if result.status is Status.INTERRUPTED or progresses(result, earlier):
+                break
+        if result is None:
+            assert failure is not None
+            raise failure
+        return result
+
+    def goes_on(result: OptimizationResult) -> bool:
+        return last is None or progresses(result, last)
+
+    found = resume
+    if found is not None and (found.result is None or found.u.shape != (N, helped.nu)):
+        raise ArgumentError(
+            f"resume: got inputs of shape {found.u.shape}, expected ({N}, {helped.nu}), of a search that ended with help"
+        )
     for _ in range(_REMOVALS):
         found = continuation(
             solve,
             first * 10.0 ** np.arange(_DECADES + 1),
             scale="log",
             name="price of the help",
-            accept=progresses,
+            accept=goes_on,
             done=partial(small_enough, limit),
             note=lambda result: f"effort of the help {effort(result):.2g}",
-            max_stages=max_stages if found is None else max(1, max_stages - len(found.stages)),
+            max_stages=max_stages,
             resume=found,
             callback=callback,
         )

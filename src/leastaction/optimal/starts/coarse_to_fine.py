@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
@@ -32,6 +33,7 @@ def coarse_to_fine(
     initial: tuple[ArrayLike, ArrayLike],
     factors: Sequence[int] = (8, 4, 2, 1),
     transfer: Transfer | None = None,
+    resume: StartResult | None = None,
     callback: StageCallback | None = None,
     **options: Any,
 ) -> StartResult:
@@ -54,6 +56,8 @@ def coarse_to_fine(
     transfer : callable, optional
         ``transfer(result, coarse, fine) -> (x, u)`` brings a result from one system to the next; `resample` if left
         out. For a `MidpointSystem` use `leastaction.systems.warm_start`, which keeps to its constraints.
+    resume : StartResult, optional
+        Go on from the last stage of an earlier search with these times.
     callback : callable, optional
         Called with a `StageRecord` after every stage, whose value is its factor; a true answer ends the search.
     **options
@@ -83,15 +87,24 @@ def coarse_to_fine(
     u = as_array(inputs, "initial u", (N, None), meaning="(N, nu)")
     nx = np.shape(given)[-1] if np.ndim(given) else 1
     x = as_array(given, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
-    for name in ("initial", "resume", "horizon"):
+    for name in ("initial", "horizon"):
         if name in options:
             raise ArgumentError(f"{name}: cannot be an option for the stages, each starts from the one before")
-    stages = Stages(callback)
+    stages = Stages(callback, () if resume is None else resume.stages)
     best: OptimizationResult | None = None
     before: tuple[DiscreteSystem, Array] | None = None
     reached = levels[0]
+    if resume is not None:
+        best, reached = resume.result, as_count(int(resume.value), "resume.value", 1)
+        coarse = times[_every(reached, N)]
+        before = _built(build, coarse)[0], coarse
+        levels = [factor for factor in levels if factor < reached]
+        if best is None or len(best.u) != len(coarse) - 1:
+            raise ArgumentError(
+                f"resume: got {len(resume.u)} steps, expected the {len(coarse) - 1} of factor {reached}"
+            )
     for factor in levels:
-        at = np.unique(np.append(np.arange(0, N, factor), N))
+        at = _every(factor, N)
         coarse = times[at]
         system, cost = _built(build, coarse)
         if best is None or before is None:
@@ -160,7 +173,12 @@ def columns(values: Array, t: Array, times: Array) -> Array:
     return result
 
 
-def _on(x: Array, u: Array, t: Array, at: Array) -> tuple[Array, Array]:
+def _every(factor: int, N: int) -> npt.NDArray[np.int64]:
+    """Return every so many of the numbers 0 to N, and N."""
+    return np.unique(np.append(np.arange(0, N, factor), N))
+
+
+def _on(x: Array, u: Array, t: Array, at: npt.NDArray[np.int64]) -> tuple[Array, Array]:
     """Return a start at the fine times t at some of them only: states there, inputs as means over the steps."""
     spent = np.vstack([np.zeros(u.shape[1]), np.cumsum(u * np.diff(t)[:, None], axis=0)])
     means = np.diff(spent[at], axis=0) / np.diff(t[at])[:, None]
