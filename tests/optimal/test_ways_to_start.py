@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from leastaction import (
+    Bound,
     Damping,
     Distance,
     Gravity,
@@ -43,6 +44,7 @@ from leastaction.optimal import (
     check_derivatives,
     resample,
 )
+from leastaction.optimal.quantity import Samples
 from optimal.systems import CartPendulum
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -401,6 +403,30 @@ def test_a_window_that_cannot_be_begun_is_shortened():
     assert "wall" in over.message
 
 
+def test_limits_hold_in_every_window():
+    system, cost, rest = balancing(60)
+    how = {"initial": rest, "window": 30, "keep": 10}
+    free = receding_horizon(system, cost, **how)
+    most = 0.6 * np.abs(free.u).max()
+    found = receding_horizon(system, cost, limits=[Bound("push", -most, most)], **how)
+    assert found.success
+    assert is_trajectory(system, found.x, found.u)
+    assert np.abs(found.u).max() <= most * (1.0 + 1e-9)
+    # A system that has no windows of its own knows its quantities and times in them all the same.
+    part, whole = WindowSystem(system, 20, 50), system.window(20, 50)
+    assert part.quantities == whole.quantities
+    assert part.time(3) == whole.time(3) == system.t[23]
+    assert part.instant(system.t[25], "t") == 5
+    x, u = found.x[20:51], found.u[20:50]
+    k = np.arange(30)
+    at = Samples(k, x[:-1], u, x[1:])
+    for kind in part.quantities:
+        mine, theirs = part.quantity(kind), whole.quantity(kind)
+        assert mine.names == theirs.names
+        np.testing.assert_array_equal(mine.values(at), theirs.values(at))
+        np.testing.assert_array_equal(mine.jacobian(at), theirs.jacobian(at))
+
+
 def test_ctrl_c_keeps_the_windows_that_are_done():
     system, cost, rest = balancing(60)
 
@@ -734,6 +760,19 @@ def test_any_help_will_do():
         assert found.u.shape == u.shape
         assert is_trajectory(system, found.x, found.u)
     assert embed(system, cost, initial=(x0, u), help=["pole0"]).success
+
+
+def test_limits_hold_with_help_and_without():
+    system, cost = swing_up(0.02 * np.arange(151))
+    line = np.linspace(0.0, 1.0, 151)[:, None] * cost.x_wanted[-1]
+    limits = [Bound("push", -12.0, 12.0)]
+    stages = []
+    found = embed(system, cost, initial=(line, at_rest(system)[1]), limits=limits, callback=stages.append)
+    assert found.success
+    assert found.result.success
+    assert np.abs(found.u).max() <= 12.0 * (1.0 + 1e-9)
+    free = embed(system, cost, initial=(line, at_rest(system)[1]))
+    assert np.abs(free.u).max() > 12.0
 
 
 def test_embedding_keeps_what_it_has():

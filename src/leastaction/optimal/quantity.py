@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 
-__all__ = ["Entries", "FunctionQuantity", "Instants", "Quantity", "Samples"]
+__all__ = ["Entries", "FunctionQuantity", "Instants", "Later", "Quantity", "Samples"]
 
 Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
 """Whole numbers: indices of instants, or places in a vector."""
@@ -148,6 +148,30 @@ class _Selected(Quantity):
         weights = np.zeros((len(y), len(self.whole.names)))
         weights[:, self.rows] = y
         return self.whole.curvature(at, weights)
+
+
+class Later(Quantity):
+    """A quantity as it is from a later instant on: what a window of a system has of it."""
+
+    def __init__(self, whole: Quantity, start: int) -> None:
+        self.whole, self.start = whole, start
+        self.names, self.kind, self.unit = whole.names, whole.kind, whole.unit
+        self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
+
+    def values(self, at: Samples) -> Array:
+        """Return the values (n, m)."""
+        return self.whole.values(self._later(at))
+
+    def jacobian(self, at: Samples) -> Array:
+        """Return the derivatives."""
+        return self.whole.jacobian(self._later(at))
+
+    def curvature(self, at: Samples, y: Array) -> Array | None:
+        """Return the second derivative of ``y . values``."""
+        return self.whole.curvature(self._later(at), y)
+
+    def _later(self, at: Samples) -> Samples:
+        return at._replace(k=at.k + self.start)
 
 
 class FunctionQuantity(Quantity):

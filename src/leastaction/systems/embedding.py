@@ -84,7 +84,7 @@ def embed(
         Called with a `StageRecord` after every stage, whose value is the price (infinite without help); a true answer
         ends the search.
     **options
-        Of `optimize`, for the last optimisation; its status is that of ``.result``.
+        Of `optimize`, for the last optimisation; its status is that of ``.result``. ``limits`` hold with help too.
 
     Returns
     -------
@@ -145,12 +145,11 @@ def embed(
         # changed any more; quasi-Newton's stays away, and where it does not, the curve is followed anew at this price.
         nonlocal last
         last = earlier
-        ways: list[tuple[tuple[Array, Array], Method]] = [(curve, "quasi-newton")]
+        ways: list[tuple[Any, Method]] = [(curve, "quasi-newton")]
         if earlier is None:
             ways.insert(0, (curve, "auto"))
         else:
-            there = earlier.x, earlier.u
-            ways[:0] = [(there, "auto"), (there, "quasi-newton")]
+            ways[:0] = [(earlier, "auto"), (earlier, "quasi-newton")]
         priced = HelpedCost(cost, columns, value / sizes**2)
         result: OptimizationResult | None = None
         failure: LeastActionError | None = None
@@ -163,6 +162,7 @@ def embed(
                     method=method,
                     max_iterations=stage_iterations,
                     tolerance=stage_tolerance,
+                    limits=options.get("limits", ()),
                 )
             except LeastActionError as error:
                 failure = error
@@ -180,7 +180,7 @@ def embed(
     found = resume
     if found is not None and (found.result is None or found.u.shape != (N, helped.nu)):
         raise ArgumentError(
-            f"resume: got inputs of shape {found.u.shape}, expected ({N}, {helped.nu}), of a search that ended with help"
+            f"resume: got inputs of shape {found.u.shape}, expected ({N}, {helped.nu}), as of one that had help"
         )
     for _ in range(_REMOVALS):
         found = continuation(

@@ -224,6 +224,14 @@ class WindowCost(Cost):
         self.start, self.stop, self.horizon, self.nu = start, stop, N, nu
         self.nonnegative = cost.nonnegative
 
+    def check_shapes(self, N: int, nx: int, nu: int) -> None:
+        """Complain if the window is not one of N steps of nu inputs, or its cost not one of nx states."""
+        if (N, nu) != (self.stop - self.start, self.nu):
+            raise ArgumentError(
+                f"cost: got a window of {self.stop - self.start} steps with {self.nu} inputs, expected {N} with {nu}"
+            )
+        self.cost.check_shapes(self.horizon, nx, nu)
+
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         """Return the cost of the stages of the window from `start` on."""
         return self.cost.stage_values(x, u, self.start + start)

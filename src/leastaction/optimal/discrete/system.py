@@ -16,7 +16,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.quantity import Entries, Quantity
+from leastaction.optimal.quantity import Entries, Later, Quantity
 from leastaction.optimal.system import Linearization, System
 
 __all__ = ["DiscreteSystem", "Rollout", "WindowSystem", "check_window", "linearized"]
@@ -230,6 +230,19 @@ class WindowSystem(DiscreteSystem):
     def when(self, k: int) -> str:
         """Return how the system speaks of step k of the window."""
         return self.system.when(self.start + k)
+
+    def time(self, k: int) -> float:
+        """Return the time of instant k of the window."""
+        return self.system.time(self.start + k)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The kinds of quantities that can be limited."""
+        return self.system.quantities
+
+    def quantity(self, kind: str) -> Quantity:
+        """Return the quantities of a kind, by name."""
+        return Later(self.system.quantity(kind), self.start)
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         """Simulate steps of the window; see `DiscreteSystem`."""

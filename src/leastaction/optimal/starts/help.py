@@ -41,6 +41,10 @@ class HelpedCost(Cost):
         self.price = np.asarray(price, dtype=np.float64)
         self.nonnegative = cost.nonnegative
 
+    def check_shapes(self, N: int, nx: int, nu: int) -> None:
+        """Complain if the cost is not for N steps of nx states and the inputs besides the help."""
+        self.cost.check_shapes(N, nx, nu - len(self.columns))
+
     def own(self, n: int) -> npt.NDArray[np.int64]:
         """Return where the problem's own inputs stand among all n."""
         return np.setdiff1d(np.arange(n), self.columns)

@@ -59,7 +59,8 @@ def receding_horizon(
     callback : callable, optional
         Called with a `StageRecord` after every window, whose value is its first step; a true answer ends the search.
     **options
-        Of `optimize`; ``max_iterations`` is 50 for a window if left out.
+        Of `optimize`; ``max_iterations`` is 50 for a window if left out. ``limits`` hold in every window: constants and
+        functions of time for all of its steps, those at the end at its end.
 
     Returns
     -------
