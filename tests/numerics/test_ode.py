@@ -58,7 +58,7 @@ def test_where_there_is_no_value_the_reason_is_the_equations_own(solver: str) ->
     march = March(wall, 0.0, 3.0, np.zeros(1), solver=solver, **TIGHT)
     with pytest.raises(IntegrationFailed, match="too far"):
         list(march)
-    assert 0.0 < march.t <= 1.5
+    assert 0.0 < march.t <= 1.5 + 1e-12
     assert march.y[0] == pytest.approx(march.t)
 
 
