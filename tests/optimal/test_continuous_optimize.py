@@ -555,3 +555,47 @@ def test_a_start_that_cannot_be_simulated():
     cost = ContinuousQuadraticCost([0.0], [0.0], Q=[1.0], R=[1.0])
     with pytest.raises(ArgumentError, match=r"failed at t = 1 s: the solver gave up"):
         optimize_continuous(system, cost, initial=([1.0], [0.0]), horizon=(0, 2))
+
+
+# Saddles
+
+
+def _parabola() -> FunctionContinuousSystem:
+    """Return a system that rises whichever way its input moves it: a rest is a saddle where it is to rise."""
+    return FunctionContinuousSystem(
+        lambda x, u, t: np.array([u[0], x[0] ** 2]),
+        nx=2,
+        nu=1,
+        derivatives=lambda x, u, t: (np.array([[0.0, 0.0], [2.0 * x[0], 0.0]]), np.array([[1.0], [0.0]])),
+        curvature=lambda x, u, t, z: np.diag([2.0 * z[1], 0.0, 0.0]),
+    )
+
+
+_RISE = ContinuousQuadraticCost([0.0, 1.0], [0.0], Q=[0.0, 1.0], R=[1e-2])
+
+
+@pytest.mark.parametrize(("method", "regulator"), [("auto", "descent"), ("newton", "lqr")])
+def test_a_saddle_is_left(method, regulator):
+    result = optimize_continuous(
+        _parabola(),
+        _RISE,
+        initial=(np.zeros(2), np.zeros(1)),
+        horizon=(0.0, 2.0),
+        method=method,
+        regulator=regulator,
+        accuracy=Accuracy(rtol=1e-6, atol=1e-8),
+        tolerance=1e-4,
+    )
+    assert result.status is Status.CONVERGED
+    assert result.history.method[0] == "negative-curvature"
+    assert (np.diff(result.history.cost) < 0).all()
+    assert result.cost < 0.5 * result.history.cost[0]
+
+
+def test_a_saddle_is_not_said_to_be_a_minimum():
+    result = optimize_continuous(
+        _parabola(), _RISE, initial=(np.zeros(2), np.zeros(1)), horizon=(0.0, 2.0), method="quasi-newton"
+    )
+    assert result.status is Status.SADDLE
+    assert not result.success
+    assert "negative curvature" in result.message

@@ -487,9 +487,9 @@ class MidpointVI(Integrator):
         dx0 : array_like, shape (nx, len(names)), optional
             Derivatives of the initial state, instead of `v` and `hold`.
         hold : sequence of str, optional
-            Variables that keep their values at the start where a parameter changes the constraints there, such as
-            the length of a rod in a closed loop. The others follow, as `project_configuration` would have
-            them: by the least change that is needed. For starts from rest or from a momentum.
+            Variables that keep their values and velocities at the start where a parameter changes the constraints
+            there, such as the length of a rod in a closed loop. The others follow, as `project_configuration` and
+            `project_velocity` would have them: by the least change that is needed.
 
         Raises
         ------

@@ -19,6 +19,7 @@ from leastaction.mechanics.mechanism.parameters import BodyNumber, ElementNumber
 from leastaction.numerics.arrays import Array, as_array
 
 _ROUNDING = 1e-9  # of a constraint's derivative, relative to its terms
+_STEP = 1e-3  # of a parameter, relative to its size
 _SMALL = 10  # states up to which derivatives are accumulated for all steps at once
 
 
@@ -85,9 +86,13 @@ def sensitivity(
     if dx0 is not None:
         x[0] = as_array(dx0, "dx0", (m.nx, len(steps.names)))
     else:
-        x[0, : m.nd] = _start_by(vi, trajectory, steps.names, v, hold)
+        x[0, : m.nd] = dq = _start_by(vi, trajectory, steps.names, hold)
         if v is not None:
-            x[0, m.nq : m.nq + m.nd] = momentum_by(m, trajectory.q[0], v, names)
+            q, v0 = trajectory.q[0], as_array(v, "v", (m.nq,), names=m.variables)
+            dv = _velocity_by(m, q, v0, steps.names, dq, hold)
+            _, by_q, by_v = m.core.hessian(q, v0)
+            x[0, m.nq : m.nq + m.nd] = momentum_by(m, q, v0, names) + by_q[: m.nd, : m.nd] @ dq
+            x[0, m.nq : m.nq + m.nd] += by_v[: m.nd, : m.nd] @ dv
     _accumulate(d.A, steps.x, x)
     return Sensitivity(steps.names, x, d.lam_dx @ x[:-1] + steps.lam)
 
@@ -116,9 +121,7 @@ def _steps_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str]) -> S
     return StepSensitivity(tuple(places), x, lam)
 
 
-def _start_by(
-    vi: Integrator, trajectory: Trajectory, names: Sequence[str], v: npt.ArrayLike | None, hold: Sequence[str] | None
-) -> Array:
+def _start_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str], hold: Sequence[str] | None) -> Array:
     """Return derivatives (nd, len(names)) of a start that stays on the constraints, some variables held."""
     m, q = trajectory.mechanism, trajectory.q[0]
     free = free_variables(m, hold or ())
@@ -147,11 +150,6 @@ def _start_by(
             f"sensitivity: {what}, so that the start would not satisfy it any more. Give hold=, the variables that "
             "keep their values while the others follow, or dx0=, how the start depends on the parameters"
         )
-    if v is not None and np.any(v):
-        raise ArgumentError(
-            f"sensitivity: {what}, which the velocity v at the start would not keep any more. Give dx0=, how the "
-            "start depends on the parameters, in place of v and hold"
-        )
     follow = np.linalg.lstsq(C[:, free], needed, rcond=_ROUNDING)[0]
     missed = np.abs(C[:, free] @ follow - needed) > _ROUNDING * np.maximum(1.0, size)
     if missed.any():
@@ -163,6 +161,57 @@ def _start_by(
     out = np.zeros_like(dq)
     out[free] = follow
     return out
+
+
+def _velocity_by(
+    m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Array, hold: Sequence[str] | None
+) -> Array:
+    """Return derivatives (nd, len(names)) of a velocity that keeps the constraints as they change.
+
+    ``Dh v = 0`` at the start, whose configuration changes by dq; the velocities of held variables stay.
+    """
+    dv = np.zeros_like(dq)
+    if not m.nc or not np.any(v):
+        return dv
+    C = m.constraint_jacobian(q).reshape(m.nc, m.nq)
+    bends = np.stack([m.core.constraint_hessian(q, row) for row in np.eye(m.nc)])
+    turned = np.einsum("cij,i->cj", bends, v)[:, : m.nd] @ dq
+    turned += np.stack([_rates_by(m, q, v, name) for name in names], axis=1)
+    size = np.abs(C) @ np.abs(v)
+    moved = np.abs(turned) > _ROUNDING * np.maximum(1.0, size)[:, None]
+    if not moved.any():
+        return dv
+    row, column = np.argwhere(moved)[0]
+    what = (
+        f"the velocity v does not keep the constraint {m.constraints[row]!r} as the parameter {names[column]!r} changes"
+    )
+    if hold is None:
+        raise ArgumentError(
+            f"sensitivity: {what}. Give hold=, the variables that keep their velocities while the others follow, or "
+            "dx0=, how the start depends on the parameters"
+        )
+    free = free_variables(m, hold)
+    follow = np.linalg.lstsq(C[:, free], -turned, rcond=_ROUNDING)[0]
+    if np.any(np.abs(C[:, free] @ follow + turned) > _ROUNDING * np.maximum(1.0, size)[:, None]):
+        raise ArgumentError(f"hold: {what}, with the velocities of {', '.join(map(repr, hold))} held; hold fewer")
+    dv[free] = follow
+    return dv
+
+
+def _rates_by(m: Mechanism, q: Array, v: Array, name: str) -> Array:
+    """Return the derivative (nc,) of ``Dh v`` by a parameter, q and v held.
+
+    By differences of fourth order; constraints are polynomials in most of their numbers, so it is exact to rounding.
+    """
+    value = m.parameters[name]
+    step = _STEP * (abs(value) or 1.0)
+
+    def rates(by: float) -> Array:
+        changed = m.with_parameters({name: value + by})
+        return np.asarray(changed.constraint_jacobian(q).reshape(m.nc, m.nq) @ v)
+
+    near, far = rates(step) - rates(-step), rates(2.0 * step) - rates(-2.0 * step)
+    return (8.0 * near - far) / (12.0 * step)
 
 
 def _accumulate(A: Array, added: Array, x: Array) -> None:

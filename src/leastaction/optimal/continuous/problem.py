@@ -16,7 +16,7 @@ from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.model import SampledSystem, TangentModel, sample_model, with_identities
 from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.result import ContinuousOptimizationResult
-from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, solve_samples
+from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, Samples, solve_samples
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.time_functions import TimeFunctionLike, as_horizon
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
@@ -34,6 +34,11 @@ _ERROR_OF_COST = 1.0
 # A Newton model with a P so much more negative than the weights is as good as one without a minimum: its
 # direction leads far out of where it holds. Waiting for P to grow on costs as much as the rest.
 _ESCAPE = 1e4
+# Of the whole Newton model, which also tells a minimum from a saddle, it takes more.
+_SURELY = 1e6
+
+_MODELS = 12  # that are tried to find a direction of negative curvature
+_DECREASE, _REACH = 0.1, 0.3  # expected of a step along it, and how far it goes, relative to the sizes of the states
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self.system = system
         self.cost = cost
         self.accuracy = accuracy
-        self.has_curvature = system.has_curvature
+        self.has_curvature = self.tells_saddles = system.has_curvature
         self.own_regulator = settings.regulator == "lqr"
         self.jumps = tuple(sorted({*system.jumps, *cost.jumps}))
 
@@ -222,18 +227,8 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         assert self.feedback is not None
         own = self.feedback
         nx, nu = self.system.nx, self.system.nu
-        along = self._model()
-        linear = SampledSystem(along.mesh, along.samples)
-        t0, tf = self.trajectory.t0, self.trajectory.tf
-        size = np.abs(self.trajectory.xu(along.mesh.t)).max(axis=0)
-        zero = DenseTrajectory(PiecewisePolynomial.constant(np.zeros(nx + nu), t0, tf), nx)
-        with self.clock("lq"):
-            swept = roll_out(
-                linear, Follower(zero, model.feedback, 1.0), accuracy=self.accuracy, jumps=self.jumps, least=size
-            )
-        if swept.trajectory is None:
-            raise ArgumentError(f"direction: the linearised system failed at {swept.failure}.")
-        tangent = swept.trajectory
+        size = self._size()
+        tangent = self._sweep(model)
 
         def law(t: Array) -> Array:
             K, dxdu = own(t)[:, : nu * nx], tangent.xu(t)
@@ -245,6 +240,90 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         mesh, values = approximate(law, Mesh(own.breaks), self.accuracy.sampling, least)
         return mesh.fit(values, (values.shape[1],))
 
+    def _size(self) -> Array:
+        """Return the largest states and inputs of the current trajectory."""
+        return np.asarray(np.abs(self.trajectory.xu(self._model().mesh.t)).max(axis=0))
+
+    def _sweep(self, model: ContinuousLinearQuadraticSolution) -> DenseTrajectory:
+        """Return the minimum ``(dx, du)`` of a model along the current trajectory."""
+        along = self._model()
+        zero = np.zeros(self.system.nx + self.system.nu)
+        t0, tf = self.trajectory.t0, self.trajectory.tf
+        with self.clock("lq"):
+            swept = roll_out(
+                SampledSystem(along.mesh, along.samples),
+                Follower(
+                    DenseTrajectory(PiecewisePolynomial.constant(zero, t0, tf), self.system.nx), model.feedback, 1.0
+                ),
+                accuracy=self.accuracy,
+                jumps=self.jumps,
+                least=self._size(),
+            )
+        if swept.trajectory is None:
+            raise ArgumentError(f"direction: the linearised system failed at {swept.failure}.")
+        return swept.trajectory
+
+    def negative_curvature(self, scale: float) -> ContinuousDirection | None:
+        """Return a direction of negative curvature, where the undamped Newton model has one.
+
+        As in discrete time: between the part of the curvature that leaves the model a minimum and the whole of it the
+        model becomes flat along a direction, which models that come close lead to by inverse iteration.
+        """
+        model = self._model()
+        nx, nu = self.system.nx, self.system.nu
+        t, weights = model.mesh.t, model.mesh.weights
+        whole = self._newton_samples(model, 1.0)
+        since = (t - t[0]) / (t[-1] - t[0])
+        du = np.cos(np.pi * np.outer(since, np.arange(4))) @ np.random.default_rng(0).normal(size=(4, nu))
+        low, high = scale, 1.0
+        found: tuple[float, float, float, float, PiecewisePolynomial] | None = None
+        for tried in range(_MODELS):
+            if found is not None and tried >= _MODELS // 2:
+                break
+            trial = 0.5 * (low + high)
+            samples = self._newton_samples(model, trial)._replace(q=np.zeros((len(t), nx)), r=-du)
+            with self.clock("lq"):
+                solution = solve_samples(
+                    model.mesh, samples, model.Q_final, np.zeros(nx), accuracy=self.accuracy, jumps=self.jumps
+                )
+            if not solution.definite:
+                high = trial
+                continue
+            low = trial
+            tangent = self._sweep(solution)
+            dxu, end = tangent.xu(t), tangent.xu.flat(tangent.tf)[:nx]
+            dx, du = dxu[:, :nx], dxu[:, nx:]
+            size = float(np.sqrt(weights @ np.sum(du**2, axis=1)))
+            dx, du, end = dx / size, du / size, end / size
+            second = np.einsum("ni,nij,nj->n", dx, whole.Q, dx) + np.einsum("ni,nij,nj->n", du, whole.R, du)
+            second += 2.0 * np.einsum("ni,nij,nj->n", dx, whole.S, du)
+            bend = float(weights @ second + end @ model.Q_final @ end)
+            if bend < 0.0:
+                first = np.sum(model.samples.q * dx, axis=1) + np.sum(model.samples.r * du, axis=1)
+                slope = float(weights @ first + model.q_final @ end)
+                reach = float((np.abs(dx).max(axis=0) / (1.0 + self._size()[:nx])).max())
+                found = (slope, bend, size, reach, solution.feedback)
+        if found is None:
+            return None
+        slope, bend, size, reach, feedback = found
+        length = min(np.sqrt(2.0 * _DECREASE * abs(self.value) / -bend), _REACH / reach)
+        sign = -1.0 if slope > 0.0 else 1.0
+        factors = np.ones(nu * nx + nu)
+        factors[nu * nx :] = sign * length / size
+        mesh = Mesh(feedback.breaks)
+        scaled = mesh.fit(feedback(mesh.t) * factors, factors.shape)
+        return ContinuousDirection(
+            "negative-curvature", -length * abs(slope), 1.0, bend=length**2 * bend, feedback=scaled
+        )
+
+    def _newton_samples(self, model: TangentModel, scale: float) -> Samples:
+        """Return the samples of the model with a part of the dynamics' curvature."""
+        nx, samples = self.system.nx, model.samples
+        H = scale * self._curvature_along(model)
+        return samples._replace(
+            Q=samples.Q + H[:, :nx, :nx], R=samples.R + H[:, nx:, nx:], S=samples.S + H[:, :nx, nx:]
+        )
+
     def _solve(self, method: str, scale: float, shift: float = 0.0) -> ContinuousLinearQuadraticSolution:
         model = self._model()
         samples, Q_final = model.samples, model.Q_final
@@ -253,17 +332,20 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             samples = with_identities(samples)
             Q_final = np.eye(nx)
         elif method == "newton":
-            H = scale * self._curvature_along(model)
-            samples = samples._replace(
-                Q=samples.Q + H[:, :nx, :nx], R=samples.R + H[:, nx:, nx:], S=samples.S + H[:, :nx, nx:]
-            )
+            samples = self._newton_samples(model, scale)
         if shift > 0.0:
             nu = self.system.nu
             samples = samples._replace(Q=samples.Q + shift * np.eye(nx), R=samples.R + shift * np.eye(nu))
             Q_final = Q_final + shift * np.eye(nx)
         with self.clock("lq"):
             return solve_samples(
-                model.mesh, samples, Q_final, model.q_final, accuracy=self.accuracy, jumps=self.jumps, escape=_ESCAPE
+                model.mesh,
+                samples,
+                Q_final,
+                model.q_final,
+                accuracy=self.accuracy,
+                jumps=self.jumps,
+                escape=_SURELY if scale == 1.0 else _ESCAPE,
             )
 
     def _solve_regulator(self) -> ContinuousLinearQuadraticSolution:
