@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from leastaction.apps.marionette import load_run
+from leastaction.apps.marionette.tracking import TrackingSearch, load_unfinished
 from leastaction.optimal import Status
 
 SHORT = ("demo", "--duration", "0.2", "--no-plots", "--no-animation")
@@ -63,10 +64,10 @@ sys.stdout.write = held
 """
 
 
-def run_until(pattern: str, words: Sequence[object], number: signal.Signals) -> tuple[int, str]:
+def run_until(pattern: str, words: Sequence[object], number: signal.Signals, *, before: str = "") -> tuple[int, str]:
     """Run the command line and send it a signal after a line of its output: exit code and error output."""
     process = subprocess.Popen(
-        command(words, before=HELD.format(pattern)),
+        command(words, before=before + HELD.format(pattern)),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -133,6 +134,30 @@ def test_a_signal_before_there_is_anything(tmp_path: Path) -> None:
     assert code == 130
     assert errors == "error: interrupted before there was a result to keep\n"
     assert list(tmp_path.iterdir()) == []
+
+
+# No motion is followed directly.
+SOUGHT = """
+import leastaction.apps.marionette.tracking.problem as problem
+problem.TrackingProblem.hang = lambda self: None
+"""
+
+
+def test_a_signal_while_a_first_trajectory_is_sought(tmp_path: Path) -> None:
+    words = ["demo", "--duration", "0.3", "--no-plots", "--no-animation", "--checkpoint", "0", "--out", tmp_path]
+    code, errors = run_until("motors at price 1e-06", words, signal.SIGTERM, before=SOUGHT)
+    path = tmp_path / "search.npz"
+    assert code == 130
+    assert f"interrupted; the search for a first trajectory is in {path}" in errors
+    assert f"--resume {path}" in errors
+    search = load_unfinished(path)
+    assert isinstance(search, TrackingSearch)
+    again = ["optimize", "marionette", "--resume", path, "--max-iterations", "1", *words[3:]]
+    code, out, errors = run(again)
+    assert (code, errors) == (0, "")
+    assert "motors at price 10:" in out
+    assert load_run(tmp_path / "trajectory.npz").embedded
+    assert not path.exists()
 
 
 def test_ctrl_c_while_the_package_is_imported() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +15,15 @@ from leastaction.apps.marionette.tracking import (
     GENTLE,
     TrackingCost,
     TrackingRun,
+    TrackingSearch,
     TrackingWeights,
+    load_run,
+    load_unfinished,
     problem,
+    save_search,
     track,
 )
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.io import Motion
 from leastaction.models.marionette import REST, UNHELD, marionette
 from leastaction.optimal import Status
@@ -92,6 +98,48 @@ def test_ctrl_c_ends_the_search_for_a_first_trajectory(monkeypatch: pytest.Monke
     with pytest.raises(KeyboardInterrupt):
         track(PUPPET, leap())
     assert len(calls) == 2
+
+
+class Killed(Exception):
+    """The program ends without a word."""
+
+
+def test_a_search_for_a_first_trajectory_goes_on_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed with motors, ended by Ctrl-C without them, each time gone on with from its file."""
+    monkeypatch.setattr(problem, "_EMBEDDING", ((1e-6, 2), (1e-4, 4)))
+    monkeypatch.setattr(problem, "_TENSION_STAGES", ((0.0, 4),))
+    monkeypatch.setattr(problem, "SEARCH_STAGES", 3)
+    options = {"max_iterations": 2, "checkpoint_seconds": 0.0}
+    said: list[str] = []
+    whole = track(PUPPET, leap(), progress=said.append, **options)
+    path = tmp_path / "search.npz"
+
+    def ended_at(stage: int, iterations: int, how: type[BaseException]) -> Callable[[object], None]:
+        def checkpoint(found: object) -> None:
+            assert isinstance(found, TrackingSearch)
+            save_search(path, found)
+            if (found.stage, found.result.iterations) == (stage, iterations):
+                raise how
+
+        return checkpoint
+
+    with pytest.raises(Killed):
+        track(PUPPET, leap(), checkpoint=ended_at(1, 2, Killed), **options)
+    search = load_unfinished(path)
+    assert isinstance(search, TrackingSearch)
+    assert (search.stage, search.result.iterations) == (1, 2)
+    with pytest.raises(KeyboardInterrupt):
+        track(PUPPET, search.motion, resume=search, checkpoint=ended_at(2, 1, KeyboardInterrupt), **options)
+    search = load_unfinished(path)
+    assert (search.stage, search.result.status) == (2, Status.INTERRUPTED)
+    again: list[str] = []
+    run = track(PUPPET, search.motion, resume=search, progress=again.append, **options)
+    assert again == said[2:]
+    assert run.embedded
+    np.testing.assert_array_equal(run.result.x, whole.result.x)
+    np.testing.assert_array_equal(run.result.K, whole.result.K)
+    with pytest.raises(ResultFileError, match="holds a MarionetteSearch, expected a MarionetteRun"):
+        load_run(path)
 
 
 def test_derivatives_of_the_tracking_cost() -> None:

@@ -20,7 +20,7 @@ from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
 
 if TYPE_CHECKING:
-    from leastaction.apps.marionette.tracking import TrackingRun
+    from leastaction.apps.marionette.tracking import TrackingRun, TrackingSearch
     from leastaction.io.motion.motion import Motion
 
 _NOT_PRINTED = 1
@@ -112,7 +112,8 @@ def optimize(
     in_place
         Leave out the travel over the ground.
     resume
-        trajectory.npz of an earlier run: go on from there, with the motion that it followed.
+        trajectory.npz of an earlier run, or search.npz of one that still sought a first trajectory: go on from there,
+        with the motion that it followed.
     """
     if resume is not None and (motion is not None or mapping is not None or duration is not None):
         # The motion is in the file; a second one could contradict it.
@@ -122,9 +123,9 @@ def optimize(
     if mapping is not None and motion is None:
         raise ArgumentError("--mapping belongs to a motion capture file: give --motion FILE too")
     if resume is not None:
-        from leastaction.apps.marionette.tracking import load_run
+        from leastaction.apps.marionette.tracking import load_unfinished
 
-        return _run(load_run(resume), optimiser, output, _prepare(output))
+        return _run(load_unfinished(resume), optimiser, output, _prepare(output))
     if motion is None:
         from leastaction.apps.marionette.walk import walk_in_place
 
@@ -196,7 +197,12 @@ def _prepare(output: OutputOptions) -> Path:
     return prepare_output_folder(output.out)
 
 
-def _run(motion: Motion | TrackingRun, optimiser: OptimiserOptions | None, output: OutputOptions, folder: Path) -> int:
+def _run(
+    motion: Motion | TrackingRun | TrackingSearch,
+    optimiser: OptimiserOptions | None,
+    output: OutputOptions,
+    folder: Path,
+) -> int:
     from leastaction.apps.cli import session
 
     return session.run(

@@ -15,11 +15,13 @@ from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
 from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
 from leastaction.apps.cli.summary import run_summary, summary_tables
-from leastaction.apps.marionette.tracking import TrackingRun, save_run, track
+from leastaction.apps.marionette.tracking import TrackingRun, TrackingSearch, save_run, save_search, track
 from leastaction.errors import OutputError
 from leastaction.io.motion.motion import Motion
 from leastaction.models.marionette import marionette
 from leastaction.optimal import IterationRecord, IterationTable, Status
+
+SEARCH = "search.npz"  # a run that still seeks its first trajectory
 
 # What a shell expects of a program ended by Ctrl-C.
 INTERRUPTED = 130
@@ -29,7 +31,7 @@ Complain = Callable[[str], object]
 
 
 def run(
-    motion: Motion | TrackingRun,
+    motion: Motion | TrackingRun | TrackingSearch,
     *,
     optimiser: OptimiserOptions,
     output: OutputOptions,
@@ -66,11 +68,14 @@ def run(
     except KeyboardInterrupt:
         if not kept:
             raise
-        complain(
-            f"interrupted; the run as far as it went is in {kept[-1]}. Go on with: leastaction optimize "
-            f"marionette --resume {kept[-1]} --out {folder}, or draw it with: leastaction draw {kept[-1]} "
-            f"--out {folder}"
-        )
+        again = f"leastaction optimize marionette --resume {kept[-1]} --out {folder}"
+        if kept[-1].name == SEARCH:
+            complain(f"interrupted; the search for a first trajectory is in {kept[-1]}. Go on with: {again}")
+        else:
+            complain(
+                f"interrupted; the run as far as it went is in {kept[-1]}. Go on with: {again}, or draw it with: "
+                f"leastaction draw {kept[-1]} --out {folder}"
+            )
         return INTERRUPTED
     except OutputError as error:
         if not kept:
@@ -93,11 +98,15 @@ def run(
 
 
 def _optimise(
-    motion: Motion | TrackingRun, optimiser: OptimiserOptions, folder: Path, console: Console, kept: list[Path]
+    motion: Motion | TrackingRun | TrackingSearch,
+    optimiser: OptimiserOptions,
+    folder: Path,
+    console: Console,
+    kept: list[Path],
 ) -> TrackingRun:
     """Optimise, printing the iterations as they happen and keeping the run now and then."""
-    earlier = motion if isinstance(motion, TrackingRun) else None
-    if isinstance(motion, TrackingRun):
+    earlier = None if isinstance(motion, Motion) else motion
+    if not isinstance(motion, Motion):
         motion = motion.motion
     console.print(
         f"marionette follows {motion.source or 'a motion'}: {motion.t.size - 1} steps of "
@@ -106,11 +115,13 @@ def _optimise(
     )
     table = IterationTable()
 
-    def checkpoint(found: TrackingRun) -> None:
+    def checkpoint(found: TrackingRun | TrackingSearch) -> None:
         try:
             with uninterrupted():
-                remove_report(folder)
-                kept.append(save_run(folder / TRAJECTORY, found))
+                if isinstance(found, TrackingSearch):
+                    kept.append(save_search(folder / SEARCH, found))
+                else:
+                    kept.append(_save(found, folder))
         except OutputError as error:  # the run goes on, and is written elsewhere if it must
             console.print(str(error), markup=False, style="dim")
 
@@ -137,9 +148,7 @@ def _optimise(
 def _keep(found: TrackingRun, folder: Path, complain: Complain) -> Path:
     """Write a run into its folder, or else to where it can be written."""
     try:
-        # Pictures of an earlier run would lie beside a trajectory that is not theirs.
-        remove_report(folder)
-        return save_run(folder / TRAJECTORY, found)
+        return _save(found, folder)
     except OutputError as error:
         for place in (Path.cwd(), Path(tempfile.gettempdir()), Path.home()):
             with contextlib.suppress(OutputError):
@@ -147,3 +156,13 @@ def _keep(found: TrackingRun, folder: Path, complain: Complain) -> Path:
                 complain(f"{error}. The run is in {path}")
                 return path
         raise
+
+
+def _save(found: TrackingRun, folder: Path) -> Path:
+    """Write a run into its folder, in place of the search that led to it."""
+    # Pictures of an earlier run would lie beside a trajectory that is not theirs.
+    remove_report(folder)
+    path = save_run(folder / TRAJECTORY, found)
+    with contextlib.suppress(OSError):
+        (folder / SEARCH).unlink(missing_ok=True)
+    return path

@@ -125,14 +125,14 @@ def save_record(
     return write_archive(path, encoded, {**(arrays or {}), **own})
 
 
-def load_record(path: str | os.PathLike[str], kind: type[T]) -> Record[T]:
+def load_record(path: str | os.PathLike[str], *kinds: type[T]) -> Record[T]:
     """Read a dataclass from a file that `save_record` wrote.
 
     Parameters
     ----------
     path : path
-    kind : type
-        The dataclass.
+    *kinds : type
+        The dataclass, or several of which it may hold any.
 
     Returns
     -------
@@ -152,10 +152,11 @@ def load_record(path: str | os.PathLike[str], kind: type[T]) -> Record[T]:
         if found.format_version != FORMAT_VERSION:
             raise _unknown_format(source, found)
         text = msgspec.json.decode(archive.text, type=_Text)
-        if text.kind != kind.__name__:
-            raise ResultFileError(
-                f"{source} holds a {text.kind}, expected a {kind.__name__}. Give the file of such a run"
-            )
+        known = {kind.__name__: kind for kind in kinds}
+        if text.kind not in known:
+            expected = " or a ".join(known)
+            raise ResultFileError(f"{source} holds a {text.kind}, expected a {expected}. Give the file of such a run")
+        kind = known[text.kind]
         for name, array in archive.arrays.items():
             _put(text.content, name.split("."), array)
         _name_members(kind, text.content)

@@ -3,8 +3,20 @@
 from __future__ import annotations
 
 from leastaction.apps.marionette.tracking.cost import TrackingCost
-from leastaction.apps.marionette.tracking.files import load_run, save_run
-from leastaction.apps.marionette.tracking.run import TrackingRun, track
+from leastaction.apps.marionette.tracking.files import load_run, load_unfinished, save_run, save_search
+from leastaction.apps.marionette.tracking.run import TrackingRun, TrackingSearch, track
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
 
-__all__ = ["FORCED", "GENTLE", "TrackingCost", "TrackingRun", "TrackingWeights", "load_run", "save_run", "track"]
+__all__ = [
+    "FORCED",
+    "GENTLE",
+    "TrackingCost",
+    "TrackingRun",
+    "TrackingSearch",
+    "TrackingWeights",
+    "load_run",
+    "load_unfinished",
+    "save_run",
+    "save_search",
+    "track",
+]

@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from leastaction.apps.marionette.tracking.run import TrackingRun
+from leastaction.apps.marionette.tracking.problem import SEARCH_STAGES
+from leastaction.apps.marionette.tracking.run import TrackingRun, TrackingSearch
 from leastaction.errors import LeastActionError, ResultFileError
+from leastaction.io.motion.motion import Motion
 from leastaction.io.results import check_result, load_record, save_record
-from leastaction.mechanics import MidpointVI
+from leastaction.io.results.record import Provenance
+from leastaction.mechanics import Mechanism, MidpointVI
 from leastaction.models.marionette import marionette
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult
@@ -31,6 +34,18 @@ class MarionetteRun:
     t: Array
     reference: Array
     embedded: bool
+    result: OptimizationResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarionetteSearch:
+    """What a file holds of a `TrackingSearch`; ``body`` are the columns of its motion."""
+
+    source: str
+    numbers: Mapping[str, float]
+    t: Array
+    body: Array
+    stage: int
     result: OptimizationResult
 
 
@@ -54,10 +69,10 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
     OutputError
         The file could not be written; an older file of that name is untouched.
     """
-    standard, trajectory = marionette().parameters, run.trajectory
+    trajectory = run.trajectory
     content = MarionetteRun(
         source=run.source,
-        numbers={k: v for k, v in run.mechanism.parameters.items() if standard.get(k) != v},
+        numbers=_numbers(run.mechanism),
         t=trajectory.t,
         reference=run.reference,
         embedded=run.embedded,
@@ -65,6 +80,22 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
     )
     arrays = {name: getattr(trajectory, name) for name in ("q", "p", "lam")}
     return save_record(path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension})
+
+
+def save_search(path: str | os.PathLike[str], search: TrackingSearch) -> Path:
+    """Write a search for a first trajectory into a file; an existing file is replaced in one step.
+
+    Raises `OutputError` if the file could not be written; an older file of that name is untouched then.
+    """
+    content = MarionetteSearch(
+        source=search.motion.source,
+        numbers=_numbers(search.mechanism),
+        t=search.motion.t,
+        body=search.motion.columns(search.mechanism.dynamic),
+        stage=search.stage,
+        result=search.result,
+    )
+    return save_record(path, content, provenance=search.provenance)
 
 
 def load_run(path: str | os.PathLike[str]) -> TrackingRun:
@@ -75,27 +106,59 @@ def load_run(path: str | os.PathLike[str]) -> TrackingRun:
     path : path
         A file that `save_run` wrote.
 
+    Returns
+    -------
+    TrackingRun
+
     Raises
     ------
     ResultFileError
         The file is missing, damaged, not such a file, of another format, or contradicts itself.
     """
     record = load_record(path, MarionetteRun)
-    saved = record.content
+    return _run_of(path, record.content, record.provenance)
+
+
+def load_unfinished(path: str | os.PathLike[str]) -> TrackingRun | TrackingSearch:
+    """Read what `track` can go on with: a run of the marionette, or a search for its first trajectory.
+
+    Raises `ResultFileError` as `load_run` does.
+    """
+    kinds: tuple[type[MarionetteRun | MarionetteSearch], ...] = (MarionetteRun, MarionetteSearch)
+    record = load_record(path, *kinds)
+    if isinstance(record.content, MarionetteRun):
+        return _run_of(path, record.content, record.provenance)
+    return _search_of(path, record.content, record.provenance)
+
+
+def _numbers(mechanism: Mechanism) -> dict[str, float]:
+    """Return the parameters of a mechanism that are not those of `marionette`."""
+    standard = marionette().parameters
+    return {name: value for name, value in mechanism.parameters.items() if standard.get(name) != value}
+
+
+def _mechanism(numbers: Mapping[str, float]) -> Mechanism:
+    return marionette().with_parameters(numbers) if numbers else marionette()
+
+
+def _check(arrays: Mapping[str, tuple[Array, tuple[int, ...]]]) -> None:
+    for name, (array, shape) in arrays.items():
+        if array.shape != shape or not np.all(np.isfinite(array)):
+            raise ResultFileError(f"{name} has shape {array.shape}, expected {shape} finite numbers")
+
+
+def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Provenance) -> TrackingRun:
     check_result(saved.result, str(path))
     try:
-        mechanism = marionette()
-        if saved.numbers:
-            mechanism = mechanism.with_parameters(saved.numbers)
+        mechanism = _mechanism(saved.numbers)
         system = MidpointSystem(MidpointVI(mechanism), saved.t, multipliers=True)
-        expected = {
-            "reference": (saved.reference, (system.N + 1, mechanism.nq)),
-            "result.x": (saved.result.x, (system.N + 1, system.nx)),
-            "result.u": (saved.result.u, (system.N, system.nu)),
-        }
-        for name, (array, shape) in expected.items():
-            if array.shape != shape or not np.all(np.isfinite(array)):
-                raise ResultFileError(f"{name} has shape {array.shape}, expected {shape} finite numbers")
+        _check(
+            {
+                "reference": (saved.reference, (system.N + 1, mechanism.nq)),
+                "result.x": (saved.result.x, (system.N + 1, system.nx)),
+                "result.u": (saved.result.u, (system.N, system.nu)),
+            }
+        )
         return TrackingRun(
             mechanism=mechanism,
             source=saved.source,
@@ -103,7 +166,38 @@ def load_run(path: str | os.PathLike[str]) -> TrackingRun:
             embedded=saved.embedded,
             trajectory=system.trajectory(saved.result.x, saved.result.u),
             result=saved.result,
-            provenance=record.provenance,
+            provenance=provenance,
         )
     except LeastActionError as error:
-        raise ResultFileError(f"{path} contradicts itself: {error}. Run the optimisation again") from error
+        raise _contradiction(path, error) from error
+
+
+def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance: Provenance) -> TrackingSearch:
+    check_result(saved.result, str(path))
+    try:
+        mechanism = _mechanism(saved.numbers)
+        N, nx = len(saved.t) - 1, mechanism.nx + mechanism.nc
+        # Those with motors have an input for each variable beside those of the strings.
+        inputs = saved.result.u.shape[1]
+        if not 0 <= saved.stage < SEARCH_STAGES or inputs not in (mechanism.nrho, mechanism.nd + mechanism.nrho):
+            raise ResultFileError(f"a search at stage {saved.stage} with {inputs} inputs is none")
+        _check(
+            {
+                "body": (saved.body, (N + 1, mechanism.nd)),
+                "result.x": (saved.result.x, (N + 1, nx)),
+                "result.u": (saved.result.u, (N, inputs)),
+            }
+        )
+        return TrackingSearch(
+            mechanism=mechanism,
+            motion=Motion(mechanism.dynamic, saved.t, saved.body, saved.source),
+            stage=saved.stage,
+            result=saved.result,
+            provenance=provenance,
+        )
+    except LeastActionError as error:
+        raise _contradiction(path, error) from error
+
+
+def _contradiction(path: str | os.PathLike[str], error: LeastActionError) -> ResultFileError:
+    return ResultFileError(f"{path} contradicts itself: {error}. Run the optimisation again")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import JointForce, Mechanism, MidpointVI, SimulationStatus
 from leastaction.models.marionette import STRINGS, UNHELD, hang_strings
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import OptimizationResult, Status, optimize
+from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction.systems import MidpointSystem
 
 ROOT = ("torso_tx", "torso_ty", "torso_tz")
@@ -27,6 +28,8 @@ _GOOD_START_DISTANCE = 0.15  # m, the same for the pelvis
 _EMBEDDING = ((1e-6, 3), (1e-5, 3), (1e-4, 4), (1e-3, 6), (1e-2, 8), (1e-1, 8), (1.0, 8), (10.0, 8))
 # Parts of the final price of tension, and the iterations at that price, on the way there.
 _TENSION_STAGES = ((0.0, 15), (0.001, 15), (0.01, 15), (0.1, 15))
+SEARCH_STAGES = len(_EMBEDDING) + len(_TENSION_STAGES)
+"""Optimisations that a search for a first trajectory takes, one after the other."""
 
 
 class TrackingProblem:
@@ -60,36 +63,55 @@ class TrackingProblem:
         x = np.vstack([self.x_reference[:1], np.hstack([run.x[1:], run.lam])])
         return x, run.u
 
-    def embed(self, say: Callable[[str], object]) -> tuple[Array, Array]:
-        """Return a first trajectory found with motors on all joints that become ever more expensive."""
+    def embed(
+        self,
+        say: Callable[[str], object],
+        *,
+        stage: int = 0,
+        result: OptimizationResult | None = None,
+        keep: Callable[[int, OptimizationResult | IterationRecord], None],
+    ) -> tuple[Array, Array]:
+        """Return a first trajectory found with motors on all joints that become ever more expensive.
+
+        ``say``: told what each stage came to. ``stage``, ``result``: where an earlier search stood, to go on with.
+        ``keep``: told of every iteration with its stage, and of the result where Ctrl-C ends it.
+        """
         m = self.mechanism
         motors = [JointForce(name, f"motor of {name}") for name in m.dynamic]
-        helped = MidpointVI(m.with_elements(motors), threads=self.threads)
-        system = MidpointSystem(helped, self.t, multipliers=True)
+        helped = MidpointSystem(MidpointVI(m.with_elements(motors), threads=self.threads), self.t, multipliers=True)
         x, u = (self.x_reference, np.hstack([np.zeros((len(self.t) - 1, m.nd)), self.reference[1:, m.nd :]]))
-        for price, iterations in _EMBEDDING:
-            result = optimize(
-                system,
-                self.cost(0.0, motor=price),
-                initial=(x, u),
-                method="quasi-newton",
-                max_iterations=iterations,
-                tolerance=1e-2,
-            )
-            x, u = _going_on(result)
-            effort = float(np.max(np.sqrt(np.mean(u[:, : m.nd] ** 2, axis=0))))
-            say(f"motors at price {price:g}: the strongest gives {effort:.2g} N or N m (rms)")
-        u = np.ascontiguousarray(u[:, m.nd :])
-        for part, iterations in _TENSION_STAGES:
-            result = optimize(
-                self.system,
-                self.cost(part * self.weights.tension),
-                initial=(x, u),
-                max_iterations=iterations,
-                tolerance=1e-4,
-            )
-            x, u = _going_on(result)
-            say(f"without motors, tension at {100.0 * part:g} % of its price: cost {result.cost:.4g}")
+        for number in range(stage, SEARCH_STAGES):
+            in_motors = number < len(_EMBEDDING)
+            if in_motors:
+                price, iterations = _EMBEDDING[number]
+                cost = self.cost(0.0, motor=price)
+            else:
+                part, iterations = _TENSION_STAGES[number - len(_EMBEDDING)]
+                cost = self.cost(part * self.weights.tension)
+                u = np.ascontiguousarray(u[:, -m.nrho :])  # those of motors come first
+            if result is None or result.iterations < iterations:
+                done = 0 if result is None else result.iterations
+                result = optimize(
+                    helped if in_motors else self.system,
+                    cost,
+                    initial=(x, u) if result is None else None,
+                    resume=result,
+                    method="quasi-newton" if in_motors else "auto",
+                    max_iterations=iterations - done,
+                    tolerance=1e-2 if in_motors else 1e-4,
+                    callback=partial(keep, number),
+                )
+                if result.status is Status.INTERRUPTED:
+                    # Ctrl-C, which a single optimisation only ends early, ends them all.
+                    keep(number, result)
+                    raise KeyboardInterrupt
+            x, u, result = result.x, result.u, None
+            if in_motors:
+                effort = float(np.max(np.sqrt(np.mean(u[:, : m.nd] ** 2, axis=0))))
+                say(f"motors at price {price:g}: the strongest gives {effort:.2g} N or N m (rms)")
+            else:
+                share = 100.0 * part
+                say(f"without motors, tension at {share:g} % of its price: cost {cost.value(x, u):.4g}")
         return x, u
 
     def cost(self, tension: float, *, motor: float | None = None) -> TrackingCost:
@@ -145,13 +167,6 @@ class TrackingProblem:
         # Statics: gravity is carried by the constraints as well as they can, with the least forces.
         columns = -m.constraint_jacobian(q)[:, : m.nd].T / self.dt
         return np.asarray(np.linalg.lstsq(columns, weight, rcond=1e-6)[0])
-
-
-def _going_on(result: OptimizationResult) -> tuple[Array, Array]:
-    """Return the trajectory of a stage; Ctrl-C, which a single optimisation only ends early, ends them all."""
-    if result.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    return result.x, result.u
 
 
 def _columns(mechanism: Mechanism, motion: Motion) -> Array:

@@ -80,6 +80,29 @@ class TrackingRun:
         return tracking_errors(self.reference[:, :nd], self.trajectory.q[:, :nd], names, lengths=ROOT)
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrackingSearch:
+    """A search for a first trajectory by dynamic embedding, as far as it went; `track` goes on with it.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    motion : Motion
+        To be followed.
+    stage : int
+        Which of the search's optimisations it was at.
+    result : OptimizationResult
+        Of that optimisation, so far.
+    provenance : Provenance
+    """
+
+    mechanism: Mechanism = field(repr=False)
+    motion: Motion
+    stage: int
+    result: OptimizationResult = field(repr=False)
+    provenance: Provenance = field(default_factory=Provenance.now)
+
+
 def track(
     mechanism: Mechanism,
     motion: Motion,
@@ -90,8 +113,8 @@ def track(
     tolerance: float | None = None,
     callback: Callback | None = None,
     progress: Callable[[str], object] | None = None,
-    resume: TrackingRun | None = None,
-    checkpoint: Callable[[TrackingRun], object] | None = None,
+    resume: TrackingRun | TrackingSearch | None = None,
+    checkpoint: Callable[[TrackingRun | TrackingSearch], object] | None = None,
     checkpoint_seconds: float = 10.0,
     threads: int = 0,
 ) -> TrackingRun:
@@ -113,10 +136,11 @@ def track(
         such a motion is far from what the puppet does by itself, and its last digits cost much.
     progress : callable, optional
         Called with a line of text as the search for a first trajectory goes on.
-    resume : TrackingRun, optional
-        Go on with an earlier run of the same motion. The iterates are those of a run that never stopped.
+    resume : TrackingRun or TrackingSearch, optional
+        Go on with an earlier run, or search, of the same motion. The iterates are those of a run that never stopped.
     checkpoint : callable, optional
-        Called with the run as it stands after an iteration, to be kept in case that the program ends.
+        Called with the run as it stands after an iteration, to be kept in case that the program ends; with a
+        `TrackingSearch` while a first trajectory is sought, and where Ctrl-C ends that.
     checkpoint_seconds : float, optional
         Least time between two of these calls (s), and longer where they would take more than a twentieth
         of all time; 0: after every iteration.
@@ -130,14 +154,36 @@ def track(
     ArgumentError
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """
-    began = time.perf_counter()
+    due = time.perf_counter() + checkpoint_seconds
+
+    def kept(now: Callable[[], TrackingRun | TrackingSearch], *, at_once: bool = False) -> None:
+        nonlocal due
+        began = time.perf_counter()
+        if checkpoint is None or (began < due and not at_once):
+            return
+        checkpoint(now())
+        after = time.perf_counter()
+        pause = max(checkpoint_seconds, (after - began) / _CHECKPOINTS_SHARE)
+        due = after + (pause if checkpoint_seconds > 0.0 else 0.0)
+
+    def keep_search(stage: int, found: OptimizationResult | IterationRecord) -> None:
+        ended = isinstance(found, OptimizationResult)
+
+        def now() -> TrackingSearch:
+            result = found if isinstance(found, OptimizationResult) else found.snapshot()
+            return TrackingSearch(mechanism=mechanism, motion=motion, stage=stage, result=result)
+
+        kept(now, at_once=ended)
+
+    earlier = resume.result if isinstance(resume, TrackingRun) else None
     problem = TrackingProblem(mechanism, motion, weights or GENTLE, threads)
     initial = problem.hang() if resume is None else None
-    embedded = initial is None if resume is None else resume.embedded
+    embedded = resume.embedded if isinstance(resume, TrackingRun) else initial is None
     if embedded:
         problem = TrackingProblem(mechanism, motion, weights or FORCED, threads, ahead=SLANT)
-        if resume is None:
-            initial = problem.embed(progress or (lambda _: None))
+        if earlier is None:
+            stage, result = (resume.stage, resume.result) if isinstance(resume, TrackingSearch) else (0, None)
+            initial = problem.embed(progress or (lambda _: None), stage=stage, result=result, keep=keep_search)
 
     def run_of(result: OptimizationResult) -> TrackingRun:
         return TrackingRun(
@@ -149,16 +195,8 @@ def track(
             result=result,
         )
 
-    due = began + checkpoint_seconds
-
     def watch(record: IterationRecord) -> object:
-        nonlocal due
-        now = time.perf_counter()
-        if checkpoint is not None and now >= due:
-            checkpoint(run_of(record.snapshot()))
-            after = time.perf_counter()
-            pause = max(checkpoint_seconds, (after - now) / _CHECKPOINTS_SHARE)
-            due = after + (pause if checkpoint_seconds > 0.0 else 0.0)
+        kept(lambda: run_of(record.snapshot()))
         return callback(record) if callback is not None else None
 
     if tolerance is None:
@@ -167,7 +205,7 @@ def track(
         problem.system,
         problem.cost(problem.weights.tension),
         initial=initial,
-        resume=None if resume is None else resume.result,
+        resume=earlier,
         method=method,
         max_iterations=max_iterations,
         tolerance=tolerance,
