@@ -37,7 +37,7 @@ _ESCAPE = 1e4
 # Of the whole Newton model, which also tells a minimum from a saddle, it takes more.
 _SURELY = 1e6
 
-_MODELS = 12  # that are tried to find a direction of negative curvature
+_MODELS, _ENOUGH = 40, 6  # that are tried at most to find a direction of negative curvature, and once there is one
 _DECREASE, _REACH = 0.1, 0.3  # expected of a step along it, and how far it goes, relative to the sizes of the states
 
 
@@ -278,7 +278,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         low, high = scale, 1.0
         found: tuple[float, float, float, float, PiecewisePolynomial] | None = None
         for tried in range(_MODELS):
-            if found is not None and tried >= _MODELS // 2:
+            if found is not None and tried >= _ENOUGH:
                 break
             trial = 0.5 * (low + high)
             samples = self._newton_samples(model, trial)._replace(q=np.zeros((len(t), nx)), r=-du)
