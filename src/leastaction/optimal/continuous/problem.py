@@ -403,6 +403,9 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         )
         if rollout.trajectory is None:
             return Refusal(f"the roll-out ended at {rollout.failure}", failed=True)
+        if direction.bend < 0.0:
+            # Along it short steps change the cost by less than the noise, which says nothing of where it falls.
+            bound = min(bound, self.value - self.noise)
         # Not "cost > bound": a NaN is refused.
         if not rollout.cost <= bound:
             return Refusal(f"a cost of {rollout.cost:.10g}, where at most {bound:.10g} was wanted", cost=rollout.cost)
