@@ -1,3 +1,4 @@
+// Derivatives of the equations of motion at a point: of first order, and the second order contracted with weights.
 #include <algorithm>
 
 #include "continuous/dynamics.hpp"

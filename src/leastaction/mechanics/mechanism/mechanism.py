@@ -63,21 +63,9 @@ class Mechanism:
 
     Attributes
     ----------
-    frames, dynamic, kinematic, inputs, constraints : tuple of str
-        Names, in the order of the arrays. The world frame is the first of the frames.
-    variables : tuple of str
-        The dynamic, then the kinematic names: the order of q and v.
     nd, nrho, nq, n_inputs, nc, nx : int
         How many dynamic variables, kinematic ones, both, inputs (of forces), scalar constraints, and
         entries of the discrete state ``x = [q; rho; p; v_rho]``.
-    elements : dict of str to Element
-        The elements by name (a copy).
-    tree : Tree
-        The frames and joints that the description came to.
-    balls : tuple of Ball
-        The ball joints, those of free joints too.
-    mass : float
-        Mass of all bodies (kg).
     core : _core.Mechanism
         The compiled mechanism.
 
