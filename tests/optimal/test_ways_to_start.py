@@ -15,6 +15,7 @@ from leastaction import (
     Distance,
     Gravity,
     JointForce,
+    LinearSpring,
     Mechanism,
     MidpointSystem,
     MidpointVI,
@@ -48,7 +49,17 @@ from leastaction.optimal.quantity import Samples
 from optimal.systems import CartPendulum
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.robustness_problems import PROBLEMS, Given, _problem, _rod, arm, cart, double_pendulum, puppet_arm
+from benchmarks.robustness_problems import (
+    _HOOKS,
+    PROBLEMS,
+    Given,
+    _problem,
+    _rod,
+    arm,
+    cart,
+    double_pendulum,
+    puppet_arm,
+)
 
 BY_NAME = {problem.name: problem for problem in PROBLEMS}
 
@@ -650,6 +661,27 @@ def test_motors_start_strings():
     # Without a start that is given, the string is as long as the arm has it.
     x, _ = warm_start(found, motors, system)
     np.testing.assert_allclose(x[0, : strung.nq], start.q, atol=1e-6)
+
+
+def test_springs_start_strings():
+    """A motion on a soft spring, with lengths that a string in its place could not have: they follow."""
+    tree = world()
+    place = tree
+    for k in range(2):
+        place = place.rx(f"joint{k}", bodies=[_rod(0.4, 0.5)]).tz(-0.4, name=f"end{k}")
+    tree.pose(translation=(0.0, *_HOOKS[1]), name="hook1")
+    tree.tx("string1", kinematic=True)
+    spring = LinearSpring("end1", "hook1", stiffness=1.0, length="string1")
+    soft = MidpointSystem(MidpointVI(Mechanism(tree, [Gravity(), spring])), 0.02 * np.arange(41))
+    x0, u = at_rest(soft, {**HANGING, "string1": 0.2})
+    run = soft.rollout(x0, np.tile(x0, (41, 1)), u, np.zeros((40, soft.nu, soft.nx)), 0, 40)
+    assert run.complete
+    m = puppet_arm(2)
+    strung = MidpointSystem(MidpointVI(m), soft.t)
+    x, u = warm_start((run.x, run.u), soft, strung)
+    assert np.abs(m.constraint_values(x[:, : m.nq])).max() < 1e-10
+    assert np.abs(x[:, :2] - run.x[:, :2]).max() < 0.7
+    np.testing.assert_array_equal(u[:, -1], x[1:, 2])
 
 
 def test_names_may_have_changed(short):

@@ -161,8 +161,12 @@ def _onto_constraints(m: Mechanism, q: Array, v: Array, known: npt.NDArray[np.bo
         return
     moves = not known[m.nd :].all()
     held = [name for name, is_known in zip(m.variables, known, strict=True) if is_known]
-    # All that is known is held, where anything else is left to move; if that is not enough, it gives way a little.
-    ways: list[dict[str, Any]] = [{"weights": np.where(known, _KNOWN, _NEW), "move_kinematic": moves}]
+    # All that is known is held, where anything else is left to move; if that is not enough, it gives way a little, and
+    # the kinematic variables too where they are out of reach.
+    weights = np.where(known, _KNOWN, _NEW)
+    ways: list[dict[str, Any]] = [{"weights": weights, "move_kinematic": moves}]
+    if m.nrho and not moves:
+        ways.append({"weights": weights, "move_kinematic": True})
     if not known.all():
         ways.insert(0, {"hold": held, "move_kinematic": moves})
 
