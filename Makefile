@@ -96,10 +96,11 @@ variants: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test
 	  LEASTACTION_CORE=$$variant $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(VARIED) $(ARGS) || exit 1; \
 	done
 
-# An environment of its own beside $(VENV), with the modules that are compiled already.
+# An environment of its own beside $(VENV), with the modules that are compiled already. (Matplotlib 3.8 calls what
+# pyparsing 3.3 deprecates.)
 lowest: $(STAMPS)/compiled
 	@test -x $(LOWEST)/bin/python || $(PYTHON) -m venv $(LOWEST)
-	@$(BIN)/python -c 'import re, tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; x = p["optional-dependencies"]; print("\n".join(re.sub(">=([^,]*).*", r"==\1", r) for r in p["dependencies"] + x["viz"] + x["expressions"] + x["test"]))' > $(LOWEST)/lowest.txt
+	@$(BIN)/python -c 'import re, tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; x = p["optional-dependencies"]; print("\n".join(re.sub(">=([^,]*).*", r"==\1", r) for r in ["pyparsing<3.3"] + p["dependencies"] + x["viz"] + x["expressions"] + x["test"]))' > $(LOWEST)/lowest.txt
 	$(LOWEST)/bin/python -m pip --disable-pip-version-check -qq install -r $(LOWEST)/lowest.txt
 	@echo "$(abspath src)" > $$(echo $(LOWEST)/lib/python*/site-packages)/leastaction.pth
 	@cp -r $(VENV)/lib/python*/site-packages/leastaction-*.dist-info $(LOWEST)/lib/python*/site-packages/
