@@ -25,78 +25,84 @@ constexpr double pivot_tolerance = 1e-14;  // relative to the largest pivot of H
 constexpr double curvature_floor = 1e-3;
 constexpr Index max_regularized_stages = 16;
 
-// M(upper) += scale * X Y for products that are symmetric; X (m, d), Y (d, m).
-template <class Left, class Right>
-void add_upper_product(Eigen::Ref<MatrixXd> M, const Left& X, const Right& Y, double scale) {
-    const Index m = M.rows();
-    for (Index j = 0; j < m; j += panel) {
-        const Index width = std::min(panel, m - j);
-        M.block(0, j, j + width, width).noalias() += scale * X.topRows(j + width) * Y.middleCols(j, width);
+// Calls add(j, width, rows) for panels of columns j, j + 1, ..., of which the first `rows` reach the upper triangle.
+template <class Add>
+void each_panel(Index n, const Add& add) {
+    for (Index j = 0; j < n; j += panel) {
+        const Index width = std::min(panel, n - j);
+        add(j, width, j + width);
     }
 }
 
 void mirror_upper(MatrixXd& M) {
-    constexpr Index tile = 8;
-    const Index n = M.rows();
-    for (Index j0 = 0; j0 < n; j0 += tile) {
-        for (Index i0 = 0; i0 <= j0; i0 += tile) {
-            for (Index i = i0; i < std::min(i0 + tile, n); ++i) {
-                for (Index j = std::max(j0, i + 1); j < std::min(j0 + tile, n); ++j) M(j, i) = M(i, j);
-            }
+    constexpr Index tile = 4;
+    const Index n = M.rows(), whole = n - n % tile;
+    for (Index j = 0; j < whole; j += tile) {
+        for (Index i = 0; i < j; i += tile) {
+            const Eigen::Matrix4d block = M.block<tile, tile>(i, j);
+            M.block<tile, tile>(j, i) = block.transpose();
         }
+    }
+    for (Index j = 0; j < n; ++j) {
+        for (Index i = j < whole ? j - j % tile : 0; i < j; ++i) M(j, i) = M(i, j);
     }
 }
 
 // Which rows of G = [A B] are dense, which have at most two entries, and which columns are used.
 class StageStructure {
 public:
-    struct SparseRow {
-        Index row;
-        Index count;
-        Index column[2];  // position among the used columns
-        double value[2];
-    };
     // Neighbours: indices first, first + 1, ... stand at positions offset, offset + 1, ...
     struct Run {
         Index first;
         Index length;
         Index offset;
     };
+    // Entries of sparse rows that are neighbours along a diagonal: values offset, offset + 1, ... stand at (row, column),
+    // (row + 1, column + 1), ...; columns are counted among the used ones.
+    struct Diagonal {
+        Index row;
+        Index column;
+        Index length;
+        Index offset;
+    };
 
-    StageStructure(Index nx, Index nu) : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(2 * nx) {
-        for (Index i = 0; i < nx; ++i) last_columns_[2 * i + 1] = 1;
-        dense_.reserve(nx);
-        sparse_.reserve(nx);
+    StageStructure(Index nx, Index nu) : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(3 * nx) {
+        values_.resize(2 * nx);
+        for (Index i = 0; i < 3 * nx; ++i) last_columns_[i] = i % 3;
+        for (auto* list : {&dense_, &sparse_}) list->reserve(nx);
         dense_runs_.reserve(nx);
+        diagonals_.reserve(2 * nx);
         runs_.reserve(nx + nu);
     }
 
     const std::vector<Index>& dense() const { return dense_; }
     const std::vector<Run>& dense_runs() const { return dense_runs_; }
-    const std::vector<SparseRow>& sparse() const { return sparse_; }
+    const std::vector<Diagonal>& diagonals() const { return diagonals_; }
+    Eigen::VectorBlock<const VectorXd> values(const Diagonal& of) const {
+        return values_.segment(of.offset, of.length);
+    }
     const std::vector<Run>& runs() const { return runs_; }
     Index columns() const { return columns_; }
     bool trivial() const { return sparse_.empty() && columns_ == nx_ + nu_; }
 
     void everything() {
-        dense_.clear();
-        dense_runs_.clear();
+        clear();
         for (Index i = 0; i < nx_; ++i) add_dense_row(i);
-        sparse_.clear();
-        used_.setOnes();
+        used_.assign(nx_ + nu_, true);
         number_columns();
     }
 
     void scan(const double* A, const double* B) {
-        dense_.clear();
-        dense_runs_.clear();
-        sparse_.clear();
-        used_.setZero();
-        used_.tail(nu_).setOnes();
+        clear();
+        std::fill(used_.begin(), used_.begin() + nx_, false);
+        std::fill(used_.begin() + nx_, used_.end(), true);
         for (Index i = 0; i < nx_; ++i) scan_row(i, A + i * nx_, B + i * nu_);
+        for (Index j = 0; j < nx_; ++j) {
+            for (std::size_t d = 0; !used_[j] && d < dense_.size(); ++d) used_[j] = A[dense_[d] * nx_ + j] != 0.0;
+        }
         number_columns();
-        for (SparseRow& row : sparse_) {
-            for (Index e = 0; e < row.count; ++e) row.column[e] = position_[row.column[e]];
+        for (Index e = 0; e < 2; ++e) {
+            for (const Index i : sparse_) add_entry(i, last_columns_[3 * i + e], A, B);
         }
     }
 
@@ -112,27 +118,32 @@ public:
     }
 
 private:
+    void clear() {
+        dense_.clear();
+        dense_runs_.clear();
+        sparse_.clear();
+        diagonals_.clear();
+        entries_ = 0;
+    }
+
     void scan_row(Index i, const double* a, const double* b) {
+        // The pattern rarely changes from stage to stage: look first where three entries were last time.
+        Index* at = &last_columns_[3 * i];
+        const auto entry = [this, a, b](Index j) { return j < 0 ? 0.0 : j < nx_ ? a[j] : b[j - nx_]; };
+        if (entry(at[0]) != 0.0 && entry(at[1]) != 0.0 && entry(at[2]) != 0.0) return add_dense_row(i);
         const Index count = count_entries(a, nx_) + count_entries(b, nu_);
-        if (count > 2) {
-            add_dense_row(i);
-            used_.head(nx_) += ConstVector(a, nx_).cwiseAbs();
-            return;
+        Index known = 0;
+        while (known < 3 && entry(at[known]) != 0.0) ++known;
+        if (known != count) {
+            Index e = 0;
+            for (Index j = 0; e < std::min(count, Index{3}); ++j) {
+                if (entry(j) != 0.0) at[e++] = j;
+            }
+            while (e < 3) at[e++] = -1;
         }
-        // The pattern rarely changes from stage to stage: look first where the entries were last time.
-        SparseRow row{i, count, {last_columns_[2 * i], last_columns_[2 * i + 1]}, {0.0, 0.0}};
-        const auto entry = [this, a, b](Index j) { return j < nx_ ? a[j] : b[j - nx_]; };
-        bool found = row.column[0] < row.column[1];
-        for (Index e = 0; e < count; ++e) found = found && entry(row.column[e]) != 0.0;
-        for (Index j = 0, e = 0; !found && e < count; ++j) {
-            if (entry(j) != 0.0) row.column[e++] = j;
-        }
-        for (Index e = 0; e < count; ++e) {
-            row.value[e] = entry(row.column[e]);
-            used_[row.column[e]] = 1.0;
-            last_columns_[2 * i + e] = row.column[e];
-        }
-        sparse_.push_back(row);
+        if (count > 2) return add_dense_row(i);
+        sparse_.push_back(i);
+        for (Index e = 0; e < count; ++e) used_[at[e]] = true;
     }
 
     static Index count_entries(const double* row, Index size) {
@@ -149,11 +160,20 @@ private:
         dense_.push_back(i);
     }
 
+    void add_entry(Index i, Index j, const double* A, const double* B) {
+        if (j < 0) return;
+        const Index column = position_[j];
+        const auto follows = [&](const Diagonal& d) { return d.row + d.length == i && d.column + d.length == column; };
+        if (diagonals_.empty() || !follows(diagonals_.back())) diagonals_.push_back({i, column, 0, entries_});
+        ++diagonals_.back().length;
+        values_[entries_++] = j < nx_ ? A[i * nx_ + j] : B[i * nu_ + j - nx_];
+    }
+
     void number_columns() {
         runs_.clear();
         columns_ = 0;
         for (Index j = 0; j < nx_ + nu_; ++j) {
-            if (used_[j] == 0.0) continue;
+            if (!used_[j]) continue;
             if (runs_.empty() || runs_.back().first + runs_.back().length != j) {
                 runs_.push_back({j, 0, columns_});
             }
@@ -163,14 +183,14 @@ private:
     }
 
     Index nx_, nu_;
-    Index columns_ = 0;
-    VectorXd used_;
+    Index columns_ = 0, entries_ = 0;
+    std::vector<char> used_;
     std::vector<Index> position_;
-    std::vector<Index> last_columns_;  // of the at most two entries of each row
-    std::vector<Index> dense_;
-    std::vector<SparseRow> sparse_;
-    std::vector<Run> dense_runs_;
-    std::vector<Run> runs_;
+    std::vector<Index> last_columns_;  // of up to three entries of each row; the others are -1
+    std::vector<Index> dense_, sparse_;
+    std::vector<Run> dense_runs_, runs_;
+    std::vector<Diagonal> diagonals_;
+    VectorXd values_;
 };
 
 // The recursion and its work space; nothing is allocated inside the loop over the stages.
@@ -186,8 +206,8 @@ public:
           structure_(nx_, nu_),
           G_(nx_ * (nx_ + nu_)),
           P_columns_(nx_ * nx_),
-          PG_(nx_ * (nx_ + nu_)),
-          PG_dense_(nx_ * (nx_ + nu_)),
+          GP_(nx_ * (nx_ + nu_)),
+          GP_dense_(nx_ * (nx_ + nu_)),
           GPG_((nx_ + nu_) * (nx_ + nu_)),
           P_(nx_, nx_),
           H_(MatrixXd::Zero(nx_ + nu_, nx_ + nu_)),
@@ -251,7 +271,6 @@ private:
         const double* B = problem_.B + k * nx_ * nu_;
         if (options_.use_structure) structure_.scan(A, B);
         const auto& dense = structure_.dense();
-        const auto& sparse = structure_.sparse();
         const Index m = structure_.columns();
         const Index d = static_cast<Index>(dense.size());
 
@@ -264,41 +283,34 @@ private:
         for (const auto& run : structure_.dense_runs()) {
             P_columns.middleCols(run.offset, run.length) = P_.block(0, run.first, coupled, run.length);
         }
-        Eigen::Map<MatrixXd> PG(PG_.data(), nx_, m);
-        PG.topRows(coupled).noalias() = P_columns * G;
-        PG.bottomRows(nx_ - coupled).setZero();
-        for (const auto& row : sparse) {
-            for (Index e = 0; e < row.count; ++e) {
-                PG.col(row.column[e]) += row.value[e] * P_.col(row.row);
+        Eigen::Map<MatrixXd> GP(GP_.data(), m, nx_);  // G'P
+        GP.leftCols(coupled).noalias() = G.transpose() * P_columns.transpose();
+        GP.rightCols(nx_ - coupled).setZero();
+        for (const auto& of : structure_.diagonals()) {
+            const auto values = structure_.values(of);
+            for (Index i = 0; i < nx_; ++i) {
+                GP.col(i).segment(of.column, of.length) += values.cwiseProduct(P_.col(i).segment(of.row, of.length));
             }
         }
 
         Eigen::Map<MatrixXd> GPG(GPG_.data(), m, m);
-        Eigen::Map<MatrixXd> PG_dense(PG_dense_.data(), d, m);
+        Eigen::Map<MatrixXd> GP_dense(GP_dense_.data(), m, d);
         for (const auto& run : structure_.dense_runs()) {
-            PG_dense.middleRows(run.offset, run.length) = PG.middleRows(run.first, run.length);
+            GP_dense.middleCols(run.offset, run.length) = GP.middleCols(run.first, run.length);
         }
-        // The upper triangle is taken from the transposed products: the two parts alone are not symmetric.
-        GPG.setZero();
-        for (const auto& row : sparse) {
-            for (Index e = 0; e < row.count; ++e) {
-                const Index j = row.column[e];
-                GPG.col(j).head(j + 1) += row.value[e] * PG.row(row.row).head(j + 1).transpose();
+        // The upper triangle of G'P G: that of neither part alone is that of a symmetric matrix.
+        each_panel(m, [&](Index j, Index width, Index rows) {
+            GPG.block(0, j, rows, width).noalias() = GP_dense.topRows(rows) * G.middleCols(j, width);
+        });
+        for (const auto& of : structure_.diagonals()) {
+            const auto values = structure_.values(of);
+            for (Index e = 0; e < of.length; ++e) {
+                const Index j = of.column + e;
+                GPG.col(j).head(j + 1) += values[e] * GP.col(of.row + e).head(j + 1);
             }
         }
-        add_upper_product(GPG, PG_dense.transpose(), G, 1.0);
-
-        load_cost(k);
-        for (const auto& from : structure_.runs()) {
-            for (Index j = 0; j < from.length; ++j) {
-                for (const auto& to : structure_.runs()) {
-                    if (to.first > from.first) break;
-                    const Index length = to.first == from.first ? j + 1 : to.length;
-                    H_.col(from.first + j).segment(to.first, length) +=
-                        GPG.col(from.offset + j).segment(to.offset, length);
-                }
-            }
-        }
+        spread(GPG);
+        add_cost(k);
 
         b_shifted_ = b_;
         if (problem_.c != nullptr) {
@@ -308,10 +320,9 @@ private:
         }
         h_used_.head(m).setZero();
         for (Index i = 0; i < d; ++i) h_used_.head(m) += b_shifted_[dense[i]] * G.row(i).transpose();
-        for (const auto& row : sparse) {
-            for (Index e = 0; e < row.count; ++e) {
-                h_used_[row.column[e]] += row.value[e] * b_shifted_[row.row];
-            }
+        for (const auto& of : structure_.diagonals()) {
+            h_used_.segment(of.column, of.length) +=
+                structure_.values(of).cwiseProduct(b_shifted_.segment(of.row, of.length));
         }
         for (const auto& run : structure_.runs()) {
             h_.segment(run.first, run.length) += h_used_.segment(run.offset, run.length);
@@ -322,22 +333,40 @@ private:
         Index coupled = nx_;
         if (structure_.dense().empty()) return 0;
         const Index last_dense = structure_.dense().back();
-        while (coupled - 1 > last_dense && (P_.col(coupled - 1).head(last_dense + 1).array() == 0.0).all()) {
-            --coupled;
-        }
+        while (coupled - 1 > last_dense && P_.col(coupled - 1).head(last_dense + 1).cwiseAbs().sum() == 0.0) --coupled;
         return coupled;
     }
 
-    // The stage's own cost: upper triangle of H_ and h_.
-    void load_cost(Index k) {
+    // Upper triangle of H_ from that of the used columns.
+    void spread(const Eigen::Map<MatrixXd>& used) {
+        Index next = 0;
+        const auto skip = [&](Index to) {
+            for (; next < to; ++next) H_.col(next).head(next + 1).setZero();
+        };
+        for (const auto& from : structure_.runs()) {
+            skip(from.first);
+            for (Index j = 0; j < from.length; ++j, ++next) {
+                Index row = 0;
+                for (const auto& to : structure_.runs()) {
+                    if (to.first > from.first) break;
+                    const Index length = to.first == from.first ? j + 1 : to.length;
+                    H_.col(next).segment(row, to.first - row).setZero();
+                    H_.col(next).segment(to.first, length) = used.col(from.offset + j).segment(to.offset, length);
+                    row = to.first + length;
+                }
+            }
+        }
+        skip(nx_ + nu_);
+    }
+
+    // The stage's own cost: onto the upper triangle of H_, and h_.
+    void add_cost(Index k) {
         const Index n = nx_ + nu_;
         if (problem_.H != nullptr && use_H_) {
             const double* H = problem_.H + k * n * n;
             for (Index j = 0; j < n; ++j) {
-                H_.col(j).head(j + 1) = problem_.H_scale * ConstVector(H + j * n, j + 1);
+                H_.col(j).head(j + 1) += problem_.H_scale * ConstVector(H + j * n, j + 1);
             }
-        } else {
-            H_.setZero();
         }
         add_block(problem_.Q, k, 0, nx_);
         add_block(problem_.R, k, nx_, nu_);
@@ -421,21 +450,23 @@ private:
         for (Index j = 0; j < nu_; ++j) {
             V.col(j) = H_.col(nx_ + j).head(active);
             V.col(j).noalias() -= V.leftCols(j) * L.row(j).head(j).transpose();
-            V.col(j) /= L(j, j);
+            V.col(j) *= 1.0 / L(j, j);
         }
         auto gains = gains_.topRows(active);
         for (Index j = nu_ - 1; j >= 0; --j) {
             const Index later = nu_ - 1 - j;
             gains.col(j) = V.col(j);
             gains.col(j).noalias() -= gains.rightCols(later) * L.col(j).tail(later);
-            gains.col(j) /= L(j, j);
+            gains.col(j) *= 1.0 / L(j, j);
         }
         gains_.bottomRows(nx_ - active).setZero();
         w_ = h_.tail(nu_);
         factor_.matrixL().solveInPlace(w_);
 
         P_ = H_.topLeftCorner(nx_, nx_);
-        add_upper_product(P_.topLeftCorner(active, active), V, V.transpose(), -1.0);
+        each_panel(active, [&](Index j, Index width, Index rows) {
+            P_.block(0, j, rows, width).noalias() -= V.topRows(rows) * V.middleRows(j, width).transpose();
+        });
         mirror_upper(P_);
         b_ = h_.head(nx_);
         b_.head(active).noalias() -= V * w_;
@@ -471,7 +502,7 @@ private:
     double constant_ = 0.0;
     bool use_H_ = true;
     StageStructure structure_;
-    VectorXd G_, P_columns_, PG_, PG_dense_, GPG_;  // storage, mapped to the size of the stage
+    VectorXd G_, P_columns_, GP_, GP_dense_, GPG_;  // storage, mapped to the size of the stage
     MatrixXd P_, H_, H_uu_, V_, gains_;
     Eigen::LLT<MatrixXd> factor_;
     Eigen::SelfAdjointEigenSolver<MatrixXd> eigenvalues_, spectrum_;
