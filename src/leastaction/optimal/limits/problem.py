@@ -24,6 +24,7 @@ __all__ = ["LimitedProblem"]
 # The barrier's parameter: the first, in the cost by the number of rows; how it falls from one stage to the next.
 _FIRST, _LESS, _POWER = 0.1, 0.1, 1.5
 _FIRST_AGAIN = 1e-4  # where duals are known
+_LAST = 0.1  # of the tolerated change of the cost is the barriers' part in the end
 _LOOSE = 10.0  # times mu: the expected decrease with which a stage but the last is over
 _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
 _MET = 1e-6  # of its scale a limit may be off where the problem cannot be met otherwise
@@ -75,7 +76,7 @@ class LimitedProblem(DiscreteProblem):
         limited = self.limited
         self.size = abs(self.value) if self.value else 1.0
         first = _FIRST * self.size / limited.count
-        self.last = 0.1 * self.tolerance * self.size / limited.count
+        self.last = self._last(self.size)
         self.first_mu = first
         limited.begin(self.x, self.u, first, self.size)
         for rows in limited.rows:
@@ -111,6 +112,8 @@ class LimitedProblem(DiscreteProblem):
     def next_stage(self) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier."""
         limited = self.limited
+        # The cost of the start may be far from that of the end.
+        self.last = min(self.last, self._last(abs(self.shown)))
         dearer = limited.price(self.x, self.u, _DEAREST * self.size)
         if not dearer:
             if limited.mu <= self.last or limited.hopeless():
@@ -120,6 +123,10 @@ class LimitedProblem(DiscreteProblem):
             limited.mu = max(self.last, unit * min(_LESS * part, part**_POWER))
         self._set_out()
         return True
+
+    def _last(self, cost: float) -> float:
+        """Return the parameter of a barrier that matters no more at a cost."""
+        return _LAST * self.tolerance * max(cost, 1e-9 * self.size) / self.limited.count
 
     def _set_out(self) -> None:
         """Begin a stage: another cost, the same dynamics."""

@@ -1,0 +1,191 @@
+"""Optimisation within limits, beside Ipopt on the same discrete problems: ``python -m benchmarks.limits``.
+
+The free optimum of a problem comes first; then its inputs, states or tensions get limits that it does not keep to. Both
+solvers start from where the problem says, know exact second derivatives, and are asked for the same optimum.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import argparse  # noqa: E402
+import sys  # noqa: E402
+import time  # noqa: E402
+from collections.abc import Callable, Sequence  # noqa: E402
+from dataclasses import dataclass  # noqa: E402
+from typing import Any  # noqa: E402
+
+import numpy as np  # noqa: E402
+
+from benchmarks.multiple_shooting import MultipleShooting  # noqa: E402
+from benchmarks.robustness_problems import PROBLEMS, Given  # noqa: E402
+from leastaction.optimal import Bound, Equal, Limit, OptimizationResult, optimize  # noqa: E402
+
+__all__ = ["CASES", "Case", "Comparison", "compare"]
+
+_ROUNDS = 3  # the best of which counts
+
+
+@dataclass(frozen=True)
+class Limited:
+    """A problem with limits, for both solvers.
+
+    Attributes
+    ----------
+    given : Given
+    limits : sequence of Limit
+    lower, upper : tuple of arrays
+        The same as bounds on states, inputs and multipliers, each to be broadcast over time.
+    """
+
+    given: Given
+    limits: Sequence[Limit]
+    lower: tuple[Any, Any, Any]
+    upper: tuple[Any, Any, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem of the robustness set, and what its limits are, given the free optimum."""
+
+    name: str
+    of: str
+    limit: Callable[[Given, OptimizationResult], Limited]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Both ends, and the best times."""
+
+    name: str
+    status: str
+    cost: float
+    iterations: int
+    seconds: float
+    peer_status: str
+    peer_cost: float
+    peer_iterations: int
+    peer_seconds: float
+
+    @property
+    def ratio(self) -> float:
+        """Time of the peer by ours."""
+        return self.peer_seconds / self.seconds
+
+    @property
+    def difference(self) -> float:
+        """Our cost less the peer's, relative to it."""
+        return (self.cost - self.peer_cost) / abs(self.peer_cost)
+
+
+def _push(part: float) -> Callable[[Given, OptimizationResult], Limited]:
+    """Limit all inputs to a part of the most that the free optimum uses of each."""
+
+    def limit(given: Given, free: OptimizationResult) -> Limited:
+        names = given.system.quantity("input").names
+        most = np.full(given.system.nu, np.inf)  # prescribed variables are inputs too, and free
+        most[: len(names)] = part * np.abs(free.u[:, : len(names)]).max(axis=0)
+        limits = [Bound(name, -most[i], most[i], of="input") for i, name in enumerate(names)]
+        return Limited(given, limits, (-np.inf, -most, -np.inf), (np.inf, most, np.inf))
+
+    return limit
+
+
+def _place(part: float, variable: int = 0) -> Callable[[Given, OptimizationResult], Limited]:
+    """Limit a variable to a part of the way that it goes in the free optimum."""
+
+    def limit(given: Given, free: OptimizationResult) -> Limited:
+        name = given.system.quantity("variable").names[variable]
+        x = free.x[:, variable]
+        low, high = part * min(x.min(), -1e-3), part * max(x.max(), 1e-3)
+        lower, upper = np.full(given.system.nx, -np.inf), np.full(given.system.nx, np.inf)
+        lower[variable], upper[variable] = low, high
+        return Limited(
+            given, [Bound(name, low, high, of="variable")], (lower, -np.inf, -np.inf), (upper, np.inf, np.inf)
+        )
+
+    return limit
+
+
+def _end(given: Given, free: OptimizationResult) -> Limited:  # noqa: ARG001
+    """Ask for the wanted configuration at the end exactly, at rest."""
+    system, goal = given.system, given.cost.x_wanted[-1]
+    lower, upper = np.full((system.N + 1, system.nx), -np.inf), np.full((system.N + 1, system.nx), np.inf)
+    lower[-1] = upper[-1] = goal
+    return Limited(given, [Equal("*", goal, of="state")], (lower, -np.inf, -np.inf), (upper, np.inf, np.inf))
+
+
+CASES = (
+    Case("cart, swing-up, push at most 60 %", "cart, swing-up, R 0.01, final 10000, rest", _push(0.6)),
+    Case("cart, swing-up, place at most 50 %", "cart, swing-up, R 0.01, final 10000, rest", _place(0.5)),
+    Case("cart, swing-up, upright and at rest at the end", "cart, swing-up, R 0.01, final 1, rest", _end),
+    Case("cart, tracking, push at most 70 %", "cart, tracking, R 0.01, final 100, noise", _push(0.7)),
+    Case("double cart, balance, push at most 60 %", "double cart, balance, R 0.01, final 100, rest", _push(0.6)),
+    Case("double cart, balance, place at most 80 %", "double cart, balance, R 0.01, final 100, rest", _place(0.8)),
+    Case("acrobot, swing-up, torque at most 70 %", "acrobot, swing-up, R 0.01, final 100, rest 0", _push(0.7)),
+    Case("pendubot, swing-up, torque at most 70 %", "pendubot, swing-up, R 0.01, final 100, rest 0", _push(0.7)),
+    Case("planar arm, reaching, torques at most 50 %", "planar arm, reaching, R 0.01, final 10000, rest", _push(0.5)),
+    Case("spatial arm, reaching, torques at most 60 %", "spatial arm, reaching, R 0.01, final 10000, rest", _push(0.6)),
+    Case("spatial arm, tracking, torques at most 80 %", "spatial arm, tracking, R 0.001, final 10, rest", _push(0.8)),
+    Case("quadrotor, flight, thrusts at most 70 %", "quadrotor, flight, R 0.1, final 100, rest", _push(0.7)),
+    Case("chain of 4, curling, torques at most 80 %", "chain of 4, curling, R 0.01, final 10000, random", _push(0.8)),
+)
+
+
+def compare(case: Case, *, rounds: int = _ROUNDS, compiled: bool = True) -> Comparison:
+    """Solve a case with both."""
+    problem = next(each for each in PROBLEMS if each.name == case.of)
+    given = problem.build()
+    free = optimize(given.system, given.cost, initial=(given.x, given.u))
+    limited = case.limit(given, free)
+    seconds, result = np.inf, free
+    for _ in range(rounds):
+        began = time.process_time()
+        result = optimize(given.system, given.cost, initial=(given.x, given.u), limits=limited.limits)
+        seconds = min(seconds, time.process_time() - began)
+    peer = MultipleShooting(given.system, given.cost, compiled=compiled)
+    peer.bound(limited.lower, limited.upper)
+    solver = peer.ipopt()
+    start = given.x if given.x.ndim == 2 else np.tile(given.x, (given.system.N + 1, 1))
+    found = peer.solve(solver, start, given.u)
+    for _ in range(rounds - 1):
+        again = peer.solve(solver, start, given.u)
+        found = again if again.seconds < found.seconds else found
+    return Comparison(
+        case.name, result.status.name, result.cost, result.iterations, seconds,
+        found.status, found.cost, found.iterations, found.seconds,
+    )  # fmt: skip
+
+
+def _line(row: Comparison) -> str:
+    return (
+        f"{row.name:48s} {row.status:12s} {row.iterations:4d} {1e3 * row.seconds:8.0f} "
+        f"{row.peer_iterations:6d} {1e3 * row.peer_seconds:8.0f} {row.ratio:7.1f} {row.difference:12.1e}"
+        + ("" if row.peer_status == "Solve_Succeeded" else f"  {row.peer_status}")
+    )
+
+
+def main() -> int:
+    """Print a table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.limits", description=__doc__.partition("\n")[0])
+    parser.add_argument("--only", metavar="WORDS", default="", help="problems whose names contain all of these words")
+    parser.add_argument("--rounds", type=int, default=_ROUNDS, help="solutions, the best of which counts")
+    arguments = parser.parse_args()
+    print(
+        f"{'problem':48s} {'ours':12s} {'iter':>4s} {'ms':>8s} {'Ipopt':>6s} {'ms':>8s} {'ratio':>7s} {'difference':>12s}"
+    )
+    rows = []
+    for case in CASES:
+        if all(word in case.name for word in arguments.only.split()):
+            rows.append(compare(case, rounds=arguments.rounds))
+            print(_line(rows[-1]), flush=True)
+    if rows:
+        print(f"median ratio of times: {np.median([row.ratio for row in rows]):.2f}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
