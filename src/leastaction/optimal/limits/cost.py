@@ -17,6 +17,7 @@ __all__ = ["LimitedCost"]
 _DEAR = 10.0  # times its dual is the price of an excess
 _CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
 _BINDING = 0.5  # of the price is the dual of a limit that the price does not enforce
+_DIGITS = 1e4 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 _SETTLED = 2.3  # natural logarithm of the factor by which duals may be off those of the barrier in the end
 
 
@@ -132,6 +133,17 @@ class LimitedCost:
         return any(
             bool((np.max(np.abs(net), axis=0, initial=0.0) > _BINDING * rho).any())
             for net, rho in zip(self.net_duals(), self.rho, strict=True)
+        )
+
+    def least_mu(self) -> float:
+        """Return the parameter below which the room that it leaves would be a matter of rounding."""
+        return max(
+            (
+                _DIGITS * float(np.max(y * (scale + np.abs(rows.bounds)), initial=0.0))
+                for rows, y, scale in zip(self.rows, self.y, self.scale, strict=True)
+                if not rows.equal
+            ),
+            default=0.0,
         )
 
     def settled_duals(self, x: Array, u: Array) -> list[Array]:

@@ -113,7 +113,7 @@ class LimitedProblem(DiscreteProblem):
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier."""
         limited = self.limited
         # The cost of the start may be far from that of the end.
-        self.last = min(self.last, self._last(abs(self.shown)))
+        self.last = max(min(self.last, self._last(abs(self.shown))), limited.least_mu())
         dearer = limited.price(self.x, self.u, _DEAREST * self.size)
         if not dearer:
             if limited.mu <= self.last or limited.hopeless():
