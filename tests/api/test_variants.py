@@ -21,12 +21,13 @@ rng = np.random.default_rng(7)
 n = 9
 builder = _core.MechanismBuilder(n, 0, 0)
 joints = []
+parents = [-1, 0, 1, 1, 0, 4, -1, 6, 6]  # in depth-first preorder
 for i in range(n):
     pose = np.eye(4)
     pose[:3, 3] = rng.normal(size=3)
     twist = np.zeros(6)
     twist[3 + i % 3] = 1.0
-    joints.append(builder.add_joint(joints[i // 2 - 1] if i > 1 else -1, pose, twist, i))
+    joints.append(builder.add_joint(parents[i], pose, twist, i))
     builder.add_body(joints[i], 1.0 + i, rng.normal(size=3), np.diag([1.0, 1.5, 2.0]))
 builder.set_gravity(np.array([0.0, 0.0, -9.81]))
 ends = [builder.add_point(joints[i], rng.normal(size=3)) for i in (7, 8)]
