@@ -31,7 +31,7 @@ from leastaction.optimal import OptimizationResult, optimize  # noqa: E402
 
 __all__ = ["Comparison", "compare"]
 
-_PATIENCE = {"max_iter": 1000, "max_cpu_time": 60.0}  # Ipopt's
+_PATIENCE = {"max_iter": 1000, "max_cpu_time": 12.0}  # Ipopt's: some starts send it far away
 _SAME = 1e-6  # relative difference of costs of the same optimum
 _SHORT = 0.5  # seconds; what takes less is repeated
 
