@@ -348,11 +348,12 @@ class March:
             start, t, raw = float(solver.t_old), float(solver.t), solver.y + shift
             if not np.isfinite(raw).all():
                 raise IntegrationFailed(self._why("the state is not finite"))
-            if self._cause is not None:
+            cause = self._why("")
+            if cause:
                 # Older versions of LSODA step on to where the equations have no value.
                 with np.errstate(all="ignore"):
                     if not np.isfinite(rate(t, solver.y)).all():
-                        raise IntegrationFailed(self._cause)
+                        raise IntegrationFailed(cause)
             y = raw if self._hold is None else self._held(t, raw)
             change = None if y is raw or np.array_equal(y, raw) else y - raw
             self.steps += 1
