@@ -17,10 +17,9 @@ from leastaction.errors import ArgumentError
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.problem import ContinuousProblem
-from leastaction.optimal.continuous.result import ContinuousOptimizationResult
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.time_functions import TimeFunctionLike
-from leastaction.optimal.continuous.trajectory import DenseTrajectory
+from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.system import DiscreteSystem

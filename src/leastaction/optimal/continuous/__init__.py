@@ -17,10 +17,9 @@ from leastaction.optimal.continuous.linear_quadratic import (
     steady_state_regulator,
 )
 from leastaction.optimal.continuous.projection import ContinuousProjection, ContinuousRollout
-from leastaction.optimal.continuous.result import ContinuousOptimizationResult
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.continuous.trajectory import DenseTrajectory
+from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 
 __all__ = [
     "Accuracy", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",

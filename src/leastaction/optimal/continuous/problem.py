@@ -10,16 +10,19 @@ import numpy as np
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, require_finite
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
-from leastaction.optimal.continuous.adjoint import continuous_adjoint
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.model import SampledSystem, TangentModel, sample_model, with_identities
 from leastaction.optimal.continuous.projection import Follower, roll_out
-from leastaction.optimal.continuous.result import ContinuousOptimizationResult
-from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, Samples, solve_samples
+from leastaction.optimal.continuous.riccati import (
+    ContinuousLinearQuadraticSolution,
+    Samples,
+    continuous_adjoint,
+    solve_samples,
+)
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.time_functions import TimeFunctionLike, as_horizon
-from leastaction.optimal.continuous.trajectory import DenseTrajectory
+from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.loop import Direction, Problem, both
 from leastaction.optimal.result import OptimizationResult, Settings
