@@ -171,7 +171,7 @@ def _velocity_by(
     ``Dh v = 0`` at the start, whose configuration changes by dq; the velocities of held variables stay.
     """
     dv = np.zeros_like(dq)
-    if not m.nc or not np.any(v):
+    if not names or not m.nc or not np.any(v):
         return dv
     C = m.constraint_jacobian(q).reshape(m.nc, m.nq)
     bends = np.stack([m.core.constraint_hessian(q, row) for row in np.eye(m.nc)])
