@@ -19,6 +19,7 @@ from leastaction.errors import ArgumentError, LeastActionError, OutputError, Res
 from leastaction.io.results import load_record, load_result, save_record, save_result
 from leastaction.io.results.record import FORMAT_VERSION
 from leastaction.numerics.files import atomic_write, prepare_output_folder, write_text
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import (
     FunctionSystem,
     OptimizationResult,
@@ -70,6 +71,28 @@ def test_a_result_comes_back_as_it_was(result: OptimizationResult, tmp_path: Pat
     record = load_record(tmp_path / "a.npz", OptimizationResult)
     assert {"leastaction", "numpy", "scipy", "python"} <= record.provenance.versions.keys()
     assert record.provenance.created.startswith("20")
+
+
+def test_the_coarsest_step_comes_back(result: OptimizationResult, tmp_path: Path) -> None:
+    for worst in (StepQuality(0.5, 1.25, 0.1, "crank"), StepQuality(0.5, np.nan, 0.0)):
+        known = dataclasses.replace(result, worst_step=worst)
+        back = load_result(save_result(tmp_path / "a.npz", known)).worst_step
+        assert repr(back) == repr(worst)
+
+
+def test_a_file_of_before_the_coarsest_step_was_known(result: OptimizationResult, tmp_path: Path) -> None:
+    path = save_result(tmp_path / "a.npz", result)
+
+    def older(text: dict[str, Any], arrays: dict[str, Any]) -> None:
+        for name in ("worst_s", "worst_t"):
+            del text["content"]["history"][name], arrays[f"history.{name}"]
+        del text["content"]["worst_step"]
+
+    rewrite(path, older)
+    back = load_result(path)
+    assert back.worst_step is None
+    assert np.isnan(back.history.worst_s).all()
+    assert len(back.history.worst_t) == ITERATIONS
 
 
 def test_an_optimisation_goes_on_from_its_file(tmp_path: Path) -> None:

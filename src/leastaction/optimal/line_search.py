@@ -71,6 +71,8 @@ class Step(Generic[Iterate]):
 class LineSearch:
     """Backtracking until ``g(xi + s dxi) <= h(xi) + alpha (s Dg . dxi + s^2 bend / 2)``.
 
+    It ends where the step is so short that what is expected of it drowns in the cost's noise.
+
     ``alpha``: fraction of the expected decrease that is asked for. ``beta``: largest factor from one trial to the next.
     The parabola through what is known may say less.
     """
@@ -104,7 +106,7 @@ class LineSearch:
             if isinstance(outcome, Trial):
                 return Step(outcome, length, trial + 1, refusal)
             refusal = outcome
-            if outcome.hopeless:
+            if outcome.hopeless or -expected <= noise:
                 break
             length *= self._factor(outcome.cost - value, length * slope)
         return Step(None, 0.0, trial + 1, refusal)

@@ -18,6 +18,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.line_search import LineSearch, Refusal, Step, Trial, rounding_of
 from leastaction.optimal.result import (
     HistoryBuilder,
@@ -55,6 +56,17 @@ _LONGER = 4.0
 # A quadratic tail is foretold to be over where this part of what is small enough is left, from a step whose model was
 # right to the second part of the decrease.
 _FORETOLD, _RIGHT = 0.01, 0.05
+
+# Whether a negative second derivative is right is looked at where it changes the cost by so many times its noise; it is
+# wrong if there is less of it than this part.
+_ABOVE_NOISE, _SOME = 1e7, 0.1
+
+# A cost that does not fall any more is at its minimum if no more than this part of it is expected to be gained; if
+# more is, so many steps are made to gain it.
+_STALLED_CLOSE, _STALLED_STEPS = 1e-7, 5
+
+
+_STUCK = (Status.STALLED, Status.LINE_SEARCH_FAILED, Status.SADDLE)
 
 
 class Clock:
@@ -137,6 +149,8 @@ class Problem(ABC, Generic[M, D, I]):
     """Whether Newton's undamped model can be trusted to tell a minimum from a saddle."""
     note: str = ""
     """What is to be said of where it starts."""
+    worst_step: StepQuality | None = None
+    """The coarsest step along the current iterate; None where that is not known."""
     largest_shift: float = 1e9
     """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
     patience: int = 1
@@ -291,8 +305,7 @@ class Loop(Generic[M, D, I]):
                 expected = -direction.slope
                 if self.history.iterations >= self.limit:
                     return _Outcome(Status.ITERATION_LIMIT, expected=expected)
-                step = self._search(direction)
-                self.searched += step.rollouts
+                step = self._search(direction) if direction.bend == 0.0 else self._search_down(direction)
                 if step.trial is not None:
                     return self._accept(direction, step, step.trial, "; ".join(notes))
                 refusal = step.refusal
@@ -300,7 +313,7 @@ class Loop(Generic[M, D, I]):
                 notes.append(f"{direction.method}: no step was short enough, {refusal.reason}")
                 self._note_failure(direction.method)
                 if direction.bend < 0.0:
-                    return self._not_down(expected, refusal)
+                    return _Outcome(Status.SADDLE, f"The search along it ended: {refusal.reason}.", expected)
                 if refusal.hopeless and direction.shift > 0.0:
                     break
         except _Found as found:
@@ -390,33 +403,60 @@ class Loop(Generic[M, D, I]):
         problem = self.problem
         expected = -direction.slope
         status = Status.STALLED if self.stalled else Status.CONVERGED
-        converged = _Found(_Outcome(status, expected=expected))
         self.schedule = replace(self.schedule, shift=0.0)
-        if not problem.tells_saddles or (direction.curvature_scale == 1.0 > direction.shift):
-            raise converged
-        model = problem.minimise_model("newton", 1.0)
+        if not problem.tells_saddles:
+            raise _Found(_Outcome(status, expected=expected))
         goes_on = self.settings.method in ("auto", "newton")
+        if direction.curvature_scale == 1.0 > direction.shift:
+            return self._unless_close(direction, status)
+        model = problem.minimise_model("newton", 1.0)
         if model.definite:
             newton = problem.direction("newton", model, 1.0)
-            if -newton.slope <= self._goal() or self.stalled or not goes_on:
-                raise converged
-            return newton
+            if not goes_on:
+                raise _Found(_Outcome(status, expected=expected))
+            return self._unless_close(newton, status)
         scale = 0.0 if direction.shift > 0.0 else direction.curvature_scale
         down = problem.negative_curvature(scale) if goes_on else None
         if down is None:
             raise _Found(_Outcome(Status.SADDLE, model.message, expected))
         return down
 
-    def _not_down(self, expected: float, refusal: Refusal) -> _Outcome:
-        """Return how it ends where the cost does not fall along a direction of negative curvature."""
-        if refusal.failed:
-            return _Outcome(Status.SADDLE, f"The search along it ended: {refusal.reason}.", expected)
-        return _Outcome(
-            Status.CONVERGED,
-            "The second derivative of the system has it fall along a direction in which it rises: hold it to "
-            "check_derivatives.",
-            expected,
-        )
+    def _unless_close(self, newton: D, status: Status) -> D:
+        """Return the direction of Newton's undamped model, unless it leads hardly any further down: then it ends."""
+        problem, expected = self.problem, -newton.slope
+        enough = max(self._goal(), problem.noise)
+        if self.stalled:
+            enough = max(enough, _STALLED_CLOSE * abs(problem.value))
+        if expected <= enough:
+            raise _Found(_Outcome(status, expected=expected))
+        if self.still >= problem.patience + _STALLED_STEPS:
+            detail = "The cost has not fallen for several steps."
+            raise _Found(_Outcome(Status.LINE_SEARCH_FAILED, detail, expected))
+        return newton
+
+    def _search_down(self, direction: D) -> Step[I]:
+        """Search along negative curvature; if need be, with steps so short that the second derivative holds.
+
+        Raises `_Found` if the cost is seen not to bend downwards there: then the given second derivative is wrong,
+        and there is nothing that speaks against a minimum.
+        """
+        problem = self.problem
+        length = min(1.0, float(np.sqrt(_ABOVE_NOISE * problem.noise / -direction.bend)))
+        costs = []
+        with problem.clock("rollout"):
+            for side in (length, -length):
+                trial = problem.simulate(direction, side, np.inf)
+                self.searched += 1
+                if isinstance(trial, Trial):
+                    costs.append(trial.cost)
+        if len(costs) == 2 and sum(costs) - 2.0 * problem.value > _SOME * length**2 * direction.bend:
+            detail = (
+                "The second derivative of the system has it fall along a direction in which it rises: hold it to "
+                "check_derivatives."
+            )
+            raise _Found(_Outcome(Status.CONVERGED, detail, -direction.slope))
+        step = self._search(direction)
+        return step if step.trial is not None else self._search(direction, first=length)
 
     def _foretold(self, expected: float, agreement: float) -> _Outcome | None:
         """Return that it has converged where the next step can be foretold to be too short to matter.
@@ -431,7 +471,9 @@ class Loop(Generic[M, D, I]):
 
     # ---- Steps ----------------------------------------------------------------------------------
 
-    def _search(self, direction: D) -> Step[I]:
+    def _search(self, direction: D, first: float | None = None) -> Step[I]:
+        if first is None:
+            first = min(1.0, _LONGER * self.schedule.length)
         backtracks = self.settings.max_backtracks
         name = direction.method
         if name != "steepest" and self.settings.method in ("auto", "newton"):
@@ -440,15 +482,17 @@ class Loop(Generic[M, D, I]):
             backtracks = min(backtracks, most)
         problem = self.problem
         with problem.clock("rollout"):
-            return self.line_search(
+            step = self.line_search(
                 lambda length, bound: problem.simulate(direction, length, bound),
                 value=problem.value,
                 noise=problem.noise,
                 slope=direction.slope,
                 bend=direction.bend,
                 max_backtracks=backtracks,
-                first=min(1.0, _LONGER * self.schedule.length),
+                first=first,
             )
+        self.searched += step.rollouts
+        return step
 
     def _accept(self, direction: D, step: Step[I], trial: Trial[I], note: str) -> _Outcome | None:
         problem = self.problem
@@ -496,6 +540,7 @@ class Loop(Generic[M, D, I]):
             cost=problem.shown,
             decrease=decrease,
             note=note,
+            worst_step=problem.worst_step,
             seconds=problem.clock.seconds,
             x=x,
             u=u,
@@ -512,6 +557,14 @@ class Loop(Generic[M, D, I]):
         # The run goes on in the memory of these.
         return replace(result, K=result.K.copy(), projection_gain=result.projection_gain.copy())
 
+    def _message(self, outcome: _Outcome) -> str:
+        """Return how it ended in words; of an end that is no proper one, with the instant at which time is coarsest."""
+        parts = [outcome.status.value, outcome.detail]
+        worst = self.problem.worst_step
+        if worst is not None and outcome.status in _STUCK:
+            parts.append(f"Along the last iterate {worst}.")
+        return " ".join(part for part in parts if part)
+
     def _finish(self, outcome: _Outcome) -> OptimizationResult:
         # The last feedback may still have to be computed: its time belongs to the total.
         clock = self.problem.clock
@@ -519,7 +572,7 @@ class Loop(Generic[M, D, I]):
         result = self.problem.result(
             {
                 "status": outcome.status,
-                "message": f"{outcome.status.value} {outcome.detail}".strip(),
+                "message": self._message(outcome),
                 "cost": self.problem.shown,
                 "expected_decrease": outcome.expected,
                 "history": self.history.build(),
@@ -527,6 +580,7 @@ class Loop(Generic[M, D, I]):
                 "rollouts": self.problem.rollouts + self.searched,
                 "settings": self.settings,
                 "schedule": self.schedule,
+                "worst_step": self.problem.worst_step,
             }
         )
         timings["total"] = clock.seconds

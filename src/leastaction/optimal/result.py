@@ -11,6 +11,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
 
 __all__ = [
@@ -113,6 +114,8 @@ class IterationRecord:
     cut_at : int
         The step of time at which the last trial that was refused ended; -1 if none was, or if its cost was known
         only at the end.
+    worst_step : StepQuality or None
+        The coarsest step of time along the iterate; None where the system does not know.
     """
 
     iteration: int
@@ -130,6 +133,17 @@ class IterationRecord:
     decrease: float = np.nan
     shift: float = 0.0
     cut_at: int = -1
+    worst_step: StepQuality | None = None
+
+    @property
+    def worst_s(self) -> float:
+        """Determinant ratio of the coarsest step of time (see `StepQuality`); NaN where it is not known."""
+        return np.nan if self.worst_step is None else self.worst_step.s
+
+    @property
+    def worst_t(self) -> float:
+        """When the coarsest step of time begins (s); NaN where it is not known."""
+        return np.nan if self.worst_step is None else self.worst_step.t
 
 
 @dataclass(frozen=True)
@@ -146,6 +160,9 @@ class OptimizationHistory:
         As in `IterationRecord`.
     method : tuple of str (iterations,)
         As in `IterationRecord`.
+    worst_s, worst_t : ndarray (iterations,)
+        Of the coarsest step of time along the iterate after the iteration: its determinant ratio, and when it begins
+        (s). NaN where the system does not know.
     """
 
     cost: Array
@@ -158,6 +175,14 @@ class OptimizationHistory:
     cut_at: np.ndarray[tuple[int], np.dtype[np.int64]]
     method: tuple[str, ...]
     seconds: Array
+    worst_s: Array = field(default_factory=lambda: np.empty(0))
+    worst_t: Array = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        # Files of before these were known.
+        for name in ("worst_s", "worst_t"):
+            if len(getattr(self, name)) == 0 < len(self.method):
+                object.__setattr__(self, name, np.full(len(self.method), np.nan))
 
 
 @dataclass(frozen=True)
@@ -317,6 +342,8 @@ class OptimizationResult:
         State of the automatic choice of method. Resuming needs it too.
     limits : LimitReport or None
         Duals and room of the limits; None of an optimisation without.
+    worst_step : StepQuality or None
+        The coarsest step of time along the trajectory; None where the system does not know.
     """
 
     status: Status
@@ -333,6 +360,7 @@ class OptimizationResult:
     projection_gain: Array
     schedule: NewtonSchedule
     limits: LimitReport | None = field(default=None, kw_only=True)
+    worst_step: StepQuality | None = field(default=None, kw_only=True)
 
     __getstate__, __setstate__ = saved_state, restore_state
 
@@ -347,8 +375,11 @@ class OptimizationResult:
         return self.status in (Status.CONVERGED, Status.STALLED)
 
     def __str__(self) -> str:
-        return (
-            f"{self.status.name}: {self.message}\n"
+        lines = [
+            f"{self.status.name}: {self.message}",
             f"cost {self.cost:.10g} after {self.iterations} iterations, "
-            f"{self.timings['total']:.3g} s; expected decrease {self.expected_decrease:.2e}"
-        )
+            f"{self.timings['total']:.3g} s; expected decrease {self.expected_decrease:.2e}",
+        ]
+        if self.worst_step is not None:
+            lines.append(str(self.worst_step))
+        return "\n".join(lines)

@@ -19,6 +19,8 @@ _COLUMNS = (
     ("step", 6),
     ("roll-outs", 9),
     ("cut at", 6),
+    ("worst s", 7),
+    ("at t", 7),
     ("curvature", 9),
     ("shift", 6),
     ("seconds", 8),
@@ -29,7 +31,9 @@ class IterationTable:
     """Prints the iterations as they happen; give it to `optimize` as the callback, one for each run.
 
     A full step of a perfect model decreases the cost by half of what is expected. Where a step had to be cut, the step
-    of time at which the longer one ended stands under "cut at". One table is for one run: threads do not share it.
+    of time at which the longer one ended stands under "cut at". The coarsest step of time along the iterate stands
+    under "worst s", near 1 where it is sound, with the time at which it begins (s) beside it.
+    One table is for one run: threads do not share it.
 
     Parameters
     ----------
@@ -70,6 +74,8 @@ class IterationTable:
             f"{record.step_length:.2g}" if started else "",
             str(record.rollouts) if started else "",
             str(record.cut_at) if record.cut_at >= 0 else "",
+            "" if record.worst_step is None else f"{record.worst_s:.3g}",
+            "" if record.worst_step is None else f"{record.worst_t:.4g}",
             f"{record.curvature_scale:.2g}" if record.curvature_scale else "",
             f"{record.shift:.0e}" if record.shift else "",
             f"{record.seconds:.2f}",

@@ -118,7 +118,8 @@ class MidpointSystem(DiscreteSystem):
                 if worst.variable:
                     failure += f", {worst.variable!r} moves at {worst.angle:.3g} rad a step"
         x = self._states(out.x[: done + 1], out.lam[:done], x0)
-        return Rollout(x, out.u[:done], done, failure, worst)
+        at = None if worst is None else start + out.worst.k
+        return Rollout(x, out.u[:done], done, failure, worst, at)
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         """Return the derivatives along a trajectory; see `DiscreteSystem`."""

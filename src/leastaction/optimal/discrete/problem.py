@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.step_quality import StepQuality, coarsest
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.discrete.descent import escape, minimise_model, shifted
 from leastaction.optimal.discrete.linear_quadratic import (
@@ -37,11 +38,17 @@ _DEAR = 10.0
 _SHORT, _NEAR, _FAR = 0.1, 0.02, 0.2
 
 
+# A trial is refused where the determinant ratio s of its coarsest step is above the first, unless it is so along the
+# current iterate; the second is how much further a step may go there.
+_COARSE, _COARSER = 3.0, 1.5
+
+
 class Iterate(NamedTuple):
-    """States (N+1, nx) and inputs (N, nu) of a trajectory."""
+    """States (N+1, nx) and inputs (N, nu) of a trajectory, and its coarsest step."""
 
     x: Array
     u: Array
+    worst_step: StepQuality | None = None
 
 
 @dataclass(frozen=True)
@@ -148,7 +155,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
         follow(regulator)
         if found and float(np.abs(found[0][1].x - x).max()) <= 1e-8 * (1.0 + float(np.abs(x).max())):
-            self.gain = found[0][2]
+            self.gain, self.worst_step = found[0][2], found[0][1].worst_step
             return
         self.forget()
         follow(lambda: np.zeros((N, nu, nx)))
@@ -164,6 +171,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             raise ArgumentError(f"initial: {failure.removeprefix('initial: ')}")
         _, projected, self.gain = min(found, key=lambda each: each[0])
         self.x, self.u = read_only(projected.x), read_only(projected.u)
+        self.worst_step = projected.worst_step
 
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
@@ -172,6 +180,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.u = read_only(as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)"))
         self.gain = as_array(result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)")
         self.value = self.cost.value(self.x, self.u)
+        self.worst_step = result.worst_step
 
     def _project(self, xbar: Array, ubar: Array, gain: Array) -> Rollout:
         with self.clock("rollout"):
@@ -297,14 +306,19 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         states, inputs = read_only(x), read_only(u)
         x[0] = xbar[0]
         stage_values = np.empty(system.N)
+        worst: StepQuality | None = None
         for start in range(0, system.N, self.chunk):
             stop = min(start + self.chunk, system.N)
             part = system.rollout(x[start], xbar, ubar, direction.gain, start, stop)
             done = start + part.steps_done
+            worst = coarsest([worst, part.worst_step])
             x[start + 1 : done + 1] = part.x[1:]
             if not part.complete:
                 refusal = Refusal(f"the roll-out failed: {part.failure}", done, failed=True)
                 return self._look_for_jump(direction, length, x[: done + 1], refusal)
+            if self._is_too_coarse(part.worst_step):
+                assert part.worst_at is not None
+                return Refusal(f"{system.when(part.worst_at)} would be too coarse, {part.worst_step}", part.worst_at)
             u[start:stop] = part.u
             with np.errstate(over="ignore", invalid="ignore"):
                 stage_values[start:stop] = cost.stage_values(states[start:stop], inputs[start:stop], start)
@@ -324,7 +338,18 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if not total <= bound:
             reason = f"a cost of {total:.10g}, where at most {bound:.10g} was wanted"
             return self._look_for_jump(direction, length, x, Refusal(reason, cost=total))
-        return Trial(Iterate(x, u), total)
+        return Trial(Iterate(x, u, worst), total)
+
+    def _is_too_coarse(self, worst: StepQuality | None) -> bool:
+        """Return whether a trial comes too close to where a step has no solution any more.
+
+        What the discrete cost gains there is none of the motion's, and from such a trajectory hardly any
+        direction can be followed.
+        """
+        if worst is None:
+            return False
+        now = 1.0 if self.worst_step is None else self.worst_step.s
+        return worst.s > max(_COARSE, _COARSER * now)
 
     def _look_for_jump(self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal) -> Refusal:
         """Return the refusal of a trial, the better explained if one step of time leapt to another solution.
@@ -354,7 +379,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
         """Make a trial the current iterate."""
-        self.x, self.u = map(read_only, trial.iterate)
+        x, u, self.worst_step = trial.iterate
+        self.x, self.u = read_only(x), read_only(u)
         self.value, self.gain = trial.cost, direction.gain
         if direction.gain is self.free.K:
             self.free, self.held = self.held, self.free

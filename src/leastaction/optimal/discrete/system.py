@@ -38,6 +38,8 @@ class Rollout:
         Why the roll-out ended early; None if it did not.
     worst_step : StepQuality or None
         The coarsest step, which may be the one that failed; None where the system does not know.
+    worst_at : int or None
+        Which step of the horizon that is.
     """
 
     x: Array
@@ -45,6 +47,7 @@ class Rollout:
     steps_done: int
     failure: str | None = None
     worst_step: StepQuality | None = None
+    worst_at: int | None = None
 
     @property
     def complete(self) -> bool:
