@@ -37,7 +37,6 @@ _DEAR = 10.0
 # one instant to the next.
 _SHORT, _NEAR, _FAR = 0.1, 0.02, 0.2
 
-
 # A trial is refused where the determinant ratio s of its coarsest step is above the first, unless it is so along the
 # current iterate; the second is how much further a step may go there.
 _COARSE, _COARSER = 3.0, 1.5

@@ -178,7 +178,7 @@ class LimitedProblem(DiscreteProblem):
         outcome = super().simulate(direction, length, np.inf)
         if isinstance(outcome, Refusal):
             return outcome
-        x, u = outcome.iterate
+        x, u, _ = outcome.iterate
         total = outcome.cost + self.limited.barriers(x, u)
         if not total <= bound:
             reason = f"a cost with barriers of {total:.10g}, where at most {bound:.10g} was wanted"
@@ -191,7 +191,7 @@ class LimitedProblem(DiscreteProblem):
         if dx is None or du is None:
             A, B = self._linearize()
             dx, du = sweep_forward(A, B, direction)
-        self.limited.step_duals(self.x, self.u, dx, du, *trial.iterate)
+        self.limited.step_duals(self.x, self.u, dx, du, trial.iterate.x, trial.iterate.u)
         super().accept(direction, trial)
 
     # ---- What is told ---------------------------------------------------------------------------
