@@ -445,11 +445,10 @@ class Loop(Generic[M, D, I]):
         costs = []
         with problem.clock("rollout"):
             for side in (length, -length):
-                trial = problem.simulate(direction, side, np.inf)
+                costs.append(problem.simulate(direction, side, np.inf).cost)
                 self.searched += 1
-                if isinstance(trial, Trial):
-                    costs.append(trial.cost)
-        if len(costs) == 2 and sum(costs) - 2.0 * problem.value > _SOME * length**2 * direction.bend:
+        # A roll-out that failed has a cost of NaN, and says nothing.
+        if sum(costs) - 2.0 * problem.value > _SOME * length**2 * direction.bend:
             detail = (
                 "The second derivative of the system has it fall along a direction in which it rises: hold it to "
                 "check_derivatives."
