@@ -18,6 +18,7 @@ import pytest
 from leastaction import viz
 from leastaction.errors import ArgumentError, OutputError
 from leastaction.models.four_bars import at_angle, four_bars
+from leastaction.optimal import LimitReport, LimitState
 from leastaction.viz import Bone, Cord, Scene
 
 N = 60
@@ -261,3 +262,24 @@ def test_a_picture_that_cannot_be_written(scene: Scene, tmp_path: Path) -> None:
         viz.write_animation(scene, tmp_path / "absent" / "a.html")
     with pytest.raises(OutputError, match="cannot write"):
         viz.save_png(viz.plot_convergence([1.0], []), tmp_path / "absent" / "a.png")
+
+
+def test_limits_show_where_they_are_active():
+    k = np.arange(5)
+    room, dual = np.array([[2.0], [1.0], [0.0], [0.0], [1.0]]), np.array([[0.0], [0.0], [3.0], [2.0], [0.0]])
+    side = LimitState("Bound('push')", ("push <= 5",), False, k, room, dual, np.ones(1), dual > 0.0)
+    end = LimitState(
+        "Equal('x')", ("x = 0",), True, k[-1:], np.zeros((1, 1)), np.ones((1, 1)), np.ones(1), np.ones((1, 1), bool)
+    )
+    figure = viz.plot_limits(np.arange(5.0), LimitReport((side, end), 1e-9, 0.0))
+    push, worth = figure.axes  # what holds at one instant makes no curve
+    np.testing.assert_array_equal(push.lines[0].get_ydata(), room[:, 0])
+    np.testing.assert_array_equal(worth.lines[0].get_ydata(), dual[:, 0])
+    (shade,) = push.patches
+    assert (shade.get_x(), shade.get_x() + shade.get_width()) == (1.5, 3.5)
+    assert push.get_title(loc="right") == "active 40 % of the time"
+    broken = LimitState("Bound('push')", ("push <= 5",), False, k, room - 1.0, dual, np.ones(1), dual > 0.0)
+    figure = viz.plot_limits(np.arange(5.0), LimitReport((broken,), 1e-9, 1.0))
+    assert figure.axes[0].get_title(loc="right") == "not met"
+    with pytest.raises(ArgumentError, match="0 limits"):
+        viz.plot_limits(np.arange(5.0), LimitReport((), 1e-9, 0.0))

@@ -12,6 +12,7 @@ from __future__ import annotations
 from leastaction.viz.animation import animation_page, write_animation
 from leastaction.viz.convergence import plot_convergence
 from leastaction.viz.figures import save_png
+from leastaction.viz.limits import plot_limits
 from leastaction.viz.scene import Bone, Cord, Scene, mechanism_scene
 from leastaction.viz.snapshots import plot_snapshots
 from leastaction.viz.strings import plot_strings
@@ -19,5 +20,5 @@ from leastaction.viz.tracking import TrackingErrors, plot_tracking, tracking_err
 
 __all__ = [
     "Bone", "Cord", "Scene", "TrackingErrors", "animation_page", "mechanism_scene", "plot_convergence",
-    "plot_snapshots", "plot_strings", "plot_tracking", "save_png", "tracking_errors", "write_animation",
+    "plot_limits", "plot_snapshots", "plot_strings", "plot_tracking", "save_png", "tracking_errors", "write_animation",
 ]  # fmt: skip

@@ -67,7 +67,7 @@ def plot_strings(
         slack = pull < 0.0
         for where, colour, alpha in ((~slack, BLUE, 0.15), (slack, VERMILION, 0.55)):
             left.fill_between(middles, 0.0, pull, where, color=colour, alpha=alpha, linewidth=0.0, interpolate=True)
-        for begin, end in _spans(middles, slack):
+        for begin, end in spans(middles, slack):
             left.axvspan(begin, end, color=VERMILION, alpha=0.13, linewidth=0.0)
         left.plot(middles, pull, color=BLUE, linewidth=1.2)
         left.plot(middles, np.where(slack, pull, np.nan), color=VERMILION, linewidth=1.6)
@@ -99,7 +99,7 @@ def plot_strings(
     return figure
 
 
-def _spans(times: Array, mask: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
+def spans(times: Array, mask: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
     """Return the intervals in which the mask holds, half a step wider so that one step shows."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     half = 0.5 * float(times[1] - times[0]) if times.size > 1 else 0.0

@@ -1,0 +1,78 @@
+"""The room that limits leave, where they hold a motion back, and what more room would be worth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from leastaction.errors import ArgumentError
+from leastaction.optimal import LimitReport
+from leastaction.viz.figures import BLUE, INK, ORANGE, VERMILION, Margins, at_least, heading, panel_grid, styled
+from leastaction.viz.strings import spans
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SPAN_DUAL: Final = 0.01  # so that the noise of limits that are never active does not fill their panels
+
+
+@styled
+def plot_limits(t: npt.ArrayLike, report: LimitReport, *, title: str = "Limits") -> Figure:
+    """Draw room and dual of each side of each limit over time.
+
+    Parameters
+    ----------
+    t
+        Times of the system's instants, (N+1,), s.
+    report
+        `OptimizationResult.limits`.
+    title
+        Heading.
+
+    Returns
+    -------
+    Figure
+        One row per side that holds at several instants: the room on the left, shaded where the limit is active and red where it is not met; the dual
+        on the right.
+
+    Raises
+    ------
+    ArgumentError
+        There are no limits, or the times are not those of the system.
+    """
+    times = np.asarray(t, dtype=float)
+    # A single instant makes no curve; what it came to is in the report's text.
+    sides = [side for side in report.sides if len(side.k) > 1]
+    rows = [(side, j) for side in sides for j in range(len(side.labels))]
+    if not rows or max(int(side.k.max()) for side, _ in rows) >= times.size:
+        raise ArgumentError(
+            f"plot_limits: got {len(rows)} limits over time and {times.size} times, expected the report of an "
+            "optimisation with limits at several instants, and the times of all its instants"
+        )
+    margins = Margins(across=0.85, down=0.36)
+    figure, panels = panel_grid(len(rows), 2, panel=(4.6, 1.0), margins=margins, width_ratios=(1.6, 1.0))
+    for (side, j), (left, right) in zip(rows, panels, strict=True):
+        when, room, dual, active = times[side.k], side.value[:, j], side.dual[:, j], side.active[:, j]
+        for begin, end in spans(when, active) if not side.equation else []:
+            left.axvspan(begin, end, color=ORANGE, alpha=0.25, linewidth=0.0)
+        left.plot(when, room, color=BLUE, linewidth=1.2)
+        unmet = room < -1e-6 * max(1.0, float(np.abs(room).max()))
+        left.plot(when, np.where(unmet, room, np.nan), color=VERMILION, linewidth=1.8)
+        left.axhline(0.0, color=INK, linewidth=0.7)
+        left.set_title(side.labels[j], fontweight="bold")
+        share = 100.0 * float(np.mean(active))
+        state = "equation" if side.equation else f"active {share:.0f} % of the time" if share else "never active"
+        left.set_title("not met" if unmet.any() else state, loc="right", color=VERMILION if unmet.any() else INK)
+        right.plot(when, dual, color=ORANGE, linewidth=1.4)
+        at_least(right, _SPAN_DUAL)
+        right.set_title(f"largest {np.abs(dual).max():.3g}", loc="right")
+        for axes, label in ((left, "off" if side.equation else "room"), (right, "dual")):
+            axes.set_ylabel(label)
+            axes.set_xlim(times[0], times[-1])
+            axes.yaxis.get_major_locator().set_params(nbins=4)
+    for axes in panels[-1]:
+        axes.set_xlabel("time (s)")
+    heading(figure, title)
+    return figure
