@@ -44,6 +44,7 @@ def optimize(
     initial: tuple[ArrayLike, ArrayLike] | OptimizationResult | None = ...,
     resume: OptimizationResult | None = ...,
     limits: Sequence[Limit] = ...,
+    free_start: bool | Sequence[str] = ...,
     method: Method = ...,
     regulator: Regulator = ...,
     max_iterations: int = ...,
@@ -86,6 +87,7 @@ def optimize(
     horizon: tuple[float, float] | None = None,
     resume: OptimizationResult | None = None,
     limits: Sequence[Limit] = (),
+    free_start: bool | Sequence[str] = False,
     method: Method = "auto",
     regulator: Regulator = "descent",
     max_iterations: int = 500,
@@ -98,7 +100,7 @@ def optimize(
     accuracy: Accuracy | None = None,
     callback: Callback | None = None,
 ) -> OptimizationResult:
-    """Minimise a cost over the trajectories of a system; the initial state stays as it is.
+    """Minimise a cost over the trajectories of a system; the initial state stays as it is, if nothing else is asked.
 
     Parameters
     ----------
@@ -120,6 +122,10 @@ def optimize(
     limits : sequence of Limit, optional
         What the motion of a discrete system has to keep to, as `Bound`, `Equal`, `Within` say. The start need not keep
         to them. See `leastaction.optimal.limits`.
+    free_start : bool or sequence of str, optional
+        Whether the initial state of a discrete system is found too, or which entries of it, by their names (see
+        ``system.quantity("state")``) with wildcards. It stays on the constraints of a mechanism. The cost has to
+        weigh what is free; at the start itself limits hold as well then.
     method : {"auto", "steepest", "quasi-newton", "newton"}
         The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it foretells the cost
         well, and goes to Newton otherwise. A Newton model without a minimum is damped; a method whose direction cannot
@@ -192,17 +198,21 @@ def optimize(
                 )
         stages = cast(Cost, cost)
         stages.check_shapes(system.N, system.nx, system.nu)
-        problem = DiscreteProblem(system, stages, settings)
-        rows = [row for limit in _checked(limits) for row in limit.rows(system, 1)]
+        free = _checked_start(free_start, system)
+        rows = [row for limit in _checked(limits) for row in limit.rows(system, 1 if free is False else 0)]
         if rows:
-            problem = LimitedProblem(system, stages, rows, settings)
-        elif isinstance(initial, OptimizationResult):
-            initial = initial.x, initial.u
+            problem = LimitedProblem(system, stages, rows, settings, free)
+        else:
+            problem = DiscreteProblem(system, stages, settings, free)
+            if isinstance(initial, OptimizationResult):
+                initial = initial.x, initial.u
     else:
         if limits:
             raise ArgumentError(
                 "limits: got some for a continuous system, expected none: limits are for discrete systems"
             )
+        if free_start is not False:
+            raise ArgumentError(f"free_start: got {free_start!r} for a continuous system, expected False")
         problem = ContinuousProblem(system, cast(ContinuousCost, cost), settings, accuracy or Accuracy(), horizon)
     if resume is not None:
         problem.resume(resume)
@@ -210,6 +220,14 @@ def optimize(
         problem.start(initial)
     loop: Loop[Any, Any, Any] = Loop(problem, settings, callback, resume)
     return loop.run()
+
+
+def _checked_start(free: bool | Sequence[str], system: DiscreteSystem) -> bool | tuple[str, ...]:
+    if isinstance(free, bool):
+        return free
+    names = (free,) if isinstance(free, str) else tuple(free)
+    system.free_entries(names)
+    return names
 
 
 def _checked(limits: Sequence[Limit]) -> list[Limit]:

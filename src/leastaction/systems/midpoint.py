@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from leastaction._core import StepStatus
 from leastaction.errors import ArgumentError
+from leastaction.mechanics.configuration.assembly import project_configuration
 from leastaction.mechanics.discrete.linearization import StepDerivatives
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.quality import quality_of
@@ -63,6 +66,43 @@ class MidpointSystem(DiscreteSystem):
     def time(self, k: int) -> float:
         """Return the time of instant k (s)."""
         return float(self.t[k])
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+        """Return the directions (nx, n) in which an initial state may move; see `DiscreteSystem`.
+
+        Those of the configuration are tangent to the constraints, and so are those of the momenta. The multipliers of
+        an initial state mean nothing and stay. Left out, `free` is all variables, momenta, and rates of kinematic ones.
+        """
+        m = self.integrator.mechanism
+        chosen = list(range(m.nx)) if free is None else [i for i in self.free_entries(free) if i < m.nx]
+        variables = [i for i in chosen if i < m.nq]
+        momenta = [i for i in chosen if m.nq <= i < m.nq + m.nd]
+        blocks = [np.eye(self.nx)[:, [i for i in chosen if i >= m.nq + m.nd]]]
+        whole = np.zeros((self.nx, len(variables)))
+        whole[variables, np.arange(len(variables))] = 1.0
+        q = np.ascontiguousarray(x[: m.nq])
+        Dh = m.constraint_jacobian(q) if m.nc else np.zeros((0, m.nq))
+        blocks.append(whole @ _null_space(Dh[:, variables]))
+        # A momentum that constraints take up at once moves nothing: M times the velocities that they allow is left.
+        moving = np.zeros((self.nx, m.nd))
+        moving[m.nq : m.nq + m.nd] = np.eye(m.nd)
+        if m.nc:
+            moving = moving @ m.mass_matrix(q)[: m.nd, : m.nd] @ _null_space(Dh[:, : m.nd])
+            held = [i for i in range(m.nq, m.nq + m.nd) if i not in momenta]
+            moving = moving @ _null_space(moving[held])
+        else:
+            moving = moving[:, [i - m.nq for i in momenta]]
+        return np.hstack([*blocks, moving])
+
+    def moved_start(self, x: Array, dx: Array) -> Array:
+        """Return an initial state moved along its directions, with its configuration back on the constraints."""
+        m = self.integrator.mechanism
+        moved = x + dx
+        if m.nc:
+            q = np.ascontiguousarray(moved[: m.nq])
+            still = [name for name, change in zip(m.variables, dx[: m.nq], strict=True) if change == 0.0]
+            moved[: m.nq] = project_configuration(m, q, hold=still, move_kinematic=True).q
+        return moved
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -162,3 +202,12 @@ class MidpointSystem(DiscreteSystem):
         full[0, nx:] = x0[nx:]
         full[1:, nx:] = lam
         return full
+
+
+def _null_space(matrix: Array) -> Array:
+    """Return an orthonormal basis (n, n - rank) of what a matrix (m, n) takes to zero."""
+    if not matrix.shape[0] or not matrix.shape[1]:
+        return np.eye(matrix.shape[1])
+    _, sizes, Vt = np.linalg.svd(matrix)
+    rank = int(np.sum(sizes > 1e-10 * max(1.0, float(sizes.max(initial=0.0)))))
+    return np.ascontiguousarray(Vt[rank:].T)

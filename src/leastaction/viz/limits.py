@@ -34,8 +34,8 @@ def plot_limits(t: npt.ArrayLike, report: LimitReport, *, title: str = "Limits")
     Returns
     -------
     Figure
-        One row per side that holds at several instants: the room on the left, shaded where the limit is active and red where it is not met; the dual
-        on the right.
+        One row per side that holds at several instants: the room on the left, shaded where the limit is active and red
+        where it is not met; the dual on the right.
 
     Raises
     ------

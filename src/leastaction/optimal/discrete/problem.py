@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,13 +59,14 @@ class DiscreteDirection(Direction):
     feedforward C. With other gains it is, and `dx`, `du` are given.
 
     ``gain`` (N, nu, nx): gains of the projection. ``C`` (N, nu): feedforward of the model's solution. ``dx``, ``du``:
-    the direction, if the projection has gains of its own.
+    the direction, if the projection has gains of its own. ``dx0`` (nx,): that of the initial state, if it is free.
     """
 
     gain: Array = field(kw_only=True)
     C: Array = field(kw_only=True)
     dx: Array | None = None
     du: Array | None = None
+    dx0: Array | None = None
 
     @property
     def K(self) -> Array:
@@ -82,9 +83,12 @@ class DiscreteDirection(Direction):
 class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterate]):
     """The current trajectory of a discrete system, and what was computed along it."""
 
-    def __init__(self, system: DiscreteSystem, cost: Cost, settings: Settings) -> None:
+    def __init__(
+        self, system: DiscreteSystem, cost: Cost, settings: Settings, free_start: bool | Sequence[str] = False
+    ) -> None:
         super().__init__()
         self.system = system
+        self.free_start = free_start
         self.cost = cost
         self.has_curvature = self.tells_saddles = system.has_curvature
         self.chunk = settings.chunk
@@ -199,8 +203,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         """Return the solution of a method's model."""
         self._own_gain()
         if method == "quasi-newton" and shift == 0.0 and self.quasi_newton is not None:
-            return self.quasi_newton
-        return self._solve(method, self.free, scale, shift)
+            return self._with_start(self.quasi_newton)
+        return self._with_start(self._solve(method, self.free, scale, shift))
 
     def direction(
         self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
@@ -208,13 +212,38 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         """Return the direction of a model that has a minimum."""
         own_gain = self._own_gain()
         dx = du = None
+        dx0 = self._start_step(model)
         if own_gain is not None:
             A, B = self._linearize()
-            dx, du = sweep_forward(A, B, model)
+            dx, du = sweep_forward(A, B, model, dx0)
         self.feedback = model.K if own_gain is None else own_gain
-        # With dx_0 = 0 the model's minimum is half of its linear part.
-        slope = 2.0 * model.constant
-        return DiscreteDirection(method, slope, scale, shift, gain=self.feedback, C=model.C, dx=dx, du=du)
+        # The model's minimum is half of its linear part: that of the inputs for dx_0 = 0, and that of dx_0.
+        slope = 2.0 * model.constant + (0.0 if dx0 is None else float(model.b[0] @ dx0))
+        return DiscreteDirection(method, slope, scale, shift, gain=self.feedback, C=model.C, dx=dx, du=du, dx0=dx0)
+
+    def _directions_of_start(self) -> Array:
+        """Return the directions (nx, n) in which the initial state may move."""
+        free = None if isinstance(self.free_start, bool) else self.free_start
+        return self.system.start_directions(self.x[0], free)
+
+    def _start_step(self, model: LinearQuadraticSolution) -> Array | None:
+        """Return the change of the initial state at the model's minimum (dissertation 6.3.2.1); None if it is fixed."""
+        if self.free_start is False:
+            return None
+        Z = self._directions_of_start()
+        return np.asarray(-Z @ np.linalg.solve(Z.T @ model.P0 @ Z, Z.T @ model.b[0]))
+
+    def _with_start(self, model: LinearQuadraticSolution) -> LinearQuadraticSolution:
+        """Return the model, without a minimum if it has none over the initial state."""
+        if self.free_start is False or not model.definite:
+            return model
+        Z = self._directions_of_start()
+        bend = Z.T @ model.P0 @ Z
+        least = float(np.linalg.eigvalsh(bend)[0]) if len(bend) else 1.0
+        if least > 1e-12 * float(np.abs(bend).max(initial=0.0)):
+            return model
+        message = f"P is not positive definite over the free initial state (smallest eigenvalue {least:.3g})."
+        return replace(model, definite=False, stage=0, message=message)
 
     def negative_curvature(self, scale: float) -> DiscreteDirection | None:
         """Return a direction of negative curvature, where the undamped Newton model has one."""
@@ -304,6 +333,11 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         # What a cost is given cannot be written to.
         states, inputs = read_only(x), read_only(u)
         x[0] = xbar[0]
+        if direction.dx0 is not None:
+            try:
+                x[0] = system.moved_start(self.x[0], length * direction.dx0)
+            except LeastActionError as error:
+                return Refusal(f"the initial state cannot move so far: {error}", 0, failed=True)
         stage_values = np.empty(system.N)
         worst: StepQuality | None = None
         for start in range(0, system.N, self.chunk):
@@ -360,7 +394,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         dx = direction.dx
         if dx is None:
             A, B = self._linearize()
-            dx = sweep_forward(A, B, direction)[0]
+            dx = sweep_forward(A, B, direction, direction.dx0)[0]
         size = 1.0 + np.abs(self.x).max(axis=0)
         n = len(x)
         expected = np.maximum.accumulate((np.abs(length * dx[:n]) / size).max(axis=1))

@@ -7,13 +7,15 @@ them; a system with a faster way (compiled, parallel over time) overrides those.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, StepError
+from leastaction.errors import ArgumentError, StepError, closest
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.quantity import Entries, Later, Quantity
@@ -118,6 +120,37 @@ class DiscreteSystem(System):
     def window(self, start: int, stop: int) -> DiscreteSystem:
         """Return the steps ``start .. stop-1`` as a system of their own; one with a faster way overrides it."""
         return WindowSystem(self, start, stop)
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:  # noqa: ARG002 - overridden
+        """Return the directions (nx, n) in which an initial state x (nx,) may move.
+
+        ``free``: names of the entries of the state that are free, with wildcards; all if None. A system with
+        constraints gives a basis of their tangent space.
+        """
+        if free is None:
+            return np.eye(self.nx)
+        return np.eye(self.nx)[:, self.free_entries(free)]
+
+    def free_entries(self, free: Sequence[str]) -> list[int]:
+        """Return the places of the entries of the state with these names.
+
+        Raises
+        ------
+        ArgumentError
+            A name that no entry has.
+        """
+        names = self.quantity("state").names
+        places = []
+        for pattern in free:
+            found = [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
+            if not found:
+                raise ArgumentError(f"free_start: {closest(pattern, names, what='entries of the state')}")
+            places += [i for i in found if i not in places]
+        return sorted(places)
+
+    def moved_start(self, x: Array, dx: Array) -> Array:
+        """Return an initial state moved by dx along its directions, brought back to where it may be."""
+        return x + dx
 
     def time(self, k: int) -> float:
         """Return the time of instant k; its index, of a system that knows no time."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -45,8 +46,15 @@ class LimitedProblem(DiscreteProblem):
     settings : Settings
     """
 
-    def __init__(self, system: DiscreteSystem, cost: Cost, rows: list[Rows], settings: Settings) -> None:
-        super().__init__(system, cost, settings)
+    def __init__(
+        self,
+        system: DiscreteSystem,
+        cost: Cost,
+        rows: list[Rows],
+        settings: Settings,
+        free_start: bool | Sequence[str] = False,
+    ) -> None:
+        super().__init__(system, cost, settings, free_start)
         self.limited = LimitedCost(cost, rows)
         self.tolerance = settings.tolerance
         self.size = np.nan
@@ -190,7 +198,7 @@ class LimitedProblem(DiscreteProblem):
         dx, du = direction.dx, direction.du
         if dx is None or du is None:
             A, B = self._linearize()
-            dx, du = sweep_forward(A, B, direction)
+            dx, du = sweep_forward(A, B, direction, direction.dx0)
         self.limited.step_duals(self.x, self.u, dx, du, trial.iterate.x, trial.iterate.u)
         super().accept(direction, trial)
 
@@ -205,10 +213,12 @@ class LimitedProblem(DiscreteProblem):
         limited = self.limited
         if limited.mu <= self.last:
             try:
-                model = self._solve("newton" if self.has_curvature else "quasi-newton", self.spare, 1.0)
+                method = "newton" if self.has_curvature else "quasi-newton"
+                model = self._with_start(self._solve(method, self.spare, 1.0))
                 if model.definite:
                     A, B = self._linearize()
-                    limited.step_duals(self.x, self.u, *sweep_forward(A, B, model), self.x, self.u)
+                    dx0 = self._start_step(model)
+                    limited.step_duals(self.x, self.u, *sweep_forward(A, B, model, dx0), self.x, self.u)
             except LeastActionError:
                 pass  # The duals of the last step will do.
         return limited.settled_duals(self.x, self.u)
