@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
-from leastaction.mechanics import MidpointVI
+from leastaction.mechanics import Distance, Gravity, Mechanism, MidpointVI, PathLength, tx, ty, tz
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import (
     Bound,
@@ -255,6 +255,12 @@ def test_wrong_regions_are_named(wrong) -> None:
 # ---- Derivatives of quantities -----------------------------------------------------------------------
 
 
+def scattered(J, H, columns, size):
+    """Return derivatives in some columns as derivatives in all."""
+    to = np.eye(size)[columns]
+    return J @ to, None if H is None else to.T @ H @ to
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_the_derivatives_of_rows(name: str, cart: MidpointSystem, rng: np.random.Generator) -> None:
     """First derivatives against differences of values, second ones against differences of first ones."""
@@ -270,10 +276,61 @@ def test_the_derivatives_of_rows(name: str, cart: MidpointSystem, rng: np.random
             return Samples(k, *parts[:3])
 
         J, H = quantity.jacobian(at(z)), quantity.curvature(at(z), y)
+        columns = quantity.columns(4, 1)
+        if columns is not None:
+            J, H = scattered(J, H, columns, z.shape[1])
         h = 1e-6
         for i in range(z.shape[1]):
             e = h * np.eye(z.shape[1])[i]
             difference = (quantity.values(at(z + e)) - quantity.values(at(z - e))) / (2.0 * h)
             np.testing.assert_allclose(J[:, :, i], difference, atol=2e-8)
-            bend = np.einsum("kmi,km->ki", quantity.jacobian(at(z + e)) - quantity.jacobian(at(z - e)), y) / (2.0 * h)
+            slopes = [np.einsum("kmi,km->ki", quantity.jacobian(at(z + s * e)), y) for s in (1.0, -1.0)]
+            bend = (slopes[0] - slopes[1]) / (2.0 * h)
+            if columns is not None:
+                bend = scattered(bend[:, None, :], None, columns, z.shape[1])[0][:, 0]
             np.testing.assert_allclose(0.0 if H is None else H[:, i], bend, atol=3e-8)
+
+
+def test_the_derivatives_of_tensions_and_accelerations(rng: np.random.Generator) -> None:
+    """Against differences, of strings with lengths that vary and that do not, over steps of different lengths."""
+    m = Mechanism(
+        [tx("a"), [tz(-1.0, name="A", mass=1.0)], ty("b"), [tz(-1.0, name="B", mass=1.0)]],
+        [Gravity(), Distance("A", "world", "L", name="long"), Distance("B", "world", 1.3, name="short"),
+         PathLength(["A", "B", "world"], "L", name="path")],
+    )  # fmt: skip
+    system = MidpointSystem(MidpointVI(m, threads=1), [0.0, 0.1, 0.3, 0.35], multipliers=True)
+    n = [system.nx, system.nu, system.nx]
+    z, y = rng.normal(size=(3, sum(n))), rng.normal(size=(3, 3))
+
+    def at(z: np.ndarray) -> Samples:
+        return Samples(np.arange(3) + quantity.of_state, *np.split(z, np.cumsum(n)[:-1], axis=1))
+
+    for kind in ("tension", "acceleration", "rate"):
+        quantity = system.quantity(kind)
+        weights = y[:, : len(quantity.names)] if len(quantity.names) <= 3 else rng.normal(size=(3, len(quantity.names)))
+        columns = quantity.columns(system.nx, system.nu)
+        J, H = scattered(quantity.jacobian(at(z)), quantity.curvature(at(z), weights), columns, sum(n))
+        h = 1e-6
+        for i in range(sum(n)):
+            e = h * np.eye(sum(n))[i]
+            difference = (quantity.values(at(z + e)) - quantity.values(at(z - e))) / (2.0 * h)
+            np.testing.assert_allclose(J[:, :, i], difference, atol=1e-6)
+            ends = [scattered(quantity.jacobian(at(z + s * e)), None, columns, sum(n))[0] for s in (1.0, -1.0)]
+            bend = np.einsum("kmi,km->ki", ends[0] - ends[1], weights) / (2.0 * h)
+            np.testing.assert_allclose(0.0 if H is None else H[:, i], bend, atol=1e-6)
+
+
+def test_what_is_limited_is_the_tension_that_a_trajectory_tells() -> None:
+    m = Mechanism(
+        [tx("a"), [tz("c"), [tz(0.0, name="A", mass=1.0)]], tx("d"), [tz("e"), [tz(0.0, name="B", mass=1.0)]]],
+        [Gravity(), Distance("A", "world", "L", name="long"), Distance("B", "world", 1.3, name="short")],
+    )
+    vi = MidpointVI(m, threads=1)
+    system = MidpointSystem(vi, [0.0, 0.01, 0.03, 0.035], multipliers=True)
+    q = m.configuration({"a": 0.0, "c": -1.2, "d": 0.0, "e": -1.3, "L": 1.2})
+    run = vi.simulate(vi.start(q), system.t, rho=[[1.2], [1.201], [1.203], [1.202]])
+    x = np.hstack([run.x, np.vstack([np.zeros(2), run.lam])])
+    quantity = system.quantity("tension")
+    told = np.stack([run.tensions()[name] for name in quantity.names], axis=1)
+    assert (np.abs(told) > 1.0).all()
+    np.testing.assert_allclose(quantity.values(Samples(np.arange(1, 4), x[1:], run.u, x[1:])), told, rtol=1e-11)

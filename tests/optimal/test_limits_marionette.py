@@ -29,7 +29,7 @@ def test_strings_only_pull_for_a_few_more_iterations() -> None:
     cost = QuadraticCost(np.hstack([given.cost.x_wanted, none]), given.cost.u_wanted, Q=Q, R=given.cost.R)
     free = optimize(system, cost, initial=(np.hstack([given.x, none]), given.u))
     assert free.status is Status.CONVERGED
-    tension = np.stack([t for t in system.trajectory(free.x, free.u).tensions().values()], axis=1)
+    tension = np.stack(list(system.trajectory(free.x, free.u).tensions().values()), axis=1)
     mean = tension.mean(axis=0)
     assert (tension < 0.0).any(), "the free optimum pushes: else the test says nothing"
     for part, most in ((0.02, 18), (0.3, 28)):
@@ -37,6 +37,6 @@ def test_strings_only_pull_for_a_few_more_iterations() -> None:
         result = optimize(system, cost, initial=free, limits=limits)
         assert result.status is Status.CONVERGED, result.message
         assert result.iterations <= most
-        pull = np.stack([t for t in system.trajectory(result.x, result.u).tensions().values()], axis=1)
+        pull = np.stack(list(system.trajectory(result.x, result.u).tensions().values()), axis=1)
         assert (pull > (1.0 - 1e-9) * part * mean - 1e-9).all()
         assert free.cost < result.cost < 1.01 * free.cost

@@ -48,8 +48,18 @@ class Quantity(ABC):
     """Before the names in messages and figures, such as "rate of"."""
     of_state: bool = False
     looks_ahead: bool = False
+    first: int = 0
+    """The first instant at which a quantity of the state means something."""
     says_all: bool = False
     """Whether the names say all of a bound at zero."""
+
+    def columns(self, nx: int, nu: int) -> Instants | None:  # noqa: ARG002 - overridden
+        """Return the places in ``(x, u, x_next)`` on which it depends at all, in which its derivatives are given.
+
+        None: all of x, and all of u and of x_next as far as it is asked with them. A place may come twice in a
+        quantity that looks ahead.
+        """
+        return None
 
     @abstractmethod
     def values(self, at: Samples) -> Array:
@@ -99,19 +109,19 @@ class Entries(Quantity):
         unit: str = "",
     ) -> None:
         self.names, self.of_state, self.kind, self.unit = tuple(names), of_state, kind, unit
-        self.columns: Instants = np.array(columns, dtype=np.intp)
-        self.columns.setflags(write=False)
-        self.factors = read_only(np.array(np.broadcast_to(np.asarray(factors, dtype=np.float64), self.columns.shape)))
+        self.places: Instants = np.array(columns, dtype=np.intp)
+        self.places.setflags(write=False)
+        self.factors = read_only(np.array(np.broadcast_to(np.asarray(factors, dtype=np.float64), self.places.shape)))
 
     def values(self, at: Samples) -> Array:
         """Return the entries times their factors."""
-        return np.asarray((at.x if self.of_state else at.u)[:, self.columns] * self.factors)
+        return np.asarray((at.x if self.of_state else at.u)[:, self.places] * self.factors)
 
     def jacobian(self, at: Samples) -> Array:
         """Return the constant derivatives."""
         offset = 0 if self.of_state else at.x.shape[1]
-        result = np.zeros((len(at.k), len(self.columns), at.x.shape[1] + (0 if self.of_state else at.u.shape[1])))
-        result[:, np.arange(len(self.columns)), offset + self.columns] = self.factors
+        result = np.zeros((len(at.k), len(self.places), at.x.shape[1] + (0 if self.of_state else at.u.shape[1])))
+        result[:, np.arange(len(self.places)), offset + self.places] = self.factors
         return result
 
     def curvature(self, at: Samples, y: Array) -> None:
@@ -121,7 +131,7 @@ class Entries(Quantity):
         """Return some of the entries."""
         return Entries(
             [self.names[row] for row in rows],
-            self.columns[list(rows)],
+            self.places[list(rows)],
             of_state=self.of_state,
             factors=self.factors[list(rows)],
             kind=self.kind,
@@ -137,9 +147,13 @@ class _Selected(Quantity):
         self.names = tuple(whole.names[row] for row in rows)
         self.kind, self.unit = whole.kind, whole.unit
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
+        self.first = whole.first
 
     def values(self, at: Samples) -> Array:
         return self.whole.values(at)[:, self.rows]
+
+    def columns(self, nx: int, nu: int) -> Instants | None:
+        return self.whole.columns(nx, nu)
 
     def jacobian(self, at: Samples) -> Array:
         return self.whole.jacobian(at)[:, self.rows]
@@ -157,6 +171,7 @@ class Later(Quantity):
         self.whole, self.start = whole, start
         self.names, self.kind, self.unit = whole.names, whole.kind, whole.unit
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
+        self.first = whole.first
 
     def values(self, at: Samples) -> Array:
         """Return the values (n, m)."""

@@ -60,26 +60,27 @@ class Rates(Quantity):
     looks_ahead = True
 
     def __init__(self, names: Sequence[str], columns: Instants, dt: Array) -> None:
-        self.names, self.columns, self.dt = tuple(names), columns, dt
+        self.names, self._places, self.dt = tuple(names), columns, dt
 
     def values(self, at: Samples) -> Array:
         """Return the rates."""
-        return np.asarray((at.x_next[:, self.columns] - at.x[:, self.columns]) / self.dt[at.k, None])
+        return np.asarray((at.x_next[:, self._places] - at.x[:, self._places]) / self.dt[at.k, None])
+
+    def columns(self, nx: int, nu: int) -> Instants:
+        """Return the places of the variables, now and next."""
+        return np.concatenate([self._places, nx + nu + self._places])
 
     def jacobian(self, at: Samples) -> Array:
         """Return the constant derivatives."""
-        nx, rows = at.x.shape[1], np.arange(len(self.columns))
-        result = np.zeros((len(at.k), len(rows), 2 * nx + at.u.shape[1]))
-        result[:, rows, self.columns] = -1.0 / self.dt[at.k, None]
-        result[:, rows, nx + at.u.shape[1] + self.columns] = 1.0 / self.dt[at.k, None]
-        return result
+        each = np.eye(len(self._places)) / self.dt[at.k, None, None]
+        return np.concatenate([-each, each], axis=2)
 
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
 
     def select(self, rows: Sequence[int]) -> Rates:
         """Return the rates of some of the variables."""
-        return Rates([self.names[row] for row in rows], self.columns[list(rows)], self.dt)
+        return Rates([self.names[row] for row in rows], self._places[list(rows)], self.dt)
 
 
 class Accelerations(Quantity):
@@ -98,14 +99,16 @@ class Accelerations(Quantity):
         rate = (at.u[:, m.n_inputs + self.which] - at.x[:, m.nd + self.which]) / dt
         return np.asarray((rate - at.x[:, m.nq + m.nd + self.which]) / dt)
 
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
+        """Return the places of rho, v_rho and the next rho."""
+        m, i = self.mechanism, self.which
+        return np.concatenate([m.nd + i, m.nq + m.nd + i, nx + m.n_inputs + i])
+
     def jacobian(self, at: Samples) -> Array:
         """Return the constant derivatives."""
-        m, nx, rows, dt = self.mechanism, at.x.shape[1], np.arange(len(self.which)), self.dt[at.k, None]
-        result = np.zeros((len(at.k), len(rows), nx + at.u.shape[1]))
-        result[:, rows, m.nd + self.which] = -1.0 / dt**2
-        result[:, rows, m.nq + m.nd + self.which] = -1.0 / dt
-        result[:, rows, nx + m.n_inputs + self.which] = 1.0 / dt**2
-        return result
+        dt = self.dt[at.k, None, None]
+        each = np.broadcast_to(np.eye(len(self.which)), (len(at.k), len(self.which), len(self.which)))
+        return np.concatenate([-each / dt**2, -each / dt, each / dt**2], axis=2)
 
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
@@ -116,85 +119,96 @@ class Accelerations(Quantity):
 
 
 class Tensions(Quantity):
-    """Tensions of strings over steps (N), as `Trajectory.tensions` tells them.
+    """Tensions of strings over the steps that led to the states (N), as `Trajectory.tensions` tells them.
 
-    ``lam_{k+1} (constant + slope L_k) / dt`` with the length L at the start of the step, where it is a variable.
+    ``lam_k (constant + slope (L_k - dt v_L)) / dt`` with the length ``L_k - dt v_L`` at the start of the step, where it
+    is a variable.
 
-    Parameters
-    ----------
-    names : sequence of str
-    lam, length : ndarray of int (m,)
-        Places in the state; where no variable is the length, any place with a slope of zero.
-    constant, slope : ndarray (m,)
-    dt : ndarray (N,)
+    ``lam``, ``length``, ``rate`` (m,): places in the state; where no variable is the length, any with a slope of zero.
+    ``constant``, ``slope`` (m,). ``dt`` (N,).
     """
 
-    looks_ahead = True
+    of_state, first = True, 1
     kind, unit = "tension of", "N"
 
     def __init__(
-        self, names: Sequence[str], lam: Instants, length: Instants, constant: Array, slope: Array, dt: Array
-    ) -> None:
+        self, names: Sequence[str], lam: Instants, length: Instants, rate: Instants, constant: Array, slope: Array,
+        dt: Array,
+    ) -> None:  # fmt: skip
         self.names, self.dt = tuple(names), dt
-        self._lam, self._length, self._constant, self._slope = lam, length, constant, slope
+        self._lam, self._length, self._rate, self._constant, self._slope = lam, length, rate, constant, slope
 
     @classmethod
     def of(cls, mechanism: Mechanism, dt: Array) -> Tensions:
         """Return those of all strings."""
         m, one = mechanism, np.ones(1)
-        found = []
+        names: list[str] = []
+        places: list[tuple[int, int, int]] = []
+        laws: list[tuple[float, float]] = []
         for row, name in enumerate(m.constraints):
             element = m.elements.get(name)
-            at = [
-                None if element is None else element.tension(one, one, dict.fromkeys(m.variables, length))
-                for length in (0.0 * one, one)
-            ]
-            if at[0] is None or at[1] is None:
+            if element is None:
                 continue
-            constant = float(at[0][0])
+            short, long = (element.tension(one, one, dict.fromkeys(m.variables, a * one)) for a in (0.0, 1.0))
+            if short is None or long is None:
+                continue
             variable = getattr(element, "length_variable", None)
-            place = m.variables.index(variable) if variable is not None else 0
-            found.append((name, m.nx + row, place, constant, float(at[1][0]) - constant))
-        names, lam, length, constants, slopes = zip(*found, strict=True) if found else ((), (), (), (), ())
-        whole = (np.array(lam, dtype=np.intp), np.array(length, dtype=np.intp))
-        return cls(names, *whole, np.array(constants), np.array(slopes), dt)
+            place = m.nd if variable is None else m.variables.index(variable)
+            names.append(name)
+            places.append((m.nx + row, place, m.nq + place))
+            laws.append((float(short[0]), float(long[0] - short[0])))
+        lam, length, rate = np.array(places, dtype=np.intp).reshape(-1, 3).T
+        constant, slope = np.array(laws).reshape(-1, 2).T
+        return cls(names, lam, length, rate, constant, slope, dt)
 
     def values(self, at: Samples) -> Array:
         """Return the tensions."""
-        return np.asarray(at.x_next[:, self._lam] * self._factor(at) / self.dt[at.k, None])
+        return np.asarray(at.x[:, self._lam] * self._factor(at))
+
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
+        """Return the places of multipliers, lengths and their rates, each once."""
+        return np.unique(np.concatenate([self._lam, self._length, self._rate]))
 
     def jacobian(self, at: Samples) -> Array:
         """Return the first derivatives."""
-        nx, rows, dt = at.x.shape[1], np.arange(len(self.names)), self.dt[at.k, None]
-        ahead = nx + at.u.shape[1]
-        result = np.zeros((len(at.k), len(rows), ahead + nx))
-        result[:, rows, self._length] = self._slope * at.x_next[:, self._lam] / dt
-        result[:, rows, ahead + self._lam] = self._factor(at) / dt
+        columns, lam = self.columns(0, 0), at.x[:, self._lam]
+        result = np.zeros((len(at.k), len(self.names), len(columns)))
+        rows = np.arange(len(self.names))
+        result[:, rows, np.searchsorted(columns, self._lam)] = self._factor(at)
+        result[:, rows, np.searchsorted(columns, self._length)] += self._slope * lam / self._dt(at)
+        result[:, rows, np.searchsorted(columns, self._rate)] -= self._slope * lam
         return result
 
     def curvature(self, at: Samples, y: Array) -> Array | None:
-        """Return the second derivative, of products of a multiplier and a length."""
+        """Return the second derivative, of products of a multiplier with a length and its rate."""
         if not self._slope.any():
             return None
-        nx = at.x.shape[1]
-        ahead = nx + at.u.shape[1]
-        result = np.zeros((len(at.k), ahead + nx, ahead + nx))
-        mixed = y * self._slope / self.dt[at.k, None]
-        for j, (length, lam) in enumerate(zip(self._length, ahead + self._lam, strict=True)):
-            result[:, length, lam] += mixed[:, j]
-            result[:, lam, length] += mixed[:, j]
+        columns, pull, dt = self.columns(0, 0), y * self._slope, self._dt(at)
+        result = np.zeros((len(at.k), len(columns), len(columns)))
+        where = (np.searchsorted(columns, each) for each in (self._lam, self._length, self._rate))
+        for j, (lam, length, rate) in enumerate(zip(*where, strict=True)):
+            for place, slope in ((length, pull[:, j] / dt[:, 0]), (rate, -pull[:, j])):
+                result[:, lam, place] += slope
+                result[:, place, lam] += slope
         return result
 
     def select(self, rows: Sequence[int]) -> Tensions:
         """Return the tensions of some of the strings."""
         i = list(rows)
-        names = [self.names[row] for row in rows]
-        return Tensions(names, self._lam[i], self._length[i], self._constant[i], self._slope[i], self.dt)
+        names, places = [self.names[row] for row in rows], (self._lam[i], self._length[i], self._rate[i])
+        return Tensions(names, *places, self._constant[i], self._slope[i], self.dt)
 
     @property
-    def sign(self) -> Entries:
+    def sign(self) -> Quantity:
         """The multipliers, which have the signs of the tensions while lengths are positive."""
-        return Entries(self.names, self._lam, of_state=True, kind="tension of")
+        multipliers = Entries(self.names, self._lam, of_state=True, kind="tension of")
+        multipliers.first = 1
+        return multipliers
+
+    def _dt(self, at: Samples) -> Array:
+        return self.dt[at.k - 1, None]
 
     def _factor(self, at: Samples) -> Array:
-        return np.asarray(self._constant + self._slope * at.x[:, self._length])
+        dt = self._dt(at)
+        length = at.x[:, self._length] - dt * at.x[:, self._rate]
+        return np.asarray((self._constant + self._slope * length) / dt)

@@ -101,12 +101,14 @@ class LimitedCost:
         for rows, c, rho, y in zip(self.rows, self.limits(x, u), self.rho, self.y, strict=True):
             sigma = stiffness(split(c, self.mu, rho), rho, y)
             rows.add_hessian(x, u, y, sigma, weights, dynamics)
-        final = _matrix(Q_final) + weights.final + np.diag(weights.state[-1])
+        final = _matrix(Q_final) + np.diag(weights.state[-1])
+        if weights.state_matrix is not None:
+            final = final + weights.state_matrix[-1]
+            Q = _matrix(Q) + weights.state_matrix[:-1]
+        Q, R = _with(Q, weights.state[:-1]), _with(R, weights.input)
         H = weights.matrix
         if H is None:
-            return CostHessian(_with(Q, weights.state[:-1]), _with(R, weights.input), S, final)
-        diagonal = np.hstack([weights.state[:-1], weights.input])
-        H[:, np.arange(H.shape[1]), np.arange(H.shape[1])] += diagonal
+            return CostHessian(Q, R, S, final)
         cross = H[:, :nx, nx:] if S is None else S + H[:, :nx, nx:]
         return CostHessian(_matrix(Q) + H[:, :nx, :nx], _matrix(R) + H[:, nx:, nx:], np.ascontiguousarray(cross), final)
 

@@ -196,7 +196,7 @@ def _instants(system: DiscreteSystem, quantity: Quantity, at: When, first: int, 
     """Return the indices at which a quantity is asked."""
     N = system.N
     last = N if quantity.of_state else N - 1
-    start = first if quantity.of_state else 0
+    start = max(first, quantity.first) if quantity.of_state else 0
     if at is None:
         return np.arange(start, last + 1)
     found = []

@@ -18,14 +18,20 @@ class Weights:
     def __init__(self, N: int, nx: int, nu: int) -> None:
         self.state, self.input = np.zeros((N + 1, nx)), np.zeros((N, nu))
         self.matrix: Array | None = None
-        self.final = np.zeros((nx, nx))
+        self.state_matrix: Array | None = None
 
-    def full(self) -> Array:
+    def of_steps(self) -> Array:
         """Return the matrices of the steps (N, nx+nu, nx+nu), to be added to."""
         if self.matrix is None:
             n = self.state.shape[1] + self.input.shape[1]
             self.matrix = np.zeros((len(self.input), n, n))
         return self.matrix
+
+    def of_states(self) -> Array:
+        """Return the matrices of the states (N+1, nx, nx), to be added to."""
+        if self.state_matrix is None:
+            self.state_matrix = np.zeros((*self.state.shape, self.state.shape[1]))
+        return self.state_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +99,14 @@ class Rows:
         quantity, nx = self.quantity, x.shape[1]
         if isinstance(quantity, Entries):
             target = q if quantity.of_state else r
-            target[np.ix_(self.k, quantity.columns)] -= self.sign * quantity.factors * y
+            target[np.ix_(self.k, quantity.places)] -= self.sign * quantity.factors * y
             return
         pull = np.einsum("kmi,km->ki", quantity.jacobian(self._at(x, u)), self.sign * y)
-        q[self.k] -= pull[:, :nx]
-        if not quantity.of_state:
-            r[self.k] -= pull[:, nx : nx + r.shape[1]]
-        if quantity.looks_ahead:
-            q[self.k + 1] -= pull[:, nx + r.shape[1] :]
+        columns, nz = self._columns(nx, u.shape[1]), nx + u.shape[1]
+        for target, k, low, high in ((q, self.k, 0, nx), (r, self.k, nx, nz), (q, self.k + 1, nz, nz + nx)):
+            here = (columns >= low) & (columns < high)
+            if here.any():
+                np.subtract.at(target, np.ix_(k, columns[here] - low), pull[:, here])
 
     def add_hessian(self, x: Array, u: Array, y: Array, sigma: Array, to: Weights, dynamics: Array | None) -> None:
         """Add ``dc' sigma dc - y . d2c``.
@@ -115,44 +121,40 @@ class Rows:
         quantity, nx = self.quantity, x.shape[1]
         if isinstance(quantity, Entries):
             target = to.state if quantity.of_state else to.input
-            target[np.ix_(self.k, quantity.columns)] += quantity.factors**2 * sigma
+            target[np.ix_(self.k, quantity.places)] += quantity.factors**2 * sigma
             return
-        at = self._at(x, u)
+        at, columns, nz = self._at(x, u), self._columns(nx, u.shape[1]), nx + u.shape[1]
         C = quantity.jacobian(at)
+        H = (C * sigma[:, :, None]).transpose(0, 2, 1) @ C
         bent = quantity.curvature(at, self.sign * y)
-        if quantity.looks_ahead:
-            assert dynamics is not None
-            AB = dynamics[self.k]
-            n = AB.shape[2]
-            C = C[:, :, :n] + C[:, :, n:] @ AB
-            if bent is not None:
-                mixed = bent[:, :n, n:] @ AB
-                bent = bent[:, :n, :n] + mixed + mixed.transpose(0, 2, 1) + AB.transpose(0, 2, 1) @ bent[:, n:, n:] @ AB
-        H = np.einsum("kmi,km,kmj->kij", C, sigma, C)
         if bent is not None:
             H -= bent
-        if not quantity.of_state:
-            to.full()[self.k] += H
-            return
-        last = self.k == len(u)
-        if not last.all():
-            to.full()[self.k[~last], :nx, :nx] += H[~last]
-        if last.any():
-            to.final += H[last].sum(axis=0)
+        ahead = columns >= nz
+        if ahead.any():
+            assert dynamics is not None
+            J = np.zeros((len(self.k), len(columns), nz))
+            J[:, np.flatnonzero(~ahead), columns[~ahead]] = 1.0
+            J[:, ahead] = dynamics[self.k][:, columns[ahead] - nz]
+            H, columns = J.transpose(0, 2, 1) @ (H @ J), np.arange(nz)
+        _add(to.of_states() if quantity.of_state else to.of_steps(), self.k, columns, H)
 
     def along(self, x: Array, u: Array, dx: Array, du: Array) -> Array:
         """Return ``dc (n, m)`` along a direction."""
         quantity = self.quantity
         if isinstance(quantity, Entries):
-            moved = (dx if quantity.of_state else du)[np.ix_(self.k, quantity.columns)]
+            moved = (dx if quantity.of_state else du)[np.ix_(self.k, quantity.places)]
             return np.asarray(self.sign * quantity.factors * moved)
-        parts = [dx[self.k]]
-        if not quantity.of_state:
-            parts.append(du[self.k])
-        if quantity.looks_ahead:
-            parts.append(dx[self.k + 1])
         C = quantity.jacobian(self._at(x, u))
-        return np.asarray(self.sign * np.einsum("kmi,ki->km", C, np.hstack(parts)))
+        parts = [dx[self.k]] if quantity.of_state else [dx[self.k], du[self.k], dx[self.k + 1]]
+        moved = np.hstack(parts)[:, self._columns(x.shape[1], u.shape[1])]
+        return np.asarray(self.sign * np.einsum("kmi,ki->km", C, moved))
+
+    def _columns(self, nx: int, nu: int) -> Instants:
+        """Return the places in (x, u, x_next) in which derivatives are given."""
+        columns = self.quantity.columns(nx, nu)
+        if columns is not None:
+            return columns
+        return np.arange(nx if self.quantity.of_state else 2 * nx + nu if self.quantity.looks_ahead else nx + nu)
 
     def _at(self, x: Array, u: Array) -> Samples:
         k = self.k
@@ -160,3 +162,11 @@ class Rows:
             nothing = np.empty((len(k), 0))
             return Samples(k, x[k], nothing, nothing)
         return Samples(k, x[k], u[k], x[k + 1])
+
+
+def _add(to: Array, k: Instants, columns: Instants, H: Array) -> None:
+    """Add matrices to some rows and columns of those of instants, each of which is given once."""
+    if len(columns) == to.shape[1] and len(k) == len(to):
+        to += H
+    else:
+        to[np.ix_(k, columns, columns)] += H
