@@ -173,6 +173,7 @@ FIELDS = {
     "Damping": {
         "negative": (lambda: la.Damping({"x": -1}, name="oil"), "'oil'.*x.*-1.*zero or more"),
         "default": (lambda: la.Damping(1.0, default=NAN), "default.*nan.*mapping"),
+        "array": (lambda: la.Damping(0.0, default=np.array([1.0, 2.0])), "default.*number"),
     },
 }  # fmt: skip
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Force
@@ -61,7 +64,8 @@ class Damping(Force):
 
     def __post_init__(self) -> None:
         one = self.coefficients
-        if not isinstance(one, Mapping) and self.default != 0.0:
+        other: Any = self.default  # anything yet: an array is refused by what checks the fields
+        if not isinstance(one, Mapping) and not isinstance(other, np.ndarray) and other != 0.0:
             raise DescriptionError(
                 f"{self.title}: default: got {self.default!r} together with one coefficient for every "
                 "variable; give a mapping of names to coefficients, or leave it out"
