@@ -54,6 +54,8 @@ IMPLICIT = ("Radau", "BDF", "LSODA")
 # the step into it.
 _HELD = 50
 _SHRUNK = 1e-3
+# Fragile places in a row that were not passed well, after which no more is tried.
+_PATIENCE = 3
 # Relative tolerances of further trials, of which none is less than what was asked for.
 _TRIALS = (1e-8, 1e-7, 1e-6, 1e-5)
 _BETTER = 0.1  # of the first trial's error: a further one must have come down to it
@@ -220,6 +222,7 @@ class March:
         self._size = first_step
         self._max_steps = max_steps
         self._deadline = None if max_seconds is None else time.monotonic() + max_seconds
+        self._lost = 0
         self._cause: str | None = None
         self._theirs: ValueError | None = None
 
@@ -238,7 +241,7 @@ class March:
             return
         before = (self.t, self.y, self._size)
         while (step := next(steps, None)) is not None:
-            if self._passage.fragile(step.y):
+            if self._lost < _PATIENCE and self._passage.fragile(step.y):
                 held, anew = self._pass(kind, begin, end, before, step, steps)
                 yield from held
                 if anew and self.t != end:
@@ -260,6 +263,7 @@ class March:
         assert self._passage is not None
         best = self._try(step, steps)
         if best.error <= 1.0:
+            self._lost = 0
             return best.steps, False
         first = best
         rtol = float(self._options["rtol"])
@@ -276,6 +280,8 @@ class March:
             if trial.error < min(best.error, max(_BETTER * first.error, 1.0)):
                 best = trial
         self.t, self.y, self._size = best.state
+        # What cannot be passed is met again at every step: then what integrates without help says why it fails.
+        self._lost = self._lost + 1 if best.error > 1.0 else 0
         return best.steps, best is not first or best.shrunk
 
     def _try(self, step: Step, steps: Iterator[Step]) -> _Trial:
