@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import IO, Any
 
 from leastaction.optimal.result import IterationRecord
 
-__all__ = ["IterationTable", "console"]
+__all__ = ["IterationTable", "Table"]
 
 _COLUMNS = (
     ("iter", 4),
@@ -27,7 +28,44 @@ _COLUMNS = (
 )
 
 
-class IterationTable:
+class Table:
+    """Prints rows as they happen, under a heading; in colour on a terminal, and if rich is installed.
+
+    ``columns``: headings and widths. ``file``: where to. ``then``: another callback, called after printing. Threads do
+    not share one.
+    """
+
+    columns: tuple[tuple[str, int], ...]
+
+    def __init__(self, *, file: IO[str] | None = None, then: Callable[[Any], object] | None = None) -> None:
+        self._file = file
+        self._then = then
+        self._console = _console(file)
+        self._has_header = False
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A console does not go to another process; one of its own is made there.
+        return partial(type(self), file=self._file, then=self._then), ()
+
+    def tell(self, record: Any, cells: Sequence[str], style: str) -> object:
+        """Print a record's row, and its note below; return the answer of the callback behind."""
+        if not self._has_header:
+            self._has_header = True
+            self._print([name for name, _ in self.columns], "bold")
+        self._print(cells, style)
+        if record.note:
+            self._print([f"{'':{self.columns[0][1]}}", record.note], "dim")
+        return self._then(record) if self._then is not None else None
+
+    def _print(self, cells: Sequence[str], style: str) -> None:
+        line = "  ".join(cell.rjust(width) for cell, (_, width) in zip(cells, self.columns, strict=False))
+        if self._console is not None:
+            self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
+        else:
+            print(line, file=self._file if self._file is not None else sys.stdout, flush=True)
+
+
+class IterationTable(Table):
     """Prints the iterations as they happen; give it to `optimize` as the callback, one for each run.
 
     A full step of a perfect model decreases the cost by half of what is expected. Where a step had to be cut, the step
@@ -43,29 +81,15 @@ class IterationTable:
         Another callback to call after printing; its answer is passed on.
     """
 
-    def __init__(self, *, file: IO[str] | None = None, then: Any = None) -> None:
-        self._file = file
-        self._then = then
-        self._console = console(file)
-        self._has_header = False
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A console does not go to another process; one of its own is made there.
-        return partial(IterationTable, file=self._file, then=self._then), ()
+    columns = _COLUMNS
 
     def __call__(self, record: IterationRecord) -> object:
         """Print one line; return the answer of the callback behind."""
-        if not self._has_header:
-            self._has_header = True
-            self._print("  ".join(name.rjust(width) for name, width in _COLUMNS), "bold")
-        self._print(self._line(record), _STYLES.get(record.method, ""))
-        if record.note:
-            self._print(f"{'':4}  {record.note}", "dim")
-        return self._then(record) if self._then is not None else None
+        return self.tell(record, self._cells(record), _STYLES.get(record.method, ""))
 
-    def _line(self, record: IterationRecord) -> str:
+    def _cells(self, record: IterationRecord) -> tuple[str, ...]:
         started = record.iteration > 0
-        cells = (
+        return (
             str(record.iteration),
             record.method.removesuffix("-shifted"),
             f"{record.cost:.9e}",
@@ -80,19 +104,12 @@ class IterationTable:
             f"{record.shift:.0e}" if record.shift else "",
             f"{record.seconds:.2f}",
         )
-        return "  ".join(cell.rjust(width) for cell, (_, width) in zip(cells, _COLUMNS, strict=True))
-
-    def _print(self, line: str, style: str) -> None:
-        if self._console is not None:
-            self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
-        else:
-            print(line, file=self._file if self._file is not None else sys.stdout, flush=True)
 
 
 _STYLES = {"newton": "green", "newton-damped": "cyan", "steepest": "yellow"}
 
 
-def console(file: IO[str] | None) -> Any:
+def _console(file: IO[str] | None) -> Any:
     """Return a console of rich, or None where that is not installed."""
     try:
         from rich.console import Console

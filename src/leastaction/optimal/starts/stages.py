@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import partial
-from typing import IO, Any
 
 import numpy as np
 
@@ -16,7 +13,7 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.result import OptimizationResult, Status
-from leastaction.optimal.table import console
+from leastaction.optimal.table import Table
 
 __all__ = ["StageCallback", "StageRecord", "StageTable", "Stages", "StartResult", "StartStatus"]
 
@@ -225,7 +222,7 @@ _COLUMNS = (
 )
 
 
-class StageTable:
+class StageTable(Table):
     """Prints the stages of a search as they happen; give it as the callback, one for each search.
 
     On a terminal, and if rich is installed, it is in colour. Threads do not share it.
@@ -238,21 +235,10 @@ class StageTable:
         Another callback to call after printing; its answer is passed on.
     """
 
-    def __init__(self, *, file: IO[str] | None = None, then: StageCallback | None = None) -> None:
-        self._file = file
-        self._then = then
-        self._console = console(file)
-        self._has_header = False
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A console does not go to another process; one of its own is made there.
-        return partial(StageTable, file=self._file, then=self._then), ()
+    columns = _COLUMNS
 
     def __call__(self, record: StageRecord) -> object:
         """Print one line; return the answer of the callback behind."""
-        if not self._has_header:
-            self._has_header = True
-            self._print("  ".join(_fit(name, width) for name, width in _COLUMNS), "bold")
         cells = (
             str(record.stage),
             record.name,
@@ -261,18 +247,4 @@ class StageTable:
             "" if np.isnan(record.cost) else f"{record.cost:.9e}",
             f"{record.seconds:.2f}",
         )
-        line = "  ".join(_fit(cell, width) for cell, (_, width) in zip(cells, _COLUMNS, strict=True))
-        self._print(line, "" if record.accepted else "yellow")
-        if record.note:
-            self._print(f"{'':5}  {record.note}", "dim")
-        return self._then(record) if self._then is not None else None
-
-    def _print(self, line: str, style: str) -> None:
-        if self._console is not None:
-            self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
-        else:
-            print(line, file=self._file if self._file is not None else sys.stdout, flush=True)
-
-
-def _fit(cell: str, width: int) -> str:
-    return cell.rjust(width)
+        return self.tell(record, cells, "" if record.accepted else "yellow")
