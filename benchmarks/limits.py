@@ -21,10 +21,11 @@ from typing import Any  # noqa: E402
 import numpy as np  # noqa: E402
 
 from benchmarks.multiple_shooting import MultipleShooting  # noqa: E402
+from benchmarks.peers import Comparison, start_of  # noqa: E402
 from benchmarks.robustness_problems import PROBLEMS, Given  # noqa: E402
 from leastaction.optimal import Bound, Equal, Limit, OptimizationResult, optimize  # noqa: E402
 
-__all__ = ["CASES", "Case", "Comparison", "compare"]
+__all__ = ["CASES", "Case", "compare"]
 
 _ROUNDS = 3  # the best of which counts
 
@@ -54,31 +55,6 @@ class Case:
     name: str
     of: str
     limit: Callable[[Given, OptimizationResult], Limited]
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Both ends, and the best times."""
-
-    name: str
-    status: str
-    cost: float
-    iterations: int
-    seconds: float
-    peer_status: str
-    peer_cost: float
-    peer_iterations: int
-    peer_seconds: float
-
-    @property
-    def ratio(self) -> float:
-        """Time of the peer by ours."""
-        return self.peer_seconds / self.seconds
-
-    @property
-    def difference(self) -> float:
-        """Our cost less the peer's, relative to it."""
-        return (self.cost - self.peer_cost) / abs(self.peer_cost)
 
 
 def _push(part: float) -> Callable[[Given, OptimizationResult], Limited]:
@@ -149,22 +125,21 @@ def compare(case: Case, *, rounds: int = _ROUNDS, compiled: bool = True) -> Comp
     peer = MultipleShooting(given.system, given.cost, compiled=compiled)
     peer.bound(limited.lower, limited.upper)
     solver = peer.ipopt()
-    start = given.x if given.x.ndim == 2 else np.tile(given.x, (given.system.N + 1, 1))
-    found = peer.solve(solver, start, given.u)
+    found = peer.solve(solver, *start_of(given))
     for _ in range(rounds - 1):
-        again = peer.solve(solver, start, given.u)
+        again = peer.solve(solver, *start_of(given))
         found = again if again.seconds < found.seconds else found
     return Comparison(
-        case.name, result.status.name, result.cost, result.iterations, seconds,
-        found.status, found.cost, found.iterations, found.seconds,
+        case.name, result.cost, found.cost, result.status.name, found.status, seconds, found.seconds,
+        result.iterations, found.iterations, verdict="",
     )  # fmt: skip
 
 
 def _line(row: Comparison) -> str:
     return (
-        f"{row.name:48s} {row.status:12s} {row.iterations:4d} {1e3 * row.seconds:8.0f} "
-        f"{row.peer_iterations:6d} {1e3 * row.peer_seconds:8.0f} {row.ratio:7.1f} {row.difference:12.1e}"
-        + ("" if row.peer_status == "Solve_Succeeded" else f"  {row.peer_status}")
+        f"{row.name:48s} {row.our_status:12s} {row.our_iterations:4d} {1e3 * row.our_seconds:8.0f} "
+        f"{row.ipopt_iterations:6d} {1e3 * row.ipopt_seconds:8.0f} {row.ratio:7.1f} {row.better:12.1e}"
+        + ("" if row.ipopt_status == "Solve_Succeeded" else f"  {row.ipopt_status}")
     )
 
 
@@ -174,7 +149,7 @@ def main() -> int:
     parser.add_argument("--only", metavar="WORDS", default="", help="problems whose names contain all of these words")
     parser.add_argument("--rounds", type=int, default=_ROUNDS, help="solutions, the best of which counts")
     arguments = parser.parse_args()
-    heads = f"{'iter':>4s} {'ms':>8s} {'Ipopt':>6s} {'ms':>8s} {'ratio':>7s} {'difference':>12s}"
+    heads = f"{'iter':>4s} {'ms':>8s} {'Ipopt':>6s} {'ms':>8s} {'ratio':>7s} {'better':>12s}"
     print(f"{'problem':48s} {'ours':12s} {heads}")
     rows = []
     for case in CASES:

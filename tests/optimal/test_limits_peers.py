@@ -67,6 +67,6 @@ def test_nonlinear_problems_agree_with_ipopt(name: str) -> None:
     from benchmarks import limits  # asks for CasADi
 
     row = limits.compare(next(case for case in limits.CASES if case.name == name), rounds=1, compiled=False)
-    assert row.status == "CONVERGED"
-    assert row.peer_status == "Solve_Succeeded"
-    assert abs(row.difference) < 1e-7
+    assert row.our_status == "CONVERGED"
+    assert row.ipopt_status == "Solve_Succeeded"
+    assert abs(row.better) < 1e-7
