@@ -10,6 +10,7 @@ import numpy.typing as npt
 from leastaction._core import StepStatus
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.configuration.assembly import project_configuration
+from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.discrete.linearization import StepDerivatives
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.quality import quality_of
@@ -82,14 +83,14 @@ class MidpointSystem(DiscreteSystem):
         whole[variables, np.arange(len(variables))] = 1.0
         q = np.ascontiguousarray(x[: m.nq])
         Dh = m.constraint_jacobian(q) if m.nc else np.zeros((0, m.nq))
-        blocks.append(whole @ _null_space(Dh[:, variables]))
+        blocks.append(whole @ NullSpace.of(Dh[:, variables]).basis)
         # A momentum that constraints take up at once moves nothing: M times the velocities that they allow is left.
         moving = np.zeros((self.nx, m.nd))
         moving[m.nq : m.nq + m.nd] = np.eye(m.nd)
         if m.nc:
-            moving = moving @ m.mass_matrix(q)[: m.nd, : m.nd] @ _null_space(Dh[:, : m.nd])
+            moving = moving @ m.mass_matrix(q)[: m.nd, : m.nd] @ NullSpace.of(Dh[:, : m.nd]).basis
             held = [i for i in range(m.nq, m.nq + m.nd) if i not in momenta]
-            moving = moving @ _null_space(moving[held])
+            moving = moving @ NullSpace.of(moving[held]).basis
         else:
             moving = moving[:, [i - m.nq for i in momenta]]
         return np.hstack([*blocks, moving])
@@ -202,12 +203,3 @@ class MidpointSystem(DiscreteSystem):
         full[0, nx:] = x0[nx:]
         full[1:, nx:] = lam
         return full
-
-
-def _null_space(matrix: Array) -> Array:
-    """Return an orthonormal basis (n, n - rank) of what a matrix (m, n) takes to zero."""
-    if not matrix.shape[0] or not matrix.shape[1]:
-        return np.eye(matrix.shape[1])
-    _, sizes, Vt = np.linalg.svd(matrix)
-    rank = int(np.sum(sizes > 1e-10 * max(1.0, float(sizes.max(initial=0.0)))))
-    return np.ascontiguousarray(Vt[rank:].T)

@@ -26,6 +26,7 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.optimal.cost import is_diagonal, weigh
 from leastaction.optimal.discrete.cost import CostGradient, CostHessian
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
@@ -92,7 +93,7 @@ def _mean(weight: Array) -> float:
 
 
 def _add(weight: Array, amount: float) -> Array:
-    if weight.ndim == 1 or (weight.ndim == 3 and weight.shape[2] == 1):
+    if is_diagonal(weight):
         return weight + amount
     result: Array = weight + amount * np.eye(weight.shape[-1])
     return result
@@ -147,19 +148,8 @@ def _along(hessian: CostHessian, curvature: Array, dx: Array, du: Array) -> floa
     """Return the second derivative of the cost along a direction."""
     dxu = np.hstack([dx[:-1], du])
     total = float(np.einsum("ki,kij,kj->", dxu, curvature, dxu))
-    total += float(np.sum(_times(hessian.Q, dx[:-1]) * dx[:-1]) + np.sum(_times(hessian.R, du) * du))
-    total += float(_times(hessian.Q_final, dx[-1:])[0] @ dx[-1])
+    total += float(np.sum(weigh(hessian.Q, dx[:-1]) * dx[:-1]) + np.sum(weigh(hessian.R, du) * du))
+    total += float(weigh(hessian.Q_final, dx[-1:])[0] @ dx[-1])
     if hessian.S is not None:
         total += 2.0 * float(np.sum(dx[:-1] * np.einsum("...ij,...j->...i", hessian.S, du)))
     return total
-
-
-def _times(weight: Array, d: Array) -> Array:
-    """Return a weight of any of the shapes of a `CostHessian` times each row of d."""
-    if weight.ndim == 1:
-        result: Array = d * weight
-    elif weight.ndim == 3 and weight.shape[2] == 1:
-        result = d * weight[:, :, 0]
-    else:
-        result = np.einsum("...ij,...j->...i", weight, d)
-    return result

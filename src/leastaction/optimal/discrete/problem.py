@@ -102,6 +102,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.curvature: Array | None = None
         self.quasi_newton: LinearQuadraticSolution | None = None
         self.feedback: Array | None = None
+        self.start_directions: Array | None = None
 
         # Memory that is used again. The gains of the last projection (in `held`) outlive the next
         # linear-quadratic problem (solved in `free`), because the adjoint needs them.
@@ -223,8 +224,10 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
     def _directions_of_start(self) -> Array:
         """Return the directions (nx, n) in which the initial state may move."""
-        free = None if isinstance(self.free_start, bool) else self.free_start
-        return self.system.start_directions(self.x[0], free)
+        if self.start_directions is None:
+            free = None if isinstance(self.free_start, bool) else self.free_start
+            self.start_directions = self.system.start_directions(self.x[0], free)
+        return self.start_directions
 
     def _start_step(self, model: LinearQuadraticSolution) -> Array | None:
         """Return the change of the initial state at the model's minimum (dissertation 6.3.2.1); None if it is fixed."""
@@ -321,7 +324,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
     def forget(self) -> None:
         """Drop all that was computed along the current iterate."""
-        self.linearization = self.curvature = self.quasi_newton = self.feedback = None
+        self.linearization = self.curvature = self.quasi_newton = self.feedback = self.start_directions = None
 
     # ---- Steps ----------------------------------------------------------------------------------
 
