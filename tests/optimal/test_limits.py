@@ -20,12 +20,13 @@ from leastaction.optimal import (
     OptimizationResult,
     QuadraticCost,
     Status,
+    WindowSystem,
     Within,
     adjoint,
     optimize,
 )
 from leastaction.optimal.limits.barrier import barrier_value, split, stiffness
-from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
 
@@ -187,11 +188,41 @@ def test_a_run_that_was_stopped_goes_on_as_if_it_had_not_been(
     assert rest.iterations <= whole.iterations + 2
 
 
+def test_what_is_looked_at_on_the_way_stays_as_it_is(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    plain = optimize(cart, cost, limits=CASES["push"], initial=REST)
+    seen = optimize(cart, cost, limits=CASES["push"], initial=REST, callback=lambda record: record.snapshot() and None)
+    np.testing.assert_array_equal(plain.u, seen.u)
+    for one, other in zip(plain.limits.sides, seen.limits.sides, strict=True):
+        np.testing.assert_array_equal(one.dual, other.dual)
+
+
 def test_a_warm_start_keeps_the_duals(cart: MidpointSystem, cost: QuadraticCost) -> None:
     first = optimize(cart, cost, limits=CASES["push"], initial=REST)
     again = optimize(cart, cost, limits=CASES["push"], initial=first)
     assert again.iterations <= 4
     assert again.cost == pytest.approx(first.cost, rel=1e-9)
+
+
+# ---- What is asked, and of what ----------------------------------------------------------------------
+
+
+def test_values_belong_to_the_instants_in_the_order_given(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    limits = [Equal("theta", [0.5, 0.9], at=[2.5, 1.5])]
+    result = optimize(cart, cost, limits=limits, initial=REST)
+    assert result.success, result.message
+    np.testing.assert_allclose(result.x[[125, 75], 1], [0.5, 0.9], atol=1e-6)
+
+
+@pytest.mark.parametrize("of", ["input", "state", "momentum", "rate"])
+def test_a_window_of_a_system_has_its_quantities(of: str, cart: MidpointSystem, rng: np.random.Generator) -> None:
+    start, stop = 40, 60
+    x, u = rng.normal(size=(N + 1, cart.nx)), rng.normal(size=(N, cart.nu))
+    bound = Bound("*", min=-1.0, of=of)
+    (whole,), (part,) = bound.rows(cart, 1), bound.rows(WindowSystem(cart, start, stop), 1)
+    of_whole = whole.values(x, u)[np.isin(whole.k, start + part.k)]
+    of_part = part.values(x[start : stop + 1], u[start:stop])
+    assert len(part.k) >= stop - start - 1
+    np.testing.assert_allclose(of_part, of_whole, atol=1e-9)
 
 
 # ---- What cannot be, and what is wrong ----------------------------------------------------------------
@@ -334,3 +365,18 @@ def test_what_is_limited_is_the_tension_that_a_trajectory_tells() -> None:
     told = np.stack([run.tensions()[name] for name in quantity.names], axis=1)
     assert (np.abs(told) > 1.0).all()
     np.testing.assert_allclose(quantity.values(Samples(np.arange(1, 4), x[1:], run.u, x[1:])), told, rtol=1e-11)
+
+
+@pytest.mark.parametrize("of", ["tension", "acceleration"])
+def test_a_window_limits_what_reaches_over_two_steps(of: str, rng: np.random.Generator) -> None:
+    m = Mechanism([tz("z"), [tz(-1.0, name="A", mass=1.0)]], [Gravity(), Distance("A", "world", "L", name="string")])
+    system = MidpointSystem(MidpointVI(m, threads=1), [0.0, 0.1, 0.3, 0.35, 0.5, 0.6], multipliers=True)
+    x, u = rng.normal(size=(6, system.nx)), rng.normal(size=(5, system.nu))
+    bound = Bound("*", min=-1.0, of=of)
+    (whole,), (part,) = bound.rows(system, 1), bound.rows(WindowSystem(system, 2, 5), 1)
+    np.testing.assert_allclose(part.values(x[2:], u[2:]), whole.values(x, u)[np.isin(whole.k, 2 + part.k)])
+    y = rng.normal(size=(len(part.k), 1))
+    bends = Weights(3, system.nx, system.nu)
+    part.add_hessian(x[2:], u[2:], y, np.abs(y), bends, None)
+    total = np.abs(bends.of_steps()).sum() + np.abs(bends.of_states()).sum() + np.abs(bends.state).sum()
+    assert total > 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,6 +74,10 @@ class Quantity(ABC):
     def curvature(self, at: Samples, y: Array) -> Array | None:
         """Return the second derivative of ``y . values`` by the same, (n, ..., ...); None where all are linear."""
 
+    def matching(self, pattern: str) -> list[int]:
+        """Return the rows of the functions with a name, which may have wildcards."""
+        return [i for i, name in enumerate(self.names) if name == pattern or fnmatchcase(name, pattern)]
+
     def select(self, rows: Sequence[int]) -> Quantity:
         """Return some of the functions."""
         return _Selected(self, tuple(rows))
@@ -139,21 +144,28 @@ class Entries(Quantity):
         )
 
 
-class _Selected(Quantity):
-    """Some of the functions of another quantity."""
+class _View(Quantity):
+    """Another quantity, but for what a subclass changes."""
 
-    def __init__(self, whole: Quantity, rows: tuple[int, ...]) -> None:
-        self.whole, self.rows = whole, list(rows)
-        self.names = tuple(whole.names[row] for row in rows)
-        self.kind, self.unit = whole.kind, whole.unit
+    def __init__(self, whole: Quantity) -> None:
+        self.whole = whole
+        self.names, self.kind, self.unit, self.first = whole.names, whole.kind, whole.unit, whole.first
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
-        self.first = whole.first
-
-    def values(self, at: Samples) -> Array:
-        return self.whole.values(at)[:, self.rows]
 
     def columns(self, nx: int, nu: int) -> Instants | None:
         return self.whole.columns(nx, nu)
+
+
+class _Selected(_View):
+    """Some of the functions of another quantity."""
+
+    def __init__(self, whole: Quantity, rows: tuple[int, ...]) -> None:
+        super().__init__(whole)
+        self.rows = list(rows)
+        self.names = tuple(whole.names[row] for row in rows)
+
+    def values(self, at: Samples) -> Array:
+        return self.whole.values(at)[:, self.rows]
 
     def jacobian(self, at: Samples) -> Array:
         return self.whole.jacobian(at)[:, self.rows]
@@ -164,14 +176,12 @@ class _Selected(Quantity):
         return self.whole.curvature(at, weights)
 
 
-class Later(Quantity):
+class Later(_View):
     """A quantity as it is from a later instant on: what a window of a system has of it."""
 
     def __init__(self, whole: Quantity, start: int) -> None:
-        self.whole, self.start = whole, start
-        self.names, self.kind, self.unit = whole.names, whole.kind, whole.unit
-        self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
-        self.first = whole.first
+        super().__init__(whole)
+        self.start = start
 
     def values(self, at: Samples) -> Array:
         """Return the values (n, m)."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from functools import partial
 from typing import Any
 
@@ -139,13 +138,13 @@ class DiscreteSystem(System):
         ArgumentError
             A name that no entry has.
         """
-        names = self.quantity("state").names
-        places = []
+        state = self.quantity("state")
+        places: set[int] = set()
         for pattern in free:
-            found = [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
+            found = state.matching(pattern)
             if not found:
-                raise ArgumentError(f"free_start: {closest(pattern, names, what='entries of the state')}")
-            places += [i for i in found if i not in places]
+                raise ArgumentError(f"free_start: {closest(pattern, state.names, what='entries of the state')}")
+            places.update(found)
         return sorted(places)
 
     def moved_start(self, x: Array, dx: Array) -> Array:
@@ -278,7 +277,8 @@ class WindowSystem(DiscreteSystem):
 
     def quantity(self, kind: str) -> Quantity:
         """Return the quantities of a kind, by name."""
-        return Later(self.system.quantity(kind), self.start)
+        whole = self.system.quantity(kind)
+        return whole if isinstance(whole, Entries) else Later(whole, self.start)
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         """Simulate steps of the window; see `DiscreteSystem`."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.optimal.cost import is_diagonal
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.barrier import barrier_value, first_duals, moved_duals, split, stiffness
@@ -114,13 +115,15 @@ class LimitedCost:
 
     # ---- Duals and prices -------------------------------------------------------------------------
 
-    def step_duals(self, x: Array, u: Array, dx: Array, du: Array, x_new: Array, u_new: Array) -> None:
-        """Move the duals along their own direction, after a step from x, u along dx, du that ended at x_new, u_new."""
+    def next_duals(self, x: Array, u: Array, dx: Array, du: Array, x_new: Array, u_new: Array) -> list[Array]:
+        """Return the duals moved along their own direction, by a step from x, u along dx, du to x_new, u_new."""
+        moved = []
         new = self.barrier_duals(x_new, u_new)
-        for i, (rows, c, rho) in enumerate(zip(self.rows, self.limits(x, u), self.rho, strict=True)):
+        for rows, c, rho, y, barrier in zip(self.rows, self.limits(x, u), self.rho, self.y, new, strict=True):
             part = split(c, self.mu, rho)
-            dy = self.mu / part.slack - self.y[i] - stiffness(part, rho, self.y[i]) * rows.along(x, u, dx, du)
-            self.y[i] = moved_duals(self.y[i], dy, new[i], rho)
+            dy = self.mu / part.slack - y - stiffness(part, rho, y) * rows.along(x, u, dx, du)
+            moved.append(moved_duals(y, dy, barrier, rho))
+        return moved
 
     def net_duals(self) -> list[Array]:
         """Return the duals, of both sides of an equation their difference."""
@@ -148,11 +151,11 @@ class LimitedCost:
             default=0.0,
         )
 
-    def settled_duals(self, x: Array, u: Array) -> list[Array]:
-        """Return the duals; where they have not come near those of the barrier, these."""
+    def settled(self, duals: Sequence[Array], x: Array, u: Array) -> list[Array]:
+        """Return duals; where they have not come near those of the barrier, these."""
         return [
             np.where(np.abs(np.log(y / barrier)) < _SETTLED, y, barrier)
-            for y, barrier in zip(self.y, self.barrier_duals(x, u), strict=True)
+            for y, barrier in zip(duals, self.barrier_duals(x, u), strict=True)
         ]
 
     def shapes(self) -> list[tuple[tuple[str, ...], tuple[int, ...]]]:
@@ -210,21 +213,17 @@ class LimitedCost:
 
 def _matrix(weight: Array) -> Array:
     """Return a weight of any of the shapes of a `CostHessian` as matrices."""
-    if weight.ndim == 1:
-        return np.diag(weight)
-    if weight.ndim == 3 and weight.shape[2] == 1:
-        return weight * np.eye(weight.shape[1])
-    return weight
+    if not is_diagonal(weight):
+        return weight
+    return np.diag(weight) if weight.ndim == 1 else weight * np.eye(weight.shape[1])
 
 
 def _with(weight: Array, diagonal: Array) -> Array:
     """Return a weight with a diagonal of every stage added."""
     if not diagonal.any():
         return weight
-    if weight.ndim == 1:
-        return np.asarray((weight + diagonal)[:, :, None])
-    if weight.ndim == 3 and weight.shape[2] == 1:
-        return np.asarray(weight + diagonal[:, :, None])
+    if is_diagonal(weight):
+        return np.asarray(((weight if weight.ndim == 1 else weight[:, :, 0]) + diagonal)[:, :, None])
     n = weight.shape[-1]
     full = np.array(np.broadcast_to(weight, (len(diagonal), n, n)))
     full[:, np.arange(n), np.arange(n)] += diagonal

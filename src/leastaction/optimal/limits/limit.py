@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -144,10 +143,7 @@ def selected(system: DiscreteSystem, names: str | Sequence[str], of: str | None,
     known: list[str] = []
     for kind in (of,) if of is not None else kinds:
         whole = system.quantity(kind)
-        found = [
-            [i for i, name in enumerate(whole.names) if name == pattern or fnmatchcase(name, pattern)]
-            for pattern in patterns
-        ]
+        found = [whole.matching(pattern) for pattern in patterns]
         if all(found):
             return whole.select(sorted({i for each in found for i in each}))
         known += [name for name in whole.names if name not in known]
@@ -176,7 +172,7 @@ def _bounded(
     for sign, bounds in ((1.0, low), (-1.0, high)):
         if bounds is None:
             continue
-        # Where a bound is infinite for every instant there is none; an infinite one among others is far away.
+        # Where a bound is infinite at every instant there is none.
         columns = [j for j in range(m) if np.isfinite(bounds[:, j]).any()]
         if not columns:
             continue
@@ -193,7 +189,7 @@ def _bounded(
 
 
 def _instants(system: DiscreteSystem, quantity: Quantity, at: When, first: int, what: str) -> Any:
-    """Return the indices at which a quantity is asked."""
+    """Return the indices at which a quantity is asked, in the order in which they are given: values go with them."""
     N = system.N
     last = N if quantity.of_state else N - 1
     start = max(first, quantity.first) if quantity.of_state else 0
@@ -219,7 +215,7 @@ def _instants(system: DiscreteSystem, quantity: Quantity, at: When, first: int, 
         found.append(k)
     if not found or len(set(found)) < len(found):
         raise ArgumentError(f"{what}: got at={at!r}, expected one or several different instants")
-    return np.array(sorted(found), dtype=np.intp)
+    return np.array(found, dtype=np.intp)
 
 
 def _values(system: DiscreteSystem, value: Any, k: Any, m: int, what: str) -> Array:

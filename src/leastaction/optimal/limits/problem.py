@@ -59,7 +59,6 @@ class LimitedProblem(DiscreteProblem):
         self.tolerance = settings.tolerance
         self.size = np.nan
         self.given: LimitReport | None = None
-        self.spare = Workspace(system.N, system.nx, system.nu)
         # Of the iterate and its duals; None: not yet.
         self.derivatives: tuple[CostGradient, CostHessian] | None = None
 
@@ -199,7 +198,7 @@ class LimitedProblem(DiscreteProblem):
         if dx is None or du is None:
             A, B = self._linearize()
             dx, du = sweep_forward(A, B, direction, direction.dx0)
-        self.limited.step_duals(self.x, self.u, dx, du, trial.iterate.x, trial.iterate.u)
+        self.limited.y = self.limited.next_duals(self.x, self.u, dx, du, trial.iterate.x, trial.iterate.u)
         super().accept(direction, trial)
 
     # ---- What is told ---------------------------------------------------------------------------
@@ -211,17 +210,20 @@ class LimitedProblem(DiscreteProblem):
     def _duals(self) -> list[Array]:
         """Return the duals after a last step of theirs along Newton's direction, which the motion hardly needs."""
         limited = self.limited
+        duals = limited.y
         if limited.mu <= self.last:
+            # Memory of its own: the feedback that is told may stand in that of the iteration.
+            spare = Workspace(self.system.N, self.system.nx, self.system.nu)
             try:
                 method = "newton" if self.has_curvature else "quasi-newton"
-                model = self._with_start(self._solve(method, self.spare, 1.0))
+                model = self._with_start(self._solve(method, spare, 1.0))
                 if model.definite:
                     A, B = self._linearize()
-                    dx0 = self._start_step(model)
-                    limited.step_duals(self.x, self.u, *sweep_forward(A, B, model, dx0), self.x, self.u)
+                    dx, du = sweep_forward(A, B, model, self._start_step(model))
+                    duals = limited.next_duals(self.x, self.u, dx, du, self.x, self.u)
             except LeastActionError:
                 pass  # The duals of the last step will do.
-        return limited.settled_duals(self.x, self.u)
+        return limited.settled(duals, self.x, self.u)
 
     def _report(self) -> LimitReport:
         limited, sides = self.limited, []
