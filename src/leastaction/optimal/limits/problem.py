@@ -8,28 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.errors import LeastActionError
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.discrete.linear_quadratic import Workspace, sweep_forward
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.limit_report import LimitReport, LimitState
+from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import LimitedCost
+from leastaction.optimal.limits.duals import Stages
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.result import OptimizationResult, Settings, Status
 
 __all__ = ["LimitedProblem"]
 
-# The barrier's parameter: the first, in the cost by the number of rows; how it falls from one stage to the next.
-_FIRST, _LESS, _POWER = 0.1, 0.1, 1.5
-_FIRST_AGAIN = 1e-4  # where duals are known
-_LAST = 0.1  # of the tolerated change of the cost is the barriers' part in the end
-_LOOSE = 10.0  # times mu: the expected decrease with which a stage but the last is over
-_DEAREST = 1e6  # costs of the start for an excess of a limit's scale
-_MET = 1e-6  # of its scale a limit may be off where the problem cannot be met otherwise
-_ACTIVE = 100.0  # times mu: dual times scale of a limit that is active
+_DIGITS = 1e4 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
 
 class LimitedProblem(DiscreteProblem):
@@ -56,8 +50,8 @@ class LimitedProblem(DiscreteProblem):
     ) -> None:
         super().__init__(system, cost, settings, free_start)
         self.limited = LimitedCost(cost, rows)
-        self.tolerance = settings.tolerance
-        self.size = np.nan
+        self.duals = self.limited.duals
+        self.stages = Stages(self.duals, settings.tolerance, self.limited.count, _DIGITS)
         self.given: LimitReport | None = None
         # Of the iterate and its duals; None: not yet.
         self.derivatives: tuple[CostGradient, CostHessian] | None = None
@@ -80,26 +74,15 @@ class LimitedProblem(DiscreteProblem):
 
     def _begin(self, *, resumed: bool = False) -> None:
         """Put the limits in, at the trajectory to start from."""
-        limited = self.limited
-        self.size = abs(self.value) if self.value else 1.0
-        first = _FIRST * self.size / limited.count
-        self.last = self._last(self.size)
-        self.first_mu = first
-        limited.begin(self.x, self.u, first, self.size)
-        for rows in limited.rows:
+        self.stages.begin(self.value, self._limits())
+        for rows in self.limited.rows:
             rows.check(self.x, self.u)
-        given = self.given
-        if given is not None and given.sides_shaped() == limited.shapes():
-            limited.mu = given.mu if resumed else max(_FIRST_AGAIN * first, self.last)
-            if resumed:
-                self.first_mu, self.last = given.first_mu, given.first_mu * self.last / first
-            limited.take(given)
-        elif resumed and given is not None:
-            raise ArgumentError(
-                f"resume: got a result with the limits {', '.join(given.labels[:4])} ..., expected those of this "
-                "call. Give initial=result to start from its trajectory with others"
-            )
+        self.stages.take(self.given, resumed=resumed)
         self._set_out()
+
+    def _limits(self) -> list[Array]:
+        """Return the values of all rows at the iterate."""
+        return self.limited.limits(self.x, self.u)
 
     # ---- Stages ---------------------------------------------------------------------------------
 
@@ -110,40 +93,24 @@ class LimitedProblem(DiscreteProblem):
 
     def tolerated(self, goal: float) -> float:
         """Return the expected decrease that is small enough at this stage."""
-        mu = self.limited.mu
-        if mu > self.last:
-            return max(goal, _LOOSE * mu)
-        # The duals are worth no more than the motion is near the barrier's minimum.
-        return max(min(goal, _LOOSE * mu), 10.0 * self.noise)
+        return self.stages.tolerated(goal, self.noise)
 
     def next_stage(self) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier."""
-        limited = self.limited
-        # The cost of the start may be far from that of the end.
-        self.last = max(min(self.last, self._last(abs(self.shown))), limited.least_mu())
-        dearer = limited.price(self.x, self.u, _DEAREST * self.size)
-        if not dearer:
-            if limited.mu <= self.last or limited.hopeless():
-                return False
-            unit = self.first_mu / _FIRST
-            part = limited.mu / unit
-            limited.mu = max(self.last, unit * min(_LESS * part, part**_POWER))
-        self._set_out()
-        return True
-
-    def _last(self, cost: float) -> float:
-        """Return the parameter of a barrier that matters no more at a cost."""
-        return _LAST * self.tolerance * max(cost, 1e-9 * self.size) / self.limited.count
+        more = self.stages.advance(self.shown, self._limits())
+        if more:
+            self._set_out()
+        return more
 
     def _set_out(self) -> None:
         """Begin a stage: another cost, the same dynamics."""
-        self.tells_saddles = self.system.has_curvature and self.limited.mu <= self.last
+        self.tells_saddles = self.system.has_curvature and self.stages.is_last
         self.curvature = self.quasi_newton = self.feedback = self.derivatives = None
         self.value = self.shown + self.limited.barriers(self.x, self.u)
 
     def verdict(self) -> tuple[Status, str] | None:
         """Return that limits contradict each other, where they could not be met at any price."""
-        if self.limited.excess(self.x, self.u) <= _MET:
+        if self.stages.are_met(self._limits()):
             return None
         return Status.INFEASIBLE, self._report().contradiction(self.system.when)
 
@@ -152,7 +119,7 @@ class LimitedProblem(DiscreteProblem):
     @property
     def _begun(self) -> bool:
         """Whether there are limits already: the start is projected without."""
-        return bool(self.limited.y)
+        return bool(self.duals.y)
 
     def _gradient(self) -> CostGradient:
         return self._derivatives()[0] if self._begun else super()._gradient()
@@ -198,7 +165,7 @@ class LimitedProblem(DiscreteProblem):
         if dx is None or du is None:
             A, B = self._linearize()
             dx, du = sweep_forward(A, B, direction, direction.dx0)
-        self.limited.y = self.limited.next_duals(self.x, self.u, dx, du, trial.iterate.x, trial.iterate.u)
+        self.duals.y = self.limited.next_duals(self.x, self.u, dx, du, trial.iterate.x, trial.iterate.u)
         super().accept(direction, trial)
 
     # ---- What is told ---------------------------------------------------------------------------
@@ -209,9 +176,8 @@ class LimitedProblem(DiscreteProblem):
 
     def _duals(self) -> list[Array]:
         """Return the duals after a last step of theirs along Newton's direction, which the motion hardly needs."""
-        limited = self.limited
-        duals = limited.y
-        if limited.mu <= self.last:
+        duals = self.duals.y
+        if self.stages.is_last:
             # Memory of its own: the feedback that is told may stand in that of the iteration.
             spare = Workspace(self.system.N, self.system.nx, self.system.nu)
             try:
@@ -220,26 +186,11 @@ class LimitedProblem(DiscreteProblem):
                 if model.definite:
                     A, B = self._linearize()
                     dx, du = sweep_forward(A, B, model, self._start_step(model))
-                    duals = limited.next_duals(self.x, self.u, dx, du, self.x, self.u)
+                    duals = self.limited.next_duals(self.x, self.u, dx, du, self.x, self.u)
             except LeastActionError:
                 pass  # The duals of the last step will do.
-        return limited.settled(duals, self.x, self.u)
+        return self.duals.settled(duals, self._limits())
 
     def _report(self) -> LimitReport:
-        limited, sides = self.limited, []
-        duals = self._duals()
-        for i, (rows, c) in enumerate(zip(limited.rows, limited.limits(self.x, self.u), strict=True)):
-            if rows.equal and rows.sign < 0.0:
-                continue
-            dual = duals[i]
-            active = np.full(dual.shape, rows.equal)
-            if rows.equal:
-                dual = dual - duals[i + 1]
-            else:
-                active |= dual * limited.scale[i] > _ACTIVE * limited.mu
-            k = rows.k.astype(np.int64)
-            for array in (k, c, dual, active):
-                array.setflags(write=False)
-            price = read_only(limited.rho[i].copy())
-            sides.append(LimitState(rows.limit, rows.labels, rows.equal, k, c, dual, price, active))
-        return LimitReport(tuple(sides), limited.mu, limited.excess(self.x, self.u), self.first_mu)
+        k = [rows.k for rows in self.limited.rows]
+        return self.duals.report(k, self._limits(), self._duals(), self.stages.first_mu)
