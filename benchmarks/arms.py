@@ -1,10 +1,13 @@
-"""Robot arms that reach for a pose, beside crocoddyl's FDDP: ``python -m benchmarks.arms [--quick]``.
+"""Robot arms that reach for a pose, beside crocoddyl: ``python -m benchmarks.arms [--quick]``.
 
 UR5 (6 joints) and Panda (7, fingers fixed) from their URDF in example-robot-data, one second in 100 and in 1000 steps.
 Both start in the same pose, held against gravity, and minimise the same integral of squared angles to the goal and
 torques, with a last weight on angles and velocities. We step by the midpoint rule and crocoddyl by semi-implicit Euler,
 so the costs agree but for the error of the time step. Both stop where the next step is expected to gain less than the
 same part of the cost. Times are those of the processor, on one thread.
+
+Then once more with torques that are limited, to a part of what each joint used, if that holds the arm where it starts,
+beside BoxFDDP. Both start as before.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from benchmarks import unit  # noqa: E402
 from benchmarks.cases import Array  # noqa: E402
 from benchmarks.continuous import conversion  # noqa: E402
 from leastaction.mechanics import MidpointVI  # noqa: E402
-from leastaction.optimal import QuadraticCost, optimize  # noqa: E402
+from leastaction.optimal import Bound, QuadraticCost, optimize  # noqa: E402
 from leastaction.systems import MidpointSystem  # noqa: E402
 
 __all__ = ["Run", "Task", "fddp", "midpoint", "tasks"]
@@ -35,6 +38,7 @@ __all__ = ["Run", "Task", "fddp", "midpoint", "tasks"]
 _SECONDS = 1.0
 _ANGLES, _TORQUES, _LAST_ANGLES, _LAST_RATES = 1.0, 1e-3, 1e3, 1e1  # weights
 _TOLERANCE = 1e-8  # expected decrease over cost
+_PART = 0.7  # of the largest torque of each joint, where it is limited
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,7 @@ class Run:
     iterations: int
     seconds: float
     last: Array  # pose at the end
+    inputs: Array
 
     def line(self) -> str:
         """Return its figures."""
@@ -102,8 +107,21 @@ def _best(solve: Callable[[], Any], repeats: int) -> tuple[Any, float]:
     return result, best
 
 
-def midpoint(task: Task, *, repeats: int = 3) -> Run:
-    """Solve by the midpoint rule and the projection operator."""
+def _hold(task: Task) -> Array:
+    """Return the torques that hold the arm where it starts."""
+    import pinocchio
+
+    held: Array = pinocchio.computeGeneralizedGravity(task.model, task.model.createData(), task.start)
+    return held
+
+
+def limit(task: Task, free: Run) -> Array:
+    """Return the most that joints may use, of which the free motion uses more."""
+    return np.maximum(_PART * np.abs(free.inputs).max(axis=0), 1.05 * np.abs(_hold(task)))
+
+
+def midpoint(task: Task, most: Array | None = None, *, repeats: int = 3) -> Run:
+    """Solve by the midpoint rule and the projection operator; within limits of the torques, if there are any."""
     import pinocchio
 
     model, N, dt, n = task.model, task.steps, task.dt, task.model.nv
@@ -118,21 +136,29 @@ def midpoint(task: Task, *, repeats: int = 3) -> Run:
     last[:n, :n] = _LAST_ANGLES * np.eye(n)
     inverse = np.linalg.inv(inertia)
     last[n:, n:] = _LAST_RATES * 0.5 * (inverse @ inverse + (inverse @ inverse).T)
-    hold = pinocchio.computeGeneralizedGravity(model, data, task.start)
     cost = QuadraticCost(
         np.tile(wanted, (N + 1, 1)), np.zeros((N, n)),
         Q=dt * np.concatenate([_ANGLES * np.ones(n), np.zeros(n)]),
         R=dt * _TORQUES * np.ones(n), Q_final=last,
     )  # fmt: skip
-    initial = np.concatenate([task.start, np.zeros(n)]), np.tile(hold, (N, 1))
-    result, seconds = _best(lambda: optimize(system, cost, initial=initial, tolerance=_TOLERANCE), repeats)
-    return Run(
-        result.cost, result.status.name in ("CONVERGED", "STALLED"), result.iterations, seconds, result.x[-1, :n]
+    initial = np.concatenate([task.start, np.zeros(n)]), np.tile(_hold(task), (N, 1))
+    limits = (
+        []
+        if most is None
+        else [Bound(name, -b, b) for name, b in zip(system.quantity("input").names, most, strict=True)]
     )
+    result, seconds = _best(
+        lambda: optimize(system, cost, initial=initial, limits=limits, tolerance=_TOLERANCE), repeats
+    )
+    converged = result.status.name in ("CONVERGED", "STALLED")
+    return Run(result.cost, converged, result.iterations, seconds, result.x[-1, :n], result.u)
 
 
-def fddp(task: Task, goal: float, *, repeats: int = 3) -> Run:
-    """Solve by crocoddyl's FDDP until it expects to gain less than the tolerance of a cost of about ``goal``."""
+def fddp(task: Task, goal: float, most: Array | None = None, *, repeats: int = 3) -> Run:
+    """Solve by crocoddyl's FDDP until it expects to gain less than the tolerance of a cost of about ``goal``.
+
+    With limits of the torques, by BoxFDDP.
+    """
     import crocoddyl
     import pinocchio
 
@@ -161,20 +187,34 @@ def fddp(task: Task, goal: float, *, repeats: int = 3) -> Run:
         exact = pinocchio.aba(model, model.createData(), task.start, np.zeros(n), np.ones(n))
         if not np.allclose(data.xout, exact, rtol=1e-9, atol=1e-9):
             raise AssertionError("crocoddyl's accelerations are not those of pinocchio.aba")
-        return crocoddyl.IntegratedActionModelEuler(dynamics, step)
+        stepped = crocoddyl.IntegratedActionModelEuler(dynamics, step)
+        if most is not None and step > 0.0:
+            stepped.u_lb, stepped.u_ub = -most, most
+        return stepped
 
     x0 = np.concatenate([task.start, np.zeros(n)])
     problem = crocoddyl.ShootingProblem(x0, [action(running, dt)] * N, action(terminal, 0.0))
     problem.nthreads = 1
-    hold = pinocchio.computeGeneralizedGravity(model, model.createData(), task.start)
-    solver = crocoddyl.SolverFDDP(problem)
+    hold = _hold(task)
+    solver = crocoddyl.SolverFDDP(problem) if most is None else crocoddyl.SolverBoxFDDP(problem)
     solver.th_stop = _TOLERANCE * goal
 
     def solve() -> bool:
         return bool(solver.solve([x0] * (N + 1), [hold] * N, 500, False))
 
     done, seconds = _best(solve, repeats)
-    return Run(solver.cost, done, solver.iter, seconds, np.array(solver.xs[-1][:n]))
+    return Run(solver.cost, done, solver.iter, seconds, np.array(solver.xs[-1][:n]), np.array(solver.us))
+
+
+def _compare(name: str, ours: Run, program: str, theirs: Run) -> None:
+    print(name)
+    print(f"    ours              {ours.line()}")
+    print(f"    crocoddyl {program:7s} {theirs.line()}")
+    print(
+        f"    faster by {theirs.seconds / ours.seconds:.1f} in all; the poses at the end differ by "
+        f"{np.abs(ours.last - theirs.last).max():.1g} rad",
+        flush=True,
+    )
 
 
 def main() -> int:
@@ -191,16 +231,12 @@ def main() -> int:
     repeats = 1 if arguments.quick else 3
     for steps in (100,) if arguments.quick else (100, 1000):
         for task in tasks(steps):
-            ours = midpoint(task, repeats=repeats)
-            theirs = fddp(task, ours.cost, repeats=repeats)
-            print(f"{task.name}, {steps} steps")
-            print(f"    ours           {ours.line()}")
-            print(f"    crocoddyl FDDP {theirs.line()}")
-            print(
-                f"    faster by {theirs.seconds / ours.seconds:.1f} in all; the poses at the end differ by "
-                f"{np.abs(ours.last - theirs.last).max():.1g} rad",
-                flush=True,
-            )
+            free = midpoint(task, repeats=repeats)
+            _compare(f"{task.name}, {steps} steps", free, "FDDP", fddp(task, free.cost, repeats=repeats))
+            most = limit(task, free)
+            limited = midpoint(task, most, repeats=repeats)
+            name = f"{task.name}, {steps} steps, torques at most {100 * _PART:.0f} %"
+            _compare(name, limited, "BoxFDDP", fddp(task, limited.cost, most, repeats=repeats))
     measured = unit.measure(0.5)
     note = measured if isinstance(measured, str) else f"{1e6 * measured.best:.1f} us"
     print(f"crocoddyl {crocoddyl.__version__}, unit {note}")
