@@ -58,7 +58,7 @@ def stationarity(system, cost, limits, result: OptimizationResult) -> float:
     rows: list[Rows] = [row for limit in limits for row in limit.rows(system, 1)]
     rows = [row for row in rows if not (row.equal and row.sign < 0.0)]
     for row, side in zip(rows, result.limits.sides, strict=True):
-        row.add_gradient(x, u, side.dual, q, r)
+        row.add_gradient(row.jacobian(x, u), side.dual, q, r)
     A, B = system.linearize(x, u)
     z = adjoint(A, B, np.zeros((system.N, system.nu, system.nx)), q[:-1], r, q[-1])
     total = r + np.einsum("kij,ki->kj", B, z[1:])
@@ -377,6 +377,6 @@ def test_a_window_limits_what_reaches_over_two_steps(of: str, rng: np.random.Gen
     np.testing.assert_allclose(part.values(x[2:], u[2:]), whole.values(x, u)[np.isin(whole.k, 2 + part.k)])
     y = rng.normal(size=(len(part.k), 1))
     bends = Weights(3, system.nx, system.nu)
-    part.add_hessian(x[2:], u[2:], y, np.abs(y), bends, None)
+    part.add_hessian(x[2:], u[2:], part.jacobian(x[2:], u[2:]), y, np.abs(y), bends, None)
     total = np.abs(bends.of_steps()).sum() + np.abs(bends.of_states()).sum() + np.abs(bends.state).sum()
     assert total > 0.0

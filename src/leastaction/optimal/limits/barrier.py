@@ -38,14 +38,14 @@ class Split(NamedTuple):
     excess: Array
 
 
-def split(c: Array, mu: float, rho: Array) -> Split:
+def split(c: Array, mu: float | Array, rho: Array) -> Split:
     """Return slack and excess of the values of limits.
 
     Parameters
     ----------
     c : ndarray (n, m)
         Values of m limits.
-    mu : float
+    mu : float or ndarray
         The barrier's parameter, in units of the cost.
     rho : ndarray (m,)
         Price of an excess, in units of the cost by those of the limit.
@@ -61,11 +61,12 @@ def split(c: Array, mu: float, rho: Array) -> Split:
     return Split(factor * np.where(inside, large, small), factor * np.where(inside, small, large))
 
 
-def barrier_value(c: Array, mu: float, rho: Array) -> float:
+def barrier_value(c: Array, mu: float | Array, rho: Array) -> float:
     """Return the sum of psi, up to a constant of mu and rho."""
-    slack, excess = split(c, mu, rho)
-    dear, free = rho * excess / mu, rho * slack / mu
-    return float(mu * np.sum(dear - np.log(dear) - np.log(free)))
+    part, scale = split(c, mu, rho), rho / mu
+    dear = scale * part.excess
+    # The product of the two is within the numbers' range: where one is large the other is about 1.
+    return float(np.sum(mu * (dear - np.log(dear * (scale * part.slack)))))
 
 
 def stiffness(part: Split, rho: Array, y: Array) -> Array:

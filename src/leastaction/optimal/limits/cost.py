@@ -9,11 +9,15 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import is_diagonal
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
-from leastaction.optimal.limits.barrier import barrier_value
 from leastaction.optimal.limits.duals import Duals, Side
+from leastaction.optimal.limits.entries import EntryRows
 from leastaction.optimal.limits.rows import Rows, Weights
+from leastaction.optimal.quantity import Entries
 
-__all__ = ["LimitedCost"]
+__all__ = ["Jacobians", "LimitedCost"]
+
+Jacobians = dict[int, Array]
+"""Derivatives of some rows, by their index."""
 
 
 class LimitedCost:
@@ -27,9 +31,11 @@ class LimitedCost:
     cost : Cost
     rows : sequence of Rows
         Both sides of equations one after the other.
+    nx, nu : int
+        Number of states and inputs.
     """
 
-    def __init__(self, cost: Cost, rows: Sequence[Rows]) -> None:
+    def __init__(self, cost: Cost, rows: Sequence[Rows], nx: int, nu: int) -> None:
         self.cost, self.rows = cost, tuple(rows)
         self.duals = Duals(
             [
@@ -37,6 +43,9 @@ class LimitedCost:
                 for r in self.rows
             ]
         )
+        self.of_states = EntryRows(self.rows, of_state=True, width=nx)
+        self.of_inputs = EntryRows(self.rows, of_state=False, width=nu)
+        self.others = [i for i, each in enumerate(self.rows) if not isinstance(each.quantity, Entries)]
 
     @property
     def count(self) -> int:
@@ -47,38 +56,54 @@ class LimitedCost:
 
     def limits(self, x: Array, u: Array) -> list[Array]:
         """Return the values c of all rows."""
-        return [rows.values(x, u) for rows in self.rows]
-
-    def barriers(self, x: Array, u: Array) -> float:
-        """Return the barriers of a trajectory."""
-        duals = self.duals
-        return sum(barrier_value(c, duals.mu, rho) for c, rho in zip(self.limits(x, u), duals.rho, strict=True))
+        found: list[Array] = [np.empty(0)] * len(self.rows)
+        self.of_states.values(x, found)
+        self.of_inputs.values(u, found)
+        for i in self.others:
+            found[i] = self.rows[i].values(x, u)
+        return found
 
     # ---- Derivatives ------------------------------------------------------------------------------
 
-    def gradient(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives."""
-        return self._lagrangian(x, u, self.duals.of_barrier(self.limits(x, u)))
+    def jacobians(self, x: Array, u: Array) -> Jacobians:
+        """Return the derivatives of the rows that are no entries, by their index."""
+        return {i: self.rows[i].jacobian(x, u) for i in self.others}
 
-    def lagrangian(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives of the cost less the duals times the limits."""
-        return self._lagrangian(x, u, self.duals.y)
-
-    def _lagrangian(self, x: Array, u: Array, duals: Sequence[Array]) -> CostGradient:
-        gradient = self.cost.gradient(x, u)
+    def with_duals(self, gradient: CostGradient, duals: Sequence[Array], jacobians: Jacobians) -> CostGradient:
+        """Return the gradient of the cost less the duals times the limits, given that of the cost."""
         q, r = np.vstack([gradient.q, gradient.q_final]), gradient.r.copy()
-        for rows, y in zip(self.rows, duals, strict=True):
-            rows.add_gradient(x, u, y, q, r)
+        self.of_states.add_gradient(duals, q)
+        self.of_inputs.add_gradient(duals, r)
+        for i, jacobian in jacobians.items():
+            self.rows[i].add_gradient(jacobian, duals[i], q, r)
         return CostGradient(q[:-1], r, q[-1])
 
-    def hessian(self, x: Array, u: Array, dynamics: Array | None = None) -> CostHessian:
-        """Return the second derivatives of the primal-dual model; dynamics are ``[A B]`` for what looks ahead."""
+    def hessian(
+        self,
+        x: Array,
+        u: Array,
+        c: Sequence[Array],
+        jacobians: Jacobians,
+        dynamics: Array | None = None,
+    ) -> CostHessian:
+        """Return the second derivatives of the primal-dual model.
+
+        Parameters
+        ----------
+        x, u : ndarray
+        c, jacobians
+            The limits there and their derivatives.
+        dynamics : ndarray (N, nx, nx+nu) or None
+            ``[A B]``, for what looks ahead.
+        """
         Q, R, S, Q_final = self.cost.hessian(x, u)
         nx = x.shape[1]
         weights = Weights(len(u), nx, u.shape[1])
-        sigmas = self.duals.stiffnesses(self.limits(x, u))
-        for rows, sigma, y in zip(self.rows, sigmas, self.duals.y, strict=True):
-            rows.add_hessian(x, u, y, sigma, weights, dynamics)
+        sigmas = self.duals.stiffnesses(c)
+        self.of_states.add_hessian(sigmas, weights.state)
+        self.of_inputs.add_hessian(sigmas, weights.input)
+        for i, jacobian in jacobians.items():
+            self.rows[i].add_hessian(x, u, jacobian, self.duals.y[i], sigmas[i], weights, dynamics)
         final = _matrix(Q_final) + np.diag(weights.state[-1])
         if weights.state_matrix is not None:
             final = final + weights.state_matrix[-1]
@@ -90,12 +115,14 @@ class LimitedCost:
         cross = H[:, :nx, nx:] if S is None else S + H[:, :nx, nx:]
         return CostHessian(_matrix(Q) + H[:, :nx, :nx], _matrix(R) + H[:, nx:, nx:], np.ascontiguousarray(cross), final)
 
-    # ---- Duals ------------------------------------------------------------------------------------
-
-    def next_duals(self, x: Array, u: Array, dx: Array, du: Array, x_new: Array, u_new: Array) -> list[Array]:
-        """Return the duals moved along their own direction, by a step from x, u along dx, du to x_new, u_new."""
-        along = [rows.along(x, u, dx, du) for rows in self.rows]
-        return self.duals.moved(self.limits(x, u), along, self.limits(x_new, u_new))
+    def along(self, dx: Array, du: Array, jacobians: Jacobians) -> list[Array]:
+        """Return the changes of the limits along a direction."""
+        found: list[Array] = [np.empty(0)] * len(self.rows)
+        self.of_states.along(dx, found)
+        self.of_inputs.along(du, found)
+        for i, jacobian in jacobians.items():
+            found[i] = self.rows[i].along(jacobian, dx, du)
+        return found
 
 
 def _matrix(weight: Array) -> Array:

@@ -7,15 +7,17 @@ the horizon's length, so that the parameter mu is in units of the cost for all s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.limit_report import LimitReport, LimitState
-from leastaction.optimal.limits.barrier import Split, first_duals, moved_duals, split, stiffness
+from leastaction.optimal.limits.barrier import Split, barrier_value, first_duals, moved_duals, split, stiffness
 from leastaction.optimal.quantity import Instants
 
 __all__ = ["Duals", "Side", "Stages"]
@@ -62,6 +64,8 @@ class Duals:
         self.scale: list[Array] = []
         self.rho: list[Array] = []
         self.y: list[Array] = []
+        self.shapes: list[tuple[int, ...]] = []
+        self.weights = self.prices = np.empty(0)  # of all rows, one after the other
 
     def begin(self, c: Sequence[Array], mu: float, price: float) -> None:
         """Choose scales, prices and duals from where the optimisation starts."""
@@ -69,34 +73,48 @@ class Duals:
         for side, values in zip(self.sides, c, strict=True):
             seen = np.maximum(np.abs(values).max(axis=0), 1e-6 * (1.0 + side.size))
             self.scale.append(np.where(side.scale > 0.0, side.scale, seen))
+        self.shapes = [values.shape for values in c]
+        self.weights = _joined([np.full(values.shape, s.weight) for s, values in zip(self.sides, c, strict=True)])
         self.rho = [side.weight * price / scale for side, scale in zip(self.sides, self.scale, strict=True)]
-        self.y = [first_duals(y, rho) for y, rho in zip(self.of_barrier(c), self.rho, strict=True)]
+        self._settle_prices()
+        self.y = self._apart(first_duals(self._parameters() / self._split(c).slack, self.prices))
 
     def parameter(self, i: int) -> float:
         """Return the parameter of the barrier of side i."""
         return self.mu * self.sides[i].weight
 
-    def splits(self, c: Sequence[Array]) -> list[Split]:
-        """Return slacks and excesses."""
-        return [split(each, self.parameter(i), self.rho[i]) for i, each in enumerate(c)]
+    # Elementwise mathematics takes all sides at once: there may be many, and they may be short.
+
+    def barrier(self, c: Sequence[Array]) -> float:
+        """Return the sum of the barriers."""
+        return barrier_value(_joined(c), self._parameters(), self.prices)
 
     def of_barrier(self, c: Sequence[Array]) -> list[Array]:
         """Return the duals of the barriers themselves, ``mu / s``."""
-        return [self.parameter(i) / part.slack for i, part in enumerate(self.splits(c))]
+        return self._apart(self._parameters() / self._split(c).slack)
 
     def stiffnesses(self, c: Sequence[Array]) -> list[Array]:
         """Return ``-dy/dc`` of the primal-dual model."""
-        return [stiffness(*each) for each in zip(self.splits(c), self.rho, self.y, strict=True)]
+        return self._apart(stiffness(self._split(c), self.prices, _joined(self.y)))
 
     def moved(self, c: Sequence[Array], dc: Sequence[Array], c_new: Sequence[Array]) -> list[Array]:
         """Return the duals moved along their own direction, after a step along dc from c to c_new."""
-        parts = self.splits(c)
-        result = []
-        for i, barrier in enumerate(self.of_barrier(c_new)):
-            y, rho = self.y[i], self.rho[i]
-            dy = self.parameter(i) / parts[i].slack - y - stiffness(parts[i], rho, y) * dc[i]
-            result.append(moved_duals(y, dy, barrier, rho))
-        return result
+        part, mu, rho, y = self._split(c), self._parameters(), self.prices, _joined(self.y)
+        dy = mu / part.slack - y - stiffness(part, rho, y) * _joined(dc)
+        return self._apart(moved_duals(y, dy, mu / self._split(c_new).slack, rho))
+
+    def _split(self, c: Sequence[Array]) -> Split:
+        return split(_joined(c), self._parameters(), self.prices)
+
+    def _parameters(self) -> Array:
+        return self.mu * self.weights
+
+    def _settle_prices(self) -> None:
+        self.prices = _joined([np.broadcast_to(rho, shape) for rho, shape in zip(self.rho, self.shapes, strict=True)])
+
+    def _apart(self, values: Array) -> list[Array]:
+        ends = [0, *accumulate(math.prod(shape) for shape in self.shapes)]
+        return [values[a:b].reshape(shape) for a, b, shape in zip(ends[:-1], ends[1:], self.shapes, strict=True)]
 
     def settled(self, duals: Sequence[Array], c: Sequence[Array]) -> list[Array]:
         """Return duals; where they have not come near those of the barrier, these."""
@@ -160,6 +178,7 @@ class Duals:
             else:
                 lower = np.minimum(self.y[i], 0.9 * new)
                 self.y[i] = np.where(binding & (c[i] < 0.0), first_duals(lower, new), lower)
+        self._settle_prices()
         return unmet
 
     # ---- Reports --------------------------------------------------------------------------------
@@ -185,6 +204,7 @@ class Duals:
                 self.y[i] = 0.5 * (side.price + np.clip(side.dual, -0.9 * side.price, 0.9 * side.price))
             else:
                 self.y[i] = np.clip(side.dual, 1e-12 * side.price, 0.9 * side.price)
+        self._settle_prices()
 
     def report(self, k: Sequence[Instants], c: Sequence[Array], duals: Sequence[Array], first_mu: float) -> LimitReport:
         """Return what is told of the limits, given their instants, values and duals."""
@@ -204,6 +224,10 @@ class Duals:
             price = read_only(self.rho[i].copy())
             sides.append(LimitState(own.limit, own.labels, own.equal, at, c[i], dual, price, active))
         return LimitReport(tuple(sides), self.mu, self.excess(c), first_mu)
+
+
+def _joined(values: Sequence[Array]) -> Array:
+    return np.concatenate([each.ravel() for each in values])
 
 
 class Stages:

@@ -15,7 +15,7 @@ from leastaction.optimal.discrete.linear_quadratic import Workspace, sweep_forwa
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
-from leastaction.optimal.limits.cost import LimitedCost
+from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.duals import Stages
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.line_search import Refusal, Trial
@@ -49,10 +49,14 @@ class LimitedProblem(DiscreteProblem):
         free_start: bool | Sequence[str] = False,
     ) -> None:
         super().__init__(system, cost, settings, free_start)
-        self.limited = LimitedCost(cost, rows)
+        self.limited = LimitedCost(cost, rows, system.nx, system.nu)
         self.duals = self.limited.duals
         self.stages = Stages(self.duals, settings.tolerance, self.limited.count, _DIGITS)
         self.given: LimitReport | None = None
+        # Of the iterate; None: not yet.
+        self.values: list[Array] | None = None
+        self.jacobians: Jacobians | None = None
+        self.plain: CostGradient | None = None  # of the cost alone
         # Of the iterate and its duals; None: not yet.
         self.derivatives: tuple[CostGradient, CostHessian] | None = None
 
@@ -82,7 +86,15 @@ class LimitedProblem(DiscreteProblem):
 
     def _limits(self) -> list[Array]:
         """Return the values of all rows at the iterate."""
-        return self.limited.limits(self.x, self.u)
+        if self.values is None:
+            self.values = self.limited.limits(self.x, self.u)
+        return self.values
+
+    def _jacobians(self) -> Jacobians:
+        """Return their derivatives, of those that are no entries."""
+        if self.jacobians is None:
+            self.jacobians = self.limited.jacobians(self.x, self.u)
+        return self.jacobians
 
     # ---- Stages ---------------------------------------------------------------------------------
 
@@ -106,7 +118,7 @@ class LimitedProblem(DiscreteProblem):
         """Begin a stage: another cost, the same dynamics."""
         self.tells_saddles = self.system.has_curvature and self.stages.is_last
         self.curvature = self.quasi_newton = self.feedback = self.derivatives = None
-        self.value = self.shown + self.limited.barriers(self.x, self.u)
+        self.value = self.shown + self.duals.barrier(self._limits())
 
     def verdict(self) -> tuple[Status, str] | None:
         """Return that limits contradict each other, where they could not be met at any price."""
@@ -132,18 +144,25 @@ class LimitedProblem(DiscreteProblem):
             dynamics = None
             if any(rows.quantity.looks_ahead for rows in self.limited.rows):
                 dynamics = np.concatenate(list(self._linearize()), axis=2)
-            gradient = self.limited.gradient(self.x, self.u)
-            self.derivatives = gradient, self.limited.hessian(self.x, self.u, dynamics)
+            c, jacobians = self._limits(), self._jacobians()
+            gradient = self._with_duals(self.duals.of_barrier(c))
+            self.derivatives = gradient, self.limited.hessian(self.x, self.u, c, jacobians, dynamics)
         return self.derivatives
+
+    def _with_duals(self, duals: list[Array]) -> CostGradient:
+        """Return the first derivatives of the cost less the duals times the limits."""
+        if self.plain is None:
+            self.plain = super()._gradient()
+        return self.limited.with_duals(self.plain, duals, self._jacobians())
 
     def forget(self) -> None:
         """Drop all that was computed along the current iterate."""
         super().forget()
-        self.derivatives = None
+        self.values = self.jacobians = self.plain = self.derivatives = None
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
         # The multipliers of the dynamics are those of the Lagrangian.
-        return super()._curvature_along(self.limited.lagrangian(self.x, self.u) if self._begun else gradient)
+        return super()._curvature_along(self._with_duals(self.duals.y) if self._begun else gradient)
 
     # ---- Steps ----------------------------------------------------------------------------------
 
@@ -153,7 +172,7 @@ class LimitedProblem(DiscreteProblem):
         if isinstance(outcome, Refusal):
             return outcome
         x, u, _ = outcome.iterate
-        total = outcome.cost + self.limited.barriers(x, u)
+        total = outcome.cost + self.duals.barrier(self.limited.limits(x, u))
         if not total <= bound:
             reason = f"a cost with barriers of {total:.10g}, where at most {bound:.10g} was wanted"
             return self._look_for_jump(direction, length, x, Refusal(reason, cost=total))
@@ -165,7 +184,10 @@ class LimitedProblem(DiscreteProblem):
         if dx is None or du is None:
             A, B = self._linearize()
             dx, du = sweep_forward(A, B, direction, direction.dx0)
-        self.duals.y = self.limited.next_duals(self.x, self.u, dx, du, trial.iterate.x, trial.iterate.u)
+        x, u, _ = trial.iterate
+        self.duals.y = self.duals.moved(
+            self._limits(), self.limited.along(dx, du, self._jacobians()), self.limited.limits(x, u)
+        )
         super().accept(direction, trial)
 
     # ---- What is told ---------------------------------------------------------------------------
@@ -186,7 +208,8 @@ class LimitedProblem(DiscreteProblem):
                 if model.definite:
                     A, B = self._linearize()
                     dx, du = sweep_forward(A, B, model, self._start_step(model))
-                    duals = self.limited.next_duals(self.x, self.u, dx, du, self.x, self.u)
+                    c = self._limits()
+                    duals = self.duals.moved(c, self.limited.along(dx, du, self._jacobians()), c)
             except LeastActionError:
                 pass  # The duals of the last step will do.
         return self.duals.settled(duals, self._limits())

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
+from leastaction.optimal.quantity import Instants, Quantity, Samples
 
 __all__ = ["Rows", "Weights"]
 
@@ -94,39 +94,40 @@ class Rows:
         self.quantity.jacobian(at)
         self.quantity.curvature(at, np.ones((1, len(self.quantity.names))))
 
-    def add_gradient(self, x: Array, u: Array, y: Array, q: Array, r: Array) -> None:
+    def jacobian(self, x: Array, u: Array) -> Array:
+        """Return the derivatives of the quantity along a trajectory (n, m, ...), without the sign."""
+        return self.quantity.jacobian(self._at(x, u))
+
+    def add_gradient(self, jacobian: Array, y: Array, q: Array, r: Array) -> None:
         """Subtract ``y . dc`` from the gradients q (N+1, nx), r (N, nu)."""
-        quantity, nx = self.quantity, x.shape[1]
-        if isinstance(quantity, Entries):
-            target = q if quantity.of_state else r
-            target[np.ix_(self.k, quantity.places)] -= self.sign * quantity.factors * y
-            return
-        pull = np.einsum("kmi,km->ki", quantity.jacobian(self._at(x, u)), self.sign * y)
-        columns, nz = self._columns(nx, u.shape[1]), nx + u.shape[1]
+        nx, nu = q.shape[1], r.shape[1]
+        pull = np.einsum("kmi,km->ki", jacobian, self.sign * y)
+        columns, nz = self._columns(nx, nu), nx + nu
         for target, k, low, high in ((q, self.k, 0, nx), (r, self.k, nx, nz), (q, self.k + 1, nz, nz + nx)):
             here = (columns >= low) & (columns < high)
             if here.any():
                 np.subtract.at(target, np.ix_(k, columns[here] - low), pull[:, here])
 
-    def add_hessian(self, x: Array, u: Array, y: Array, sigma: Array, to: Weights, dynamics: Array | None) -> None:
+    def add_hessian(
+        self, x: Array, u: Array, jacobian: Array, y: Array, sigma: Array, to: Weights, dynamics: Array | None
+    ) -> None:
         """Add ``dc' sigma dc - y . d2c``.
 
         Parameters
         ----------
+        x, u : ndarray
+        jacobian : ndarray
+            Of the quantity along them.
         y, sigma : ndarray (n, m)
             Duals and stiffness.
+        to : Weights
         dynamics : ndarray (N, nx, nx+nu) or None
             ``[A B]``, for what looks ahead.
         """
         quantity, nx = self.quantity, x.shape[1]
-        if isinstance(quantity, Entries):
-            target = to.state if quantity.of_state else to.input
-            target[np.ix_(self.k, quantity.places)] += quantity.factors**2 * sigma
-            return
-        at, columns, nz = self._at(x, u), self._columns(nx, u.shape[1]), nx + u.shape[1]
-        C = quantity.jacobian(at)
-        H = (C * sigma[:, :, None]).transpose(0, 2, 1) @ C
-        bent = quantity.curvature(at, self.sign * y)
+        columns, nz = self._columns(nx, u.shape[1]), nx + u.shape[1]
+        H = (jacobian * sigma[:, :, None]).transpose(0, 2, 1) @ jacobian
+        bent = quantity.curvature(self._at(x, u), self.sign * y)
         if bent is not None:
             H -= bent
         ahead = columns >= nz
@@ -138,16 +139,12 @@ class Rows:
             H, columns = J.transpose(0, 2, 1) @ (H @ J), np.arange(nz)
         _add(to.of_states() if quantity.of_state else to.of_steps(), self.k, columns, H)
 
-    def along(self, x: Array, u: Array, dx: Array, du: Array) -> Array:
+    def along(self, jacobian: Array, dx: Array, du: Array) -> Array:
         """Return ``dc (n, m)`` along a direction."""
-        quantity = self.quantity
-        if isinstance(quantity, Entries):
-            moved = (dx if quantity.of_state else du)[np.ix_(self.k, quantity.places)]
-            return np.asarray(self.sign * quantity.factors * moved)
-        C = quantity.jacobian(self._at(x, u))
-        parts = [dx[self.k]] if quantity.of_state else [dx[self.k], du[self.k], dx[self.k + 1]]
-        moved = np.hstack(parts)[:, self._columns(x.shape[1], u.shape[1])]
-        return np.asarray(self.sign * np.einsum("kmi,ki->km", C, moved))
+        k = self.k
+        parts = [dx[k]] if self.quantity.of_state else [dx[k], du[k], dx[k + 1]]
+        moved = np.hstack(parts)[:, self._columns(dx.shape[1], du.shape[1])]
+        return np.asarray(self.sign * np.einsum("kmi,ki->km", jacobian, moved))
 
     def _columns(self, nx: int, nu: int) -> Instants:
         """Return the places in (x, u, x_next) in which derivatives are given."""
