@@ -102,11 +102,11 @@ View curvature(const Linearization& of, const In<2>& w, bool multipliers, int th
 }
 
 // directions (P, n_numbers) of the elements' numbers; inertias: (parameter, joint, 10 numbers m, m c, I in
-// the joint's frame about its origin, xx yy zz xy xz yz).
+// the joint's frame about its origin, xx yy zz xy xz yz); the parameter that is the time step, or none.
 ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u,
                                    const In<2>& directions,
                                    const std::vector<std::tuple<int, int, std::array<double, 10>>>& inertias,
-                                   int threads) {
+                                   std::optional<int> time_step, int threads) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), P = directions.shape(0), n = m.numbers.size();
     const std::size_t nx = m.n_states(), nc = m.n_constraints();
@@ -121,6 +121,7 @@ ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, con
             throw std::invalid_argument("inertias: no such parameter, or no such joint with a mass");
         parameters[k].inertias.push_back({joint, inertia_of(i)});
     }
+    if (time_step) parameters.at(*time_step).time_step = true;
     Out by_x = new_array({N, nx, P}), by_lam = new_array({N, nc, P});
     nb::gil_scoped_release release;
     const int done = differentiate_by_parameters(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(),
@@ -240,8 +241,9 @@ void bind_midpoint(nb::module_& module) {
             "solver"_a = Solver::automatic)
         .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
              "Steps from x0 over the times t under u = ubar - K (x - xbar).")
-        .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a, "threads"_a = 0,
-             "Derivatives of every step by directions of the elements' numbers and of inertias.")
+        .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,
+             "time_step"_a.none() = nb::none(), "threads"_a = 0,
+             "Derivatives of every step by directions of the elements' numbers and of inertias, and by its length.")
         .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a,
              "Momenta (p1, p2) at both ends of a segment, without constraint forces.");
     using L = Linearization;

@@ -166,6 +166,9 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
             std::copy_n(&P2[i * ld], count, x + (at.nq + row) * count);
         }
         for (int c = 0; c < at.nc; ++c) std::copy_n(&Y[(at.nd + c) * ld], count, lam + c * count);
+        for (std::size_t p = 0; p < count; ++p)
+            for (int i = at.nd; parameters[p].time_step && i < at.nq; ++i)
+                x[(at.nq + i) * count + p] = -(step.q2[i] - step.q1[i]) / (dt * dt);
         return true;
     });
 }

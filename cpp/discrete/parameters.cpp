@@ -2,6 +2,41 @@
 
 namespace leastaction {
 
+namespace {
+
+// Products of second derivatives at the midpoint with its velocity, by variable: L_qv v, L_vv v, f_v v, and the force f.
+struct AlongVelocity {
+    std::vector<double> L_qv, L_vv, f_v, f;
+};
+
+AlongVelocity along_velocity(const MidpointStep& step) {
+    const Mechanism& m = step.mechanism();
+    const std::vector<double> none(m.n_variables());
+    AlongVelocity out{none, none, none, none};
+    const ForcePoint<double> at = step.middle();
+    const PairDerivatives& d = step.lagrangian().pairs;
+    each_pair(m, d.stride, [&](int i, int j, std::size_t pair, auto weight, bool mirrored) {
+        out.L_qv[i] += weight * (d.q_v[pair] * at.v[j]);
+        out.L_vv[i] += weight * (d.vv[pair] * at.v[j]);
+        if (!mirrored) return;
+        out.L_qv[j] += weight * (d.v_q[pair] * at.v[i]);
+        out.L_vv[j] += weight * (d.vv[pair] * at.v[i]);
+    });
+    for (const auto& [i, slot] : m.damping) {
+        out.f[i] -= m.numbers[slot] * at.v[i];
+        out.f_v[i] -= m.numbers[slot] * at.v[i];
+    }
+    for (const auto& [i, input] : m.joint_forces) out.f[i] += at.u[input];
+    LocalForce<double> local;
+    for_each_entry(m.forces, at, local, [&](int i, double f) { out.f[i] += f; });
+    for_each_entry(
+        m.forces, at, local, [&](int i, int j, double, double f_v) { out.f_v[i] += f_v * at.v[j]; },
+        [](int, int, double) {});
+    return out;
+}
+
+}  // namespace
+
 ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, double dt,
                                  const std::vector<Parameter>& parameters) {
     const Mechanism& m = step.mechanism();
@@ -41,6 +76,14 @@ ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, do
                 });
                 m.constraints[c]->evaluate(end, Q2.data(), Order::value, local);
                 y(nd + c) = -local.value.d;
+            }
+        }
+        if (parameter.time_step) {
+            const AlongVelocity along = along_velocity(step);
+            for (int i = 0; i < nd; ++i) {
+                L_q[i] += (step.lagrangian().L_q[i] - along.L_qv[i]) / dt;
+                L_v[i] -= along.L_vv[i] / dt;
+                f[i] += (along.f[i] - along.f_v[i]) / dt;
             }
         }
         for (int i = 0; i < nd; ++i) {

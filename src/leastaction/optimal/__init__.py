@@ -55,17 +55,20 @@ from leastaction.optimal.starts import (
 )
 from leastaction.optimal.system import Linearization
 from leastaction.optimal.table import IterationTable
+from leastaction.optimal.unknowns.periodic import Periodic
+from leastaction.optimal.unknowns.unknown import FinalTime, Parameter, Unknown
 
 __all__ = [
     "Accuracy", "Bound", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
     "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Cost", "CostGradient",
-    "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal",
+    "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime",
     "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem", "HelpedCost", "IterationRecord",
     "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution",
-    "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult", "PiecewisePolynomial", "Projection",
-    "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout", "Settings", "StageRecord", "StageTable",
-    "StartResult", "StartStatus", "Status", "WindowCost", "WindowSystem", "Within", "adjoint",
-    "check_continuous_derivatives", "check_derivatives", "coarse_to_fine", "continuation", "optimize",
-    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
-    "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
+    "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult", "Parameter", "Periodic",
+    "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout",
+    "Settings", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown", "WindowCost",
+    "WindowSystem", "Within", "adjoint", "check_continuous_derivatives", "check_derivatives", "coarse_to_fine",
+    "continuation", "optimize", "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous",
+    "resample", "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator",
+    "sweep_forward",
 ]  # fmt: skip

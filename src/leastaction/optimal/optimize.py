@@ -29,6 +29,9 @@ from leastaction.optimal.loop import Callback, Loop, Problem
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import check_settings
 from leastaction.optimal.system import check_system
+from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
+from leastaction.optimal.unknowns.periodic import Periodic
+from leastaction.optimal.unknowns.unknown import Unknown
 
 __all__ = ["Callback", "optimize", "optimize_continuous"]
 
@@ -45,6 +48,7 @@ def optimize(
     resume: OptimizationResult | None = ...,
     limits: Sequence[Limit] = ...,
     free_start: bool | Sequence[str] = ...,
+    unknowns: Sequence[Unknown] = ...,
     method: Method = ...,
     regulator: Regulator = ...,
     max_iterations: int = ...,
@@ -88,6 +92,7 @@ def optimize(
     resume: OptimizationResult | None = None,
     limits: Sequence[Limit] = (),
     free_start: bool | Sequence[str] = False,
+    unknowns: Sequence[Unknown] = (),
     method: Method = "auto",
     regulator: Regulator = "descent",
     max_iterations: int = 500,
@@ -125,7 +130,10 @@ def optimize(
     free_start : bool or sequence of str, optional
         Whether the initial state of a discrete system is found too, or which entries of it, by their names (see
         ``system.quantity("state")``) with wildcards. It stays on the constraints of a mechanism. The cost has to
-        weigh what is free; at the start itself limits hold as well then.
+        weigh what is free; at the start itself limits hold as well then. `Periodic` among the limits has it return.
+    unknowns : sequence of Parameter or FinalTime, optional
+        Numbers of a discrete system that are found too: parameters of a mechanism, the final time. What is found is in
+        ``result.unknowns``, and the motion is one of ``system.with_parameters(result.unknowns)``.
     method : {"auto", "steepest", "quasi-newton", "newton"}
         The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it foretells the cost
         well, and goes to Newton otherwise. A Newton model without a minimum is damped; a method whose direction cannot
@@ -168,6 +176,7 @@ def optimize(
     """
     check_system(system, (DiscreteSystem, ContinuousSystem), ("nx", "nu"))
     problem: Problem[Any, Any, Any]
+    extension: Extension | None = None
     settings = check_settings(
         has_curvature=system.has_curvature,
         system=type(system).__name__,
@@ -199,7 +208,16 @@ def optimize(
         stages = cast(Cost, cost)
         stages.check_shapes(system.N, system.nx, system.nu)
         free = _checked_start(free_start, system)
-        rows = [row for limit in _checked(limits) for row in limit.rows(system, 1 if free is False else 0)]
+        limits, unknowns = _checked(limits), checked_unknowns(unknowns)
+        if unknowns or any(isinstance(limit, Periodic) for limit in limits):
+            extension = Extension(system, stages, unknowns, limits, free)
+            rows, free = extension.rows(), True
+            system, stages = extension.system, extension.cost
+            resume = None if resume is None else extension.resume(resume)
+            initial = None if initial is None else extension.start(initial)
+            callback = extension.callback(callback)
+        else:
+            rows = [row for limit in limits for row in limit.rows(system, 1 if free is False else 0)]
         if rows:
             problem = LimitedProblem(system, stages, rows, settings, free)
         else:
@@ -213,13 +231,18 @@ def optimize(
             )
         if free_start is not False:
             raise ArgumentError(f"free_start: got {free_start!r} for a continuous system, expected False")
+        if unknowns:
+            raise ArgumentError(
+                "unknowns: got some for a continuous system, expected none: they are for discrete systems"
+            )
         problem = ContinuousProblem(system, cast(ContinuousCost, cost), settings, accuracy or Accuracy(), horizon)
     if resume is not None:
         problem.resume(resume)
     else:
         problem.start(initial)
     loop: Loop[Any, Any, Any] = Loop(problem, settings, callback, resume)
-    return loop.run()
+    result = loop.run()
+    return result if extension is None else extension.result(result)
 
 
 def _checked_start(free: bool | Sequence[str], system: DiscreteSystem) -> bool | tuple[str, ...]:

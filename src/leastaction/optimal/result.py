@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -344,6 +345,8 @@ class OptimizationResult:
         Duals and room of the limits; None of an optimisation without.
     worst_step : StepQuality or None
         The coarsest step of time along the trajectory; None where the system does not know.
+    unknowns : Mapping[str, float]
+        What was found beside the inputs, by name. The trajectory is one of ``system.with_parameters(result.unknowns)``.
     """
 
     status: Status
@@ -361,6 +364,7 @@ class OptimizationResult:
     schedule: NewtonSchedule
     limits: LimitReport | None = field(default=None, kw_only=True)
     worst_step: StepQuality | None = field(default=None, kw_only=True)
+    unknowns: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), kw_only=True)
 
     __getstate__, __setstate__ = saved_state, restore_state
 
@@ -380,6 +384,8 @@ class OptimizationResult:
             f"cost {self.cost:.10g} after {self.iterations} iterations, "
             f"{self.timings['total']:.3g} s; expected decrease {self.expected_decrease:.2e}",
         ]
+        if self.unknowns:
+            lines.append(", ".join(f"{name} {value:.8g}" for name, value in self.unknowns.items()))
         if self.worst_step is not None:
             lines.append(str(self.worst_step))
         return "\n".join(lines)

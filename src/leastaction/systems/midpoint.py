@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +14,10 @@ from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.discrete.linearization import StepDerivatives
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.quality import quality_of
+from leastaction.mechanics.discrete.sensitivity import by_time_step, start_by, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.numerics.arrays import Array, as_times
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, check_window
+from leastaction.numerics.arrays import Array, as_number, as_times
+from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities import KINDS, quantity_of
@@ -104,6 +105,73 @@ class MidpointSystem(DiscreteSystem):
             still = [name for name, change in zip(m.variables, dx[: m.nq], strict=True) if change == 0.0]
             moved[: m.nq] = project_configuration(m, q, hold=still, move_kinematic=True).q
         return moved
+
+    def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
+        """Return the places of entries that are the same again in a periodic motion: not those of multipliers."""
+        return [i for i in self.free_entries(names, what) if i < self.integrator.mechanism.nx]
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Those of the mechanism, and the final time (s)."""
+        return {**self.integrator.mechanism.parameters, FINAL_TIME: float(self.t[-1])}
+
+    def with_parameters(self, values: Mapping[str, float]) -> MidpointSystem:
+        """Return the same system with other values of some parameters; its time steps grow with the final time.
+
+        Raises
+        ------
+        ArgumentError
+            An unknown name, a value that is not finite, or a final time that is not after the first one.
+        DescriptionError
+            For a mass or a coefficient that cannot be.
+        """
+        numbers = {name: value for name, value in values.items() if name != FINAL_TIME}
+        t, integrator = self.t, self.integrator
+        if FINAL_TIME in values:
+            end = as_number(values[FINAL_TIME], FINAL_TIME, above=float(t[0]))
+            t = t[0] + (t - t[0]) * ((end - t[0]) / (t[-1] - t[0]))
+        if numbers:
+            integrator = integrator.like(integrator.mechanism.with_parameters(numbers))
+        return MidpointSystem(integrator, t, multipliers=self.multipliers)
+
+    def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
+        """Return the exact derivatives (n, nx, len(names)) of steps along a trajectory by parameters."""
+        bare, t = self._bare(x), self.t[start : start + len(x)]
+        out = np.empty((len(u), self.nx, len(names)))
+        numbers = [name for name in names if name != FINAL_TIME]
+        found = [(numbers, steps_by(self.integrator, t, bare, u, numbers), 1.0)] if numbers else []
+        if FINAL_TIME in names:
+            growth = np.diff(t)[:, None, None] / (self.t[-1] - self.t[0])
+            found.append(([FINAL_TIME], by_time_step(self.integrator, t, bare, u), growth))
+        for of, slopes, factor in found:
+            columns = [list(names).index(name) for name in of]
+            rows = slopes.x if not self.multipliers else np.concatenate([slopes.x, slopes.lam], axis=1)
+            out[:, :, columns] = rows * factor
+        return out
+
+    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:
+        """Return how a configuration has to follow parameters that change its constraints, (nx, len(names)).
+
+        Raises
+        ------
+        ArgumentError
+            Where it would have to, and is not free.
+        """
+        m = self.integrator.mechanism
+        out = np.zeros((self.nx, len(names)))
+        numbers = [name for name in names if name != FINAL_TIME]
+        if m.nc and numbers:
+            entries = () if free is False else range(m.nq) if free is True else self.free_entries(list(free))
+            hold = [name for i, name in enumerate(m.variables) if i not in entries]
+            columns = [list(names).index(name) for name in numbers]
+            q = np.ascontiguousarray(x[: m.nq])
+            try:
+                out[: m.nd, columns] = start_by(self.integrator, q, numbers, hold)
+            except ArgumentError as error:
+                raise ArgumentError(
+                    f"unknowns: too little of the start is free to follow: {error}, or give free_start=True"
+                ) from None
+        return out
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -64,7 +64,7 @@ class Sensitivity:
 def differentiate_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
     """Differentiate every step by parameters; see `MidpointVI.differentiate_by`."""
     linearize(vi, trajectory, multipliers=False)  # its checks
-    return _steps_by(vi, trajectory, names)
+    return steps_by(vi, trajectory.t, trajectory.x, trajectory.u, names)
 
 
 def sensitivity(
@@ -81,12 +81,12 @@ def sensitivity(
     if dx0 is not None and (v is not None or hold is not None):
         raise ArgumentError(f"sensitivity: got both {'hold' if v is None else 'v'} and dx0; give one of them")
     d = linearize(vi, trajectory, multipliers=True)
-    steps = _steps_by(vi, trajectory, names)
+    steps = steps_by(vi, trajectory.t, trajectory.x, trajectory.u, names)
     x = np.zeros((trajectory.steps + 1, m.nx, len(steps.names)))
     if dx0 is not None:
         x[0] = as_array(dx0, "dx0", (m.nx, len(steps.names)))
     else:
-        x[0, : m.nd] = dq = _start_by(vi, trajectory, steps.names, hold)
+        x[0, : m.nd] = dq = start_by(vi, trajectory.q[0], steps.names, hold)
         if v is not None:
             q, v0 = trajectory.q[0], as_array(v, "v", (m.nq,), names=m.variables)
             dv = _velocity_by(m, q, v0, steps.names, dq, hold)
@@ -97,47 +97,47 @@ def sensitivity(
     return Sensitivity(steps.names, x, d.lam_dx @ x[:-1] + steps.lam)
 
 
-def _steps_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
-    """Differentiate steps that were checked.
+def steps_by(vi: Integrator, t: Array, x: Array, u: Array, names: Sequence[str]) -> StepSensitivity:
+    """Differentiate every step along arrays of a trajectory, which are not checked, by parameters.
 
     Numbers of elements are differentiated by one dual evaluation each, inertias through the linearity of
     the Lagrangian in them, and lengths as what they are: prescribed variables that do not move.
     """
     m = vi.mechanism
     places = m.parameter_places(names)
-    x = np.zeros((trajectory.steps, m.nx, len(places)))
-    lam = np.zeros((trajectory.steps, m.nc, len(places)))
+    by_x = np.zeros((len(u), m.nx, len(places)))
+    by_lam = np.zeros((len(u), m.nc, len(places)))
     lengths = {name: place for name, place in places.items() if isinstance(place, Length)}
     columns = {name: column for column, name in enumerate(places)}
     if lengths:
         chosen = [columns[name] for name in lengths]
-        x[:, :, chosen], lam[:, :, chosen] = _by_lengths(vi, trajectory, lengths)
+        by_x[:, :, chosen], by_lam[:, :, chosen] = _by_lengths(vi, t, x, u, lengths)
     others = {name: place for name, place in places.items() if name not in lengths}
     if others:
         directions, inertias = _directions(m, others)
-        out = vi.core.by_parameters(trajectory.t, trajectory.x, trajectory.u, directions, inertias, vi.threads)
+        out = vi.core.by_parameters(t, x, u, directions, inertias, threads=vi.threads)
         chosen = [columns[name] for name in others]
-        x[:, :, chosen], lam[:, :, chosen] = out.x, out.lam
-    return StepSensitivity(tuple(places), x, lam)
+        by_x[:, :, chosen], by_lam[:, :, chosen] = out.x, out.lam
+    return StepSensitivity(tuple(places), by_x, by_lam)
 
 
-def _start_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str], hold: Sequence[str] | None) -> Array:
-    """Return derivatives (nd, len(names)) of a start that stays on the constraints, some variables held."""
-    m, q = trajectory.mechanism, trajectory.q[0]
+def by_time_step(vi: Integrator, t: Array, x: Array, u: Array) -> StepSensitivity:
+    """Differentiate every step along arrays by its length, its start, its inputs and its prescribed end held."""
+    nothing = np.zeros((1, len(vi.mechanism.core.numbers)))
+    out = vi.core.by_parameters(t, x, u, nothing, [], time_step=0, threads=vi.threads)
+    return StepSensitivity(("dt",), out.x, out.lam)
+
+
+def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str] | None) -> Array:
+    """Return derivatives (nd, len(names)) of a start at q that stays on the constraints, some variables held."""
+    m = vi.mechanism
     free = free_variables(m, hold or ())
     # A step of a mechanism at rest ends where the constraints are, whatever they depend on.
     dt, none = 1e-2, np.zeros(m.n_inputs)
     p, _ = vi.core.momenta(q, q, none, dt)
-    still = Trajectory(
-        mechanism=m,
-        t=np.array([0.0, dt]),
-        q=np.stack([q, q]),
-        inputs=none[None, :],
-        lam=np.zeros((1, m.nc)),
-        p=np.stack([p, p]),
-        v_rho=np.zeros((2, m.nrho)),
-    )
-    dq = _steps_by(vi, still, names).x[0, : m.nd]
+    still = np.tile(np.concatenate([q, p, np.zeros(m.nrho)]), (2, 1))
+    inputs = np.concatenate([none, q[m.nd :]])[None, :]
+    dq = steps_by(vi, np.array([0.0, dt]), still, inputs, names).x[0, : m.nd]
     C = m.constraint_jacobian(q).reshape(m.nc, m.nq)[:, : m.nd]
     needed, size = C @ dq, np.abs(C) @ np.abs(dq)
     moved = np.abs(needed) > _ROUNDING * np.maximum(1.0, size)
@@ -302,16 +302,16 @@ def _as_variables(m: Mechanism, lengths: dict[str, Length]) -> dict[str, Length]
     return renamed
 
 
-def _by_lengths(vi: Integrator, trajectory: Trajectory, lengths: dict[str, Length]) -> tuple[Array, Array]:
+def _by_lengths(vi: Integrator, t: Array, X: Array, U: Array, lengths: dict[str, Length]) -> tuple[Array, Array]:
     """Derivatives of the steps by lengths: those by both ends of a prescribed variable that stands still."""
     m = vi.mechanism
     freed = m.with_free_lengths(_as_variables(m, lengths))
-    count, steps = len(lengths), trajectory.steps
+    count, steps = len(lengths), len(U)
     values = np.array([m.parameters[name] for name in lengths])
     held = np.tile(values, (steps + 1, 1))
-    x = np.concatenate([trajectory.x[:, : m.nq], held, trajectory.x[:, m.nq :], np.zeros_like(held)], axis=1)
-    u = np.concatenate([trajectory.u, held[1:]], axis=1)
-    d = linearize_arrays(vi.like(freed), trajectory.t, x, u, multipliers=True)
+    x = np.concatenate([X[:, : m.nq], held, X[:, m.nq :], np.zeros_like(held)], axis=1)
+    u = np.concatenate([U, held[1:]], axis=1)
+    d = linearize_arrays(vi.like(freed), t, x, u, multipliers=True)
     at_start, at_end = (slice(m.nq, m.nq + count), slice(m.n_inputs + m.nrho, m.n_inputs + m.nrho + count))
     by_x = d.A[:, :, at_start] + d.B[:, :, at_end]
     by_lam = d.lam_dx[:, :, at_start] + d.lam_du[:, :, at_end]

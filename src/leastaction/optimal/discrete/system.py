@@ -7,9 +7,10 @@ them; a system with a faster way (compiled, parallel over time) overrides those.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,13 @@ from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.quantity import Entries, Later, Quantity
 from leastaction.optimal.system import Linearization, System
 
-__all__ = ["DiscreteSystem", "Rollout", "WindowSystem", "check_window", "linearized"]
+__all__ = ["FINAL_TIME", "DiscreteSystem", "Rollout", "WindowSystem", "check_window", "linearized"]
+
+
+FINAL_TIME = "final time"
+"""The name among a system's parameters of the time (s) at which its horizon ends, where that can be changed."""
+
+_NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -130,8 +137,8 @@ class DiscreteSystem(System):
             return np.eye(self.nx)
         return np.eye(self.nx)[:, self.free_entries(free)]
 
-    def free_entries(self, free: Sequence[str]) -> list[int]:
-        """Return the places of the entries of the state with these names.
+    def free_entries(self, free: Sequence[str], what: str = "free_start") -> list[int]:
+        """Return the places of the entries of the state with these names; `what` is asked for them, in messages.
 
         Raises
         ------
@@ -143,13 +150,36 @@ class DiscreteSystem(System):
         for pattern in free:
             found = state.matching(pattern)
             if not found:
-                raise ArgumentError(f"free_start: {closest(pattern, state.names, what='entries of the state')}")
+                raise ArgumentError(f"{what}: {closest(pattern, state.names, what='entries of the state')}")
             places.update(found)
         return sorted(places)
 
     def moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved by dx along its directions, brought back to where it may be."""
         return x + dx
+
+    def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
+        """Return the places of entries with these names that are the same again in a periodic motion."""
+        return self.free_entries(names, what)
+
+    # ---- Parameters: what can be found together with a motion ---------------------------------------
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values by name of the numbers that can be found together with a motion; of most systems there are none."""
+        return _NOTHING
+
+    def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem:
+        """Return the same system with other values of some parameters."""
+        raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `with_parameters`.")
+
+    def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
+        """Return the derivatives (n, nx, len(names)) of steps from `start` on along x (n+1, nx), u (n, nu)."""
+        raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `differentiate_by`.")
+
+    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:  # noqa: ARG002
+        """Return how an initial state x (nx,) has to follow parameters, (nx, len(names)), as far as it is free."""
+        return np.zeros((self.nx, len(names)))
 
     def time(self, k: int) -> float:
         """Return the time of instant k; its index, of a system that knows no time."""

@@ -1,0 +1,236 @@
+"""A system whose state also holds what is found beside its inputs: constants, whose first values are free.
+
+``x = [x of the system; parameters; entries of the first state]`` with ``p+ = p``: its linear-quadratic problems, duals
+and limits are then those of any system with a free initial state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import LeastActionError
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
+from leastaction.optimal.quantity import Entries, Quantity
+from leastaction.optimal.system import Linearization
+
+__all__ = ["ExtendedSystem", "by_differences"]
+
+_PART = 1e-3  # of a parameter, by which it is moved for differences
+
+
+class ExtendedSystem(DiscreteSystem):
+    """A system with parameters, and entries of its first state, as constant states.
+
+    Its first derivatives are those of the system. Its second ones by the parameters are differences of fourth order of
+    the exact first ones, over a thousandth of the parameter: good to about ten digits. It holds settings and no state;
+    any number of threads may share it, as far as they may share the system.
+
+    Parameters
+    ----------
+    system : DiscreteSystem
+        With the parameters, at values of its own.
+    parameters : sequence of str
+    copied : sequence of int
+        Entries of the state whose first values are kept.
+    free_start : bool or sequence of str
+        What of the system's own initial state is free.
+    """
+
+    def __init__(
+        self,
+        system: DiscreteSystem,
+        parameters: Sequence[str],
+        copied: Sequence[int],
+        free_start: bool | Sequence[str],
+    ) -> None:
+        self.system, self.names, self.free_start = system, tuple(parameters), free_start
+        self.copied = np.array(copied, dtype=np.intp)
+        self.n_own, self.N, self.nu = system.nx, system.N, system.nu
+        self.at_copies = self.n_own + len(self.names)
+        self.nx = self.at_copies + len(self.copied)
+        self.has_curvature = system.has_curvature
+
+    # ---- Its state --------------------------------------------------------------------------------
+
+    def at(self, values: Array) -> DiscreteSystem:
+        """Return the system with values of the parameters (P,)."""
+        if not self.names:
+            return self.system
+        return self.system.with_parameters(dict(zip(self.names, values.tolist(), strict=True)))
+
+    def values(self, x: Array) -> Array:
+        """Return the parameters (P,) of a state (nx,)."""
+        return np.asarray(x[self.n_own : self.at_copies])
+
+    def extended(self, x: Array, values: Array) -> Array:
+        """Return states (nx,) or (N+1, nx) for such of the system, with values of the parameters (P,)."""
+        first = x[..., self.copied] if x.ndim == 1 else np.broadcast_to(x[0, self.copied], (len(x), len(self.copied)))
+        constants = np.broadcast_to(values, (*x.shape[:-1], len(values)))
+        return np.concatenate([x, constants, first], axis=-1)
+
+    # ---- Steps ------------------------------------------------------------------------------------
+
+    def f(self, x: Array, u: Array, k: int) -> Array:
+        """Return the next state."""
+        own = self.at(self.values(x)).f(np.ascontiguousarray(x[: self.n_own]), u, k)
+        return np.concatenate([own, x[self.n_own :]])
+
+    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
+        """Return A and B of a step."""
+        A, B = self._extended(*self._of_step(self.values(x), np.ascontiguousarray(x[: self.n_own]), u, k))
+        return A[0], B[0]
+
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
+        """Return ``z . D2f`` of a step."""
+        own, values = np.ascontiguousarray(x[: self.n_own]), self.values(x)
+        H = self.at(values).curvature(own, u, k, np.ascontiguousarray(z[: self.n_own]))
+        return np.asarray(self._second(H[None], values, partial(self._of_step, x=own, u=u, k=k), z[None])[0])
+
+    def _of_step(self, values: Array, x: Array, u: Array, k: int) -> tuple[Array, Array, Array]:
+        """Return the system's A, B and derivatives by parameters (1, ...) of a step at values of these."""
+        system = self.at(values)
+        A, B = system.derivatives(x, u, k)
+        by = np.empty((1, self.n_own, 0))
+        if self.names:
+            by = system.differentiate_by(np.stack([x, system.f(x, u, k)]), u[None], self.names, k)
+        return A[None], B[None], by
+
+    def difference(self, x: Array, xbar: Array) -> Array:
+        """Return the difference of states."""
+        own = self.system.difference(x[..., : self.n_own], xbar[..., : self.n_own])
+        return np.concatenate([own, x[..., self.n_own :] - xbar[..., self.n_own :]], axis=-1)
+
+    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
+        """Simulate steps ``start .. stop-1`` under ``u = ubar - K (x - xbar)``; see `DiscreteSystem`."""
+        n, constants = self.n_own, x0[self.n_own :]
+        try:
+            system = self.at(self.values(x0))
+        except LeastActionError as error:
+            return Rollout(x0[None, :].copy(), ubar[:0], 0, f"{self.when(start)}: {error}")
+        part = slice(start, stop)
+        # Constants stay, so their feedback is known beforehand.
+        u = ubar.copy()
+        u[part] -= np.einsum("kij,kj->ki", K[part, :, n:], constants - xbar[part, n:])
+        out = system.rollout(np.ascontiguousarray(x0[:n]), xbar[:, :n], u, K[:, :, :n], start, stop)
+        x = np.hstack([out.x, np.broadcast_to(constants, (len(out.x), len(constants)))])
+        return Rollout(x, out.u, out.steps_done, out.failure, out.worst_step, out.worst_at)
+
+    # ---- Derivatives ------------------------------------------------------------------------------
+
+    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
+        """Return the derivatives along a trajectory; see `DiscreteSystem`."""
+        own, values, u = np.ascontiguousarray(x[:, : self.n_own]), self.values(x[0]).copy(), u.copy()
+        system = self.at(values)
+        # A system with other parameters is another one, which cannot use the memory of the last.
+        lin = linearized(system, own, u, None if out is None or self.names else out.memory)
+        by = system.differentiate_by(own, u, self.names) if self.names else np.empty((self.N, self.n_own, 0))
+        A, B = self._extended(lin.A, lin.B, by)
+
+        def along(moved: Array) -> tuple[Array, Array, Array]:
+            other = self.at(moved)
+            return *linearized(other, own, u), other.differentiate_by(own, u, self.names)
+
+        def second(z: Array) -> Array:
+            return self._second(lin.curvature(np.ascontiguousarray(z[:, : self.n_own])), values, along, z)
+
+        return Linearization(A, B, second, lin)
+
+    def _extended(self, A: Array, B: Array, by: Array) -> tuple[Array, Array]:
+        """Return A and B of steps of the system, and their derivatives by parameters, as those of extended states."""
+        n, constant = self.n_own, np.arange(self.n_own, self.nx)
+        whole, inputs = np.zeros((len(A), self.nx, self.nx)), np.zeros((len(A), self.nx, self.nu))
+        whole[:, :n, :n], whole[:, :n, n : self.at_copies] = A, by
+        whole[:, constant, constant] = 1.0
+        inputs[:, :n] = B
+        return whole, inputs
+
+    def _second(self, H: Array, values: Array, along: Callable[[Array], tuple[Array, Array, Array]], z: Array) -> Array:
+        """Return ``z . D2f`` (n, nx+nu, nx+nu) of steps, whose part without parameters is H.
+
+        ``along``: returns the system's A, B and derivatives by parameters at values of these.
+        """
+        n, count = self.n_own, len(self.names)
+        whole = np.zeros((len(H), self.nx + self.nu, self.nx + self.nu))
+        own = np.r_[0:n, self.nx : self.nx + self.nu]
+        whole[:, own[:, None], own] = H
+        if not count:
+            return whole
+
+        def slope(moved: Array) -> Array:
+            return np.concatenate([np.einsum("ki,kij->kj", z[:, :n], part) for part in along(moved)], axis=1)
+
+        mixed = np.stack([by_differences(slope, values, j) for j in range(count)], axis=2)
+        by, twice = mixed[:, : len(own)], mixed[:, len(own) :]
+        parameters = np.arange(n, n + count)
+        whole[:, own[:, None], parameters] = by
+        whole[:, parameters[:, None], own] = by.transpose(0, 2, 1)
+        whole[:, parameters[:, None], parameters] = 0.5 * (twice + twice.transpose(0, 2, 1))
+        return whole
+
+    # ---- Its start --------------------------------------------------------------------------------
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+        """Return the directions (nx, n) in which the initial state may move: all of them that are free."""
+        del free
+        n, count = self.n_own, len(self.names)
+        own = np.ascontiguousarray(x[:n])
+        if self.free_start is False:
+            Z = np.zeros((n, 0))
+        else:
+            names = None if isinstance(self.free_start, bool) else self.free_start
+            Z = self.system.start_directions(own, names)
+        whole = np.zeros((self.nx, Z.shape[1] + count))
+        whole[:n, : Z.shape[1]] = Z
+        if count:
+            system = self.at(self.values(x))
+            whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
+            whole[n : self.at_copies, Z.shape[1] :] = np.eye(count)
+        whole[self.at_copies :] = whole[self.copied]
+        return whole
+
+    def moved_start(self, x: Array, dx: Array) -> Array:
+        """Return an initial state moved along its directions."""
+        n = self.n_own
+        values = self.values(x + dx)
+        own = x[:n]
+        if self.free_start is not False:
+            own = self.at(values).moved_start(own, np.ascontiguousarray(dx[:n]))
+        return self.extended(own, values)
+
+    # ---- What it is asked -------------------------------------------------------------------------
+
+    def when(self, k: int) -> str:
+        """Return how the system speaks of step k."""
+        return self.system.when(k)
+
+    def time(self, k: int) -> float:
+        """Return the time of instant k."""
+        return self.system.time(k)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The kinds of quantities that can be limited."""
+        return (*self.system.quantities, "unknown")
+
+    def quantity(self, kind: str) -> Quantity:
+        """Return the quantities of a kind, by name."""
+        if kind != "unknown":
+            return self.system.quantity(kind)
+        return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+
+
+def by_differences(function: Callable[[Array], Any], at: Array, j: int) -> Array:
+    """Return the derivative of a smooth function by entry j of its argument (P,): differences of fourth order."""
+    h = _PART * (abs(float(at[j])) or 1.0)
+
+    def moved(steps: int) -> Array:
+        other = at.copy()
+        other[j] += steps * h
+        return np.asarray(function(other))
+
+    return np.asarray((8.0 * (moved(1) - moved(-1)) - (moved(2) - moved(-2))) / (12.0 * h))

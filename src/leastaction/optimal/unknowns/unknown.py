@@ -1,0 +1,136 @@
+"""Unknown numbers of a system, as users state them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.numerics.arrays import as_number
+from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem
+
+__all__ = ["FinalTime", "Parameter", "Unknown"]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number of the system that is found together with its motion. Frozen, so any number of threads may share it.
+
+    It costs ``price * value + 1/2 weight (value - wanted)^2``.
+
+    Parameters
+    ----------
+    name : str
+        Among the names of ``system.parameters``.
+    min, max : float, optional
+        Limits, as those of `Bound`.
+    guess : float, optional
+        Where to start; the system's own value if left out.
+    price : float
+        Cost of a unit of it.
+    weight : float
+        Of the square of its distance from `wanted`: what is known of it beforehand, or how little it should change.
+    wanted : float, optional
+        The system's own value if left out.
+
+    Raises
+    ------
+    ArgumentError
+        Numbers that are not finite, a least value that is not below the largest, or a negative weight.
+    """
+
+    name: str
+    min: float | None = None
+    max: float | None = None
+    guess: float | None = field(default=None, kw_only=True)
+    price: float = field(default=0.0, kw_only=True)
+    weight: float = field(default=0.0, kw_only=True)
+    wanted: float | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        for what in ("min", "max", "guess", "price", "weight", "wanted"):
+            value = getattr(self, what)
+            if value is not None:
+                as_number(value, f"{self}: {what}", above=-np.inf)
+        if self.weight < 0.0:
+            raise ArgumentError(f"{self}: weight: got {self.weight:.6g}, expected zero or more")
+        if self.min is not None and self.max is not None and not self.min < self.max:
+            raise ArgumentError(
+                f"{self}: got min {self.min:.6g} and max {self.max:.6g}, expected the least value below the largest"
+            )
+
+    def __str__(self) -> str:
+        return f"{type(self).__name__}({self.name!r})"
+
+    def value_of(self, system: DiscreteSystem) -> float:
+        """Return the value that a system has.
+
+        Raises
+        ------
+        ArgumentError
+            If it has no such number.
+        """
+        known = system.parameters
+        if self.name not in known:
+            if not known:
+                raise ArgumentError(
+                    f"unknowns: got {self} for a {type(system).__name__}, whose numbers cannot be found: it has no "
+                    "`parameters`"
+                )
+            raise ArgumentError(
+                f"unknowns: unknown parameter {self.name!r}; {closest(self.name, known, what='parameters')}"
+            )
+        return known[self.name]
+
+
+@dataclass(frozen=True)
+class Parameter(Unknown):
+    """A parameter of the system that is found together with its motion, such as a mass, a length or a stiffness.
+
+    See `Unknown` for what it takes. Those of a mechanism have the names of `Mechanism.parameters`; in a motion of a
+    fixed start it is the momentum there that is held.
+
+    Examples
+    --------
+    The stiffness for which a mass swings along with a wanted motion, without any push:
+
+    >>> import numpy as np
+    >>> from leastaction import JointForce, JointSpring, Mechanism, MidpointSystem, MidpointVI, Parameter
+    >>> from leastaction import QuadraticCost, optimize, tx
+    >>> slide = Mechanism([tx("x", mass=1.0)], [JointSpring("x", 3.0, name="spring"), JointForce("x", input="push")])
+    >>> system = MidpointSystem(MidpointVI(slide), np.linspace(0.0, 2.0, 101))
+    >>> wanted = np.stack([np.cos(2.0 * system.t), -2.0 * np.sin(2.0 * system.t)], axis=1)
+    >>> cost = QuadraticCost(wanted, np.zeros((100, 1)), Q=[1.0, 0.0], R=[1.0])
+    >>> start = wanted[0], np.zeros((100, 1))
+    >>> result = optimize(system, cost, initial=start, unknowns=[Parameter("spring.stiffness", 1.0, 10.0)])
+    >>> round(result.unknowns["spring.stiffness"], 2)
+    4.0
+    """
+
+
+@dataclass(frozen=True)
+class FinalTime(Unknown):
+    """The final time of the motion (s): all time steps grow or shrink with it.
+
+    See `Unknown` for what else it takes; ``FinalTime(price=1.0)`` asks for the shortest time. The cost of a stage does
+    not grow with its step, and what a cost or a limit wants over time it wants at the same fractions of the motion.
+    """
+
+    name: str = field(default=FINAL_TIME, init=False)
+    min: float | None = None
+    max: float | None = None
+
+    def __str__(self) -> str:
+        return "FinalTime"
+
+    def value_of(self, system: DiscreteSystem) -> float:
+        """Return the final time of a system."""
+        value = super().value_of(system)
+        start = system.time(0)
+        for what, given in (("min", self.min), ("max", self.max), ("guess", self.guess)):
+            if given is not None and not given > start:
+                raise ArgumentError(
+                    f"FinalTime: {what}: got {given:.6g} s, expected a time after the first, {start:.6g} s"
+                )
+        return value

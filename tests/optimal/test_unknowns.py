@@ -1,0 +1,557 @@
+"""Unknowns beside the inputs: parameters, the final time, a first state that returns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import leastaction as la
+from derivatives import parameter_cases
+from leastaction.errors import ArgumentError
+from leastaction.optimal import (
+    Bound,
+    Equal,
+    FinalTime,
+    FunctionQuantity,
+    Parameter,
+    Periodic,
+    QuadraticCost,
+    Status,
+    Within,
+    check_derivatives,
+    optimize,
+)
+from leastaction.optimal.quantity import Samples
+from leastaction.optimal.unknowns.extension import Extension
+from leastaction.optimal.unknowns.system import ExtendedSystem
+from leastaction.systems import Ball, Keep, MidpointSystem
+
+
+def extrapolated(function: Callable[[float], np.ndarray], at: float, width: float) -> np.ndarray:
+    """Return the derivative of a smooth function: central differences, extrapolated to width zero."""
+    table = []
+    for level in range(4):
+        h = width / 2**level
+        table.append((function(at + h) - function(at - h)) / (2.0 * h))
+    for order in (1, 2, 3):
+        factor = 4.0**order
+        table = [(factor * b - a) / (factor - 1.0) for a, b in pairwise(table)]
+    return table[0]
+
+
+def moving(name: str, split: str, multipliers: bool) -> tuple[MidpointSystem, np.ndarray, np.ndarray]:
+    """Return a system of three steps, of different lengths, and a trajectory of it."""
+    m = getattr(parameter_cases, name)()
+    rng = np.random.default_rng([7, *name.encode()])
+    q = la.project_configuration(m, rng.uniform(0.2, 0.6, m.nq)).q
+    v = la.project_velocity(m, q, rng.uniform(-1.0, 1.0, m.nq)).v
+    vi = la.MidpointVI(m, split=split, threads=1)
+    system = MidpointSystem(vi, [0.5, 0.55, 0.58, 0.66], multipliers=multipliers)
+    u = np.hstack([rng.uniform(0.5, 2.0, (3, m.n_inputs)), q[m.nd :] + np.outer(system.t[1:] - 0.5, v[m.nd :])])
+    x0 = np.concatenate([vi.start(q, v).x, np.zeros(system.nx - m.nx)])
+    run = system.rollout(x0, np.tile(x0, (4, 1)), u, np.zeros((3, system.nu, system.nx)), 0, 3)
+    assert run.complete, run.failure
+    return system, run.x, run.u
+
+
+CASES = [("springs", "symmetric"), *((n, s) for n in ("forces", "loops") for s in ("symmetric", "left"))]
+SOME = {
+    "springs": ("final time", "spring.stiffness", "hook.translation.x", "tip.mass"),
+    "forces": ("final time", "cubic.linear", "tendon.gain", "end.mass"),
+    "loops": ("rod.length", "final time", "damping.a", "tip.com.y"),
+}
+
+
+def names_of(name: str) -> list[str]:
+    known = getattr(parameter_cases, name)().parameters
+    chosen = [each for each in SOME[name] if each == "final time" or each in known]
+    assert len(chosen) >= 3, sorted(known)
+    return chosen
+
+
+@pytest.mark.parametrize(("name", "split"), CASES)
+def test_steps_are_differentiated_by_the_final_time_and_parameters(name: str, split: str) -> None:
+    system, x, u = moving(name, split, multipliers=True)
+    names = names_of(name)
+    found = system.differentiate_by(x, u, names)
+    for j, each in enumerate(names):
+        value = system.parameters[each]
+
+        def ends(moved: float, each: str = each) -> np.ndarray:
+            other = system.with_parameters({each: moved})
+            return np.stack([other.f(x[k], u[k], k) for k in range(3)])
+
+        width = 0.02 * abs(value - (0.5 if each == "final time" else 0.0))
+        wanted = extrapolated(ends, value, width)
+        np.testing.assert_allclose(found[:, :, j], wanted, atol=1e-8 * max(1.0, np.abs(wanted).max()), err_msg=each)
+
+
+@pytest.mark.parametrize(("name", "split"), CASES)
+def test_second_derivatives_of_the_extended_system(name: str, split: str, rng: np.random.Generator) -> None:
+    own, x, u = moving(name, split, multipliers=True)
+    names = names_of(name)
+    system = ExtendedSystem(own, names, [0, 2], free_start=True)
+    values = np.array([own.parameters[each] for each in names])
+    x = system.extended(x, values)
+    z = rng.normal(size=(3, system.nx))
+    H = system.linearize(x, u).curvature(z)
+    np.testing.assert_allclose(H, H.transpose(0, 2, 1), atol=1e-12 * np.abs(H).max())
+    np.testing.assert_allclose(H[1], system.curvature(x[1], u[1], 1, z[1]), atol=1e-7 * np.abs(H[1]).max())
+    point = np.concatenate([x[1], u[1]])
+    for _ in range(3):
+        direction = rng.normal(size=point.size)
+        # Of the size of each entry; what is copied moves too, and changes nothing.
+        direction[own.nx : own.nx + len(names)] *= np.abs(values)
+        direction *= 0.1
+
+        def slope(length: float, direction: np.ndarray = direction) -> np.ndarray:
+            moved = point + length * direction
+            A, B = system.derivatives(moved[: system.nx], moved[system.nx :], 1)
+            return z[1] @ np.hstack([A, B])
+
+        wanted = extrapolated(slope, 0.0, 0.1)
+        np.testing.assert_allclose(H[1] @ direction, wanted, atol=2e-7 * max(1.0, np.abs(wanted).max()))
+
+
+def test_a_pendulum_on_a_cart_by_hand(rng: np.random.Generator) -> None:
+    """The step written out, solved by JAX, and differentiated twice there by everything: parameters and time too."""
+    jax = pytest.importorskip("jax")
+    jnp = jax.numpy
+    m = la.Mechanism(
+        [la.tx("x", name="cart", mass=3.0), [la.rz("theta"), [la.ty(-0.8, name="bob", mass=0.7)]]],
+        [
+            la.Gravity((0.0, -9.8, 0.0)),
+            la.Damping({"x": 0.4, "theta": 0.1}),
+            la.JointSpring("x", 5.0, rest=0.2, name="spring"),
+            la.JointForce("x", input="push"),
+        ],
+    )
+    names = ("cart.mass", "bob.mass", "bob.value", "damping.x", "spring.stiffness", "spring.rest", "final time")
+    own = MidpointSystem(la.MidpointVI(m, threads=1), [0.0, 0.1])
+    system = ExtendedSystem(own, names, [], free_start=True)
+
+    def lagrangian(q, v, th):
+        M, mass, y, _, k, rest, _ = th
+        bob = jnp.array([v[0] - y * jnp.cos(q[1]) * v[1], -y * jnp.sin(q[1]) * v[1]])
+        kinetic = 0.5 * M * v[0] ** 2 + 0.5 * mass * bob @ bob
+        return kinetic - mass * 9.8 * y * jnp.cos(q[1]) - 0.5 * k * (q[0] - rest) ** 2
+
+    def discrete(a, b, th):
+        return th[6] * lagrangian((a + b) / 2, (b - a) / th[6], th)
+
+    def half_force(a, b, u, th):
+        return 0.5 * (jnp.array([th[6] * u[0], 0.0]) - jnp.array([th[3], 0.1]) * (b - a))
+
+    def residual(q2, x, u, th):
+        return x[2:4] + jax.grad(discrete)(x[:2], q2, th) + half_force(x[:2], q2, u, th)
+
+    def end(q2, x, u, th):
+        return jax.grad(discrete, argnums=1)(x[:2], q2, th) + half_force(x[:2], q2, u, th)
+
+    def parts(y):
+        return y[:2], y[2:6], y[13:], y[6:13]
+
+    @jax.jit
+    def step(y, z):
+        """The derivative of [q2; p2] by all of [x; parameters; u], and the second one of z' [q2; p2], implicitly."""
+        F_y = jax.jacfwd(lambda y: residual(*parts(y)))(y)
+        G_y = jax.jacfwd(lambda y: end(*parts(y)))(y)
+        mu = -jnp.linalg.solve(F_y[:, :2].T, z[:2] + G_y[:, :2].T @ z[2:])
+        Y = jnp.vstack([-jnp.linalg.solve(F_y[:, :2], F_y[:, 2:]), jnp.eye(12)])
+        W = jax.jacfwd(jax.jacrev(lambda y: mu @ residual(*parts(y)) + z[2:] @ end(*parts(y))))(y)
+        return residual(*parts(y)), end(*parts(y)), jnp.vstack([Y[:2], G_y @ Y]), Y.T @ W @ Y
+
+    values = np.array([own.parameters[each] for each in names])
+    x, u, z = system.extended(np.array([0.1, 1.2, 0.9, -0.7]), values), np.array([2.0]), rng.normal(size=system.nx)
+    after = system.f(x, u, 0)
+    left, p2, first, second = step(jnp.concatenate([after[:2], x, u]), jnp.array(z[:4]))
+    np.testing.assert_allclose(left, 0.0, atol=1e-12)
+    np.testing.assert_allclose(after[2:4], p2, atol=1e-12)
+    A, B = system.derivatives(x, u, 0)
+    np.testing.assert_allclose(np.hstack([A, B])[:4], first, atol=1e-10)
+    np.testing.assert_allclose(system.curvature(x, u, 0, z), second, atol=1e-9 * np.abs(second).max())
+
+
+def slide(N: int, T: float = 3.0) -> MidpointSystem:
+    m = la.Mechanism([la.tx("x", name="cart", mass=1.0)], [la.JointForce("x", input="push")])
+    return MidpointSystem(la.MidpointVI(m, threads=1), np.linspace(0.0, T, N + 1))
+
+
+def rest(system: MidpointSystem) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros(system.nx), np.zeros((system.N, system.nu))
+
+
+def nothing_wanted(system: MidpointSystem, **weights: object) -> QuadraticCost:
+    return QuadraticCost(np.zeros((system.N + 1, system.nx)), np.zeros((system.N, system.nu)), **weights)
+
+
+AT_REST_AT_ONE = [Equal("x", 1.0), Equal("*", 0.0, of="momentum")]
+
+
+def test_the_shortest_time_is_bang_bang() -> None:
+    """A unit mass over one metre under a unit push: two seconds, half of them braking."""
+    system = slide(40)
+    cost = nothing_wanted(system, Q=[0.0, 0.0], R=[1e-7])
+    result = optimize(
+        system,
+        cost,
+        initial=rest(system),
+        unknowns=[FinalTime(0.1, 10.0, price=1.0)],
+        limits=[Bound("push", -1.0, 1.0), *AT_REST_AT_ONE],
+    )
+    assert result.status is Status.CONVERGED
+    assert result.unknowns["final time"] == pytest.approx(2.0, abs=1e-6)
+    np.testing.assert_allclose(result.u[:, 0], np.repeat([1.0, -1.0], 20), atol=1e-5)
+    assert result.cost == pytest.approx(2.0 + 0.5e-7 * 40, abs=1e-6)
+    assert "final time 2" in str(result)
+    # The motion is one of the system with that time, and its cost that of the caller's cost and the price.
+    there = system.with_parameters(result.unknowns)
+    for k in (0, 17, 39):
+        np.testing.assert_allclose(there.f(result.x[k], result.u[k], k), result.x[k + 1], atol=1e-10)
+    assert result.x.shape == (41, 2)
+    assert result.K.shape == (40, 1, 2)
+
+
+def test_the_shortest_time_with_a_largest_speed() -> None:
+    """Rates know how long the steps are: half of the way at full speed, the rest speeding up and braking."""
+    system = slide(60)
+    result = optimize(
+        system,
+        nothing_wanted(system, Q=[0.0, 0.0], R=[1e-7]),
+        initial=rest(system),
+        unknowns=[FinalTime(0.1, price=1.0)],
+        limits=[Bound("push", -1.0, 1.0), Bound("x", max=0.5, of="rate"), *AT_REST_AT_ONE],
+    )
+    assert result.success, result.message
+    T = result.unknowns["final time"]
+    rates = np.diff(result.x[:, 0]) / (T / 60)
+    assert rates.max() == pytest.approx(0.5, abs=1e-6)
+    # d / v + v / a, but for corners that are rounded off within a step.
+    assert pytest.approx(2.5, rel=1e-2) == T
+    assert T > 2.0 + 1e-3
+
+
+def test_the_length_of_a_pendulum_for_a_wanted_motion() -> None:
+    def pendulum(length: float) -> la.Mechanism:
+        return la.Mechanism(
+            [la.rx("angle"), [la.tz(-length, mass=1.0, name="bob")]],
+            [la.Gravity((0.0, 0.0, -9.81)), la.JointForce("angle", input="torque")],
+        )
+
+    t = np.linspace(0.0, 3.0, 151)
+    vi = la.MidpointVI(pendulum(1.3), threads=1)
+    wanted = vi.simulate(vi.start([1.0]), t)
+    system = MidpointSystem(la.MidpointVI(pendulum(1.0), threads=1), t)
+    cost = QuadraticCost(wanted.x, np.zeros((150, 1)), Q=[1.0, 0.0], R=[1.0])
+    start = wanted.x[0], np.zeros((150, 1))
+    result = optimize(system, cost, initial=start, unknowns=[Parameter("bob.value", max=-0.3)], tolerance=1e-12)
+    assert result.success, result.message
+    assert result.unknowns["bob.value"] == pytest.approx(-1.3, abs=1e-6)
+    assert result.cost < 1e-9
+    # A length that it may not have is paid for by a torque.
+    short = optimize(system, cost, initial=start, unknowns=[Parameter("bob.value", -1.2, -0.3)])
+    assert short.unknowns["bob.value"] == pytest.approx(-1.2, abs=1e-6)
+    assert short.limits.sides[0].active.all()
+    assert short.limits.sides[0].dual[0, 0] > 0.0
+    assert short.cost > 1e-3
+    # So is one that is dear: then the optimum is where the price of a unit balances it.
+    prior = optimize(system, cost, initial=start, unknowns=[Parameter("bob.value", weight=100.0, wanted=-1.0)])
+    assert -1.3 < prior.unknowns["bob.value"] < -1.0
+    about = []
+    for moved in (-1e-3, 1e-3):
+        value = prior.unknowns["bob.value"] + moved
+        beside = optimize(system.with_parameters({"bob.value": value}), cost, initial=start)
+        about.append(beside.cost + 50.0 * (value + 1.0) ** 2)
+    assert min(about) > prior.cost
+
+
+def test_masses_and_damping_from_a_noisy_motion(rng: np.random.Generator) -> None:
+    m = la.Mechanism(
+        [la.ty("cart", mass=10.0), [la.rx("pole"), [la.tz(-1.0, mass=1.0, name="bob")]]],
+        [la.Gravity((0.0, 0.0, -9.8)), la.JointForce("cart", input="push"), la.Damping({"pole": 0.25, "cart": 1.0})],
+    )
+    names, N = ("bob.mass", "damping.pole", "damping.cart"), 200
+    t = np.linspace(0.0, 4.0, N + 1)
+    vi = la.MidpointVI(m, threads=1)
+    push = 20.0 * np.sin(3.0 * t[:-1] + t[:-1] ** 2)
+    run = vi.simulate(vi.start([0.0, 0.5]), t, inputs=push)
+    seen = run.x.copy()
+    noise = 1e-3
+    seen[:, :2] += noise * rng.normal(size=(N + 1, 2))
+    true = np.array([m.parameters[name] for name in names])
+    guess = m.with_parameters({name: 2.0 * value for name, value in zip(names, true, strict=True)})
+    system = MidpointSystem(la.MidpointVI(guess, threads=1), t)
+    # The push is known: what it costs to change it is what its measurement is worth.
+    cost = QuadraticCost(seen, run.u, Q=np.array([1.0, 1.0, 0.0, 0.0]) / noise**2, R=[1.0 / 1e-5**2])
+    result = optimize(system, cost, initial=(run.x[0], run.u), unknowns=[Parameter(name, 1e-3) for name in names])
+    assert result.success, result.message
+    found = np.array([result.unknowns[name] for name in names])
+    # What the noise leaves: the covariance of least squares, by the sensitivities of the motion.
+    by = vi.sensitivity(run, names, dx0=np.zeros((4, 3))).x[1:, :2].reshape(-1, 3)
+    deviation = noise * np.sqrt(np.diag(np.linalg.inv(by.T @ by)))
+    assert (np.abs(found - true) < 4.0 * deviation).all(), (found - true) / deviation
+    assert (deviation < 0.02 * true).all()
+    # Twice the cost is the sum of squares in units of the noise.
+    assert 2.0 * result.cost == pytest.approx(2 * N, rel=0.2)
+
+
+def double_pendulum(N: int = 40) -> tuple[MidpointSystem, QuadraticCost]:
+    m = la.Mechanism(
+        [la.rx("a"), [la.tz(-1.0, name="A", mass=1.0), [la.rx("b"), [la.tz(-0.8, name="B", mass=0.7)]]]],
+        [la.Gravity((0.0, 0.0, -9.81)), la.JointForce("a", input="hip"), la.Damping(0.1)],
+    )
+    t = np.linspace(0.0, 1.6, N + 1)
+    wanted = np.zeros((N + 1, 4))
+    wanted[:, 0], wanted[:, 1] = 0.6 * np.sin(2 * np.pi * t / 1.6), 0.3 * np.cos(2 * np.pi * t / 1.6)
+    cost = QuadraticCost(wanted, np.zeros((N, 1)), Q=[10.0, 3.0, 0.0, 0.0], R=[0.01])
+    return MidpointSystem(la.MidpointVI(m, threads=1), t), cost
+
+
+def test_a_periodic_orbit() -> None:
+    system, cost = double_pendulum()
+    result = optimize(system, cost, initial=rest(system), free_start=True, limits=[Periodic()])
+    assert result.success, result.message
+    np.testing.assert_allclose(result.x[-1], result.x[0], atol=1e-9)
+    assert np.abs(result.x[0]).min() > 1e-2
+    # It begins where nobody said, so it may begin anywhere: the same orbit a quarter later costs the same.
+    turned = QuadraticCost(
+        np.vstack([cost.x_wanted[10:], cost.x_wanted[1:11]]), np.zeros((40, 1)), Q=cost.Q, R=cost.R, Q_final=np.zeros(4)
+    )
+    open_end = QuadraticCost(cost.x_wanted, np.zeros((40, 1)), Q=cost.Q, R=cost.R, Q_final=np.zeros(4))
+    costs = [
+        optimize(system, each, initial=rest(system), free_start=True, limits=[Periodic()], tolerance=1e-12)
+        for each in (turned, open_end)
+    ]
+    assert costs[0].cost == pytest.approx(costs[1].cost, rel=1e-8)
+    np.testing.assert_allclose(costs[0].x[:30], costs[1].x[10:40], atol=1e-4)
+
+
+def test_some_entries_return_and_others_advance() -> None:
+    """A cart that gets on by 0.4 m in every round, its pole as before: without a push, at a constant speed."""
+    m = la.Mechanism(
+        [la.ty("cart", mass=10.0), [la.rx("pole"), [la.tz(-1.0, mass=1.0, name="bob")]]],
+        [la.Gravity((0.0, 0.0, -9.8)), la.JointForce("cart", input="push")],
+    )
+    system = MidpointSystem(la.MidpointVI(m, threads=1), np.linspace(0.0, 2.0, 41))
+    cost = nothing_wanted(system, Q=[0.0, 1.0, 0.01, 0.0], R=[0.1], Q_final=[0.0, 1.0, 0.0, 0.0])
+    result = optimize(
+        system, cost, initial=rest(system), free_start=["pole", "p_*"], limits=[Periodic("*", offset={"cart": 0.4})]
+    )
+    assert result.success, result.message
+    np.testing.assert_allclose(result.x[-1] - result.x[0], [0.4, 0.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(np.diff(result.x[:, 0]), 0.01, atol=1e-6)
+    np.testing.assert_allclose(result.u, 0.0, atol=1e-5)
+    np.testing.assert_allclose(result.x[:, 2], 11.0 * 0.2, atol=1e-4)
+
+
+def test_an_angle_returns_modulo_a_turn() -> None:
+    m = la.Mechanism(
+        [la.rx("a"), [la.tz(-1.0, name="A", mass=1.0)]],
+        [la.Gravity((0.0, 0.0, -9.81)), la.JointForce("a", input="torque"), la.Damping(0.2)],
+    )
+    t = np.linspace(0.0, 1.0, 81)
+    system = MidpointSystem(la.MidpointVI(m, threads=1), t)
+    cost = nothing_wanted(system, Q=[0.0, 0.0], R=[1.0], Q_final=[1e-4, 0.0])
+    # A turn in about a second.
+    run = system.integrator.simulate(system.integrator.start([-3.0], [8.0]), t)
+    result = optimize(
+        system,
+        cost,
+        initial=(run.x, run.u),
+        free_start=["p_a"],
+        limits=[Periodic(["a", "p_a"], modulo={"a": 2.0 * np.pi})],
+    )
+    assert result.success, result.message
+    turns = (result.x[-1, 0] - result.x[0, 0]) / (2.0 * np.pi)
+    assert round(turns) == 1
+    assert turns == pytest.approx(1.0, abs=1e-9)
+    assert result.x[-1, 1] == pytest.approx(result.x[0, 1], abs=1e-8)
+
+
+def four_bars() -> la.Mechanism:
+    return la.Mechanism(
+        [la.rx("a"), [la.tz(-1.0, name="A", mass=1.0), [la.rx("b"), [la.tz(-1.0, name="B", mass=1.0)]]]],
+        [
+            la.Gravity((0.0, 0.0, -9.81)),
+            la.Distance("B", "world", 1.5, name="bar"),
+            la.JointForce("a", input="torque"),
+            la.Damping(0.1),
+        ],
+    )
+
+
+@pytest.mark.parametrize("multipliers", [False, True])
+def test_a_closed_linkage_returns(multipliers: bool) -> None:
+    m, N = four_bars(), 40
+    vi, t = la.MidpointVI(m, threads=1), np.linspace(0.0, 1.5, N + 1)
+    system = MidpointSystem(vi, t, multipliers=multipliers)
+    run = vi.simulate(vi.start(la.project_configuration(m, [0.3, 1.0]).q), t)
+    wanted = np.zeros((N + 1, system.nx))
+    wanted[:, 0] = run.q[0, 0] + 0.3 * np.sin(2.0 * np.pi * t / 1.5)
+    Q = np.array([10.0, 0.0, 1e-4, 1e-4, 0.0])[: system.nx]
+    cost = QuadraticCost(wanted, np.zeros((N, 1)), Q=Q, R=[0.01])
+    x = np.hstack([run.x, np.zeros((N + 1, system.nx - m.nx))])
+    result = optimize(system, cost, initial=(x[0], run.u), free_start=True, limits=[Periodic()])
+    assert result.success, result.message
+    np.testing.assert_allclose(result.x[-1, :4], result.x[0, :4], atol=1e-8)
+    np.testing.assert_allclose(m.constraint_values(result.x[0, :2]), 0.0, atol=1e-10)
+
+
+def test_the_length_of_a_bar_moves_the_start_with_it() -> None:
+    m, N = four_bars(), 40
+    t = np.linspace(0.0, 1.0, N + 1)
+    true = m.with_parameters({"bar.length": 1.42})
+    vi = la.MidpointVI(true, threads=1)
+    run = vi.simulate(vi.start(la.project_configuration(true, [0.3, 1.0]).q), t)
+    system = MidpointSystem(la.MidpointVI(m, threads=1), t)
+    cost = QuadraticCost(run.x, np.zeros((N, 1)), Q=[1.0, 1.0, 0.1, 0.1], R=[1.0])
+    start = np.concatenate([la.project_configuration(m, run.q[0]).q, [0.0, 0.0]])
+    unknowns = [Parameter("bar.length", 1.0, 1.8)]
+    result = optimize(system, cost, initial=(start, run.u), free_start=True, unknowns=unknowns, tolerance=1e-12)
+    assert result.success, result.message
+    assert result.unknowns["bar.length"] == pytest.approx(1.42, abs=1e-5)
+    assert result.cost < 1e-8
+    np.testing.assert_allclose(result.x[0, :2], run.q[0], atol=1e-4)
+    with pytest.raises(ArgumentError, match=r"constraint 'bar' where the parameter 'bar\.length' changes.*free_start"):
+        optimize(system, cost, initial=(start, run.u), unknowns=unknowns)
+
+
+def test_limits_follow_the_parameters(rng: np.random.Generator) -> None:
+    """A place of a frame depends on a length, a rate on the time; both are limited as they are in the end."""
+    system, cost = double_pendulum(20)
+    unknowns = [Parameter("B.value"), FinalTime()]
+    limits = [
+        Keep("B", outside=Ball((0.0, 0.5, -1.5), 0.2)),
+        Bound("a", max=1.0, of="rate"),
+        Within(FunctionQuantity("height", lambda x: -np.cos(x[:, 0])), max=-0.5),
+    ]
+    extension = Extension(system, cost, unknowns, limits, True)
+    x0 = system.rollout(np.array([0.2, 0.1, 0.3, -0.2]), *_along(system), 0, 20)
+    x = extension.system.extended(x0.x, np.array([-0.8, 1.6]))
+    for row in extension.rows():
+        quantity = row.quantity
+        ahead = not quantity.of_state
+        at = Samples(row.k, x[row.k], x0.u[row.k] if ahead else x[:0], x[row.k + 1] if ahead else x[:0])
+        columns = quantity.columns(extension.system.nx, 1)
+        J, y = quantity.jacobian(at), rng.normal(size=(len(row.k), 1))
+        H = quantity.curvature(at, y)
+        for j, place in enumerate(columns):
+
+            def moved(by: float, place: int = place, ahead: bool = ahead, at: Samples = at) -> Samples:
+                nx = extension.system.nx
+                now, then = at.x.copy(), at.x_next.copy()
+                if place < nx:
+                    now[:, place] += by
+                    if place >= 4 and ahead:
+                        then[:, place] += by  # constants are the same at both ends
+                else:
+                    then[:, place - nx - 1] += by
+                return at._replace(x=now, x_next=then)
+
+            wanted = extrapolated(lambda by, q=quantity, m=moved: q.values(m(by)), 0.0, 0.05)
+            np.testing.assert_allclose(J[:, :, j], wanted, atol=1e-8)
+            if H is not None:
+                bent = extrapolated(
+                    lambda by, q=quantity, m=moved, y=y: np.einsum("kmi,km->ki", q.jacobian(m(by)), y), 0.0, 0.05
+                )
+                np.testing.assert_allclose(H[:, j], bent, atol=1e-7)
+    assert sum(each.quantity.columns(8, 1).size > 4 for each in extension.rows()) >= 1
+
+
+def _along(system: MidpointSystem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    N = system.N
+    return np.zeros((N + 1, system.nx)), np.zeros((N, system.nu)), np.zeros((N, system.nu, system.nx))
+
+
+def test_a_run_goes_on_and_begins_again() -> None:
+    system, cost = double_pendulum(20)
+    options = {
+        "unknowns": [Parameter("B.mass", 0.2, 1.2, weight=0.1), FinalTime(1.0, 3.0, weight=0.1)],
+        "limits": [Periodic(), Bound("hip", -2.0, 2.0)],
+        "free_start": True,
+    }
+    seen = []
+    whole = optimize(system, cost, initial=rest(system), callback=lambda r: seen.append(r.x.shape), **options)
+    assert whole.success, whole.message
+    assert set(seen) == {(21, 4)}
+    part = optimize(system, cost, initial=rest(system), max_iterations=4, **options)
+    assert part.status is Status.ITERATION_LIMIT
+    rest_of_it = optimize(system, cost, resume=part, **options)
+    np.testing.assert_allclose(rest_of_it.x, whole.x, atol=1e-8)
+    for name, value in whole.unknowns.items():
+        assert rest_of_it.unknowns[name] == pytest.approx(value, rel=1e-9)
+    assert rest_of_it.iterations <= whole.iterations + 1
+    kept = []
+    stopped = optimize(
+        system,
+        cost,
+        initial=rest(system),
+        callback=lambda r: (kept.append(r.snapshot()), r.iteration == 4)[1],
+        **options,
+    )
+    np.testing.assert_array_equal(stopped.x, part.x)
+    assert kept[-1].unknowns == part.unknowns
+    again = optimize(system, cost, initial=whole, **options)
+    assert again.iterations < 0.5 * whole.iterations
+    assert again.cost == pytest.approx(whole.cost, rel=1e-8)
+    with pytest.raises(ArgumentError, match=r"resume: got a result without the unknown 'A\.mass'"):
+        optimize(system, cost, resume=part, unknowns=[Parameter("A.mass")])
+
+
+def test_the_extended_system_keeps_its_identities(rng: np.random.Generator) -> None:
+    system, cost = double_pendulum(6)
+    extension = Extension(system, cost, [Parameter("B.mass"), FinalTime(price=1.0, weight=2.0)], [Periodic()], True)
+    x = extension.system.extended(0.3 * rng.normal(size=(7, 4)), np.array([0.7, 1.6]))
+    report = check_derivatives(extension.system, x, rng.normal(size=(6, 1)), cost=extension.cost)
+    assert report.ok, str(report)
+
+
+ERRORS = [
+    ({"unknowns": [Parameter("B.mas")]}, r"unknowns: unknown parameter 'B\.mas'; did you mean 'B\.mass'"),
+    ({"unknowns": [Parameter("B.mass"), Parameter("B.mass")]}, r"'B\.mass' is listed twice"),
+    ({"unknowns": ["B.mass"]}, r"unknowns\[0\]: got str, expected such as Parameter"),
+    ({"unknowns": [Parameter("B.mass", guess=-1.0)]}, r"mass"),
+    ({"unknowns": [FinalTime(-1.0)]}, r"FinalTime: min: got -1 s, expected a time after the first, 0 s"),
+    ({"unknowns": [FinalTime(guess=0.0)]}, r"FinalTime: guess: got 0 s"),
+    ({"limits": [Periodic()]}, r"Periodic\('\*'\): got a fixed initial state"),
+    ({"limits": [Periodic("c")], "free_start": True}, r"Periodic\('c'\).*entries of the state"),
+    (
+        {"limits": [Periodic("a", offset={"b": 1.0})], "free_start": True},
+        r"Periodic\('a'\): offset: 'b' is none of its entries; .* 'a'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), ERRORS)
+def test_what_is_wrong_is_named(options: dict, message: str) -> None:
+    system, cost = double_pendulum(4)
+    with pytest.raises(la.LeastActionError, match=message):
+        optimize(system, cost, initial=rest(system), **options)
+
+
+def test_what_is_wrong_is_named_at_once() -> None:
+    with pytest.raises(ArgumentError, match=r"Parameter\('m'\): got min 2 and max 1, expected the least"):
+        Parameter("m", 2.0, 1.0)
+    with pytest.raises(ArgumentError, match=r"FinalTime: weight: got -1"):
+        FinalTime(weight=-1.0)
+    with pytest.raises(ArgumentError, match=r"Parameter\('m'\): guess"):
+        Parameter("m", guess=np.nan)
+    with pytest.raises(ArgumentError, match=r"modulo of 'a'"):
+        Periodic("a", modulo={"a": 0.0})
+    with pytest.raises(ArgumentError, match=r"offset: got 0\.4, expected numbers by names"):
+        Periodic("a", offset=0.4)
+
+
+def test_a_system_without_parameters_says_so() -> None:
+    from leastaction.optimal import LinearSystem
+
+    system = LinearSystem(np.eye(2)[None].repeat(3, 0), np.ones((3, 2, 1)))
+    cost = QuadraticCost(np.zeros((4, 2)), np.zeros((3, 1)), Q=np.ones(2), R=np.ones(1))
+    with pytest.raises(ArgumentError, match="got FinalTime for a LinearSystem, whose numbers cannot be found"):
+        optimize(system, cost, initial=(np.ones(2), np.zeros((3, 1))), unknowns=[FinalTime()])
+    # But its motions may return.
+    result = optimize(system, cost, initial=(np.ones(2), np.zeros((3, 1))), free_start=True, limits=[Periodic()])
+    np.testing.assert_allclose(result.x, 0.0, atol=1e-9)
