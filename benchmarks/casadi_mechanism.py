@@ -171,12 +171,12 @@ class Symbolic:
 
     # ---- The step -------------------------------------------------------------------------------
 
-    def step(self, dt: float) -> ca.Function:
+    def step(self, dt: float | ca.SX) -> ca.Function:
         """Return the residuals (nx + nc,) of a midpoint step, ``(x1, u, lam, x2)``.
 
         States ``[q; rho; p; v_rho]`` and inputs ``[u; rho_next]`` are those of `MidpointSystem`, forces are split
         evenly. In order: ``p1 + D1Ld + fd- - Dh(q1)' lam``, ``p2 - D2Ld - fd+``, the prescribed variables and their
-        velocities, ``h(q2)``.
+        velocities, ``h(q2)``. A symbol for the time step is one more argument, dt.
         """
         m = self.mechanism
         nd, nq = m.nd, m.nq
@@ -198,7 +198,10 @@ class Symbolic:
             x2[nq + nd :, 0] - v[nd:, 0],
             ca.Function("h", [self.q], [self.constraints])(q2),
         )
-        return ca.Function("step", [x1, u, lam, x2], [residual], ["x1", "u", "lam", "x2"], ["F"])
+        arguments, names = [x1, u, lam, x2], ["x1", "u", "lam", "x2"]
+        if isinstance(dt, ca.SX):
+            arguments, names = [*arguments, dt], [*names, "dt"]
+        return ca.Function("step", arguments, [residual], names, ["F"])
 
 
 def _clean(array: Any) -> ca.SX:
