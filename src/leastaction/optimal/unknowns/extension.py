@@ -68,7 +68,7 @@ class Extension:
         copied = {i for limit in limits if isinstance(limit, Periodic) for i in limit.entries(system)}
         names = [each.name for each in unknowns]
         self.system = ExtendedSystem(system, names, sorted(copied) if self.first == 0 else [], free_start)
-        self.cost = ExtendedCost(cost, unknowns, wanted, system.nx, self.system.nx)
+        self.cost = ExtendedCost(cost, unknowns, wanted, self.system)
         self.system.at(self.guess)  # values that cannot be are named before anything is done
 
     def rows(self) -> list[Rows]:
@@ -98,8 +98,8 @@ class Extension:
 
     def _extended(self, limit: Limit, i: int, row: Rows) -> Rows:
         own = row.quantity
-        if isinstance(own, Entries):
-            return row  # The system's own entries stand where they stood.
+        if isinstance(own, Entries) and not (own.of_state and np.isin(own.places, self.system.copied).any()):
+            return row  # They stand where they stood.
         quantity = ExtendedQuantity(self.system, own, lambda system: limit.rows(system, self.first)[i].quantity)
         return replace(row, quantity=quantity)
 
@@ -152,7 +152,7 @@ class Extension:
             return None
 
         def tell(record: IterationRecord) -> object:
-            own = read_only(record.x[:, : self.own.nx])
+            own = read_only(self.system.own(record.x))
             return given(replace(record, x=own, snapshot=lambda: self.result(record.snapshot())))
 
         return tell
@@ -163,7 +163,7 @@ class Extension:
         values = self.system.values(found.x[0]).tolist()
         return replace(
             found,
-            x=read_only(np.ascontiguousarray(found.x[:, :n])),
+            x=read_only(self.system.own(found.x)),
             K=np.ascontiguousarray(found.K[:, :, :n]),
             unknowns=MappingProxyType(dict(zip(self.system.names, values, strict=True))),
         )

@@ -12,7 +12,7 @@ from leastaction.numerics.arrays import Array, as_number
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.quantity import Quantity, Samples
+from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.optimal.unknowns.system import ExtendedSystem
 
 __all__ = ["Periodic"]
@@ -22,8 +22,8 @@ __all__ = ["Periodic"]
 class Periodic(Limit):
     """Equations ``x_N = x_0 + offset`` of entries of the state, for a motion that may go on like this for ever.
 
-    The initial state has to be free, ``optimize(..., free_start=True)``, or some entries of it. What nothing depends
-    on, such as the place of a walker, is better held there: ``free_start=["knee", "p_*"]``.
+    The initial state has to be free, ``optimize(..., free_start=True)``, or some entries of it. The cost has to weigh
+    all that is free, or it is held there, such as the place of a walker: ``free_start=["knee", "p_*"]``.
 
     Parameters
     ----------
@@ -81,42 +81,47 @@ class Periodic(Limit):
                 f"{self}: got a fixed initial state, expected one that is free. Give free_start=True or the names that "
                 "are free to `optimize`; to come back to a given state, ask for `Equal` at the end"
             )
-        places = self.entries(system.system)
+        places = np.array(self.entries(system.system), dtype=np.intp)
         known = system.system.quantity("state").names
         names = [known[i] for i in places]
-        copies = system.at_copies + np.searchsorted(system.copied, places)
-        offset = np.array([self.offset.get(name, 0.0) for name in names])
-        modulo = np.array([self.modulo.get(name, np.inf) for name in names])
-        quantity = _Change(names, np.array(places, dtype=np.intp), copies, offset, modulo)
-        k, bounds = np.array([system.N], dtype=np.intp), np.zeros((1, len(names)))
-        scale = np.ones(len(names))
-        return [Rows(str(self), quantity, sign, bounds, k, scale, equal=True) for sign in (1.0, -1.0)]
+        rows = []
+        for turning in (False, True):
+            chosen = [j for j, name in enumerate(names) if (name in self.modulo) is turning]
+            if not chosen:
+                continue
+            # What is kept of the first state counts from there, so the change is an entry itself.
+            some = [names[j] for j in chosen]
+            change = Entries(some, places[chosen], of_state=True, kind="return of")
+            offset = np.array([[self.offset.get(name, 0.0) for name in some]])
+            quantity: Quantity = change
+            if turning:
+                quantity = _Turning(change, offset[0], np.array([self.modulo[name] for name in some]))
+            k, scale = np.array([system.N], dtype=np.intp), np.ones(len(some))
+            rows += [Rows(str(self), quantity, sign, offset, k, scale, equal=True) for sign in (1.0, -1.0)]
+        return rows
 
 
-class _Change(Quantity):
-    """By how much entries of the state have changed, less what is wanted, from what was copied at the start."""
+class _Turning(Quantity):
+    """Changes of entries up to whole multiples of a modulus: those that are closest to what is wanted."""
 
-    of_state, kind = True, "return of"
+    of_state = True
 
-    def __init__(
-        self, names: Sequence[str], places: np.ndarray, copies: np.ndarray, offset: Array, modulo: Array
-    ) -> None:
-        self.names, self.places, self.copies, self.offset, self.modulo = tuple(names), places, copies, offset, modulo
+    def __init__(self, change: Entries, wanted: Array, modulo: Array) -> None:
+        self.change, self.wanted, self.modulo = change, wanted, modulo
+        self.names, self.kind = change.names, change.kind
 
     def values(self, at: Samples) -> Array:
         """Return the changes."""
-        change = at.x[:, self.places] - at.x[:, self.copies] - self.offset
-        whole = np.where(np.isinf(self.modulo), 0.0, self.modulo)
-        return np.asarray(change - whole * np.round(change / self.modulo))
+        change = self.change.values(at)
+        return np.asarray(change - self.modulo * np.round((change - self.wanted) / self.modulo))
 
-    def columns(self, nx: int, nu: int) -> np.ndarray:  # noqa: ARG002
-        """Return the places now and at the start."""
-        return np.concatenate([self.places, self.copies])
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
+        """Return the places of the changes."""
+        return self.change.places
 
     def jacobian(self, at: Samples) -> Array:
         """Return the constant derivatives."""
-        each = np.broadcast_to(np.eye(len(self.places)), (len(at.k), len(self.places), len(self.places)))
-        return np.concatenate([each, -each], axis=2)
+        return np.broadcast_to(np.eye(len(self.names)), (len(at.k), len(self.names), len(self.names)))
 
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""

@@ -30,14 +30,11 @@ class ExtendedQuantity(Quantity):
         self.fixed = not system.names or of(system.system) is own
 
     def columns(self, nx: int, nu: int) -> Instants:
-        """Return the places of the system's own entries, and of the parameters."""
-        n, count = self.system.n_own, len(self.system.names)
-        places = self.own.columns(n, nu)
-        if places is None:
-            places = np.arange(n if self.of_state else 2 * n + nu if self.looks_ahead else n + nu)
-        moved = places + np.where(places < n, 0, np.where(places < n + nu, nx - n, 2 * (nx - n)))
-        moved = np.where(places >= n + nu, places - n + nx, moved)
-        return moved if self.fixed else np.concatenate([moved, np.arange(n, n + count)])
+        """Return the places of the system's own entries, of the parameters, and of what is kept of the first state."""
+        n, places = self.system.n_own, self._places(nu)
+        parameters = np.arange(n, n if self.fixed else self.system.at_copies)
+        kept = np.arange(self.system.at_copies, nx)
+        return np.concatenate([np.where(places < n, places, places + nx - n), parameters, kept])
 
     def values(self, at: Samples) -> Array:
         """Return the values."""
@@ -47,43 +44,53 @@ class ExtendedQuantity(Quantity):
     def jacobian(self, at: Samples) -> Array:
         """Return the first derivatives."""
         own, values = self._split(at)
-        J = self._at(values).jacobian(own)
-        if self.fixed:
-            return J
-        return np.concatenate([J, self._by_parameters(own, values)], axis=2)
+        return np.asarray(self._jacobian(own, values) @ self._moves(at.u.shape[1]))
 
     def curvature(self, at: Samples, y: Array) -> Array | None:
         """Return the second derivative of ``y . values``."""
         own, values = self._split(at)
-        H = self._at(values).curvature(own, y)
+        H, moves = self._at(values).curvature(own, y), self._moves(at.u.shape[1])
         if self.fixed:
-            return H
+            return None if H is None else np.asarray(moves.T @ H @ moves)
 
         def slope(moved: Array) -> Array:
-            J = np.concatenate([self._at(moved).jacobian(own), self._by_parameters(own, moved)], axis=2)
-            return np.asarray(np.einsum("kmi,km->ki", J, y))
+            return np.asarray(np.einsum("kmi,km->ki", self._jacobian(own, moved), y))
 
-        columns = [by_differences(slope, values, j) for j in range(len(values))]
-        mixed = np.stack(columns, axis=2)
+        mixed = np.stack([by_differences(slope, values, j) for j in range(len(values))], axis=2)
         n = mixed.shape[1] - len(values)
         whole = np.zeros((len(y), mixed.shape[1], mixed.shape[1]))
         if H is not None:
             whole[:, :n, :n] = H
         whole[:, :n, n:], whole[:, n:, :n] = mixed[:, :n], mixed[:, :n].transpose(0, 2, 1)
         whole[:, n:, n:] = 0.5 * (mixed[:, n:] + mixed[:, n:].transpose(0, 2, 1))
-        return whole
+        return np.asarray(moves.T @ whole @ moves)
+
+    def _jacobian(self, own: Samples, values: Array) -> Array:
+        """Return the derivatives by the system's own entries, and by the parameters."""
+        at = self._at(values)
+        count = 0 if self.fixed else len(values)
+        by = [by_differences(lambda p: self._at(p).values(own), values, j)[:, :, None] for j in range(count)]
+        return np.concatenate([at.jacobian(own), *by], axis=2)
+
+    def _places(self, nu: int) -> Instants:
+        """Return the places in the system's own ``(x, u, x_next)`` in which the quantity gives its derivatives."""
+        n = self.system.n_own
+        places = self.own.columns(n, nu)
+        if places is not None:
+            return places
+        return np.arange(n if self.of_state else 2 * n + nu if self.looks_ahead else n + nu)
+
+    def _moves(self, nu: int) -> Array:
+        """Return how the system's own entries and the parameters follow from entries of the extended system."""
+        n, places = self.system.n_own, self._places(nu)
+        count = 0 if self.fixed else len(self.system.names)
+        kept = (places[:, None] == self.system.copied) | (places[:, None] == n + nu + self.system.copied)
+        return np.hstack([np.eye(len(places) + count), np.vstack([kept, np.zeros((count, kept.shape[1]))])])
 
     def _split(self, at: Samples) -> tuple[Samples, Array]:
         """Return what the system's own quantity is given, and the parameters (P,)."""
-        n = self.system.n_own
-        own = Samples(at.k, np.ascontiguousarray(at.x[:, :n]), at.u, np.ascontiguousarray(at.x_next[:, :n]))
-        return own, self.system.values(at.x[0]).copy()
+        x_next = self.system.own(at.x_next) if at.x_next.shape[1] else at.x_next
+        return Samples(at.k, self.system.own(at.x), at.u, x_next), self.system.values(at.x[0]).copy()
 
     def _at(self, values: Array) -> Quantity:
         return self.own if self.fixed else self.of(self.system.at(values))
-
-    def _by_parameters(self, own: Samples, values: Array) -> Array:
-        """Return the derivatives by the parameters (n, m, P)."""
-        return np.stack(
-            [by_differences(lambda p: self._at(p).values(own), values, j) for j in range(len(values))], axis=2
-        )

@@ -1,7 +1,9 @@
 """A system whose state also holds what is found beside its inputs: constants, whose first values are free.
 
-``x = [x of the system; parameters; entries of the first state]`` with ``p+ = p``: its linear-quadratic problems, duals
-and limits are then those of any system with a free initial state.
+``y = [x of the system, less c where that is kept; parameters p; entries c of the first state]`` with ``p+ = p`` and
+``c+ = c``: its linear-quadratic problems, duals and limits are then those of any system with a free initial state.
+What returns is stated as a change from c, so that what depends little on c, such as on the place of a walker, is not
+lost in the rounding of stiff equations ``x_N - c = 0``.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ _PART = 1e-3  # of a parameter, by which it is moved for differences
 
 
 class ExtendedSystem(DiscreteSystem):
-    """A system with parameters, and entries of its first state, as constant states.
+    """A system with parameters, and entries of its first state, as constant states; those entries count from there.
 
     Its first derivatives are those of the system. Its second ones by the parameters are differences of fourth order of
     the exact first ones, over a thousandth of the parameter: good to about ten digits. It holds settings and no state;
@@ -67,27 +69,36 @@ class ExtendedSystem(DiscreteSystem):
         """Return the parameters (P,) of a state (nx,)."""
         return np.asarray(x[self.n_own : self.at_copies])
 
+    def own(self, x: Array) -> Array:
+        """Return the system's own states of such of the extended system."""
+        own = x[..., : self.n_own].copy()
+        own[..., self.copied] += x[..., self.at_copies :]
+        return own
+
     def extended(self, x: Array, values: Array) -> Array:
         """Return states (nx,) or (N+1, nx) for such of the system, with values of the parameters (P,)."""
         first = x[..., self.copied] if x.ndim == 1 else np.broadcast_to(x[0, self.copied], (len(x), len(self.copied)))
         constants = np.broadcast_to(values, (*x.shape[:-1], len(values)))
-        return np.concatenate([x, constants, first], axis=-1)
+        whole = np.concatenate([x, constants, first], axis=-1)
+        whole[..., self.copied] -= first
+        return whole
 
     # ---- Steps ------------------------------------------------------------------------------------
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         """Return the next state."""
-        own = self.at(self.values(x)).f(np.ascontiguousarray(x[: self.n_own]), u, k)
+        own = self.at(self.values(x)).f(self.own(x), u, k)
+        own[self.copied] -= x[self.at_copies :]
         return np.concatenate([own, x[self.n_own :]])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         """Return A and B of a step."""
-        A, B = self._extended(*self._of_step(self.values(x), np.ascontiguousarray(x[: self.n_own]), u, k))
+        A, B = self._extended(*self._of_step(self.values(x), self.own(x), u, k))
         return A[0], B[0]
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
         """Return ``z . D2f`` of a step."""
-        own, values = np.ascontiguousarray(x[: self.n_own]), self.values(x)
+        own, values = self.own(x), self.values(x)
         H = self.at(values).curvature(own, u, k, np.ascontiguousarray(z[: self.n_own]))
         return np.asarray(self._second(H[None], values, partial(self._of_step, x=own, u=u, k=k), z[None])[0])
 
@@ -100,11 +111,6 @@ class ExtendedSystem(DiscreteSystem):
             by = system.differentiate_by(np.stack([x, system.f(x, u, k)]), u[None], self.names, k)
         return A[None], B[None], by
 
-    def difference(self, x: Array, xbar: Array) -> Array:
-        """Return the difference of states."""
-        own = self.system.difference(x[..., : self.n_own], xbar[..., : self.n_own])
-        return np.concatenate([own, x[..., self.n_own :] - xbar[..., self.n_own :]], axis=-1)
-
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         """Simulate steps ``start .. stop-1`` under ``u = ubar - K (x - xbar)``; see `DiscreteSystem`."""
         n, constants = self.n_own, x0[self.n_own :]
@@ -114,17 +120,19 @@ class ExtendedSystem(DiscreteSystem):
             return Rollout(x0[None, :].copy(), ubar[:0], 0, f"{self.when(start)}: {error}")
         part = slice(start, stop)
         # Constants stay, so their feedback is known beforehand.
-        u = ubar.copy()
-        u[part] -= np.einsum("kij,kj->ki", K[part, :, n:], constants - xbar[part, n:])
-        out = system.rollout(np.ascontiguousarray(x0[:n]), xbar[:, :n], u, K[:, :, :n], start, stop)
+        u, gain = ubar.copy(), K[part, :, n:].copy()
+        gain[:, :, len(self.names) :] -= K[part][:, :, self.copied]
+        u[part] -= np.einsum("kij,kj->ki", gain, constants - xbar[part, n:])
+        out = system.rollout(self.own(x0), self.own(xbar), u, K[:, :, :n], start, stop)
         x = np.hstack([out.x, np.broadcast_to(constants, (len(out.x), len(constants)))])
+        x[:, self.copied] -= x[:, self.at_copies :]
         return Rollout(x, out.u, out.steps_done, out.failure, out.worst_step, out.worst_at)
 
     # ---- Derivatives ------------------------------------------------------------------------------
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         """Return the derivatives along a trajectory; see `DiscreteSystem`."""
-        own, values, u = np.ascontiguousarray(x[:, : self.n_own]), self.values(x[0]).copy(), u.copy()
+        own, values, u = self.own(x), self.values(x[0]).copy(), u.copy()
         system = self.at(values)
         # A system with other parameters is another one, which cannot use the memory of the last.
         lin = linearized(system, own, u, None if out is None or self.names else out.memory)
@@ -145,6 +153,7 @@ class ExtendedSystem(DiscreteSystem):
         n, constant = self.n_own, np.arange(self.n_own, self.nx)
         whole, inputs = np.zeros((len(A), self.nx, self.nx)), np.zeros((len(A), self.nx, self.nu))
         whole[:, :n, :n], whole[:, :n, n : self.at_copies] = A, by
+        whole[:, :n, self.at_copies :] = A[:, :, self.copied] - np.eye(n)[:, self.copied]
         whole[:, constant, constant] = 1.0
         inputs[:, :n] = B
         return whole, inputs
@@ -155,22 +164,22 @@ class ExtendedSystem(DiscreteSystem):
         ``along``: returns the system's A, B and derivatives by parameters at values of these.
         """
         n, count = self.n_own, len(self.names)
-        whole = np.zeros((len(H), self.nx + self.nu, self.nx + self.nu))
-        own = np.r_[0:n, self.nx : self.nx + self.nu]
-        whole[:, own[:, None], own] = H
-        if not count:
-            return whole
+        # By [x; p; u], and from that by [y; u]: c moves what is kept.
+        by = np.zeros((len(H), n + count + self.nu, n + count + self.nu))
+        own, parameters = np.r_[0:n, n + count : n + count + self.nu], np.arange(n, n + count)
+        by[:, own[:, None], own] = H
 
         def slope(moved: Array) -> Array:
             return np.concatenate([np.einsum("ki,kij->kj", z[:, :n], part) for part in along(moved)], axis=1)
 
-        mixed = np.stack([by_differences(slope, values, j) for j in range(count)], axis=2)
-        by, twice = mixed[:, : len(own)], mixed[:, len(own) :]
-        parameters = np.arange(n, n + count)
-        whole[:, own[:, None], parameters] = by
-        whole[:, parameters[:, None], own] = by.transpose(0, 2, 1)
-        whole[:, parameters[:, None], parameters] = 0.5 * (twice + twice.transpose(0, 2, 1))
-        return whole
+        if count:
+            mixed = np.stack([by_differences(slope, values, j) for j in range(count)], axis=2)
+            once, twice = mixed[:, : len(own)], mixed[:, len(own) :]
+            by[:, own[:, None], parameters] = once
+            by[:, parameters[:, None], own] = once.transpose(0, 2, 1)
+            by[:, parameters[:, None], parameters] = 0.5 * (twice + twice.transpose(0, 2, 1))
+        places = np.r_[0 : n + count, self.copied, n + count : n + count + self.nu]
+        return by if not len(self.copied) else by[:, places[:, None], places]
 
     # ---- Its start --------------------------------------------------------------------------------
 
@@ -178,7 +187,7 @@ class ExtendedSystem(DiscreteSystem):
         """Return the directions (nx, n) in which the initial state may move: all of them that are free."""
         del free
         n, count = self.n_own, len(self.names)
-        own = np.ascontiguousarray(x[:n])
+        own = self.own(x)
         if self.free_start is False:
             Z = np.zeros((n, 0))
         else:
@@ -191,15 +200,15 @@ class ExtendedSystem(DiscreteSystem):
             whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
             whole[n : self.at_copies, Z.shape[1] :] = np.eye(count)
         whole[self.at_copies :] = whole[self.copied]
+        whole[self.copied] = 0.0
         return whole
 
     def moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved along its directions."""
-        n = self.n_own
         values = self.values(x + dx)
-        own = x[:n]
+        own = self.own(x)
         if self.free_start is not False:
-            own = self.at(values).moved_start(own, np.ascontiguousarray(dx[:n]))
+            own = self.at(values).moved_start(own, self.own(dx))
         return self.extended(own, values)
 
     # ---- What it is asked -------------------------------------------------------------------------
