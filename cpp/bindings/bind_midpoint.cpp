@@ -129,6 +129,20 @@ ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, con
     return {by_x, by_lam, done};
 }
 
+Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& w,
+                        int threads) {
+    const Mechanism& m = midpoint.mechanism();
+    const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1);
+    expect(w.shape(0), N, "w");
+    if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
+    Out out = new_array({N, nx + m.n_controls() + 1});
+    nb::gil_scoped_release release;
+    const int done = curvature_by_time_step(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), w.data(),
+                                            static_cast<int>(weights), threads, out.data());
+    if (done < static_cast<int>(N)) throw std::invalid_argument("x: this is no trajectory");
+    return out;
+}
+
 nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, const In<1>& u, double dt) {
     const Mechanism& m = midpoint.mechanism();
     expect(u.size(), m.n_inputs, "u");
@@ -244,6 +258,9 @@ void bind_midpoint(nb::module_& module) {
         .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,
              "time_step"_a.none() = nb::none(), "threads"_a = 0,
              "Derivatives of every step by directions of the elements' numbers and of inertias, and by its length.")
+        .def("curvature_by_time_step", &curvature_by_length, "t"_a, "x"_a, "u"_a, "w"_a, "threads"_a = 0,
+             "Second derivatives (N, nx + nu + 1) of the next states weighted with w (N, nx), or of states and "
+             "multipliers with w (N, nx + nc), by the length of every step and (states, u, that length).")
         .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a,
              "Momenta (p1, p2) at both ends of a segment, without constraint forces.");
     using L = Linearization;

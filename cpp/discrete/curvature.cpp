@@ -172,6 +172,78 @@ void SecondOrder::add_constraints() {
     }
 }
 
+double SecondOrder::by_time_step(double dt, const FirstOrder& first, const MidpointStep& step, const double* Y_dt,
+                                 double* out) {
+    using Vector = Eigen::VectorXd;
+    const Mechanism& m = mechanism_;
+    const int ny = nd_ + nc_, at_u = nq_ + nd_;
+    Vector v(nq_), e = Vector::Zero(nq_), g = Vector::Zero(nq_), by_u = Vector::Zero(nu_);
+    Vector by_q = Vector::Zero(nq_), T_vv_v = Vector::Zero(nq_), L_vv_g = Vector::Zero(nq_);
+    for (int i = 0; i < nq_; ++i) v[i] = (q2[i] - q1[i]) / dt;
+    for (int i = 0; i < nd_; ++i) {
+        e[i] = 0.5 * (mu_[i] + w_p[i]);
+        g[i] = w_p[i] - mu_[i];
+    }
+    const PairDerivatives &T = dual_.pairs, &L = step.lagrangian().pairs;
+    each_pair(m, T.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        by_q[i] -= weight * T.q_v[at] * v[j] / dt;
+        T_vv_v[i] += weight * T.vv[at] * v[j];
+        if (!mirrored) return;
+        by_q[j] -= weight * T.v_q[at] * v[i] / dt;
+        T_vv_v[j] += weight * T.vv[at] * v[i];
+    });
+    each_pair(m, L.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        by_q[i] += weight * L.qq[at] * e[j];
+        L_vv_g[i] += weight * L.vv[at] * g[j];
+        if (!mirrored) return;
+        by_q[j] += weight * L.qq[at] * e[i];
+        L_vv_g[j] += weight * L.vv[at] * g[i];
+    });
+    const ForcePoint<double> middle = step.middle();
+    for_each_entry(m.potentials, middle.at, middle.q, local_,
+                   [&](int i, int j, double bend) { by_q[i] -= bend * e[j]; });
+    Vector by_v = -(T_vv_v + L_vv_g) / dt;
+    double twice = v.dot(T_vv_v + 2.0 * L_vv_g) / (dt * dt);
+
+    const double km = kappa_minus(split_, dt) / dt, kp = kappa_plus(split_, dt) / dt;
+    Vector c = Vector::Zero(nq_);
+    for (int i = 0; i < nd_; ++i) c[i] = km * mu_[i] + kp * w_p[i];
+    for (const auto& [i, input] : m.joint_forces) by_u[input] += c[i];
+    for_each_entry(
+        m.forces, middle, force_, [&](int i, int j, double f_q, double) { by_q[j] += c[i] * f_q; },
+        [&](int i, int input, double f_u) { by_u[input] += c[i] * f_u; });
+    for (const auto& force : m.forces) {
+        const auto &support = force->support(), &inputs = force->inputs();
+        const std::size_t n = support.size(), r = inputs.size(), size = 2 * n + r;
+        force->curvature({at_middle_, q_mid_.data(), v_.data(), u.data()},
+                         {*along_v_, *along_mu_, q_along_v_.data(), q_along_mu_.data(), mu_force_.data()}, force_);
+        for (std::size_t b = 0; b < n; ++b) {
+            const double rate = v[support[b]] / dt;  // second derivatives are those of dt c.f
+            const double* row = &force_.second[(n + b) * size];
+            for (std::size_t a = 0; a < n; ++a) {
+                by_q[support[a]] -= row[a] * rate;
+                by_v[support[a]] -= row[n + a] * rate;
+                twice += row[n + a] * rate * v[support[a]] / dt;
+            }
+            for (std::size_t a = 0; a < r; ++a) by_u[inputs[a]] -= row[2 * n + a] * rate;
+        }
+    }
+
+    const Vector by_q1 = 0.5 * by_q - by_v / dt, by_q2 = 0.5 * by_q + by_v / dt;
+    Vector by_y = Vector::Zero(ny);
+    by_y.head(nd_) = by_q2.head(nd_);
+    const Eigen::Map<const Vector> Y_t(Y_dt, ny);
+    const Vector bent = W_yy_ * Y_t;
+    Eigen::Map<Vector> by_theta(out, n_theta_);
+    by_theta.setZero();
+    by_theta.head(nq_) = by_q1;
+    by_theta.segment(at_u, nu_) = by_u;
+    by_theta.tail(nq_ - nd_) = by_q2.tail(nq_ - nd_);
+    const Eigen::Map<const NewtonMatrix::Matrix> Y(first.Y.data(), ny, first.ld);
+    by_theta += Y.leftCols(n_theta_).transpose() * (by_y + bent) + W_yth_.transpose() * Y_t;
+    return twice + Y_t.dot(2.0 * by_y + bent);
+}
+
 void SecondOrder::write(const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out) {
     // As one product [Y; Z]'[Z; Y]: strips of rows, the upper triangle
     // only, each written out together with its mirror image while it is in the cache.

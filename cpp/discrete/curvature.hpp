@@ -5,6 +5,13 @@
 // of the weighted sum by p1 and by a shift of h, it is [Y; I]' W [Y; I], W the Hessian of mu.F + w_p.G by (y, th).
 // The Lagrangian's part of mu.F + w_p.G is the derivative of L along one direction, dq = dt/2 (mu + w_p), dv = w_p - mu,
 // so W comes from one dual sweep; of the constraints, -mu.Dh(q1)'lam is a derivative of h along mu.
+//
+// By the time step: with S = dt e.L_q + g.L_v + dt c.f, e = (mu + w_p)/2, g = w_p - mu, dt c = kappa- mu + kappa+ w_p,
+// v = (q2 - q1)/dt and T the part of L, whose second derivatives are those of the dual sweep,
+//
+//   S_dt     = e.(L_q - L_qv v) - g.L_vv v / dt + c.(f - f_v v)
+//   S_dt,q   = L_qq e - T_qv v / dt + c.f_q - c.f_qv v,    S_dt,v = -(T_vv v + L_vv g) / dt - c.f_vv v
+//   S_dt,dt  = v.T_vv v / dt^2 + 2 g.L_vv v / dt^2 + v.(c.f_vv) v / dt,    S_dt,u = c.f_u - c.f_uv v.
 #pragma once
 
 #include <memory>
@@ -27,6 +34,9 @@ public:
     };
     // Into `out`, rows of ld_out. Of the first order Y and the columns of p1 and of shifts of P2 are needed.
     void hessian(double dt, const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out);
+    // After that: second derivatives by th and the time step into `out` (n_theta); returns that by the time step twice.
+    // Y_dt: of (q2; lam) by the time step.
+    double by_time_step(double dt, const FirstOrder& first, const MidpointStep& step, const double* Y_dt, double* out);
 
 private:
     void set_multipliers(const FirstOrder& first);

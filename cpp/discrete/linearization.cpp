@@ -173,4 +173,45 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
     });
 }
 
+int curvature_by_time_step(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
+                           const double* W, int weights, int threads, double* out) {
+    const Layout at(integrator.mechanism());
+    const std::vector<SecondOrder::Run> runs = at.runs();
+    const int n = at.nx + at.nu;
+    Parameter length;
+    length.time_step = true;
+    return for_each_step(integrator, steps, threads, [&](Workspace& workspace, std::size_t k) {
+        const double dt = t[k + 1] - t[k];
+        const double *now = X + k * at.nx, *W_k = W + k * weights;
+        MidpointStep& step = workspace.step;
+        FirstOrder& first = workspace.first();
+        SecondOrder& second = workspace.second();
+        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt)) return false;
+        const ParameterSlopes slopes = differentiate_by(step, first, dt, {length});
+        std::copy(step.q1.begin(), step.q1.end(), second.q1.begin());
+        std::copy(step.q2.begin(), step.q2.end(), second.q2.begin());
+        std::copy(step.u.begin(), step.u.end(), second.u.begin());
+        std::copy(step.lam.begin(), step.lam.end(), second.lam.begin());
+        for (int i = 0; i < at.nd; ++i) {
+            second.w_q[i] = W_k[at.m.external[i]];
+            second.w_p[i] = W_k[at.nq + at.m.external[i]];
+        }
+        for (int c = 0; c < at.nc; ++c) second.w_lam[c] = weights > at.nx ? W_k[at.nx + c] : 0.0;
+        std::vector<double> whole(static_cast<std::size_t>(n) * n), row(at.theta), Y_dt(at.nd + at.nc);
+        for (int i = 0; i < at.nd + at.nc; ++i) Y_dt[i] = slopes.Y[i * slopes.ld];
+        second.hessian(dt, first, runs, whole.data(), n);
+        double* by = out + k * (n + 1);
+        std::fill_n(by, n, 0.0);
+        by[n] = second.by_time_step(dt, first, step, Y_dt.data(), row.data());
+        at.scatter(row.data(), by, by + at.nx);
+        for (int i = at.nd; i < at.nq; ++i) {  // (rho2 - rho1)/dt
+            const double w = W_k[at.nq + i], change = w / (dt * dt);
+            by[i] += change;
+            by[at.nx + at.ni + i - at.nd] -= change;
+            by[n] += 2.0 * change * (step.q2[i] - step.q1[i]) / dt;
+        }
+        return true;
+    });
+}
+
 }  // namespace leastaction

@@ -81,4 +81,9 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
                                 const double* U, const std::vector<Parameter>& parameters, int threads, double* by_x,
                                 double* by_lam);
 
+// Second derivatives of the next states weighted with W (N, weights), as of Linearization::curvature, by the length of the
+// step and (states, u, that length): out (N, nx + nu + 1). Returns the first step at which the trajectory is not one, or N.
+int curvature_by_time_step(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
+                           const double* W, int weights, int threads, double* out);
+
 }  // namespace leastaction

@@ -149,6 +149,16 @@ class MidpointSystem(DiscreteSystem):
             out[:, :, columns] = rows * factor
         return out
 
+    def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array:
+        """Return the exact second derivatives by the final time; see `DiscreteSystem`."""
+        t, m = self.t[start : start + len(x)], self.integrator.mechanism
+        found = self.integrator.core.curvature_by_time_step(t, self._bare(x), u, z, threads=self.integrator.threads)
+        growth = np.diff(t)[:, None] / (self.t[-1] - self.t[0])
+        out = np.zeros((len(u), self.nx + self.nu + 1))
+        out[:, : m.nx], out[:, self.nx :] = found[:, : m.nx] * growth, found[:, m.nx :] * growth
+        out[:, -1:] *= growth
+        return out
+
     def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:
         """Return how a configuration has to follow parameters that change its constraints, (nx, len(names)).
 

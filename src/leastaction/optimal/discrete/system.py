@@ -177,6 +177,13 @@ class DiscreteSystem(System):
         """Return the derivatives (n, nx, len(names)) of steps from `start` on along x (n+1, nx), u (n, nu)."""
         raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `differentiate_by`.")
 
+    def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:  # noqa: ARG002
+        """Return the second derivatives (n, nx + nu + 1) of ``z[k] . f`` by the final time and (x, u, that time).
+
+        Of the same steps as `differentiate_by`, z (n, nx). None where the system has no such derivatives.
+        """
+        return None
+
     def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:  # noqa: ARG002
         """Return how an initial state x (nx,) has to follow parameters, (nx, len(names)), as far as it is free."""
         return np.zeros((self.nx, len(names)))

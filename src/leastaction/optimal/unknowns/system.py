@@ -16,7 +16,7 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
+from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, linearized
 from leastaction.optimal.quantity import Entries, Quantity
 from leastaction.optimal.system import Linearization
 
@@ -28,9 +28,10 @@ _PART = 1e-3  # of a parameter, by which it is moved for differences
 class ExtendedSystem(DiscreteSystem):
     """A system with parameters, and entries of its first state, as constant states; those entries count from there.
 
-    Its first derivatives are those of the system. Its second ones by the parameters are differences of fourth order of
-    the exact first ones, over a thousandth of the parameter: good to about ten digits. It holds settings and no state;
-    any number of threads may share it, as far as they may share the system.
+    Its first derivatives are those of the system, and so are its second ones by the final time, where the system has
+    them. Second ones by other parameters are differences of fourth order of the exact first ones, over a thousandth of
+    the parameter: good to about ten digits. It holds settings and no state; any number of threads may share it, as far
+    as they may share the system.
 
     Parameters
     ----------
@@ -99,8 +100,12 @@ class ExtendedSystem(DiscreteSystem):
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
         """Return ``z . D2f`` of a step."""
         own, values = self.own(x), self.values(x)
-        H = self.at(values).curvature(own, u, k, np.ascontiguousarray(z[: self.n_own]))
-        return np.asarray(self._second(H[None], values, partial(self._of_step, x=own, u=u, k=k), z[None])[0])
+        system, weights = self.at(values), np.ascontiguousarray(z[None, : self.n_own])
+        H, by_time = system.curvature(own, u, k, weights[0])[None], None
+        if FINAL_TIME in self.names:
+            by_time = system.curvature_by_final_time(np.stack([own, system.f(own, u, k)]), u[None], weights, k)
+        along = partial(self._of_step, x=own, u=u, k=k)
+        return np.asarray(self._second(H, by_time, values, along, weights)[0])
 
     def _of_step(self, values: Array, x: Array, u: Array, k: int) -> tuple[Array, Array, Array]:
         """Return the system's A, B and derivatives by parameters (1, ...) of a step at values of these."""
@@ -144,7 +149,9 @@ class ExtendedSystem(DiscreteSystem):
             return *linearized(other, own, u), other.differentiate_by(own, u, self.names)
 
         def second(z: Array) -> Array:
-            return self._second(lin.curvature(np.ascontiguousarray(z[:, : self.n_own])), values, along, z)
+            weights = np.ascontiguousarray(z[:, : self.n_own])
+            by_time = system.curvature_by_final_time(own, u, weights) if FINAL_TIME in self.names else None
+            return self._second(lin.curvature(weights), by_time, values, along, weights)
 
         return Linearization(A, B, second, lin)
 
@@ -158,10 +165,19 @@ class ExtendedSystem(DiscreteSystem):
         inputs[:, :n] = B
         return whole, inputs
 
-    def _second(self, H: Array, values: Array, along: Callable[[Array], tuple[Array, Array, Array]], z: Array) -> Array:
-        """Return ``z . D2f`` (n, nx+nu, nx+nu) of steps, whose part without parameters is H.
+    def _second(
+        self,
+        H: Array,
+        by_time: Array | None,
+        values: Array,
+        along: Callable[[Array], tuple[Array, Array, Array]],
+        z: Array,
+    ) -> Array:
+        """Return ``z . D2f`` (n, nx+nu, nx+nu) of steps.
 
-        ``along``: returns the system's A, B and derivatives by parameters at values of these.
+        ``H``: its part without parameters. ``by_time``: that by the final time, where it is one and the system has
+        that. ``along``: returns the system's A, B and derivatives by parameters at values of these. ``z`` (n, nx of the
+        system).
         """
         n, count = self.n_own, len(self.names)
         # By [x; p; u], and from that by [y; u]: c moves what is kept.
@@ -170,14 +186,22 @@ class ExtendedSystem(DiscreteSystem):
         by[:, own[:, None], own] = H
 
         def slope(moved: Array) -> Array:
-            return np.concatenate([np.einsum("ki,kij->kj", z[:, :n], part) for part in along(moved)], axis=1)
+            return np.concatenate([np.einsum("ki,kij->kj", z, part) for part in along(moved)], axis=1)
 
-        if count:
-            mixed = np.stack([by_differences(slope, values, j) for j in range(count)], axis=2)
-            once, twice = mixed[:, : len(own)], mixed[:, len(own) :]
-            by[:, own[:, None], parameters] = once
-            by[:, parameters[:, None], own] = once.transpose(0, 2, 1)
-            by[:, parameters[:, None], parameters] = 0.5 * (twice + twice.transpose(0, 2, 1))
+        mixed = np.zeros((len(H), len(own) + count, count))
+        once, twice = mixed[:, : len(own)], mixed[:, len(own) :]
+        known = [] if by_time is None else [self.names.index(FINAL_TIME)]
+        for j in range(count):
+            if j not in known:
+                mixed[:, :, j] = by_differences(slope, values, j)
+        for j in known:
+            assert by_time is not None
+            # With the other parameters by their differences.
+            once[:, :, j], twice[:, :, j] = by_time[:, :-1], twice[:, j]
+            twice[:, j, j] = by_time[:, -1]
+        by[:, own[:, None], parameters] = once
+        by[:, parameters[:, None], own] = once.transpose(0, 2, 1)
+        by[:, parameters[:, None], parameters] = 0.5 * (twice + twice.transpose(0, 2, 1))
         places = np.r_[0 : n + count, self.copied, n + count : n + count + self.nu]
         return by if not len(self.copied) else by[:, places[:, None], places]
 
