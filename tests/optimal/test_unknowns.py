@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import leastaction as la
 from derivatives import parameter_cases
 from leastaction.errors import ArgumentError
+from leastaction.io import load_result, save_result
 from leastaction.optimal import (
     Bound,
     Equal,
@@ -465,7 +467,7 @@ def _along(system: MidpointSystem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.zeros((N + 1, system.nx)), np.zeros((N, system.nu)), np.zeros((N, system.nu, system.nx))
 
 
-def test_a_run_goes_on_and_begins_again() -> None:
+def test_a_run_goes_on_and_begins_again(tmp_path: Path) -> None:
     system, cost = double_pendulum(20)
     options = {
         "unknowns": [Parameter("B.mass", 0.2, 1.2, weight=0.1), FinalTime(1.0, 3.0, weight=0.1)],
@@ -478,7 +480,9 @@ def test_a_run_goes_on_and_begins_again() -> None:
     assert set(seen) == {(21, 4)}
     part = optimize(system, cost, initial=rest(system), max_iterations=4, **options)
     assert part.status is Status.ITERATION_LIMIT
-    rest_of_it = optimize(system, cost, resume=part, **options)
+    read = load_result(save_result(tmp_path / "part.npz", part))
+    assert dict(read.unknowns) == dict(part.unknowns)
+    rest_of_it = optimize(system, cost, resume=read, **options)
     np.testing.assert_allclose(rest_of_it.x, whole.x, atol=1e-8)
     for name, value in whole.unknowns.items():
         assert rest_of_it.unknowns[name] == pytest.approx(value, rel=1e-9)
@@ -542,6 +546,21 @@ def test_what_is_wrong_is_named_at_once() -> None:
         Periodic("a", modulo={"a": 0.0})
     with pytest.raises(ArgumentError, match=r"offset: got 0\.4, expected numbers by names"):
         Periodic("a", offset=0.4)
+
+
+def test_unknowns_of_a_continuous_system_are_refused() -> None:
+    system = la.MechanismSystem(four_bars())
+    cost = la.ContinuousQuadraticCost(np.zeros(4), np.zeros(1), Q=np.ones(4), R=np.ones(1))
+    with pytest.raises(ArgumentError, match="unknowns: got some for a continuous system"):
+        optimize(system, cost, initial=(np.zeros(4), np.zeros(1)), horizon=(0.0, 1.0), unknowns=[FinalTime()])
+
+
+def test_what_nothing_tells_of_cannot_be_found() -> None:
+    system = slide(10)
+    cost = nothing_wanted(system, Q=[0.0, 0.0], R=[1.0])
+    result = optimize(system, cost, initial=rest(system), unknowns=[Parameter("cart.mass")])
+    assert not result.success
+    assert "over the free initial state" in result.message
 
 
 def test_a_system_without_parameters_says_so() -> None:

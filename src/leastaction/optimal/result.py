@@ -338,7 +338,8 @@ class OptimizationResult:
     settings : Settings
         Settings of this run.
     projection_gain : ndarray (N, nu, nx)
-        The gains by which the trajectory was reached. Resuming needs them to go on exactly.
+        The gains by which the trajectory was reached. Resuming needs them to go on exactly. With unknowns they are by
+        those too, and with a `Periodic` limit by entries of the first state.
     schedule : NewtonSchedule
         State of the automatic choice of method. Resuming needs it too.
     limits : LimitReport or None

@@ -59,11 +59,15 @@ def check_result(result: OptimizationResult, source: str) -> None:
     ``source``: where it comes from, for the message.
     """
     steps, nx, nu = len(result.u), result.x.shape[-1], result.u.shape[-1]
+    # Those by which a run goes on are also by its unknowns and, where it was to return, by entries of the first state.
+    least = nx + len(result.unknowns)
+    most = least if result.limits is None else least + nx
+    gains = min(max(result.projection_gain.shape[-1], least), most)
     shapes: dict[str, tuple[int, ...]] = {
         "x": (steps + 1, nx),
         "u": (steps, nu),
         "K": (steps, nu, nx),
-        "projection_gain": (steps, nu, nx),
+        "projection_gain": (steps, nu, gains),
     }
     for name, shape in shapes.items():
         array = getattr(result, name)
