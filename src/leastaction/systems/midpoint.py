@@ -96,6 +96,17 @@ class MidpointSystem(DiscreteSystem):
             moving = moving[:, [i - m.nq for i in momenta]]
         return np.hstack([*blocks, moving])
 
+    def idle_directions(self, x: Array) -> Array:
+        """Return the momenta (nx, n) that constraints take up at once; at the end of a step they are what they are."""
+        m = self.integrator.mechanism
+        whole = np.zeros((self.nx, 0))
+        if m.nc:
+            Dh = m.constraint_jacobian(np.ascontiguousarray(x[: m.nq]))[:, : m.nd]
+            taken_up = NullSpace.of(NullSpace.of(Dh).basis.T).basis
+            whole = np.zeros((self.nx, taken_up.shape[1]))
+            whole[m.nq : m.nq + m.nd] = taken_up
+        return whole
+
     def moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved along its directions, with its configuration back on the constraints."""
         m = self.integrator.mechanism

@@ -162,6 +162,10 @@ class DiscreteSystem(System):
         """Return the places of entries with these names that are the same again in a periodic motion."""
         return self.free_entries(names, what)
 
+    def idle_directions(self, x: Array) -> Array:  # noqa: ARG002 - overridden
+        """Return the directions (nx, n) of an initial state on which no motion depends."""
+        return np.zeros((self.nx, 0))
+
     # ---- Parameters: what can be found together with a motion ---------------------------------------
 
     @property

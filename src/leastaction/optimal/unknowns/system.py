@@ -217,6 +217,11 @@ class ExtendedSystem(DiscreteSystem):
         else:
             names = None if isinstance(self.free_start, bool) else self.free_start
             Z = self.system.start_directions(own, names)
+            # What only the equations tell of, if they do.
+            idle = self.system.idle_directions(own)
+            entries = np.arange(n) if names is None else self.system.free_entries(names)
+            if np.isin(np.flatnonzero(idle.any(axis=1)), np.intersect1d(self.copied, entries)).all():
+                Z = np.hstack([Z, idle])
         whole = np.zeros((self.nx, Z.shape[1] + count))
         whole[:n, : Z.shape[1]] = Z
         if count:
