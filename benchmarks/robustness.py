@@ -1,7 +1,7 @@
 """Does the optimiser converge, and to a minimum? ``python -m benchmarks.robustness [--quick] [--json] [--only WORDS]``.
 
-Every problem of `benchmarks.robustness_problems` is solved under default settings, and its end is held against
-the exact second order: see `certify`.
+Every problem of `benchmarks.robustness_problems` and of `benchmarks.robustness_further` is solved under default
+settings, and its end is held against the exact second order: see `certify`.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 
+from benchmarks.robustness_further import FURTHER  # noqa: E402
 from benchmarks.robustness_problems import PROBLEMS, QUICK, Given, Problem  # noqa: E402
 from leastaction import _core  # noqa: E402
 from leastaction.errors import LeastActionError  # noqa: E402
@@ -165,7 +166,7 @@ def solve(problem: Problem, **options: Any) -> Outcome:
 
 def selected(*, quick: bool = False, only: str | None = None) -> list[Problem]:
     """Return the problems of a run."""
-    chosen = [p for p in PROBLEMS if not quick or p.mechanism in QUICK]
+    chosen = [p for p in PROBLEMS + FURTHER if not quick or p.mechanism in QUICK]
     return [p for p in chosen if only is None or only in p.name]
 
 

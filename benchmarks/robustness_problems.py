@@ -30,7 +30,10 @@ from leastaction.mechanics import (
 from leastaction.optimal import QuadraticCost
 from leastaction.systems import MidpointSystem
 
-__all__ = ["PROBLEMS", "QUICK", "Given", "Problem"]
+__all__ = [
+    "PROBLEMS", "QUICK", "Given", "Problem", "arm", "cart", "chain", "constant", "double_pendulum", "hung", "named",
+    "posed", "puppet_arm", "quadrotor", "rod", "slider_crank", "waves",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ class Problem:
 # ---- Mechanisms ---------------------------------------------------------------------------------
 
 
-def _rod(length: float, mass: float) -> Body:
+def rod(length: float, mass: float) -> Body:
     """Return a slender rod that points along -z."""
     across = mass * length**2 / 12.0
     return Body(mass, com=(0.0, 0.0, -0.5 * length), inertia=(across, across, 1e-3 * across))
@@ -76,8 +79,8 @@ def cart(poles: int = 1) -> Mechanism:
 def double_pendulum(actuated: str) -> Mechanism:
     """Return two rods with one motor: at the elbow an acrobot, at the shoulder a pendubot."""
     tree = world()
-    shoulder = tree.rx("shoulder", bodies=[_rod(1.0, 1.0)])
-    shoulder.tz(-1.0).rx("elbow", bodies=[_rod(0.8, 0.8)])
+    shoulder = tree.rx("shoulder", bodies=[rod(1.0, 1.0)])
+    shoulder.tz(-1.0).rx("elbow", bodies=[rod(0.8, 0.8)])
     return Mechanism(tree, [Gravity(), Damping(0.02), JointForce(actuated, "motor")])
 
 
@@ -115,7 +118,7 @@ def puppet_arm(links: int) -> Mechanism:
     tree = world()
     place = tree
     for k in range(links):
-        place = place.rx(f"joint{k}", bodies=[_rod(0.4, 0.5)]).tz(-0.4, name=f"end{k}")
+        place = place.rx(f"joint{k}", bodies=[rod(0.4, 0.5)]).tz(-0.4, name=f"end{k}")
     elements: list[Element] = [Gravity(), Damping(0.05)]
     for k in range(1, links):
         tree.pose(translation=(0.0, *_HOOKS[k]), name=f"hook{k}")
@@ -127,8 +130,8 @@ def puppet_arm(links: int) -> Mechanism:
 def slider_crank(torque: bool = True) -> Mechanism:
     """Return a crank that is turned, a rod, and a piston pushed by the rod's end."""
     tree = world()
-    crank = tree.rx("crank", bodies=[_rod(0.3, 1.0)]).tz(-0.3)
-    crank.rx("rod", bodies=[_rod(0.8, 0.8)]).tz(-0.8, name="pin")
+    crank = tree.rx("crank", bodies=[rod(0.3, 1.0)]).tz(-0.3)
+    crank.rx("rod", bodies=[rod(0.8, 0.8)]).tz(-0.8, name="pin")
     tree.tz("piston", name="piston", mass=1.0)
     driven = "crank" if torque else "piston"
     return Mechanism(
@@ -170,7 +173,7 @@ def _at(m: Mechanism, values: dict[str, float]) -> Array:
     return np.asarray(m.configuration(values))
 
 
-def _hung(*angles: float) -> dict[str, float]:
+def hung(*angles: float) -> dict[str, float]:
     """Return joints of a puppet's arm with the lengths of its strings."""
     q = {f"joint{k}": angle for k, angle in enumerate(angles)}
     y, z = np.cumsum(0.4 * np.sin(np.cumsum(angles))), np.cumsum(-0.4 * np.cos(np.cumsum(angles)))
@@ -209,7 +212,7 @@ def _start(kind: str, system: MidpointSystem, q0: Array, wanted: Array, seed: in
     raise ValueError(kind)
 
 
-def _problem(
+def posed(
     m: Mechanism,
     q0: dict[str, float],
     wanted: Callable[[Array], dict[str, Array]],
@@ -248,16 +251,16 @@ def _problem(
     return Given(system, cost, *_start(kind, system, start, x_wanted, seed, size))
 
 
-def _constant(**values: float) -> Callable[[Array], dict[str, Array]]:
+def constant(**values: float) -> Callable[[Array], dict[str, Array]]:
     return lambda t: {name: np.full(len(t), value) for name, value in values.items()}
 
 
-def _step(**values: float) -> Callable[[Array], dict[str, Array]]:
+def step_to(**values: float) -> Callable[[Array], dict[str, Array]]:
     """Return values that are asked for in the second half of the time."""
     return lambda t: {name: np.where(t > 0.5 * t[-1], value, 0.0) for name, value in values.items()}
 
 
-def _waves(period: float, **values: float) -> Callable[[Array], dict[str, Array]]:
+def waves(period: float, **values: float) -> Callable[[Array], dict[str, Array]]:
     return lambda t: {
         name: value * np.sin(2.0 * np.pi * t / period * (1.0 + 0.3 * k))
         for k, (name, value) in enumerate(values.items())
@@ -267,9 +270,10 @@ def _waves(period: float, **values: float) -> Callable[[Array], dict[str, Array]
 # ---- The problems ---------------------------------------------------------------------------------
 
 PROBLEMS: list[Problem] = []
+"""The first set: the weights and rules of the optimiser were chosen with it in sight."""
 
 
-def _add(
+def named(
     mechanism: str,
     m: Callable[[], Mechanism],
     task: str,
@@ -277,24 +281,21 @@ def _add(
     wanted: Callable[[Array], dict[str, Array]],
     kind: str,
     **options: Any,
-) -> None:
+) -> Problem:
+    """Return the problem of a task with a mechanism, under a name that says how it is posed."""
     options = {"N": 150, "dt": 0.02, "Q": 1.0, "R": 1e-2, **options}
     options.setdefault("final", options["Q"] if isinstance(options["Q"], float) else 1.0)
     name = f"{mechanism}, {task}, R {options['R']:g}, final {options['final']:g}, {kind}"
     if "seed" in options:
         name += f" {options['seed']}"
-    PROBLEMS.append(
-        Problem(
-            name,
-            mechanism,
-            task,
-            kind,
-            lambda: _problem(m(), q0, wanted, kind=kind, **options),
-        )
-    )
+    return Problem(name, mechanism, task, kind, lambda: posed(m(), q0, wanted, kind=kind, **options))
 
 
-_UP1 = _constant(pole0=np.pi)
+def _add(*what: Any, **options: Any) -> None:
+    PROBLEMS.append(named(*what, **options))
+
+
+_UP1 = constant(pole0=np.pi)
 for _kind, _final, _R in (
     ("rest", 1.0, 1e-2),
     ("rest", 1e4, 1e-2),
@@ -304,11 +305,11 @@ for _kind, _final, _R in (
     ("noise", 1e2, 1.0),
 ):
     _add("cart", cart, "swing-up", {}, _UP1, _kind, final=_final, R=_R, Q=0.1)
-_add("cart", cart, "swing-up on time", {}, _step(pole0=np.pi), "rest", R=1e-4)
-_add("cart", cart, "tracking", {}, _waves(1.5, cart=0.5, pole0=1.5), "rest", R=1e-6, Q=10.0)
-_add("cart", cart, "tracking", {}, _waves(1.0, pole0=1.0), "noise", R=1e-2, Q=100.0, size=0.3)
+_add("cart", cart, "swing-up on time", {}, step_to(pole0=np.pi), "rest", R=1e-4)
+_add("cart", cart, "tracking", {}, waves(1.5, cart=0.5, pole0=1.5), "rest", R=1e-6, Q=10.0)
+_add("cart", cart, "tracking", {}, waves(1.0, pole0=1.0), "noise", R=1e-2, Q=100.0, size=0.3)
 
-_UP2 = _constant(pole0=np.pi)
+_UP2 = constant(pole0=np.pi)
 for _kind, _final, _R in (
     ("rest", 10.0, 1e-2),
     ("random", 1e4, 1e-2),
@@ -337,7 +338,7 @@ _add(
     Q=1.0,
     final=100.0,
 )
-_add("double cart", lambda: cart(2), "tracking", {}, _waves(1.6, cart=0.6), "rest", R=1e-6, Q=10.0)
+_add("double cart", lambda: cart(2), "tracking", {}, waves(1.6, cart=0.6), "rest", R=1e-6, Q=10.0)
 
 for _motor, _name in (("elbow", "acrobot"), ("shoulder", "pendubot")):
     for _kind, _final, _R, _seed in (
@@ -352,7 +353,7 @@ for _motor, _name in (("elbow", "acrobot"), ("shoulder", "pendubot")):
             lambda motor=_motor: double_pendulum(motor),
             "swing-up",
             {},
-            _constant(shoulder=np.pi),
+            constant(shoulder=np.pi),
             _kind,
             final=_final,
             R=_R,
@@ -366,7 +367,7 @@ _add(
     lambda: double_pendulum("elbow"),
     "tracking",
     {},
-    _waves(2.0, elbow=1.0),
+    waves(2.0, elbow=1.0),
     "rest",
     R=1e-6,
     Q=10.0,
@@ -376,7 +377,7 @@ _add(
     lambda: double_pendulum("shoulder"),
     "tracking",
     {},
-    _waves(2.0, shoulder=1.0),
+    waves(2.0, shoulder=1.0),
     "rest",
     R=1e2,
     Q=10.0,
@@ -394,7 +395,7 @@ for _kind, _final, _R in (
         lambda: arm("xxx"),
         "reaching",
         {},
-        _constant(**_REACH),
+        constant(**_REACH),
         _kind,
         final=_final,
         R=_R,
@@ -406,7 +407,7 @@ _add(
     lambda: arm("xxx"),
     "raising",
     {},
-    _constant(joint0=np.pi),
+    constant(joint0=np.pi),
     "rest",
     final=1e4,
     R=1.0,
@@ -418,7 +419,7 @@ _add(
     lambda: arm("xxx"),
     "tracking",
     {},
-    _waves(1.0, joint0=0.8, joint1=0.8, joint2=0.5),
+    waves(1.0, joint0=0.8, joint1=0.8, joint2=0.5),
     "rest",
     R=1e-6,
     Q=10.0,
@@ -437,7 +438,7 @@ for _kind, _final, _R in (
         lambda: arm("zyyxy"),
         "reaching",
         {"joint1": 0.3},
-        _constant(**_FAR),
+        constant(**_FAR),
         _kind,
         final=_final,
         R=_R,
@@ -449,7 +450,7 @@ _add(
     lambda: arm("zyyxy"),
     "tracking",
     {"joint1": 0.3},
-    _waves(1.2, joint0=1.0, joint1=0.8, joint3=0.6),
+    waves(1.2, joint0=1.0, joint1=0.8, joint3=0.6),
     "rest",
     R=1e-3,
     Q=10.0,
@@ -460,7 +461,7 @@ _add(
     lambda: arm("zyzyzyz"),
     "raising",
     {"joint1": 0.3},
-    _constant(joint1=2.6, joint3=0.5),
+    constant(joint1=2.6, joint3=0.5),
     "rest",
     R=1e-2,
     Q=0.1,
@@ -472,7 +473,7 @@ _add(
     lambda: arm("zyzyzyz"),
     "raising",
     {"joint1": 0.3},
-    _constant(joint1=2.6, joint3=0.5),
+    constant(joint1=2.6, joint3=0.5),
     "random",
     R=1e-3,
     Q=0.1,
@@ -492,7 +493,7 @@ for _kind, _final, _R in (
         quadrotor,
         "flight",
         {},
-        _constant(x=2.0, y=-1.0, z=1.0, yaw=1.0),
+        constant(x=2.0, y=-1.0, z=1.0, yaw=1.0),
         _kind,
         final=_final,
         R=_R,
@@ -505,7 +506,7 @@ _add(
     quadrotor,
     "flip",
     {},
-    _constant(roll=2.0 * np.pi),
+    constant(roll=2.0 * np.pi),
     "rest",
     final=1e4,
     R=1e-2,
@@ -517,14 +518,14 @@ _add(
     quadrotor,
     "tracking",
     {},
-    _waves(2.0, x=1.0, y=1.0, z=0.3),
+    waves(2.0, x=1.0, y=1.0, z=0.3),
     "rest",
     R=1e-6,
     Q=10.0,
     N=100,
 )
 
-_HANG2 = _hung(0.6, 0.5)
+_HANG2 = hung(0.6, 0.5)
 for _kind, _R, _size in (
     ("rest", 1e-2, 1.0),
     ("rest", 1e-6, 1.0),
@@ -548,8 +549,8 @@ for _kind, _final in (("rest", 1e2), ("line", 1e4), ("random", 1e4)):
         "puppet arm of 3",
         lambda: puppet_arm(3),
         "reaching",
-        _hung(0.6, 0.5, 0.3),
-        _constant(joint0=0.3, joint1=0.9, joint2=0.6),
+        hung(0.6, 0.5, 0.3),
+        constant(joint0=0.3, joint1=0.9, joint2=0.6),
         _kind,
         R=1e-2,
         Q=1.0,
@@ -569,7 +570,7 @@ for _kind, _R, _final in (
         slider_crank,
         "half a turn",
         _CLOSED,
-        _constant(crank=0.5 + np.pi),
+        constant(crank=0.5 + np.pi),
         _kind,
         R=_R,
         final=_final,
@@ -593,7 +594,7 @@ _add(
     lambda: slider_crank(False),
     "pushed over",
     _CLOSED,
-    _constant(crank=0.5 - np.pi),
+    constant(crank=0.5 - np.pi),
     "rest",
     R=1e-2,
     final=1e2,
@@ -606,7 +607,7 @@ _add(
     lambda: chain(4, "trolley"),
     "travel",
     {},
-    _constant(trolley=1.5),
+    constant(trolley=1.5),
     "rest",
     R=1.0,
     final=1e4,
@@ -617,7 +618,7 @@ _add(
     lambda: chain(4, "trolley"),
     "tracking",
     {},
-    _waves(1.5, link0=0.5, link3=0.5),
+    waves(1.5, link0=0.5, link3=0.5),
     "rest",
     R=1e-2,
     Q=10.0,
@@ -627,7 +628,7 @@ _add(
     lambda: chain(4, "motors"),
     "curling",
     {},
-    _constant(link0=1.0, link1=1.0, link2=1.0, link3=1.0),
+    constant(link0=1.0, link1=1.0, link2=1.0, link3=1.0),
     "random",
     R=1e-2,
     final=1e4,
@@ -639,7 +640,7 @@ _add(
     lambda: chain(4, "motors"),
     "raising",
     {},
-    _constant(link0=np.pi),
+    constant(link0=np.pi),
     "line",
     R=1e-3,
     final=1e4,
@@ -651,7 +652,7 @@ _add(
     lambda: chain(3, "pushed"),
     "swing-up",
     {},
-    _constant(link0=np.pi),
+    constant(link0=np.pi),
     "random",
     R=1e-3,
     final=1e4,
@@ -664,7 +665,7 @@ _add(
     lambda: chain(3, "pushed"),
     "travel",
     {},
-    _constant(trolley=2.0),
+    constant(trolley=2.0),
     "noise",
     R=1e-2,
     final=1e6,
@@ -676,7 +677,7 @@ _add(
     lambda: chain(8, "motors"),
     "waves",
     {},
-    _waves(1.0, link0=0.5, link3=0.8, link7=1.0),
+    waves(1.0, link0=0.5, link3=0.8, link7=1.0),
     "rest",
     R=1e-6,
     Q=10.0,
@@ -687,7 +688,7 @@ _add(
     lambda: chain(8, "motors"),
     "raising",
     {},
-    _constant(link0=np.pi),
+    constant(link0=np.pi),
     "rest",
     R=1e-2,
     final=1e4,
