@@ -12,13 +12,15 @@ import pytest
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
+from leastaction.optimal.result import NewtonSchedule
 from optimal.systems import CartPendulum
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.robustness import certify, solve, summary
-from benchmarks.robustness_problems import PROBLEMS, Given
+from benchmarks.robustness_further import FURTHER
+from benchmarks.robustness_problems import PROBLEMS, Given, chain, constant, posed
 
-BY_NAME = {problem.name: problem for problem in PROBLEMS}
+BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
 N = 20
 
 
@@ -262,15 +264,120 @@ def test_the_table_shows_it(capsys):
 
 
 @pytest.mark.slow
-def test_all_of_the_benchmark():
-    outcomes = [solve(problem) for problem in PROBLEMS]
+@pytest.mark.parametrize(("problems", "share"), [(PROBLEMS, 0.95), (FURTHER, 0.85)], ids=["first", "further"])
+def test_all_of_the_benchmark(problems, share):
+    outcomes = [solve(problem) for problem in problems]
     figures = summary(outcomes)
     assert figures["said converged, is no minimum"] == 0
-    assert figures["certified"] >= 0.95 * len(PROBLEMS), [o.name for o in outcomes if not o.minimum]
+    assert figures["certified"] >= share * len(problems), [o.name for o in outcomes if not o.minimum]
     assert figures["indefinite share"] <= 0.2
     assert figures["roll-outs per iteration, converged"] <= 2.0
-    # The rest says when in the motion it was stuck.
-    assert all("at t = " in o.message for o in outcomes if o.status in ("LINE_SEARCH_FAILED", "SADDLE"))
+    # The rest says when in the motion it was stuck, and what may help.
+    assert all("at t = " in o.message for o in outcomes if not o.minimum)
+    stuck = [o for o in outcomes if o.status in ("LINE_SEARCH_FAILED", "SADDLE")]
+    assert all("time step is coarse" in o.message for o in stuck), [o.name for o in stuck]
+
+
+# Random inputs make it whirl at first, and nothing leads from there to where it is wanted.
+LOST = "acrobot, swing-up, R 0.001, final 1e+06, random 2"
+
+
+def test_a_run_that_would_get_lost_begins_again():
+    given = BY_NAME[LOST].build()
+    records = []
+    result = optimize(given.system, given.cost, initial=(given.x, given.u), callback=records.append)
+    assert result.status is Status.CONVERGED
+    assert certify(given, result.x, result.u).minimum
+    assert result.cost == pytest.approx(111.96, rel=1e-3)
+    assert result.cost == given.cost.value(result.x, result.u)
+    notes = [record.note for record in records]
+    began = [i for i, note in enumerate(notes) if "began again" in note]
+    assert began == [15]
+    assert "times as dear as asked for" in notes[15]
+    assert sum("times as dear as asked for" in note for note in notes) <= 6
+    # What is told is the cost that was asked for.
+    for record in records[::10]:
+        assert record.cost == pytest.approx(given.cost.value(record.x, record.u), rel=1e-12)
+    assert result.cost < 1e-4 * records[14].cost
+
+
+def test_a_run_that_began_again_is_resumed_within_its_stages():
+    given = BY_NAME[LOST].build()
+    whole = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=60)
+    part = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=23)
+    assert part.status is Status.ITERATION_LIMIT
+    assert part.schedule.ease > 1.0
+    assert "times as dear as asked for" in part.message
+    for more in (14, 23):
+        part = optimize(given.system, given.cost, resume=part, max_iterations=more)
+    np.testing.assert_array_equal(part.x, whole.x)
+    np.testing.assert_array_equal(part.history.cost, whole.history.cost)
+
+
+def test_a_cost_without_an_easier_one_ends_where_it_is_stuck():
+    class Own(QuadraticCost):
+        """A quadratic cost, for all that the optimiser knows with terms of its own."""
+
+    given = BY_NAME[LOST].build()
+    cost = given.cost
+    own = Own(cost.x_wanted, cost.u_wanted, Q=cost.Q, R=cost.R, Q_final=cost.Q_final)
+    result = optimize(given.system, own, initial=(given.x, given.u))
+    assert result.status is Status.LINE_SEARCH_FAILED
+    assert own.eased(10.0) is None
+    eased, u = cost.eased(100.0)
+    np.testing.assert_array_equal(u, cost.u_wanted)
+    gradient, easier = (each.gradient(result.x, result.u) for each in (cost, eased))
+    np.testing.assert_allclose(easier.r, 100.0 * gradient.r)
+    np.testing.assert_allclose(10.0 * easier.q_final, gradient.q_final)
+    np.testing.assert_array_equal(easier.q, gradient.q)
+
+
+def test_what_led_further_before_is_gone_back_to():
+    """Where the second way is stuck too, in a worse place."""
+    given = BY_NAME["chain of 6, raising, R 0.01, final 10000, rest"].build()
+    records = []
+    result = optimize(given.system, given.cost, initial=(given.x, given.u), callback=records.append)
+    assert result.status is Status.LINE_SEARCH_FAILED
+    assert "time step is coarse" in result.message
+    assert any("began again" in record.note for record in records)
+    assert result.cost <= min(record.cost for record in records) * (1.0 + 1e-9)
+
+
+def test_a_finer_grid_saves_what_says_that_time_is_coarse():
+    def at(N, dt):
+        return posed(
+            chain(6, "motors"), {}, constant(link0=np.pi), kind="rest", R=1e-2, final=1e4, Q=0.1, N=N, dt=dt
+        )  # fmt: skip
+
+    given = at(160, 0.01)
+    result = optimize(given.system, given.cost, initial=(given.x, given.u))
+    assert result.status is Status.CONVERGED
+    assert certify(given, result.x, result.u).minimum
+
+
+def test_the_limit_on_iterations_says_what_moves_and_how_fast():
+    given = BY_NAME["pendubot, swing-up, R 0.01, final 100, rest 0"].build()
+    early = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=30)
+    assert early.status is Status.ITERATION_LIMIT
+    assert re.search(r"most of it is that of 'motor' around step \d+ at t = ", early.message)
+    assert re.search(r"The last 10 iterations lowered the cost by \S+ of itself", early.message)
+    assert "a larger R" in early.message or "more are needed" in early.message
+    # Where the expected decrease is, by moving each input alone.
+    given = BY_NAME["planar arm, tracking, R 1e-06, final 10, rest"].build()
+    start = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=0)
+    assert re.search(r"'motor\d' around step \d+ at t = ", start.message)
+    assert "iterations lowered" not in start.message
+
+
+def test_a_step_that_should_have_been_longer_is_followed_by_a_longer_one():
+    along = {"method": "newton-damped", "curvature_scale": 0.5, "expected": 1e-3, "value": 1.0}
+    # As much as the slope foretells: no bend at all.
+    schedule = NewtonSchedule().after_step(length=1.0, agreement=2.0, **along)
+    assert schedule.reach == 4.0
+    assert schedule.after_step(length=4.0, agreement=8.0, **along).reach == 8.0
+    # What a parabola foretells, and less.
+    for agreement in (1.0, 0.5):
+        assert NewtonSchedule().after_step(length=1.0, agreement=agreement, **along).reach == 1.0
 
 
 def test_the_certificate_knows_a_saddle():

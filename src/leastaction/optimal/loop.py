@@ -66,6 +66,12 @@ _ABOVE_NOISE, _SOME = 1e7, 0.1
 _STALLED_CLOSE, _STALLED_STEPS = 1e-7, 5
 
 
+# Of so many first steps, most were shorter than this where a run is likely to get lost.
+_FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
+
+# So many iterations tell how fast a run is; it is fast where each leaves this part of the expected decrease.
+_LOOKED_BACK, _FAST = 10, 0.9
+
 _STUCK = (Status.STALLED, Status.LINE_SEARCH_FAILED, Status.SADDLE)
 
 
@@ -153,6 +159,8 @@ class Problem(ABC, Generic[M, D, I]):
     """The coarsest step along the current iterate; None where that is not known."""
     largest_shift: float = 1e9
     """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
+    ease: float = 1.0
+    """How much easier the problem of this stage is than the one that was asked for."""
     patience: int = 1
     """Steps in a row that lower the cost by no more than its noise, after which it is at its minimum."""
 
@@ -170,6 +178,23 @@ class Problem(ABC, Generic[M, D, I]):
 
     def next_stage(self) -> bool:
         """Go on from the minimum of one stage to the next, and return whether there is one."""
+        return False
+
+    @property
+    def longest_stage(self) -> int | None:
+        """Iterations after which a stage is over wherever it stands; None: not before its minimum."""
+        return None
+
+    def begin_again(self) -> bool:
+        """Begin again with an easier stage, and return whether there is one."""
+        return False
+
+    def retry_stage(self) -> bool:
+        """Make a stage again that led nowhere, from a better place, and return whether there is one."""
+        return False
+
+    def fall_back(self) -> bool:
+        """Return to where it stood before it began again, if that is better, and return whether it was."""
         return False
 
     def verdict(self) -> tuple[Status, str] | None:
@@ -214,6 +239,10 @@ class Problem(ABC, Generic[M, D, I]):
     @abstractmethod
     def accept(self, direction: D, trial: Trial[I]) -> None:
         """Make a trial the current iterate."""
+
+    def where(self, direction: D) -> str:  # noqa: ARG002
+        """Return which input, and when, has most of the decrease that is expected of a direction; empty if unknown."""
+        return ""
 
     @abstractmethod
     def keep_feedback(self, direction: D) -> None:
@@ -261,6 +290,7 @@ class Loop(Generic[M, D, I]):
         self.searched = 0
         self.still = 0
         self.stalled = False
+        self.remark = ""
         if resume is None:
             self.history = HistoryBuilder()
             self.limit = settings.max_iterations
@@ -276,8 +306,12 @@ class Loop(Generic[M, D, I]):
             outcome = None
             if not self.history.cost:
                 outcome = self._tell(None, None, np.nan, self.problem.note)
-            while outcome is None or (outcome.status in _ENDS and self._next_stage()):
+            while outcome is None or self._goes_on(outcome):
                 outcome = self._advance()
+                if outcome is None and self._is_violent():
+                    self._begin_again()
+                elif outcome is None and self.schedule.spent >= (self.problem.longest_stage or np.inf):
+                    self._next_stage()
             verdict = self.problem.verdict() if outcome.status in _ENDS else None
             if verdict is not None:
                 outcome = _Outcome(*verdict, expected=outcome.expected)
@@ -287,13 +321,48 @@ class Loop(Generic[M, D, I]):
             outcome = _Outcome(Status.INTERRUPTED)
         return self._finish(outcome)
 
+    def _goes_on(self, outcome: _Outcome) -> bool:
+        """Return whether the problem has more to do where a stage ended so."""
+        problem = self.problem
+        stuck = outcome.status in _STUCK
+        if (outcome.status in _ENDS or (stuck and problem.longest_stage is not None)) and self._next_stage():
+            return True
+        if outcome.status in _ENDS:
+            return False
+        if stuck and problem.retry_stage():
+            self._set_out(NewtonSchedule(again=True), "led nowhere, back to the last stage that ended well")
+            return True
+        if stuck and self._begin_again():
+            return True
+        if stuck and problem.fall_back():
+            self._set_out(NewtonSchedule(again=True), "the way before it began again had led further: it goes on there")
+            return True
+        return False
+
     def _next_stage(self) -> bool:
         """Go on to the problem's next stage, if it has one."""
         if not self.problem.next_stage():
             return False
-        self.still, self.stalled = 0, False
-        self.schedule = replace(self.schedule, expected=np.nan, full=False)
+        self._set_out(replace(self.schedule, expected=np.nan, full=False))
         return True
+
+    def _is_violent(self) -> bool:
+        """Return whether most of the first steps had to be cut short: the run is likely to get lost."""
+        lengths = self.history.step_lengths
+        return len(lengths) == _FIRST_STEPS and sum(length < _CUT for length in lengths) >= _MOST
+
+    def _begin_again(self) -> bool:
+        """Begin again with an easier stage, once and for the automatic choice only."""
+        if self.schedule.again or self.settings.method != "auto" or not self.problem.begin_again():
+            return False
+        self._set_out(NewtonSchedule(again=True), "began again, where searches would lead nowhere")
+        return True
+
+    def _set_out(self, schedule: NewtonSchedule, why: str = "") -> None:
+        """Begin a stage of the problem; the note of the next iteration says why."""
+        self.still, self.stalled = 0, False
+        self.schedule = replace(schedule, ease=self.problem.ease, spent=0)
+        self.remark = why or self.remark
 
     def _advance(self) -> _Outcome | None:
         """Make one iteration; the outcome if it was the last."""
@@ -304,10 +373,10 @@ class Loop(Generic[M, D, I]):
             for direction in self._directions(notes):
                 expected = -direction.slope
                 if self.history.iterations >= self.limit:
-                    return _Outcome(Status.ITERATION_LIMIT, expected=expected)
+                    return _Outcome(Status.ITERATION_LIMIT, self._progress(direction), expected)
                 step = self._search(direction) if direction.bend == 0.0 else self._search_down(direction)
                 if step.trial is not None:
-                    return self._accept(direction, step, step.trial, "; ".join(notes))
+                    return self._accept(direction, step, step.trial, "; ".join([*self._remarks(), *notes]))
                 refusal = step.refusal
                 assert refusal is not None
                 notes.append(f"{direction.method}: no step was short enough, {refusal.reason}")
@@ -473,6 +542,8 @@ class Loop(Generic[M, D, I]):
     def _search(self, direction: D, first: float | None = None) -> Step[I]:
         if first is None:
             first = min(1.0, _LONGER * self.schedule.length)
+            if direction.method == self.schedule.method:
+                first = max(first, self.schedule.reach)
         backtracks = self.settings.max_backtracks
         name = direction.method
         if name != "steepest" and self.settings.method in ("auto", "newton"):
@@ -550,6 +621,43 @@ class Loop(Generic[M, D, I]):
         if self.callback is not None and self.callback(record):
             return _Outcome(Status.STOPPED_BY_CALLBACK)
         return None
+
+    def _progress(self, direction: D) -> str:
+        """Return what a run that is cut off was about to do, how fast it was, and what may help."""
+        if self.problem.longest_stage is not None:
+            return (
+                f"It had begun again, and inputs are still {self.problem.ease:.4g} times as dear as asked for: the "
+                "iterations did not suffice for all stages."
+            )
+        expected, goal = -direction.slope, self._goal()
+        where = self.problem.where(direction)
+        parts = [f"The expected decrease is still {expected:.2g}, where {goal:.2g} is asked for"]
+        parts.append(f"; most of it is that of {where}. " if where else ". ")
+        costs = self.history.cost[-1 - _LOOKED_BACK :]
+        fall = (costs[0] - costs[-1]) / max(abs(costs[-1]), 1e-300) if len(costs) > 1 else np.nan
+        if not fall > 0.0:
+            return "".join(parts).strip()
+        parts.append(f"The last {len(costs) - 1} iterations lowered the cost by {fall:.2g} of itself")
+        before = self.history.expected_decreases[-len(costs) + 1]
+        rate = (expected / before) ** (1.0 / (len(costs) - 1))
+        if rate < _FAST:
+            more = int(np.ceil(np.log(goal / expected) / np.log(rate)))
+            parts.append(f"; at their rate some {more} more are needed.")
+        else:
+            parts.append(
+                "; it creeps along a flat valley. Weigh in the cost what moves there, which determines the minimum "
+                f"better (a larger R for that input), take a tolerance above {expected / abs(costs[-1]):.1g}, or start "
+                "elsewhere."
+            )
+        return "".join(parts)
+
+    def _remarks(self) -> list[str]:
+        """Return what is to be said of the stage that an iteration begins."""
+        said, self.remark = [self.remark] * bool(self.remark), ""
+        ease = self.problem.ease
+        if ease != 1.0 and self.schedule.spent == 0:
+            said.append(f"inputs are {ease:.4g} times as dear as asked for")
+        return said
 
     def _snapshot(self) -> OptimizationResult:
         result = self._finish(_Outcome(Status.STOPPED_BY_CALLBACK))

@@ -21,7 +21,7 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.time_functions import TimeFunctionLike
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.problem import DiscreteProblem
+from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.problem import LimitedProblem
@@ -138,9 +138,11 @@ def optimize(
         The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it foretells the cost
         well, and goes to Newton otherwise. A Newton model without a minimum is damped; a method whose direction cannot
         be followed is replaced, for that iteration, by the next simpler one, and where none can, all of them are
-        shortened by added weights. The history and the table show what was used. Whatever the method, convergence is
-        judged by the exact second derivative of a discrete system that has one: at a saddle, "auto" and "newton" go on
-        along negative curvature, the others end with `Status.SADDLE`.
+        shortened by added weights. "auto" begins again, once, where it is stuck, or most of its first steps had to be
+        cut short: from the motion of least effort, with inputs that are at first much dearer than asked for
+        (`Cost.eased`). The note of the record says so, and the cost rises there. The history and the table show what
+        was used. Whatever the method, convergence is judged by the exact second derivative of a discrete system that
+        has one: at a saddle, "auto" and "newton" go on along negative curvature, the others end with `Status.SADDLE`.
     regulator : {"descent", "lqr"}
         Gains of the projection: those of the descent direction's own linear-quadratic problem, which
         cost nothing more, or an LQR with identities as weights (dissertation 6.3.1).
@@ -221,7 +223,7 @@ def optimize(
         if rows:
             problem = LimitedProblem(system, stages, rows, settings, free)
         else:
-            problem = DiscreteProblem(system, stages, settings, free)
+            problem = EasedProblem(system, stages, settings, free)
             if isinstance(initial, OptimizationResult):
                 initial = initial.x, initial.u
     else:

@@ -32,6 +32,11 @@ _ARRIVING = 0.1, 0.5, 1e-3
 _LEAST_SHIFT, _LEAST_SCALE = 1e-3, 1.0 / 64.0
 
 
+# A step is made longer than a full one where it should have been this much longer, by that factor at a time, and to
+# this length.
+_FURTHER, _FURTHEST = 4.0, 8.0
+
+
 class Status(Enum):
     """How an optimisation ended; the value says what happened and what to try."""
 
@@ -214,6 +219,17 @@ class NewtonSchedule:
         Length of the last step.
     full : bool
         Whether that was a full step of Newton's method.
+    reach : float
+        Where the cost was seen to fall further than to the end of the last step: how long the next one may be, if it
+        is of the same method.
+    method : str
+        That of the last step.
+    again : bool
+        Whether the run has begun again.
+    ease : float
+        How much easier the problem of this stage is than the one that was asked for.
+    spent : int
+        Iterations in this stage.
     """
 
     wait: int = 1
@@ -224,6 +240,11 @@ class NewtonSchedule:
     expected: float = np.nan
     length: float = 1.0
     full: bool = False
+    reach: float = 1.0
+    method: str = ""
+    again: bool = False
+    ease: float = 1.0
+    spent: int = 0
 
     def after_failure(self) -> NewtonSchedule:
         """Return the schedule after a Newton direction that could not be followed."""
@@ -252,6 +273,9 @@ class NewtonSchedule:
             expected=expected,
             length=length,
             full=method == "newton" and length == 1.0,
+            reach=_reach(length, agreement),
+            method=method,
+            spent=self.spent + 1,
         )
         if method == "negative-curvature":
             return replace(new, shift=0.0, length=1.0)
@@ -272,6 +296,14 @@ class NewtonSchedule:
         return replace(new, wait=max(self.wait - 1, least))
 
 
+def _reach(length: float, agreement: float) -> float:
+    """Return how long a step should have been, if that is much more than it was; else 1."""
+    # The parabola through the cost before, its slope, and the cost after.
+    bend = (2.0 * length - agreement) / length**2
+    best = 1.0 / max(bend, 1e-3)
+    return min(best, _FURTHER * length, _FURTHEST) if best > _FURTHER else 1.0
+
+
 class HistoryBuilder:
     """Collects the records of the iterations, after those of an earlier run."""
 
@@ -283,6 +315,16 @@ class HistoryBuilder:
         if earlier is not None:
             self.cost = earlier.cost.tolist()
             self._columns = {name: list(getattr(earlier, name)) for name in self._COLUMNS}
+
+    @property
+    def step_lengths(self) -> list[float]:
+        """Lengths of the steps so far."""
+        return self._columns["step_length"]
+
+    @property
+    def expected_decreases(self) -> list[float]:
+        """Expected decreases of the steps so far."""
+        return self._columns["expected_decrease"]
 
     @property
     def iterations(self) -> int:

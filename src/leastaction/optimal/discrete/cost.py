@@ -98,6 +98,14 @@ class Cost(ABC):
     def check_shapes(self, N: int, nx: int, nu: int) -> None:  # noqa: B027
         """Complain if the cost is not for N steps of nx states and nu inputs; optional."""
 
+    def eased(self, ease: float) -> tuple[Cost, Array] | None:  # noqa: ARG002
+        """Return a cost that is easier to begin with, and the inputs (N, nu) that cost least; None if there is none.
+
+        Its inputs are dearer by the factor `ease`, and its end cheaper, so that the larger the factor, the closer its
+        minimum is to the motion under those inputs. `optimize` begins again with it where it would be stuck otherwise.
+        """
+        return None
+
 
 class QuadraticCost(Cost):
     """Half the weighted square of the distance from a wanted motion.
@@ -184,6 +192,13 @@ class QuadraticCost(Cost):
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
         """Return the weights."""
         return CostHessian(self.Q, self.R, None, self.Q_final)
+
+    def eased(self, ease: float) -> tuple[Cost, Array] | None:
+        """Return the cost with R times `ease` and Q_final over its root, and the wanted inputs; see `Cost`."""
+        if type(self) is not QuadraticCost:
+            return super().eased(ease)
+        weights = {"Q": self.Q, "R": ease * self.R, "Q_final": self.Q_final / np.sqrt(ease)}
+        return QuadraticCost(self.x_wanted, self.u_wanted, **weights), self.u_wanted
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         """Return the cost of the stages ``start .. stop-1``; see `Cost`."""

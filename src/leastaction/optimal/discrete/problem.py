@@ -28,7 +28,7 @@ from leastaction.optimal.loop import Direction, Problem, both
 from leastaction.optimal.result import OptimizationResult, Settings
 from leastaction.optimal.system import Linearization
 
-__all__ = ["DiscreteDirection", "DiscreteProblem", "Iterate"]
+__all__ = ["COARSE", "DiscreteDirection", "DiscreteProblem", "Iterate"]
 
 # A projection of a curve that costs so much more than its inputs alone has lost the curve.
 _DEAR = 10.0
@@ -39,7 +39,7 @@ _SHORT, _NEAR, _FAR = 0.1, 0.02, 0.2
 
 # A trial is refused where the determinant ratio s of its coarsest step is above the first, unless it is so along the
 # current iterate; the second is how much further a step may go there.
-_COARSE, _COARSER = 3.0, 1.5
+COARSE, _COARSER = 3.0, 1.5
 
 
 class Iterate(NamedTuple):
@@ -385,7 +385,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if worst is None:
             return False
         now = 1.0 if self.worst_step is None else self.worst_step.s
-        return worst.s > max(_COARSE, _COARSER * now)
+        return worst.s > max(COARSE, _COARSER * now)
 
     def _look_for_jump(self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal) -> Refusal:
         """Return the refusal of a trial, the better explained if one step of time leapt to another solution.
@@ -421,6 +421,19 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if direction.gain is self.free.K:
             self.free, self.held = self.held, self.free
         self.forget()
+
+    def where(self, direction: DiscreteDirection) -> str:
+        """Return which input, and when, has most of the decrease that is expected of a direction."""
+        A, B = self._linearize()
+        gradient = self._gradient()
+        z = adjoint(A, B, direction.gain, *gradient)
+        feedforward = -direction.C
+        if direction.dx is not None and direction.du is not None:
+            feedforward = direction.du + np.einsum("kux,kx->ku", direction.gain, direction.dx[:-1])
+        # By the gains of the direction, its slope is that of the feedforward alone.
+        shares = feedforward * (gradient.r + np.einsum("kxu,kx->ku", B, z[1:]))
+        k, i = np.unravel_index(np.argmin(shares), shares.shape)
+        return f"{self.system.quantity('input').names[i]!r} around {self.system.when(int(k))}"
 
     def keep_feedback(self, direction: DiscreteDirection) -> None:
         """Take the direction's feedback for that of the iterate, which it hardly moved."""

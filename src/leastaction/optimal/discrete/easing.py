@@ -1,0 +1,147 @@
+"""Beginning again where a run is stuck or about to get lost: at first with dear inputs, then as it was asked for.
+
+Far from any minimum, the steps of a search must be short, and lead into violent motions that the steps of time cannot
+follow. Under inputs that cost `ease` times as much, and an end that costs less by its root, the minimum is close to the
+motion that costs no effort; from there to the minimum of the cost that was asked for leads a path of minima. It is
+followed by stages of ever less ease, none of which is solved further than the next one needs. Tried on the problems of
+`benchmarks.robustness` that ended elsewhere: by the weight of the end alone 10 of 23 came to a minimum, by that of the
+inputs alone 14, by both 15, and the motions that they came to cost less than those found otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from leastaction.errors import LeastActionError
+from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.problem import COARSE, DiscreteProblem, Iterate
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.result import OptimizationResult, Settings
+
+__all__ = ["EasedProblem"]
+
+# How much dearer inputs are in the first stage, and by which factor less from one stage to the next; how often its
+# root is taken, to make a stage again that led nowhere.
+_EASIEST, _STRIDE, _RETRIES = 1e6, 10.0, 2
+
+# A stage but the last is over where no more than this part of the cost is to be gained, or after so many iterations.
+_LOOSE, _LONGEST = 1e-2, 20
+
+
+class _Place(NamedTuple):
+    """An iterate, the gains by which it was reached, and the ease of its stage."""
+
+    iterate: Iterate
+    gain: Array
+    ease: float
+
+
+class EasedProblem(DiscreteProblem):
+    """A discrete system and its cost, with a way to begin again by an easier cost, where that offers one.
+
+    ``asked``: the cost that is to be minimised; `cost` is that of the stage.
+    """
+
+    def __init__(
+        self, system: DiscreteSystem, cost: Cost, settings: Settings, free_start: bool | Sequence[str] = False
+    ) -> None:
+        super().__init__(system, cost, settings, free_start)
+        self.asked = cost
+        self.stride, self.retries = _STRIDE, _RETRIES
+        self.earlier: _Place | None = None
+        self.sound: _Place | None = None
+
+    def resume(self, result: OptimizationResult) -> None:
+        """Begin where an earlier run ended, in the stage that it had come to."""
+        self._set_stage(result.schedule.ease)
+        super().resume(result)
+
+    # ---- What the loop knows of a stage ---------------------------------------------------------
+
+    @property
+    def shown(self) -> float:
+        """The cost that was asked for."""
+        return self.value if self.ease == 1.0 else self.asked.value(self.x, self.u)
+
+    @property
+    def longest_stage(self) -> int | None:
+        """Iterations after which a stage that is not the last is over."""
+        return None if self.ease == 1.0 else _LONGEST
+
+    def tolerated(self, goal: float) -> float:
+        """Return the expected decrease that is small enough at this stage."""
+        return goal if self.ease == 1.0 else max(goal, _LOOSE * abs(self.value))
+
+    # ---- From stage to stage --------------------------------------------------------------------
+
+    def begin_again(self) -> bool:
+        """Begin again with the motion that costs no effort, and with a cost whose minimum is close to it."""
+        eased = self.asked.eased(_EASIEST)
+        if eased is None:
+            return False
+        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        now = self._place()
+        try:
+            start = self._project(np.tile(self.x[0], (N + 1, 1)), eased[1], np.zeros((N, nu, nx)))
+            if np.array_equal(start.x, self.x):
+                return False  # Where no step was possible, none is now.
+            self._set_stage(_EASIEST)
+            self.x, self.u = read_only(start.x), read_only(start.u)
+            self.forget()
+            self._project_curve()
+            self.value = self.cost.value(self.x, self.u)
+        except BaseException as error:  # an interruption too leaves it where it stood
+            self._go_to(now)
+            if isinstance(error, LeastActionError):
+                return False
+            raise
+        self.earlier = now
+        return True
+
+    def next_stage(self) -> bool:
+        """Go on with less ease."""
+        if self.ease == 1.0:
+            return False
+        if self.worst_step is None or self.worst_step.s <= COARSE:
+            self.sound = self._place()
+        self._set_stage(max(1.0, self.ease / self.stride))
+        self.value = self.cost.value(self.x, self.u)
+        self.curvature = self.quasi_newton = self.feedback = None
+        return True
+
+    def retry_stage(self) -> bool:
+        """Go back to the last stage that ended well, and on from there by a shorter stride."""
+        if self.sound is None or self.retries == 0:
+            return False
+        self.retries -= 1
+        self.stride = float(np.sqrt(self.stride))
+        self._go_to(self.sound._replace(ease=max(1.0, self.sound.ease / self.stride)))
+        return True
+
+    def fall_back(self) -> bool:
+        """Return to where it stood before it began again, if that is better."""
+        earlier, self.earlier = self.earlier, None
+        if earlier is None or self.asked.value(earlier.iterate.x, earlier.iterate.u) >= self.shown:
+            return False
+        self._go_to(earlier)
+        return True
+
+    def _place(self) -> _Place:
+        # The gains lie in memory that is used again.
+        return _Place(Iterate(self.x, self.u, self.worst_step), self.gain.copy(), self.ease)
+
+    def _go_to(self, place: _Place) -> None:
+        self._set_stage(place.ease)
+        (self.x, self.u, self.worst_step), self.gain = place.iterate, place.gain.copy()
+        self.value = self.cost.value(self.x, self.u)
+        self.forget()
+
+    def _set_stage(self, ease: float) -> None:
+        eased = None if ease == 1.0 else self.asked.eased(ease)
+        self.ease, self.cost = (1.0, self.asked) if eased is None else (ease, eased[0])
+        # Only the last stage has to end at a minimum.
+        self.tells_saddles = self.system.has_curvature and self.ease == 1.0
