@@ -220,8 +220,8 @@ class NewtonSchedule:
     full : bool
         Whether that was a full step of Newton's method.
     reach : float
-        Where the cost was seen to fall further than to the end of the last step: how long the next one may be, if it
-        is of the same method.
+        Where the cost was seen to fall much further than to the end of the last step, how long the next one may be
+        if it is of the same method; else 0.
     method : str
         That of the last step.
     again : bool
@@ -240,7 +240,7 @@ class NewtonSchedule:
     expected: float = np.nan
     length: float = 1.0
     full: bool = False
-    reach: float = 1.0
+    reach: float = 0.0
     method: str = ""
     again: bool = False
     ease: float = 1.0
@@ -273,7 +273,8 @@ class NewtonSchedule:
             expected=expected,
             length=length,
             full=method == "newton" and length == 1.0,
-            reach=_reach(length, agreement),
+            # Of an exact model it would be noise.
+            reach=_reach(length, agreement) if method == "newton-damped" else 0.0,
             method=method,
             spent=self.spent + 1,
         )
@@ -297,11 +298,11 @@ class NewtonSchedule:
 
 
 def _reach(length: float, agreement: float) -> float:
-    """Return how long a step should have been, if that is much more than it was; else 1."""
+    """Return how long a step should have been, if that is much more than it was; else 0."""
     # The parabola through the cost before, its slope, and the cost after.
     bend = (2.0 * length - agreement) / length**2
     best = 1.0 / max(bend, 1e-3)
-    return min(best, _FURTHER * length, _FURTHEST) if best > _FURTHER else 1.0
+    return min(best, _FURTHER * length, _FURTHEST) if best > _FURTHER else 0.0
 
 
 class HistoryBuilder:
