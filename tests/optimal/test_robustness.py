@@ -367,6 +367,12 @@ def test_the_limit_on_iterations_says_what_moves_and_how_fast():
     start = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=0)
     assert re.search(r"'motor\d' around step \d+ at t = ", start.message)
     assert "iterations lowered" not in start.message
+    # Prescribed variables are inputs too.
+    given = BY_NAME["chain of 4, travel, R 1, final 10000, rest"].build()
+    start = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=0)
+    assert "'trolley' around step" in start.message
+    assert given.system.window(3, 9).input_name(0) == "trolley"
+    assert parabola().input_name(0) == "u[0]"
 
 
 def test_a_step_that_should_have_been_longer_is_followed_by_a_longer_one():

@@ -58,6 +58,11 @@ class MidpointSystem(DiscreteSystem):
         """Return how to speak of step k in messages."""
         return f"step {k} at t = {self.t[k]:.4g} s"
 
+    def input_name(self, i: int) -> str:
+        """Return the name of an input, or of the prescribed variable that stands behind the inputs."""
+        m = self.integrator.mechanism
+        return (*m.inputs, *m.variables[m.nd :])[i]
+
     def window(self, start: int, stop: int) -> DiscreteSystem:
         """Return the steps ``start .. stop-1`` as a system of their own."""
         if type(self) is not MidpointSystem:

@@ -433,7 +433,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         # By the gains of the direction, its slope is that of the feedforward alone.
         shares = feedforward * (gradient.r + np.einsum("kxu,kx->ku", B, z[1:]))
         k, i = np.unravel_index(np.argmin(shares), shares.shape)
-        return f"{self.system.quantity('input').names[i]!r} around {self.system.when(int(k))}"
+        return f"{self.system.input_name(int(i))!r} around {self.system.when(int(k))}"
 
     def keep_feedback(self, direction: DiscreteDirection) -> None:
         """Take the direction's feedback for that of the iterate, which it hardly moved."""

@@ -123,6 +123,10 @@ class DiscreteSystem(System):
         """Return how to speak of step k in messages; one that knows the time says it."""
         return f"step {k}"
 
+    def input_name(self, i: int) -> str:
+        """Return how to speak of entry i of the inputs in messages."""
+        return f"u[{i}]"
+
     def window(self, start: int, stop: int) -> DiscreteSystem:
         """Return the steps ``start .. stop-1`` as a system of their own; one with a faster way overrides it."""
         return WindowSystem(self, start, stop)
@@ -302,6 +306,10 @@ class WindowSystem(DiscreteSystem):
     def difference(self, x: Array, xbar: Array) -> Array:
         """Return the difference of states."""
         return self.system.difference(x, xbar)
+
+    def input_name(self, i: int) -> str:
+        """Return how to speak of entry i of the inputs in messages."""
+        return self.system.input_name(i)
 
     def when(self, k: int) -> str:
         """Return how the system speaks of step k of the window."""

@@ -255,6 +255,10 @@ class ExtendedSystem(DiscreteSystem):
         """The kinds of quantities that can be limited."""
         return (*self.system.quantities, "unknown")
 
+    def input_name(self, i: int) -> str:
+        """Return how to speak of entry i of the inputs in messages."""
+        return self.system.input_name(i)
+
     def quantity(self, kind: str) -> Quantity:
         """Return the quantities of a kind, by name."""
         if kind != "unknown":
