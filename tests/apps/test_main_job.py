@@ -51,7 +51,8 @@ def test_demo_leaves_a_whole_folder(leastaction: Run, tmp_path: Path) -> None:
     }
     numbers = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert numbers["run"]["status"] == "CONVERGED"
-    assert numbers["cost"]["last"] < numbers["cost"]["first"]
+    # The first cost is that of the motion in whose start strings push, so the last one need not be less.
+    assert all(string["tension_min_N"] >= 0.5 - 1e-6 for string in numbers["strings"].values())
 
 
 def test_the_result_is_a_motion_of_the_puppet(leastaction: Run, tmp_path: Path) -> None:

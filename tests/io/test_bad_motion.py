@@ -268,9 +268,10 @@ def test_captures_without_direction(tmp_path: Path) -> None:
     q[:, :2] = 0.0
     with pytest.raises(MotionFileError, match="hardly leaves the spot"):
         retarget(read_bvh(write_puppet(tmp_path / "b.bvh", q)), heading="travel")
-    q[:, 3] = np.linspace(0.0, 2.0 * np.pi, len(q), endpoint=False)
-    with pytest.raises(MotionFileError, match="faces every way alike"):
-        retarget(read_bvh(write_puppet(tmp_path / "c.bvh", q)))
+    with pytest.raises(ArgumentError, match="trim: got 2 to 1 s, expected a part of the capture's"):
+        load_motion(tmp_path / "a.bvh", trim=(2.0, 1.0))
+    with pytest.raises(ArgumentError, match="speed: got 0"):
+        load_motion(tmp_path / "a.bvh", speed=0.0)
 
 
 @pytest.mark.parametrize(

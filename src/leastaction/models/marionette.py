@@ -1,4 +1,4 @@
-"""The humanoid marionette on six strings (dissertation 5.3 and 6.7.3).
+"""The humanoid marionette on its strings (dissertation 5.3 and 6.7.3).
 
 22 dynamic variables: the pelvis' three translations and three rotations, three angles at each hip and
 shoulder, one at each knee and elbow. 18 kinematic variables: each string hangs from a point that moves in
@@ -10,13 +10,15 @@ Axes: x to the puppet's right, y ahead, z up. All angles are zero when it stands
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import Damping, Distance, Frame, Gravity, Mechanism, rx, ry, rz, tx, ty, tz
+from leastaction.mechanics import Damping, Distance, Frame, Gravity, Mechanism, TendonForce, rx, ry, rz, tx, ty, tz
 
 PLANE_HEIGHT = 2.0
 """Height of the plane that the strings hang from (m)."""
@@ -34,6 +36,15 @@ REST = {"lhip_rx": 0.97, "rhip_rx": 0.97, "lknee_rx": -0.97, "rknee_rx": -0.97, 
 
 UNHELD = ("lknee_rx", "rknee_rx")
 """Joints behind which no string is tied: they swing freely, so a motion can hardly be imposed on them."""
+
+JOINT_LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        **{f"{side}knee_rx": (-2.6, 0.0) for side in "lr"},
+        **{f"{side}elbow_rx": (0.0, 2.6) for side in "lr"},
+    }
+)
+"""Least and largest angles of the hinges (rad): knees bend to the back, elbows to the front. The model has no stops
+there; who plans a motion states them as limits."""
 
 
 class PuppetString(NamedTuple):
@@ -56,26 +67,51 @@ def _string(part: str) -> PuppetString:
     return PuppetString(name, f"{name}_hook", f"{name}_control", f"{name}-x", f"{name}-y", f"{name}-length")
 
 
-STRINGS: tuple[PuppetString, ...] = tuple(
-    _string(part) for part in ("right_leg", "left_arm", "upper_torso", "right_arm", "lower_torso", "left_leg")
-)
+_SIX = ("right_leg", "left_arm", "upper_torso", "right_arm", "lower_torso", "left_leg")
+_NINE = (*_SIX, "left_foot", "right_foot", "back")
+
+STRINGS: tuple[PuppetString, ...] = tuple(_string(part) for part in _SIX)
 """The six strings, in the order of the constraints and of the kinematic variables."""
 
+NINE_STRINGS: tuple[PuppetString, ...] = tuple(_string(part) for part in _NINE)
+"""Nine strings: the six, one at each foot, which holds the shin, and one behind the pelvis, which holds the lean."""
 
-def marionette(*, damping: float = 0.2) -> Mechanism:
+
+def strings_of(mechanism: Mechanism) -> tuple[PuppetString, ...]:
+    """Return the strings of a marionette, in the order of its constraints, or of its tensions as inputs."""
+    names = mechanism.constraints or mechanism.inputs
+    return tuple(string for string in NINE_STRINGS if string.name in names)
+
+
+def marionette(
+    *, damping: float = 0.2, strings: Literal[6, 9] = 6, by: Literal["length", "tension"] = "length"
+) -> Mechanism:
     """Return the marionette.
 
     Parameters
     ----------
     damping : float, optional
         Damping of every dynamic variable (N s/m and N m s/rad).
+    strings : {6, 9}, optional
+        How many strings it hangs on: `STRINGS` or `NINE_STRINGS`.
+    by : {"length", "tension"}, optional
+        What is prescribed of a string besides its upper end: its length, as a kinematic variable of a constraint, or
+        its tension, as an input of the string's name (N, positive where it pulls). `PulledSystem` makes the same
+        motions of the second that `MidpointSystem` makes of the first.
     """
+    if strings not in (6, 9) or by not in ("length", "tension"):
+        raise ArgumentError(
+            f"strings, by: got {strings!r} and {by!r}, expected 6 or 9 strings, by 'length' or by 'tension'"
+        )
+    table = STRINGS if strings == 6 else NINE_STRINGS
+    nine = strings == 9
     puppet = [
         tx("torso_tx"), [ty("torso_ty"), [tz("torso_tz"), [
             rz("torso_rz"), [ry("torso_ry"), [
                 rx("torso_rx", name="pelvis", mass=10.0, inertia=(1.0, 1.0, 1.0)), [
-                    *_leg("l", "left"),
-                    *_leg("r", "right"),
+                    *_leg("l", "left", nine),
+                    *_leg("r", "right", nine),
+                    *([ty(-HOOK_REACH, name="back_string_hook")] if nine else []),
                     tz(SPINE, name="spine_top"), [
                         tz(0.045, name="neck"), [
                             tz(0.045, name="head"), [
@@ -94,20 +130,23 @@ def marionette(*, damping: float = 0.2) -> Mechanism:
         ]]],
     ]  # fmt: skip
     upper_ends: list[Any] = []
-    for string in STRINGS:
+    for string in table:
         upper_ends += [tx(string.x, kinematic=True), [ty(string.y, name=string.control, kinematic=True)]]
+    pulls: list[Distance | TendonForce]
+    if by == "length":
+        pulls = [Distance(s.hook, s.control, s.length, name=s.name) for s in table]
+        kinematic = [name for s in table for name in (s.x, s.y, s.length)]
+    else:
+        pulls = [TendonForce((s.hook, s.control), s.name) for s in table]
+        kinematic = [name for s in table for name in (s.x, s.y)]
     return Mechanism(
         [*puppet, tz(PLANE_HEIGHT, name="string_plane"), upper_ends],
-        [
-            Gravity((0.0, 0.0, -9.8)),
-            Damping(damping),
-            *(Distance(s.hook, s.control, s.length, name=s.name) for s in STRINGS),
-        ],
-        kinematic=[name for s in STRINGS for name in (s.x, s.y, s.length)],
+        [Gravity((0.0, 0.0, -9.8)), Damping(damping), *pulls],
+        kinematic=kinematic,
     )
 
 
-def _leg(side: str, side_name: str) -> list[Frame | list[Any]]:
+def _leg(side: str, side_name: str, foot_string: bool) -> list[Frame | list[Any]]:
     """Return a leg from the hip down; the string is tied ahead of the knee."""
     sign = -1.0 if side == "l" else 1.0
     return [
@@ -120,6 +159,7 @@ def _leg(side: str, side_name: str) -> list[Frame | list[Any]]:
                         tz(-0.2, name=f"{side}tibia_mass", mass=1.5, inertia=(0.3, 0.3, 0.1)),
                         tz(-0.4, name=f"{side}foot"), [
                             ty(0.2, name=f"{side}foot_end"),
+                            *([ty(HOOK_REACH, name=f"{side_name}_foot_string_hook")] if foot_string else []),
                         ],
                     ],
                 ],
@@ -191,11 +231,12 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) 
     ArgumentError
         If a hook is not below the plane of the strings.
     """
-    hooks = mechanism.positions(q, [string.hook for string in STRINGS])
+    strings = strings_of(mechanism)
+    hooks = mechanism.positions(q, [string.hook for string in strings])
     heights = PLANE_HEIGHT - hooks[..., 2]
     if np.any(heights <= 0.0):
         where = np.argwhere(heights <= 0.0)[0]
-        name = STRINGS[where[-1]].name
+        name = strings[where[-1]].name
         row = f" in row {where[0]}" if len(where) > 1 else ""
         raise ArgumentError(
             f"{name}: its hook is at height {hooks[tuple(where)][2]:.3g} m{row}; expected less than the "
@@ -204,7 +245,7 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) 
     result = np.array(q, dtype=np.float64)
     order = {name: index for index, name in enumerate(mechanism.variables)}
     yaw = result[..., order["torso_rz"]]
-    for i, string in enumerate(STRINGS):
+    for i, string in enumerate(strings):
         slant = 0.0 if "torso" in string.name else ahead
         result[..., order[string.x]] = hooks[..., i, 0] - slant * np.sin(yaw)
         result[..., order[string.y]] = hooks[..., i, 1] + slant * np.cos(yaw)

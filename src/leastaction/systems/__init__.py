@@ -6,6 +6,7 @@ from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.embedding import embed
 from leastaction.systems.keep import Ball, Box, HalfSpace, Keep, Region
 from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.warm_start import warm_start
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "Keep",
     "MechanismSystem",
     "MidpointSystem",
+    "PulledSystem",
     "Region",
     "embed",
     "warm_start",

@@ -15,12 +15,12 @@ from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
-from leastaction.apps.cli.options import MOTION, OptimiserOptions, OutputOptions
+from leastaction.apps.cli.options import MOTION, PUPPET, Axis, Heading, OptimiserOptions, OutputOptions
 from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
 
 if TYPE_CHECKING:
-    from leastaction.apps.marionette.tracking import TrackingRun, TrackingSearch
+    from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch
     from leastaction.io.motion.motion import Motion
 
 _NOT_PRINTED = 1
@@ -84,6 +84,16 @@ def optimize(
     dt: Annotated[float, Parameter(group=MOTION)] = 0.01,
     start: Annotated[Literal["rest", "moving"], Parameter(group=MOTION)] = "rest",
     in_place: Annotated[bool, Parameter(group=MOTION, negative=())] = False,
+    trim: Annotated[tuple[float, float] | None, Parameter(group=MOTION)] = None,
+    speed: Annotated[float, Parameter(group=MOTION)] = 1.0,
+    up: Annotated[Axis | None, Parameter(group=MOTION)] = None,
+    forward: Annotated[Axis | None, Parameter(group=MOTION)] = None,
+    heading: Annotated[Heading, Parameter(group=MOTION)] = "facing",
+    strings: Annotated[Literal[6, 9], Parameter(group=PUPPET)] = 6,
+    tension: Annotated[float, Parameter(group=PUPPET)] = 0.5,
+    reach: Annotated[float, Parameter(group=PUPPET)] = 2.0,
+    end_speed: Annotated[float, Parameter(group=PUPPET)] = 8.0,
+    end_acceleration: Annotated[float, Parameter(group=PUPPET)] = 150.0,
     resume: Annotated[Path | None, Parameter(group=MOTION)] = None,
     optimiser: OptimiserOptions | None = None,
     output: OutputOptions,
@@ -97,7 +107,7 @@ def optimize(
     Parameters
     ----------
     mechanism
-        The mechanism: marionette, a puppet of 22 joint variables on six strings.
+        The mechanism: marionette, a puppet of 22 joint variables on six strings, or on nine.
     motion
         Motion capture to follow: a BVH file. A walk on the spot is made up without it.
     mapping
@@ -111,6 +121,27 @@ def optimize(
         Begin at rest in the first pose and pick up speed, or begin as captured.
     in_place
         Leave out the travel over the ground.
+    trim
+        Part of the capture to use: from and to, s.
+    speed
+        Speed of the motion relative to the capture: 0.5 is half as fast.
+    up
+        The capture's axis that points up, such as y or -z; found from the poses if not given.
+    forward
+        The capture's axis that points ahead; found from the poses if not given.
+    heading
+        What is turned ahead: the way that the person faces, travels, or the capture's forward axis; straight
+        takes out the slow turns of one who walks in a circle.
+    strings
+        Six strings; or nine, with one at each foot and one behind the pelvis.
+    tension
+        Least tension of every string at every instant, N.
+    reach
+        How far the strings' upper ends may be from above the wanted pelvis along each axis, m.
+    end_speed
+        Largest speed of the upper ends along each axis, m/s.
+    end_acceleration
+        Largest acceleration of the upper ends along each axis, m/s^2.
     resume
         trajectory.npz of an earlier run, or search.npz of one that still sought a first trajectory: go on from there,
         with the motion that it followed.
@@ -120,25 +151,37 @@ def optimize(
         raise ArgumentError(
             "--resume goes on with the motion of the earlier run: leave out --motion, --mapping and --duration"
         )
-    if mapping is not None and motion is None:
-        raise ArgumentError("--mapping belongs to a motion capture file: give --motion FILE too")
+    of_file = {
+        "--mapping": mapping, "--trim": trim, "--up": up, "--forward": forward,
+        "--speed": None if speed == 1.0 else speed, "--heading": None if heading == "facing" else heading,
+    }  # fmt: skip
+    for option, value in of_file.items():
+        if value is not None and motion is None:
+            raise ArgumentError(f"{option} belongs to a motion capture file: give --motion FILE too")
+    from leastaction.apps.marionette.tracking.limits import PuppetLimits
+
+    limits = PuppetLimits(tension=tension, reach=reach, speed=end_speed, acceleration=end_acceleration)
     if resume is not None:
         from leastaction.apps.marionette.tracking import load_unfinished
 
-        return _run(load_unfinished(resume), optimiser, output, _prepare(output))
+        return _run(load_unfinished(resume), optimiser, output, _prepare(output), limits=limits)
     if motion is None:
         from leastaction.apps.marionette.walk import walk_in_place
 
         walk = walk_in_place(10.0 if duration is None else duration, dt)
-        return _run(walk, optimiser, output, _prepare(output))
+        return _run(walk, optimiser, output, _prepare(output), limits=limits, strings=strings)
     from leastaction.apps.marionette.retargeting import load_motion
 
     folder, console = _prepare(output), Console(highlight=False)
     with console.status(f"reading {motion.name}"):
-        loaded = load_motion(motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place)
+        loaded = load_motion(
+            motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place, trim=trim, speed=speed,
+            up=up, forward=forward, heading=heading,
+        )  # fmt: skip
     console.print(loaded.summary(), markup=False)
     # The name is enough for titles, and where a file lies is nobody's business but its owner's.
-    return _run(replace(loaded.motion, source=motion.name), optimiser, output, folder)
+    followed = replace(loaded.motion, source=motion.name)
+    return _run(followed, optimiser, output, folder, limits=limits, strings=strings)
 
 
 @app.command
@@ -202,11 +245,20 @@ def _run(
     optimiser: OptimiserOptions | None,
     output: OutputOptions,
     folder: Path,
+    *,
+    limits: PuppetLimits | None = None,
+    strings: Literal[6, 9] = 6,
 ) -> int:
     from leastaction.apps.cli import session
 
     return session.run(
-        motion, optimiser=optimiser or OptimiserOptions(), output=output, folder=folder, complain=_complain
+        motion,
+        optimiser=optimiser or OptimiserOptions(),
+        output=output,
+        folder=folder,
+        complain=_complain,
+        limits=limits,
+        strings=strings,
     )
 
 

@@ -9,9 +9,12 @@ from typing import Annotated, Literal
 from cyclopts import Group, Parameter
 
 MOTION = Group("Motion", sort_key=1)
-OPTIMISER = Group("Optimiser", sort_key=2)
-OUTPUT = Group("Output", sort_key=3)
+PUPPET = Group("Strings", sort_key=2)
+OPTIMISER = Group("Optimiser", sort_key=3)
+OUTPUT = Group("Output", sort_key=4)
 
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+Heading = Literal["facing", "travel", "axis", "straight"]
 Method = Literal["auto", "newton", "quasi-newton", "steepest"]
 
 

@@ -8,6 +8,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 from rich.console import Console
 
@@ -15,7 +16,14 @@ from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
 from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
 from leastaction.apps.cli.summary import run_summary, summary_tables
-from leastaction.apps.marionette.tracking import TrackingRun, TrackingSearch, save_run, save_search, track
+from leastaction.apps.marionette.tracking import (
+    PuppetLimits,
+    TrackingRun,
+    TrackingSearch,
+    save_run,
+    save_search,
+    track,
+)
 from leastaction.errors import OutputError
 from leastaction.io.motion.motion import Motion
 from leastaction.models.marionette import marionette
@@ -37,6 +45,8 @@ def run(
     output: OutputOptions,
     folder: Path,
     complain: Complain,
+    limits: PuppetLimits | None = None,
+    strings: Literal[6, 9] = 6,
 ) -> int:
     """Follow a motion, or go on with an earlier run, and fill the folder.
 
@@ -48,7 +58,7 @@ def run(
     began = time.perf_counter()
     kept: list[Path] = []
     try:
-        found = _optimise(motion, optimiser, folder, console, kept)
+        found = _optimise(motion, optimiser, folder, console, kept, limits, strings)
         optimised = time.perf_counter()
         with uninterrupted():
             kept.append(_keep(found, folder, complain))
@@ -93,7 +103,9 @@ def run(
         console.print(f"Go on with: {again}", markup=False, soft_wrap=True)
     if found.result.status is Status.INTERRUPTED:
         return INTERRUPTED
-    usable = found.result.success or found.result.status is Status.ITERATION_LIMIT
+    # A motion whose strings pull is an answer, however the search for a better one ended; the summary says how.
+    pulls = found.plan is not None and found.tension.min() >= 0.0
+    usable = found.result.success or found.result.status is Status.ITERATION_LIMIT or pulls
     return 0 if usable else STUCK
 
 
@@ -103,6 +115,8 @@ def _optimise(
     folder: Path,
     console: Console,
     kept: list[Path],
+    limits: PuppetLimits | None,
+    strings: Literal[6, 9],
 ) -> TrackingRun:
     """Optimise, printing the iterations as they happen and keeping the run now and then."""
     earlier = None if isinstance(motion, Motion) else motion
@@ -132,8 +146,9 @@ def _optimise(
             return table(record)
 
         return track(
-            marionette() if earlier is None else earlier.mechanism,
+            marionette(strings=strings) if earlier is None else earlier.mechanism,
             motion,
+            limits=limits,
             method=optimiser.method,
             max_iterations=optimiser.max_iterations,
             tolerance=optimiser.tolerance,

@@ -19,6 +19,8 @@ from leastaction.optimal import Status
 from leastaction.viz import TrackingErrors
 
 _WIDTH: Final = 100
+_FAR: Final = 5.0  # degrees (rms), from which a joint is said not to be followed
+_MOST_LINES: Final = 8
 
 # The optimiser speaks of its arguments, the command line of its options.
 _MESSAGES: Final = {
@@ -34,6 +36,7 @@ def run_summary(run: TrackingRun) -> dict[str, Any]:
     Returns ``run``, ``settings``, ``versions``, ``cost``, ``tracking`` (errors in degrees and metres) and ``strings``.
     """
     result, t = run.result, run.trajectory.t
+    far, against = _not_followed(run)
     cost = result.history.cost
     return {
         "run": {
@@ -54,11 +57,40 @@ def run_summary(run: TrackingRun) -> dict[str, Any]:
         "versions": dict(run.provenance.versions),
         "cost": {"first": float(cost[0]), "last": float(cost[-1])},
         "tracking": _tracking(run.errors),
+        "not_followed": far,
+        "limits_reached": against,
         "strings": {
             name: _string(run.tension[:, i], string_lengths(run)[:, i])
             for i, name in enumerate(run.mechanism.constraints)
         },
     }
+
+
+def _not_followed(run: TrackingRun) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the joints that are far from the reference, and the limits that hold the motion back, most first."""
+    t, names = run.trajectory.t, run.mechanism.dynamic
+    apart = np.rad2deg(np.abs(run.reference[:, : len(names)] - run.trajectory.q[:, : len(names)]))
+    far: list[dict[str, Any]] = [
+        {
+            "joint": name,
+            "rms_deg": float(rms),
+            "max_deg": float(apart[:, i].max()),
+            "at_s": float(t[apart[:, i].argmax()]),
+        }
+        for i, (name, unit, rms) in enumerate(zip(names, run.errors.units, run.errors.rms, strict=True))
+        if unit == "deg" and rms > _FAR
+    ]
+    limits = run.result.limits
+    against: list[dict[str, Any]] = [
+        {"limit": label, "share_percent": 100.0 * float(side.active[:, j].mean()), "at_s": float(t[side.k[worst]])}
+        for side in (() if limits is None else limits.sides)
+        for j, label in enumerate(side.labels)
+        if side.active[:, j].any()
+        for worst in [int(np.abs(side.dual[:, j]).argmax())]
+    ]
+    far.sort(key=lambda entry: entry["rms_deg"], reverse=True)
+    against.sort(key=lambda entry: entry["share_percent"], reverse=True)
+    return far, against
 
 
 def _tracking(errors: TrackingErrors) -> dict[str, Any]:
@@ -89,7 +121,8 @@ def _string(pull: Array, length: Array) -> dict[str, float]:
 def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
     """Return the summary of a run, as `run_summary` makes it, as tables for a terminal."""
     parts = (_headline(summary), _tracking_table(summary["tracking"]), _string_table(summary["strings"]))
-    return Group(parts[0], "", parts[1], "", parts[2])
+    lines = _not_followed_lines(summary)
+    return Group(parts[0], "", *([lines, ""] if lines else []), parts[1], "", parts[2])
 
 
 def as_text(renderable: RenderableType) -> str:
@@ -107,6 +140,21 @@ def _headline(summary: Mapping[str, Any]) -> Text:
         f"\nstatus {run['status']} after {run['iterations']} iterations, "
         f"cost {cost['first']:.6g} to {cost['last']:.6g}\n{run['message']}",
     )
+
+
+def _not_followed_lines(summary: Mapping[str, Any]) -> RenderableType | None:
+    """Return what could not be followed, and what stood against it; None where there is nothing to say."""
+    far, against = summary["not_followed"][:_MOST_LINES], summary["limits_reached"][:_MOST_LINES]
+    if not far and not against:
+        return None
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for i, entry in enumerate(far):
+        row = f"{entry['rms_deg']:.1f}° rms, at most {entry['max_deg']:.1f}° at {entry['at_s']:.2f} s"
+        table.add_row(Text("Not followed" if i == 0 else "", style="dim"), entry["joint"], row)
+    for i, entry in enumerate(against):
+        row = f"{entry['share_percent']:.0f} % of the time, hardest at {entry['at_s']:.2f} s"
+        table.add_row(Text("Limits reached" if i == 0 else "", style="dim"), entry["limit"], row)
+    return table
 
 
 def _titled(title: str, table: Table) -> RenderableType:

@@ -18,6 +18,7 @@ from leastaction.apps.marionette.scene import marionette_scene
 from leastaction.apps.marionette.tracking import (
     FORCED,
     GENTLE,
+    PuppetLimits,
     TrackingCost,
     TrackingRun,
     TrackingWeights,
@@ -28,7 +29,7 @@ from leastaction.apps.marionette.tracking import (
 from leastaction.apps.marionette.walk import walk_in_place
 
 __all__ = [
-    "FORCED", "GENTLE", "VARIABLES", "Proportions", "PuppetMotion", "Retargeted", "TrackingCost", "TrackingRun",
-    "TrackingWeights", "default_names", "load_motion", "load_run", "map_joints", "marionette_scene", "puppet_points",
-    "read_mapping", "retarget", "save_run", "track", "walk_in_place",
+    "FORCED", "GENTLE", "VARIABLES", "Proportions", "PuppetLimits", "PuppetMotion", "Retargeted", "TrackingCost",
+    "TrackingRun", "TrackingWeights", "default_names", "load_motion", "load_run", "map_joints", "marionette_scene",
+    "puppet_points", "read_mapping", "retarget", "save_run", "track", "walk_in_place",
 ]  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 
 from leastaction.apps.marionette.tracking.problem import ROOT
 from leastaction.apps.marionette.tracking.run import TrackingRun
-from leastaction.models.marionette import STRINGS
+from leastaction.models.marionette import strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.viz.scene import Bone, Cord, Scene, mechanism_scene
 
@@ -84,7 +84,7 @@ def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
         run.trajectory.t,
         run.trajectory.q,
         bones=(*_BONES, *_STUBS),
-        cords=[Cord(name=string_label(s.name), start=s.hook, end=s.control) for s in STRINGS],
+        cords=[Cord(name=string_label(s.name), start=s.hook, end=s.control) for s in strings_of(run.mechanism)],
         reference=run.reference,
         tension=run.tension,
         error=run.errors.over_time,
@@ -96,7 +96,7 @@ def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
 
 def string_lengths(run: TrackingRun) -> Array:
     """Return the lengths of the strings (m), shape (N+1, 6), in the order of the constraints."""
-    return np.stack([run.trajectory[string.length] for string in STRINGS], axis=1)
+    return np.stack([run.trajectory[string.length] for string in strings_of(run.mechanism)], axis=1)
 
 
 def string_label(name: str) -> str:

@@ -214,6 +214,8 @@ def _name_members(kind: Any, content: Any) -> None:
     """Replace the names of enums' members by the members, of a dataclass and those in it."""
     for name, hint in get_type_hints(kind).items():
         if isinstance(content, dict) and name in content:
+            if type(None) in get_args(hint):
+                hint = next(kind for kind in get_args(hint) if kind is not type(None))
             if is_dataclass(hint):
                 _name_members(hint, content[name])
             elif isinstance(hint, type) and issubclass(hint, Enum):

@@ -9,33 +9,47 @@ import numpy as np
 
 from leastaction.apps.marionette.retargeting.geometry import unit
 from leastaction.errors import ArgumentError, MotionFileError
-from leastaction.io.motion.capture import Capture
+from leastaction.io.motion.capture import Capture, axis_rotation
+from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
-Heading = Literal["facing", "travel", "axis"]
+Heading = Literal["facing", "travel", "axis", "straight"]
+
+_SLOW = 0.25  # Hz
 
 
-def up_axis(capture: Capture, points: Mapping[str, Array]) -> Axis:
-    """The capture's axis nearest to the person's mean upright direction."""
+def up_axis(points: Mapping[str, Array], rest: Mapping[str, Array]) -> Axis:
+    """The capture's axis nearest to the person's mean upright direction.
+
+    ``points``: places (F, 3) by role. ``rest``: those (1, 3) of the skeleton before it is posed, which tip the scales
+    where the poses do not: of a person who lies, or turns somersaults.
+    """
+    return _nearest_axis(_upright(points) + 0.5 * _upright(rest))
+
+
+def _upright(points: Mapping[str, Array]) -> Array:
+    """Mean upright direction (3,), half by the spine and half by the legs."""
     ankles = 0.5 * (points["left_ankle"] + points["right_ankle"])
-    upright = np.mean(unit(points["spine_top"] - points["pelvis"]), axis=0)
-    upright = upright + np.mean(unit(points["pelvis"] - ankles), axis=0)
-    if np.max(np.abs(upright)) < 0.5:
-        raise MotionFileError(f"{capture.path}: which way is up cannot be told from the poses; give the axis (up=...)")
-    return _nearest_axis(upright)
+    spine = np.mean(unit(points["spine_top"] - points["pelvis"]), axis=0)
+    return np.asarray(spine + np.mean(unit(points["pelvis"] - ankles), axis=0))
 
 
-def forward_axis(capture: Capture, points: Mapping[str, Array], up: Axis) -> Axis:
-    """The capture's level axis nearest to the person's mean facing direction."""
-    mean = np.mean(unit(facing(points)), axis=0)
-    mean[np.abs(_axis_vector(up)) > 0.5] = 0.0
+def forward_axis(points: Mapping[str, Array], up: Axis) -> Axis:
+    """The capture's level axis nearest to the way that the person faces, in the mean, or else at first."""
+    level = unit(facing(points))
+    level[:, np.abs(_axis_vector(up)) > 0.5] = 0.0
+    mean = np.mean(level, axis=0)
     if np.max(np.abs(mean)) < 0.1:
-        raise MotionFileError(
-            f"{capture.path}: the person faces every way alike, which way is forward cannot be "
-            "told; give the axis (forward=...)"
-        )
+        mean = _first_level(level)
     return _nearest_axis(mean)
+
+
+def _first_level(level: Array) -> Array:
+    """The first of some directions (F, d) that is clearly level; without one the most level of them."""
+    length = np.linalg.norm(level, axis=1)
+    clear = np.flatnonzero(length > 0.5)
+    return np.asarray(level[clear[0] if clear.size else int(np.argmax(length))])
 
 
 def facing(points: Mapping[str, Array]) -> Array:
@@ -84,8 +98,24 @@ def heading_angle(capture: Capture, heading: Heading, points: Mapping[str, Array
                 "travel; use heading='facing'"
             )
     else:
-        way = np.sum(unit(facing(points)[:, :2]), axis=0)
+        level = unit(facing(points))[:, :2]
+        way = np.sum(unit(level) * (np.linalg.norm(level, axis=1) > 0.3)[:, None], axis=0)
+        if np.linalg.norm(way) < 0.1 * len(level):
+            way = _first_level(level)
     return float(np.pi / 2.0 - np.arctan2(way[1], way[0]))
+
+
+def straightened(t: Array, yaw: Array, place: Array) -> tuple[Array, Array]:
+    """Return heading (F,) and place over the ground (F, 2) of a motion whose slow turns are taken out.
+
+    What goes on below a quarter of a hertz is the path's; steps turn the pelvis faster. The way made good in each
+    instant is kept, so that a walk in a circle becomes one of the same length straight ahead.
+    """
+    slow = Motion(("yaw",), t, yaw[:, None]).low_pass(_SLOW)["yaw"]
+    middle = -0.5 * (slow[1:] + slow[:-1])
+    turn = axis_rotation(2, middle)[:, :2, :2]
+    way = np.einsum("fij,fj->fi", turn, np.diff(place, axis=0))
+    return yaw - slow, place[0] + np.concatenate([np.zeros((1, 2)), np.cumsum(way, axis=0)])
 
 
 def leg_length(points: Mapping[str, Array]) -> float:

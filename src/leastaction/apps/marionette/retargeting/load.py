@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Literal, get_args
+
+import numpy as np
 
 from leastaction.apps.marionette.retargeting.heading import Axis, Heading
 from leastaction.apps.marionette.retargeting.mapping import read_mapping
@@ -13,6 +15,7 @@ from leastaction.apps.marionette.retargeting.skeleton import Proportions
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.bvh import read_bvh
 from leastaction.io.motion.motion import Motion
+from leastaction.numerics.arrays import as_number
 
 Start = Literal["rest", "moving"]
 
@@ -27,10 +30,16 @@ class PuppetMotion:
         At the steps asked for, filtered, eased in.
     retargeted : Retargeted
         The capture frame by frame, with the accuracy of the retargeting.
+    speed : float
+        How fast the motion is, relative to the capture.
+    cutoff : float or None
+        Of the filter against noise (Hz).
     """
 
     motion: Motion
     retargeted: Retargeted
+    speed: float = 1.0
+    cutoff: float | None = None
 
     def summary(self) -> str:
         """A few lines for a person: source, length, axes, scale, accuracy."""
@@ -40,7 +49,11 @@ class PuppetMotion:
             f"up {made.up}, forward {made.forward}, turned by {made.turned:.1f} degrees, "
             f"scaled by {made.scale:.4g}\n"
             f"largest angle between a bone and the capture: {made.largest_error:.2f} degrees\n"
-            f"reference motion: {motion.t.size - 1} steps of {motion.t[1] - motion.t[0]:g} s"
+            f"joints: {', '.join(f'{role} {name}' for role, name in made.joints.items())}\n"
+            f"speed {self.speed:g}"
+            + (f", smoothed at {self.cutoff:g} Hz" if self.cutoff is not None else "")
+            + (", without its first frame, a pose to calibrate by" if made.first_frame else "")
+            + f"\nreference motion: {motion.t.size - 1} steps of {motion.t[1] - motion.t[0]:g} s"
         )
 
 
@@ -53,6 +66,8 @@ def load_motion(
     start: Start = "rest",
     ease: float = 0.5,
     cutoff: float | None = 6.0,
+    speed: float = 1.0,
+    trim: tuple[float, float] | None = None,
     proportions: Proportions | None = None,
     up: Axis | None = None,
     forward: Axis | None = None,
@@ -79,6 +94,10 @@ def load_motion(
         Seconds, for ``start="rest"``.
     cutoff : float, optional
         Low-pass filter in Hz against the noise of the capture; none if None.
+    speed : float
+        0.5: the motion takes twice as long.
+    trim : (float, float), optional
+        Part of the capture to use, from and to (s).
     proportions, up, forward, heading, in_place
         See `leastaction.apps.marionette.retargeting.retarget.retarget`.
 
@@ -96,6 +115,9 @@ def load_motion(
         read_bvh(path), names=names, proportions=proportions, up=up, forward=forward, heading=heading, in_place=in_place
     )
     motion = made.motion
+    if trim is not None:
+        motion = _trimmed(motion, trim)
+    motion = replace(motion, t=motion.t / as_number(speed, "speed", above=0.0))
     extra = 0.5 * ease if start == "rest" else 0.0
     if duration is not None and duration - extra > motion.duration:
         motion = motion.loop(duration - extra + 2.0 * dt)
@@ -103,4 +125,20 @@ def load_motion(
         motion = motion.low_pass(cutoff)
     if start == "rest":
         motion = motion.ease_in(ease)
-    return PuppetMotion(motion.resample(dt, duration=duration), made)
+    return PuppetMotion(motion.resample(dt, duration=duration), made, speed=speed, cutoff=cutoff)
+
+
+def _trimmed(motion: Motion, trim: tuple[float, float]) -> Motion:
+    """Return the part of a motion between two times, from the origin."""
+    first, last = trim
+    if not 0.0 <= first < last <= motion.duration + 1e-9:
+        raise ArgumentError(
+            f"trim: got {first:g} to {last:g} s, expected a part of the capture's {motion.duration:g} s"
+        )
+    kept = np.flatnonzero((motion.t >= first - 1e-9) & (motion.t <= last + 1e-9))
+    if kept.size < 2:
+        raise ArgumentError(f"trim: between {first:g} and {last:g} s there are fewer than two frames; take more")
+    q = motion.q[kept].copy()
+    q[:, :2] -= q[0, :2]
+    q[:, 2] -= np.mean(q[:, 2])
+    return replace(motion, t=motion.t[kept] - motion.t[kept[0]], q=q)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 import reprlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from difflib import get_close_matches
 from importlib.resources import files
 from itertools import pairwise
@@ -116,10 +116,25 @@ def map_joints(capture: Capture, names: JointNames | None = None) -> dict[str, i
                 break
         else:
             missing[role] = candidates
-    if missing:
+    ends = _ends(capture, found, missing)
+    if len(ends) == len(missing):
+        found |= ends
+    else:
         raise MotionFileError(_missing_message(capture, found, missing))
     _check_tree(capture, found)
     return {role: found[role] for role in ROLES}
+
+
+def _ends(capture: Capture, found: Mapping[str, int], missing: Collection[str]) -> dict[str, int]:
+    """Return what hangs as the only one from knees and elbows whose ankles and wrists have no known name."""
+    ends = {}
+    for side, limb in LIMBS:
+        _, hinge, end = (f"{side}_{joint}" for joint in CHAINS[limb])
+        if end in missing and hinge in found:
+            below = [i for i, joint in enumerate(capture.joints) if joint.parent == found[hinge]]
+            if len(below) == 1 and below[0] not in found.values():
+                ends[end] = below[0]
+    return ends
 
 
 def _check_tree(capture: Capture, found: Mapping[str, int]) -> None:

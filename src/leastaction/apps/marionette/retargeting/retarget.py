@@ -25,6 +25,7 @@ from leastaction.apps.marionette.retargeting.heading import (
     heading_angle,
     leg_length,
     right,
+    straightened,
     up_axis,
     world_from,
 )
@@ -111,9 +112,10 @@ def retarget(
         Lengths of the puppet.
     up, forward : str, optional
         Axes of the capture that point up and forward; found from the poses if not given.
-    heading : {"facing", "travel", "axis"}
-        What is turned to the puppet's +y: the mean direction that hips and shoulders face, the
-        direction from the first to the last place, or just the capture's forward axis.
+    heading : {"facing", "travel", "axis", "straight"}
+        What is turned to the puppet's +y: the mean direction that hips and shoulders face (that of the start, of a
+        person who faces every way), the direction from the first to the last place, or just the capture's forward
+        axis. "straight": as "facing", and the slow turns of a person who walks in a circle are taken out.
     in_place : bool
         Take the mean velocity over the ground out, for a walk on the spot about the origin.
 
@@ -126,8 +128,7 @@ def retarget(
     Raises
     ------
     MotionFileError
-        Joints are missing (see `map_joints`), joints coincide that must not, or the capture
-        neither stands nor faces anywhere.
+        Joints are missing (see `map_joints`), or joints coincide that must not.
     ArgumentError
         An option that is none of those above, or axes that are not at right angles.
     """
@@ -141,8 +142,8 @@ def retarget(
     points["spine_top"] = 0.5 * (points["left_shoulder"] + points["right_shoulder"])
     _check_bones(capture, found, points, first)
 
-    up = up or up_axis(capture, points)
-    forward = forward or forward_axis(capture, points, up)
+    up = up or up_axis(points, _at_rest(capture, found))
+    forward = forward or forward_axis(points, up)
     world = world_from(up, forward)
     points = {role: place @ world.T for role, place in points.items()}
     angle = heading_angle(capture, heading, points)
@@ -153,15 +154,19 @@ def retarget(
     scale = sizes.leg / leg_length(points)
     t = capture.frame_time * np.arange(capture.n_frames - first, dtype=np.float64)
     q = np.empty((t.size, len(VARIABLES)))
-    q[:, :3] = _root(points["pelvis"], scale, in_place=in_place)
     torso = _torso(points)
     q[:, 3:6] = euler_zyx(torso)
+    pelvis = scale * points["pelvis"]
+    if heading == "straight":
+        q[:, 3], pelvis[:, :2] = straightened(t, q[:, 3], pelvis[:, :2])
+    q[:, :3] = _root(pelvis, in_place=in_place)
     for side, limb in LIMBS:
         columns = [VARIABLES.index(name) for name in limb_variables(side, limb)]
         q[:, columns] = _limb(side, limb, points, frames, torso)
 
     directions = {bone: unit(points[b] - points[a]) for bone, (a, b) in _bones().items()}
-    made = puppet_points(q, proportions=sizes)
+    turned = np.concatenate([np.zeros((t.size, 3)), euler_zyx(torso), q[:, 6:]], axis=1)
+    made = puppet_points(turned, proportions=sizes)
     errors = {
         bone: np.rad2deg(angle_between(unit(made[b] - made[a]), directions[bone])) for bone, (a, b) in _bones().items()
     }
@@ -219,8 +224,19 @@ def _calibration_frames(positions: Array, found: Mapping[str, int]) -> int:
     return int(moved[0] > 0.15 * size and moved[0] > 5.0 * np.max(moved[1:4]))
 
 
-def _root(pelvis: Array, scale: float, *, in_place: bool) -> Array:
-    place: Array = scale * (pelvis - pelvis[0])
+def _at_rest(capture: Capture, found: Mapping[str, int]) -> dict[str, Array]:
+    """Where the joints of the skeleton are before it is posed, (1, 3) by role."""
+    places: list[Array] = []
+    for joint in capture.joints:
+        places.append(np.array(joint.offset) + (places[joint.parent] if joint.parent >= 0 else 0.0))
+    points = {role: places[index][None, :] for role, index in found.items()}
+    points["pelvis"] = 0.5 * (points["left_hip"] + points["right_hip"])
+    points["spine_top"] = 0.5 * (points["left_shoulder"] + points["right_shoulder"])
+    return points
+
+
+def _root(pelvis: Array, *, in_place: bool) -> Array:
+    place: Array = pelvis - pelvis[0]
     place[:, 2] -= np.mean(place[:, 2])
     if in_place:
         share = np.linspace(-0.5, 0.5, place.shape[0])
@@ -245,8 +261,10 @@ def _limb(side: str, limb: Limb, points: Mapping[str, Array], frames: Mapping[st
     # that never bends, the torso's x axis there.
     own = frames[root]
     axis = np.sum(np.einsum("fji,fj->fi", own, normal), axis=0)
-    if np.linalg.norm(axis) < 0.05 * normal.shape[0]:
-        axis = np.sum(np.einsum("fji,fj->fi", own, torso[:, :, 0]), axis=0)
+    across = np.sum(np.einsum("fji,fj->fi", own, torso[:, :, 0]), axis=0)
+    # A knee whose axis points to the other side is one that the capture, or its skeleton, overstretches.
+    if np.linalg.norm(axis) < 0.05 * normal.shape[0] or (limb == "leg" and axis @ across < 0.0):
+        axis = across
     expected = np.einsum("fij,j->fi", own, unit(axis))
     expected = unit(expected - a * np.sum(expected * a, axis=1, keepdims=True))
     sine = np.linalg.norm(normal, axis=1)
@@ -255,8 +273,8 @@ def _limb(side: str, limb: Limb, points: Mapping[str, Array], frames: Mapping[st
     trust = smooth_step(sine, _STRAIGHT, _BENT) * smooth_step(along, -0.2, 0.2)
     x = trust[:, None] * normal / np.maximum(sine, 1e-12)[:, None]
     upper = frame(x + (1.0 - trust)[:, None] * expected, -a)
-    across = np.sum(b * upper[:, :, 1], axis=1)
+    forth = np.sum(b * upper[:, :, 1], axis=1)
     down = -np.sum(b * upper[:, :, 2], axis=1)
-    angle = bend * np.maximum(bend * np.arctan2(across, down), 0.0)
+    angle = bend * np.maximum(bend * np.arctan2(forth, down), 0.0)
     turns = euler_zyx(np.swapaxes(torso, 1, 2) @ upper)
     return np.column_stack([turns, angle])

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from leastaction.apps.marionette.tracking.problem import SEARCH_STAGES
+from leastaction.apps.marionette.tracking.plan import PRICES
 from leastaction.apps.marionette.tracking.run import TrackingRun, TrackingSearch
 from leastaction.errors import LeastActionError, ResultFileError
 from leastaction.io.motion.motion import Motion
@@ -26,7 +26,7 @@ from leastaction.systems import MidpointSystem
 class MarionetteRun:
     """What a file holds of a `TrackingRun`: all that the rest follows from.
 
-    ``numbers`` are the parameters of the mechanism that are not those of `marionette`.
+    ``numbers`` are the parameters of the mechanism that are not those of `marionette`, ``strings`` how many it has.
     """
 
     source: str
@@ -35,6 +35,8 @@ class MarionetteRun:
     reference: Array
     embedded: bool
     result: OptimizationResult
+    plan: OptimizationResult | None = None
+    strings: int = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +49,7 @@ class MarionetteSearch:
     body: Array
     stage: int
     result: OptimizationResult
+    strings: int = 6
 
 
 def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
@@ -77,6 +80,8 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
         reference=run.reference,
         embedded=run.embedded,
         result=run.result,
+        plan=run.plan,
+        strings=run.mechanism.nc,
     )
     arrays = {name: getattr(trajectory, name) for name in ("q", "p", "lam")}
     return save_record(path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension})
@@ -94,6 +99,7 @@ def save_search(path: str | os.PathLike[str], search: TrackingSearch) -> Path:
         body=search.motion.columns(search.mechanism.dynamic),
         stage=search.stage,
         result=search.result,
+        strings=search.mechanism.nc,
     )
     return save_record(path, content, provenance=search.provenance)
 
@@ -133,12 +139,15 @@ def load_unfinished(path: str | os.PathLike[str]) -> TrackingRun | TrackingSearc
 
 def _numbers(mechanism: Mechanism) -> dict[str, float]:
     """Return the parameters of a mechanism that are not those of `marionette`."""
-    standard = marionette().parameters
+    standard = _mechanism(mechanism.nc, {}).parameters
     return {name: value for name, value in mechanism.parameters.items() if standard.get(name) != value}
 
 
-def _mechanism(numbers: Mapping[str, float]) -> Mechanism:
-    return marionette().with_parameters(numbers) if numbers else marionette()
+def _mechanism(strings: int, numbers: Mapping[str, float]) -> Mechanism:
+    if strings not in (6, 9):
+        raise ResultFileError(f"a marionette on {strings} strings is none")
+    mechanism = marionette(strings=9 if strings == 9 else 6)
+    return mechanism.with_parameters(numbers) if numbers else mechanism
 
 
 def _check(arrays: Mapping[str, tuple[Array, tuple[int, ...]]]) -> None:
@@ -150,7 +159,7 @@ def _check(arrays: Mapping[str, tuple[Array, tuple[int, ...]]]) -> None:
 def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Provenance) -> TrackingRun:
     check_result(saved.result, str(path))
     try:
-        mechanism = _mechanism(saved.numbers)
+        mechanism = _mechanism(saved.strings, saved.numbers)
         system = MidpointSystem(MidpointVI(mechanism), saved.t, multipliers=True)
         _check(
             {
@@ -166,6 +175,7 @@ def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Prov
             embedded=saved.embedded,
             trajectory=system.trajectory(saved.result.x, saved.result.u),
             result=saved.result,
+            plan=saved.plan,
             provenance=provenance,
         )
     except LeastActionError as error:
@@ -175,17 +185,20 @@ def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Prov
 def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance: Provenance) -> TrackingSearch:
     check_result(saved.result, str(path))
     try:
-        mechanism = _mechanism(saved.numbers)
-        N, nx = len(saved.t) - 1, mechanism.nx + mechanism.nc
-        # Those with motors have an input for each variable beside those of the strings.
-        inputs = saved.result.u.shape[1]
-        if not 0 <= saved.stage < SEARCH_STAGES or inputs not in (mechanism.nrho, mechanism.nd + mechanism.nrho):
-            raise ResultFileError(f"a search at stage {saved.stage} with {inputs} inputs is none")
+        mechanism = _mechanism(saved.strings, saved.numbers)
+        # By tensions: no lengths among the variables. Inputs are tensions, motors, and places of the upper ends.
+        N, strings = len(saved.t) - 1, mechanism.nc
+        nx, inputs = 2 * (mechanism.nd + 2 * strings), 3 * strings + mechanism.nd
+        if not 0 < saved.stage <= len(PRICES):
+            raise ResultFileError(f"a search at stage {saved.stage} is none")
+        steps = len(saved.result.u)
+        if steps not in (N, N // 2):
+            raise ResultFileError(f"a search with {steps} steps for a motion of {N} is none")
         _check(
             {
                 "body": (saved.body, (N + 1, mechanism.nd)),
-                "result.x": (saved.result.x, (N + 1, nx)),
-                "result.u": (saved.result.u, (N, inputs)),
+                "result.x": (saved.result.x, (steps + 1, nx)),
+                "result.u": (saved.result.u, (steps, inputs)),
             }
         )
         return TrackingSearch(

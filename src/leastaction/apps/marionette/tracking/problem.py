@@ -2,49 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 
 from leastaction.apps.marionette.tracking.cost import TrackingCost
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
 from leastaction.io.motion.motion import Motion
-from leastaction.mechanics import JointForce, Mechanism, MidpointVI, SimulationStatus
-from leastaction.models.marionette import STRINGS, UNHELD, hang_strings
+from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus
+from leastaction.models.marionette import STRINGS, UNHELD, hang_strings, strings_of
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction.systems import MidpointSystem
 
 ROOT = ("torso_tx", "torso_ty", "torso_tz")
-SLANT = 1.0  # m that slanted strings lean ahead
 MOST_STEPS = 100_000
 """More steps than these would want tens of gigabytes."""
 
 _GOOD_START_ANGLE = np.deg2rad(15.0)  # largest rms error of a held joint in a first trajectory
 _GOOD_START_DISTANCE = 0.15  # m, the same for the pelvis
-# Price of a motor's square, and the iterations at that price.
-_EMBEDDING = ((1e-6, 3), (1e-5, 3), (1e-4, 4), (1e-3, 6), (1e-2, 8), (1e-1, 8), (1.0, 8), (10.0, 8))
-# Parts of the final price of tension, and the iterations at that price, on the way there.
-_TENSION_STAGES = ((0.0, 15), (0.001, 15), (0.01, 15), (0.1, 15))
-SEARCH_STAGES = len(_EMBEDDING) + len(_TENSION_STAGES)
-"""Optimisations that a search for a first trajectory takes, one after the other."""
+
+
+def unheld(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the joints behind which no string is tied: with a string at each foot there is none."""
+    return UNHELD if len(strings_of(mechanism)) == len(STRINGS) else ()
 
 
 class TrackingProblem:
     """The tracking problem of one motion."""
 
-    def __init__(
-        self, mechanism: Mechanism, motion: Motion, weights: TrackingWeights, threads: int, *, ahead: float = 0.0
-    ) -> None:
+    def __init__(self, mechanism: Mechanism, motion: Motion, weights: TrackingWeights, threads: int) -> None:
         self.mechanism, self.weights, self.threads = mechanism, weights, threads
         self.t = motion.t
         self.body = _columns(mechanism, motion)
         self.dt = float(self.t[1] - self.t[0])
         self.integrator = MidpointVI(mechanism, threads=threads)
         self.system = MidpointSystem(self.integrator, self.t, multipliers=True)
-        self._refer(ahead)
+        self._refer()
 
     def hang(self) -> tuple[Array, Array] | None:
         """Return what the puppet does under hanging strings, or None where that is no good start."""
@@ -56,81 +48,26 @@ class TrackingProblem:
         far = [
             error > (_GOOD_START_DISTANCE if name in ROOT else _GOOD_START_ANGLE)
             for name, error in zip(m.dynamic, rms, strict=True)
-            if name not in UNHELD
+            if name not in unheld(m)
         ]
         if any(far):
             return None
         x = np.vstack([self.x_reference[:1], np.hstack([run.x[1:], run.lam])])
         return x, run.u
 
-    def embed(
-        self,
-        say: Callable[[str], object],
-        *,
-        stage: int = 0,
-        result: OptimizationResult | None = None,
-        keep: Callable[[int, OptimizationResult | IterationRecord], None],
-    ) -> tuple[Array, Array]:
-        """Return a first trajectory found with motors on all joints that become ever more expensive.
-
-        ``say``: told what each stage came to. ``stage``, ``result``: where an earlier search stood, to go on with.
-        ``keep``: told of every iteration with its stage, and of the result where Ctrl-C ends it.
-        """
-        m = self.mechanism
-        motors = [JointForce(name, f"motor of {name}") for name in m.dynamic]
-        helped = MidpointSystem(MidpointVI(m.with_elements(motors), threads=self.threads), self.t, multipliers=True)
-        x, u = (self.x_reference, np.hstack([np.zeros((len(self.t) - 1, m.nd)), self.reference[1:, m.nd :]]))
-        for number in range(stage, SEARCH_STAGES):
-            in_motors = number < len(_EMBEDDING)
-            if in_motors:
-                price, iterations = _EMBEDDING[number]
-                cost = self.cost(0.0, motor=price)
-            else:
-                part, iterations = _TENSION_STAGES[number - len(_EMBEDDING)]
-                cost = self.cost(part * self.weights.tension)
-                u = np.ascontiguousarray(u[:, -m.nrho :])  # those of motors come first
-            if result is None or result.iterations < iterations:
-                done = 0 if result is None else result.iterations
-                result = optimize(
-                    helped if in_motors else self.system,
-                    cost,
-                    initial=(x, u) if result is None else None,
-                    resume=result,
-                    method="quasi-newton" if in_motors else "auto",
-                    max_iterations=iterations - done,
-                    tolerance=1e-2 if in_motors else 1e-4,
-                    callback=partial(keep, number),
-                )
-                if result.status is Status.INTERRUPTED:
-                    # Ctrl-C, which a single optimisation only ends early, ends them all.
-                    keep(number, result)
-                    raise KeyboardInterrupt
-            x, u, result = result.x, result.u, None
-            if in_motors:
-                effort = float(np.max(np.sqrt(np.mean(u[:, : m.nd] ** 2, axis=0))))
-                say(f"motors at price {price:g}: the strongest gives {effort:.2g} N or N m (rms)")
-            else:
-                share = 100.0 * part
-                say(f"without motors, tension at {share:g} % of its price: cost {cost.value(x, u):.4g}")
-        return x, u
-
-    def cost(self, tension: float, *, motor: float | None = None) -> TrackingCost:
-        """Return the cost at a price of tension; with motors as further inputs if they have a price."""
+    def cost(self, tension: float) -> TrackingCost:
+        """Return the cost at a price of tension."""
         m, w = self.mechanism, self.weights
         inertia = np.diag(m.mass_matrix(self.reference[0]))[: m.nd]
-        body = np.array([w.root if n in ROOT else w.unheld if n in UNHELD else w.joint for n in m.dynamic])
-        rate = w.rate * np.array([w.unheld if n in UNHELD else 1.0 for n in m.dynamic]) / inertia**2
+        free = unheld(m)
+        body = np.array([w.root if n in ROOT else w.unheld if n in free else w.joint for n in m.dynamic])
+        rate = w.rate * np.array([w.unheld if n in free else 1.0 for n in m.dynamic]) / inertia**2
         # lam is an impulse for |p1 - p2|^2 - L^2: a newton of tension is dt / (2 L) of it.
-        lengths = self.reference[0, [m.variables.index(s.length) for s in STRINGS]]
+        lengths = self.reference[0, [m.variables.index(s.length) for s in strings_of(m)]]
         pull = tension * (2.0 * lengths / self.dt) ** 2
         Q = np.concatenate([body, np.full(m.nrho, w.string), rate, np.zeros(m.nrho), pull])
         R = np.full(m.nrho, 0.01 * w.string)
         u_reference = self.reference[1:, m.nd :]
-        motors = 0
-        if motor is not None:
-            motors = m.nd
-            R = np.concatenate([np.full(motors, motor), R])
-            u_reference = np.hstack([np.zeros((len(u_reference), motors)), u_reference])
         return TrackingCost(
             self.x_reference,
             u_reference,
@@ -139,16 +76,16 @@ class TrackingProblem:
             dt=self.dt,
             rho=slice(m.nd, m.nq),
             v_rho=slice(m.nq + m.nd, m.nx),
-            rho_next=slice(motors, motors + m.nrho),
+            rho_next=slice(0, m.nrho),
             acceleration=w.string_acceleration,
         )
 
-    def _refer(self, ahead: float) -> None:
+    def _refer(self) -> None:
         """Set the reference configurations and states, with strings that go with the body's motion."""
         m, N = self.mechanism, len(self.t) - 1
         q = np.zeros((N + 1, m.nq))
         q[:, : m.nd] = self.body
-        self.reference = hang_strings(m, q, ahead=ahead)
+        self.reference = hang_strings(m, q)
         v = np.gradient(self.reference, self.t, axis=0)
         start = self.integrator.start(self.reference[0])
         x = np.zeros((N + 1, self.system.nx))

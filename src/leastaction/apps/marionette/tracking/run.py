@@ -4,9 +4,12 @@ The reference gives the body's variables only. `track` guesses the strings that 
 trajectory that the puppet can make, and improves it with `leastaction.optimal.optimize`.
 
 The first trajectory is what the puppet does when its strings simply hang above the hooks of the reference.
-Where that goes wrong, because the motion is fast or the strings lose their grip on a stretched limb, it is
-found by *dynamic embedding* (dissertation 6.6.1): every joint gets a motor, with which any motion can be
-followed; the motors are made ever more expensive until they do nothing, and are then taken away.
+Where that goes wrong, because the motion is fast or the strings lose their grip on a stretched limb, the motion is
+planned by tensions (`Plan`): every joint gets a motor, with which any motion can be followed (*dynamic embedding*,
+dissertation 6.6.1); the motors are made ever more expensive until they do nothing, and are then taken away.
+
+Limits hold all along: strings pull, hinges do not overstretch, the strings' upper ends stay within reach and move as
+fast as `PuppetLimits` says. What cannot be followed within them is followed as well as they allow.
 """
 
 from __future__ import annotations
@@ -17,17 +20,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from leastaction.apps.marionette.tracking.problem import ROOT, SLANT, TrackingProblem
+from leastaction.apps.marionette.tracking.limits import PuppetLimits
+from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
 from leastaction.io.motion.motion import Motion
 from leastaction.io.results.record import Provenance
 from leastaction.mechanics import Mechanism, Trajectory
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import IterationRecord, OptimizationResult, optimize
+from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction.optimal.optimize import Callback, Method
 from leastaction.viz.tracking import TrackingErrors, tracking_errors
 
 _CHECKPOINTS_SHARE = 0.05  # of the time may go into checkpoints
+_FEW = 100  # steps, for which a search with longer ones is not worth it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,11 +48,14 @@ class TrackingRun:
     reference : ndarray, shape (N+1, nq)
         The configurations to be followed, with the strings that were guessed for them.
     embedded : bool
-        Whether the first trajectory was found by dynamic embedding.
+        Whether the motion was planned by tensions, its first trajectory found by dynamic embedding.
     trajectory : Trajectory
         The motion, by names: times, configurations, momenta, multipliers.
     result : OptimizationResult
         Of the optimiser, with the gains that hold the motion; its states are ``[q; rho; p; v_rho; lam]``.
+    plan : OptimizationResult or None
+        Of a motion that was planned by tensions: the optimiser's own result, in whose variables `result` says the same.
+        Its states are ``[q; rho; p; v_rho]``, its inputs the tensions and the next places of the upper ends.
     provenance : Provenance
     """
 
@@ -56,6 +65,7 @@ class TrackingRun:
     embedded: bool
     trajectory: Trajectory = field(repr=False)
     result: OptimizationResult = field(repr=False)
+    plan: OptimizationResult | None = field(default=None, repr=False)
     provenance: Provenance = field(default_factory=Provenance.now)
 
     @property
@@ -90,9 +100,9 @@ class TrackingSearch:
     motion : Motion
         To be followed.
     stage : int
-        Which of the search's optimisations it was at.
+        Which of the search's optimisations is next.
     result : OptimizationResult
-        Of that optimisation, so far.
+        Of the one before it.
     provenance : Provenance
     """
 
@@ -108,6 +118,8 @@ def track(
     motion: Motion,
     *,
     weights: TrackingWeights | None = None,
+    limits: PuppetLimits | None = None,
+    planned: bool = False,
     method: Method = "auto",
     max_iterations: int = 100,
     tolerance: float | None = None,
@@ -129,15 +141,20 @@ def track(
     weights : TrackingWeights, optional
         What matters how much. If not given, `GENTLE` where the hanging strings give a good first
         trajectory, else `FORCED`.
+    limits : PuppetLimits, optional
+        What the motion keeps to; `PuppetLimits` as it is if not given. A run is resumed with its own.
+    planned : bool, optional
+        Plan by tensions at once; else that is done where hanging strings give no good start, or end up pushing.
     method, max_iterations, callback
         As in `leastaction.optimal.optimize`, for the last optimisation.
     tolerance : float, optional
-        Likewise. If not given, 1e-6, or 1e-4 where the first trajectory had to be found by embedding:
+        Likewise. If not given, 1e-6, or 1e-3 where the first trajectory had to be found by embedding:
         such a motion is far from what the puppet does by itself, and its last digits cost much.
     progress : callable, optional
         Called with a line of text as the search for a first trajectory goes on.
     resume : TrackingRun or TrackingSearch, optional
-        Go on with an earlier run, or search, of the same motion. The iterates are those of a run that never stopped.
+        Go on with an earlier run, or search, of the same motion. The iterates are those of a run that never stopped,
+        as long as no limit is stated; a search goes on from its last whole stage.
     checkpoint : callable, optional
         Called with the run as it stands after an iteration, to be kept in case that the program ends; with a
         `TrackingSearch` while a first trajectory is sought, and where Ctrl-C ends that.
@@ -166,26 +183,28 @@ def track(
         pause = max(checkpoint_seconds, (after - began) / _CHECKPOINTS_SHARE)
         due = after + (pause if checkpoint_seconds > 0.0 else 0.0)
 
-    def keep_search(stage: int, found: OptimizationResult | IterationRecord) -> None:
-        ended = isinstance(found, OptimizationResult)
+    def keep_search(stage: int, found: OptimizationResult, at_once: bool) -> None:
+        kept(lambda: TrackingSearch(mechanism=mechanism, motion=motion, stage=stage, result=found), at_once=at_once)
 
-        def now() -> TrackingSearch:
-            result = found if isinstance(found, OptimizationResult) else found.snapshot()
-            return TrackingSearch(mechanism=mechanism, motion=motion, stage=stage, result=result)
-
-        kept(now, at_once=ended)
-
-    earlier = resume.result if isinstance(resume, TrackingRun) else None
+    bounds = limits or PuppetLimits()
     problem = TrackingProblem(mechanism, motion, weights or GENTLE, threads)
-    initial = problem.hang() if resume is None else None
+    initial = problem.hang() if resume is None and not planned else None
     embedded = resume.embedded if isinstance(resume, TrackingRun) else initial is None
+    earlier = resume.result if isinstance(resume, TrackingRun) else None
+    plan: Plan | None = None
     if embedded:
-        problem = TrackingProblem(mechanism, motion, weights or FORCED, threads, ahead=SLANT)
-        if earlier is None:
+        problem = TrackingProblem(mechanism, motion, weights or FORCED, threads)
+        plan = Plan(problem, weights or FORCED, bounds)
+        coarse = _coarser(plan, motion)
+        if isinstance(resume, TrackingRun):
+            earlier = resume.plan
+        else:
             stage, result = (resume.stage, resume.result) if isinstance(resume, TrackingSearch) else (0, None)
-            initial = problem.embed(progress or (lambda _: None), stage=stage, result=result, keep=keep_search)
+            found = coarse.search(progress or (lambda _: None), stage=stage, result=result, keep=keep_search)
+            initial = plan.finer(coarse, *found)
 
-    def run_of(result: OptimizationResult) -> TrackingRun:
+    def run_of(found: OptimizationResult) -> TrackingRun:
+        result = found if plan is None else plan.by_lengths(found)
         return TrackingRun(
             mechanism=mechanism,
             source=motion.source,
@@ -193,6 +212,7 @@ def track(
             embedded=embedded,
             trajectory=problem.system.trajectory(result.x, result.u),
             result=result,
+            plan=None if plan is None else found,
         )
 
     def watch(record: IterationRecord) -> object:
@@ -200,18 +220,58 @@ def track(
         return callback(record) if callback is not None else None
 
     if tolerance is None:
-        tolerance = 1e-4 if embedded else 1e-6
-    result = optimize(
-        problem.system,
-        problem.cost(problem.weights.tension),
-        initial=initial,
-        resume=earlier,
-        method=method,
-        max_iterations=max_iterations,
-        tolerance=tolerance,
-        callback=watch,
-    )
+        tolerance = 1e-3 if embedded else 1e-6
+    system, cost = (plan.system, plan.cost()) if plan else (problem.system, problem.cost(problem.weights.tension))
+    mechanism_used, place = system.integrator.mechanism, problem.reference[:, :2]
+    kinds = frozenset({"tension", "joints"}) if embedded else frozenset()
+    if earlier is not None and earlier.limits is not None:
+        kinds |= bounds.kinds(mechanism_used, earlier.limits.labels)
+    left = max_iterations
+    start: tuple[Array, Array] | OptimizationResult | None = initial
+    while True:
+        result = optimize(
+            system,
+            cost,
+            initial=start,
+            resume=earlier,
+            limits=bounds.of(mechanism_used, place, kinds),
+            free_start=plan.free_start if plan else False,
+            method=method,
+            max_iterations=left,
+            tolerance=tolerance,
+            callback=watch,
+        )
+        # A limit that the motion keeps to anyway need not be stated; one that it breaks is, and the search goes on.
+        more = bounds.broken(mechanism_used, problem.t, place, result.x) - kinds
+        if "tension" not in kinds and run_of(result).tension.min() < bounds.tension:
+            more |= {"tension"}
+        left = max_iterations - result.iterations
+        if not more or left < 1 or result.status in (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK):
+            break
+        kinds, start, earlier = kinds | more, result, None
+    if plan is not None:
+        result = plan.pulling(result)
     try:
-        return run_of(result)
+        run = run_of(result)
     except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
-        return run_of(result)
+        run = run_of(result)
+    ended = result.status in (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
+    if plan is None and resume is None and not ended and "tension" in kinds and run.tension.min() < 0.0:
+        if progress is not None:
+            progress("hanging strings end up pushing: the motion is planned by tensions")
+        return track(
+            mechanism, motion, weights=weights, limits=limits, planned=True, method=method,
+            max_iterations=max_iterations, callback=callback, progress=progress, checkpoint=checkpoint,
+            checkpoint_seconds=checkpoint_seconds, threads=threads,
+        )  # fmt: skip
+    return run
+
+
+def _coarser(plan: Plan, motion: Motion) -> Plan:
+    """Return a plan with steps of twice the length, for the search; the plan itself where it has few."""
+    steps = len(motion.t) - 1
+    if steps < _FEW:
+        return plan
+    slow = motion.resample(motion.duration / (steps // 2), duration=motion.duration)
+    problem = plan.problem
+    return Plan(TrackingProblem(problem.mechanism, slow, plan.weights, problem.threads), plan.weights, plan.limits)

@@ -52,6 +52,5 @@ class TrackingWeights:
 GENTLE = TrackingWeights()
 """For a motion that the puppet nearly makes by itself: all joints count, the strings go where they like."""
 
-FORCED = TrackingWeights(unheld=0.01, string=0.1, string_acceleration=1e-5, tension=1e-6)
-"""For a motion that it must be made to do: what no string holds may swing, and the strings of the limbs keep
-their slant, without which they would lose their grip."""
+FORCED = TrackingWeights(unheld=0.01, string=0.01, string_acceleration=1e-5, tension=1e-5)
+"""For a motion that it must be made to do: what no string holds may swing."""

@@ -1,0 +1,143 @@
+"""Captures of any kind become motions of a puppet whose strings pull: variants of made-up ones, and three real ones."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from apps.puppet_bvh import CMU_NAMES, Z_UP, Convention, waving, write_puppet
+from leastaction.apps.cli import main
+from leastaction.apps.marionette import VARIABLES, load_motion, load_run, retarget
+from leastaction.io import read_bvh
+from leastaction.models.marionette import JOINT_LIMITS
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+SHARED = Path(os.environ.get("SHARED_DIR", REPOSITORY.parent / "shared")) / "data" / "mocap"
+
+MIXAMO = {role: f"mixamorig:{name}" for role, name in CMU_NAMES.items()}
+KINECT = {
+    f"{side}_{joint}": f"{joint.capitalize()}{side.capitalize()}"
+    for side in ("left", "right")
+    for joint in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+}
+ROKOKO = {
+    f"{side}_{joint}": f"{side.capitalize()}{name}"
+    for side in ("left", "right")
+    for joint, name in (
+        ("hip", "Thigh"), ("knee", "Shin"), ("ankle", "Foot"),
+        ("shoulder", "Arm"), ("elbow", "ForeArm"), ("wrist", "Hand"),
+    )
+}  # fmt: skip
+
+
+def turned(turns: float, radius: float = 0.0) -> np.ndarray:
+    """A lively motion whose heading makes so many turns, on a circle of that radius."""
+    q = waving(200)
+    angle = np.linspace(0.0, 2.0 * np.pi * turns, len(q))
+    q[:, 3] += angle
+    q[:, 0] += radius * (np.cos(angle) - 1.0)
+    q[:, 1] += radius * np.sin(angle)
+    return q
+
+
+@pytest.mark.parametrize("names", [MIXAMO, KINECT, ROKOKO])
+def test_names_of_other_skeletons(tmp_path: Path, names: dict[str, str]) -> None:
+    q = waving()
+    made = retarget(read_bvh(write_puppet(tmp_path / "a.bvh", q, convention=Convention(names=names, unit=0.0254))))
+    np.testing.assert_allclose(made.motion.columns(VARIABLES[6:]), q[:, 6:], atol=1e-6)
+
+
+def test_hands_without_a_name_that_is_known(tmp_path: Path) -> None:
+    names = {**CMU_NAMES, "left_wrist": "Paw1", "right_wrist": "Paw2"}
+    made = retarget(read_bvh(write_puppet(tmp_path / "a.bvh", waving(), convention=Convention(names=names))))
+    assert made.joints["left_wrist"] == "Paw1"
+
+
+def test_a_person_who_turns_all_the_way_faces_ahead_at_first(tmp_path: Path) -> None:
+    q = turned(1.0)
+    made = retarget(read_bvh(write_puppet(tmp_path / "a.bvh", q, frame_time=0.02)))
+    assert made.motion["torso_rz"][0] == pytest.approx(0.0, abs=0.05)
+    assert np.ptp(made.motion["torso_rz"]) == pytest.approx(np.ptp(q[:, 3]), abs=1e-6)
+
+
+def test_a_walk_in_a_circle_goes_straight(tmp_path: Path) -> None:
+    path = write_puppet(tmp_path / "a.bvh", turned(1.0, 1.0), frame_time=0.02)
+    round_, straight = retarget(read_bvh(path)), retarget(read_bvh(path), heading="straight")
+    assert np.ptp(round_.motion["torso_rz"]) > 6.0
+    # The first and last quarter of a second feel the ends of the filter.
+    assert np.ptp(straight.motion["torso_rz"]) < 1.5
+
+    def way(motion: object) -> float:
+        place = motion.q[:, :2]  # type: ignore[attr-defined]
+        return float(np.sum(np.linalg.norm(np.diff(place, axis=0), axis=1)))
+
+    assert way(straight.motion) == pytest.approx(way(round_.motion), rel=1e-6)
+    np.testing.assert_allclose(straight.motion.columns(VARIABLES[6:]), round_.motion.columns(VARIABLES[6:]))
+    assert straight.largest_error == pytest.approx(round_.largest_error, abs=1e-9)
+
+
+def test_a_person_who_somersaults_is_upright_by_the_skeleton(tmp_path: Path) -> None:
+    q = waving(100)
+    q[:, 5] += np.linspace(0.0, 2.0 * np.pi, len(q), endpoint=False)
+    made = retarget(read_bvh(write_puppet(tmp_path / "a.bvh", q, convention=Convention(axes=Z_UP))))
+    assert made.up == "z"
+
+
+def test_knees_that_a_skeleton_overstretches_point_ahead(tmp_path: Path) -> None:
+    """A leg that is bent a little to the wrong side is a straight one, not one turned round."""
+    q = np.zeros((40, len(VARIABLES)))
+    q[:, VARIABLES.index("lknee_rx")] = 0.1
+    q[:, VARIABLES.index("relbow_rx")] = 0.4 + 0.1 * np.sin(np.arange(40))
+    made = retarget(read_bvh(write_puppet(tmp_path / "a.bvh", q))).motion
+    assert abs(made["lhip_rz"]).max() < 0.1
+    assert abs(made["lknee_rx"]).max() < 1e-9
+
+
+def test_part_of_a_capture_at_another_speed(tmp_path: Path) -> None:
+    path = write_puppet(tmp_path / "a.bvh", waving(100), frame_time=0.02)
+    options = {"start": "moving", "cutoff": None, "dt": 0.02}
+    whole = load_motion(path, **options).motion
+    half = load_motion(path, trim=(0.4, 1.0), speed=0.5, **options)
+    assert half.motion.duration == pytest.approx(1.2)
+    np.testing.assert_allclose(half.motion["lknee_rx"][::2], whole["lknee_rx"][20:51], atol=1e-9)
+    assert half.motion["torso_tx"][0] == 0.0
+    assert "speed 0.5" in half.summary()
+
+
+def optimize(capsys: pytest.CaptureFixture[str], out: Path, *words: object) -> dict:
+    with pytest.raises(SystemExit) as ended:
+        main(["optimize", "marionette", "--out", str(out), "--no-plots", "--no-animation", *map(str, words)])
+    said = capsys.readouterr()
+    assert (ended.value.code, said.err) == (0, "")
+    return dict(json.loads((out / "summary.json").read_text(encoding="utf-8")))
+
+
+def check(out: Path) -> None:
+    """Every string pulls at every instant, and hinges are not overstretched."""
+    run = load_run(out / "trajectory.npz")
+    assert run.tension.min() >= 0.0
+    for name, (least, most) in JOINT_LIMITS.items():
+        assert least - 1e-3 <= run.trajectory[name].min() <= run.trajectory[name].max() <= most + 1e-3
+
+
+def test_a_lively_capture_in_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_puppet(tmp_path / "a.bvh", turned(0.1), convention=Convention(names=MIXAMO), frame_time=0.02)
+    words = ("--motion", path, "--dt", 0.02, "--speed", 0.5, "--trim", 0, 0.5, "--forward", "z", "--up", "y")
+    numbers = optimize(capsys, tmp_path / "out", *words)
+    assert numbers["run"]["status"] in ("CONVERGED", "STALLED")
+    assert {entry["limit"] for entry in numbers["limits_reached"]}
+    check(tmp_path / "out")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", ["cmu_02_01_walk", "wave_hello", "dab"])
+def test_real_captures(tmp_path: Path, capsys: pytest.CaptureFixture[str], file: str) -> None:
+    path = SHARED / f"{file}.bvh"
+    if not path.exists():
+        pytest.skip(f"no {path} (set SHARED_DIR)")
+    optimize(capsys, tmp_path / "out", "--motion", path, "--dt", 0.02, "--trim", 0, 2, "--max-iterations", 40)
+    check(tmp_path / "out")
