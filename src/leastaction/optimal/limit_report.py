@@ -12,7 +12,27 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
 
-__all__ = ["LimitReport", "LimitState"]
+__all__ = ["Barrier", "LimitReport", "LimitState"]
+
+
+@dataclass(frozen=True)
+class Barrier:
+    """What an optimisation with limits needs to go on as if it had not been stopped.
+
+    ``size``: the cost at the start. ``tolerance``: of the optimisation. ``first_mu``, ``last_mu``: parameters of the
+    first and the last stage. ``duals``, ``scale``, ``prices`` (n,): of all sides, those of equations twice, one after
+    the other.
+    """
+
+    size: float
+    tolerance: float
+    first_mu: float
+    last_mu: float
+    duals: Array
+    scale: Array
+    prices: Array
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
 
 @dataclass(frozen=True)
@@ -72,7 +92,7 @@ class LimitReport:
     sides: tuple[LimitState, ...]
     mu: float
     excess: float
-    first_mu: float = field(repr=False, default=np.nan)
+    barrier: Barrier | None = field(repr=False, default=None)
 
     def __getitem__(self, label: str) -> Array:
         """Return the values (n,) of a side by its label; see `LimitState`."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
-from leastaction.optimal.limit_report import LimitReport, LimitState
+from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
 from leastaction.optimal.limits.barrier import Split, barrier_value, first_duals, moved_duals, split, stiffness
 from leastaction.optimal.quantity import Instants
 
@@ -206,7 +206,14 @@ class Duals:
                 self.y[i] = np.clip(side.dual, 1e-12 * side.price, 0.9 * side.price)
         self._settle_prices()
 
-    def report(self, k: Sequence[Instants], c: Sequence[Array], duals: Sequence[Array], first_mu: float) -> LimitReport:
+    def restore(self, mu: float, barrier: Barrier) -> None:
+        """Go on exactly where an optimisation with the same limits was."""
+        self.mu, self.y = mu, self._apart(barrier.duals.copy())
+        ends = np.cumsum([len(scale) for scale in self.scale])[:-1]
+        self.scale, self.rho = np.split(barrier.scale.copy(), ends), np.split(barrier.prices.copy(), ends)
+        self._settle_prices()
+
+    def states(self, k: Sequence[Instants], c: Sequence[Array], duals: Sequence[Array]) -> tuple[LimitState, ...]:
         """Return what is told of the limits, given their instants, values and duals."""
         sides = []
         for i, own in enumerate(self.sides):
@@ -223,7 +230,7 @@ class Duals:
                 array.setflags(write=False)
             price = read_only(self.rho[i].copy())
             sides.append(LimitState(own.limit, own.labels, own.equal, at, c[i], dual, price, active))
-        return LimitReport(tuple(sides), self.mu, self.excess(c), first_mu)
+        return tuple(sides)
 
 
 def _joined(values: Sequence[Array]) -> Array:
@@ -256,19 +263,31 @@ class Stages:
         ArgumentError
             If it is resumed and had others.
         """
-        duals, first = self.duals, self.first_mu
+        duals = self.duals
         if given is None:
             return
         if duals.takes(given):
-            duals.mu = given.mu if resumed else max(_FIRST_AGAIN * first, self.last)
-            if resumed:
-                self.first_mu, self.last = given.first_mu, given.first_mu * self.last / first
+            barrier = given.barrier
+            if resumed and barrier is not None:
+                self.size, self.first_mu = barrier.size, barrier.first_mu
+                # Another tolerance than before has another end.
+                self.last = barrier.last_mu if self.tolerance == barrier.tolerance else self._last(self.size)
+                duals.restore(given.mu, barrier)
+                return
+            duals.mu = max(_FIRST_AGAIN * self.first_mu, self.last)
             duals.take(given)
         elif resumed:
             raise ArgumentError(
                 f"resume: got a result with the limits {', '.join(given.labels[:4])} ..., expected those of this "
                 "call. Give initial=result to start from its trajectory with others"
             )
+
+    def report(self, k: Sequence[Instants], c: Sequence[Array], duals: Sequence[Array]) -> LimitReport:
+        """Return what is told of the limits, given their instants, values and duals."""
+        own = self.duals
+        arrays = [read_only(_joined(each)) for each in (own.y, own.scale, own.rho)]
+        barrier = Barrier(self.size, self.tolerance, self.first_mu, self.last, *arrays)
+        return LimitReport(own.states(k, c, duals), own.mu, own.excess(c), barrier)
 
     @property
     def is_last(self) -> bool:

@@ -216,4 +216,4 @@ class LimitedProblem(DiscreteProblem):
 
     def _report(self) -> LimitReport:
         k = [rows.k for rows in self.limited.rows]
-        return self.duals.report(k, self._limits(), self._duals(), self.stages.first_mu)
+        return self.stages.report(k, self._limits(), self._duals())
