@@ -346,6 +346,8 @@ def test_some_entries_return_and_others_advance(free: bool | list[str]) -> None:
     np.testing.assert_allclose(np.diff(result.x[:, 0]), 0.01, atol=1e-6)
     np.testing.assert_allclose(result.u, 0.0, atol=1e-5)
     np.testing.assert_allclose(result.x[:, 2], 11.0 * 0.2, atol=1e-4)
+    # The cost goes as the square of the advance, and the dual is its slope.
+    assert result.limits.sides[0].dual[0, 0] == pytest.approx(2.0 * result.cost / 0.4, rel=1e-3)
 
 
 def test_an_angle_returns_modulo_a_turn() -> None:

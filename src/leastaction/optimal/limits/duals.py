@@ -147,12 +147,8 @@ class Duals:
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
         return max(
-            (
-                digits / side.weight * float(np.max(y * (scale + side.size), initial=0.0))
-                for side, y, scale in zip(self.sides, self.y, self.scale, strict=True)
-                if not side.equal
-            ),
-            default=0.0,
+            digits / side.weight * float(np.max(y * (scale + side.size), initial=0.0))
+            for side, y, scale in zip(self.sides, self.y, self.scale, strict=True)
         )
 
     def price(self, c: Sequence[Array], dearest: float) -> bool:
@@ -305,15 +301,16 @@ class Stages:
     def advance(self, cost: float, c: Sequence[Array]) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more."""
         duals = self.duals
+        was_last = self.is_last
         # The cost of the start may be far from that of the end.
-        self.last = max(min(self.last, self._last(abs(cost))), duals.least_mu(self.digits))
+        self.last = max(self._last(abs(cost)), duals.least_mu(self.digits))
         dearer = duals.price(c, _DEAREST * self.size)
         if not dearer:
-            if duals.mu <= self.last or duals.hopeless():
+            if was_last or duals.hopeless():
                 return False
             unit = self.first_mu / _FIRST
             part = duals.mu / unit
-            duals.mu = max(self.last, unit * min(_LESS * part, part**_POWER))
+            duals.mu = min(duals.mu, max(self.last, unit * min(_LESS * part, part**_POWER)))
         return True
 
     def are_met(self, c: Sequence[Array]) -> bool:
