@@ -145,7 +145,7 @@ problem.TrackingProblem.hang = lambda self: None
 
 def test_a_signal_while_a_first_trajectory_is_sought(tmp_path: Path) -> None:
     words = ["demo", "--duration", "0.3", "--no-plots", "--no-animation", "--checkpoint", "0", "--out", tmp_path]
-    code, errors = run_until("motors at price 1e-06", words, signal.SIGTERM, before=SOUGHT)
+    code, errors = run_until("motors at price 0.001", words, signal.SIGTERM, before=SOUGHT)
     path = tmp_path / "search.npz"
     assert code == 130
     assert f"interrupted; the search for a first trajectory is in {path}" in errors

@@ -133,9 +133,9 @@ class Plan:
             if price is None:
                 say(f"without motors: cost {result.cost:.4g}")
                 break
+            keep(number + 1, result, False)
             effort = float(np.max(np.sqrt(np.mean(result.u[:, motors] ** 2, axis=0))))
             say(f"motors at price {price:g}: the strongest gives {effort:.2g} N or N m (rms)")
-            keep(number + 1, result, False)
         assert result is not None
         return result.x, result.u
 
