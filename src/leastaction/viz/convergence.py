@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MARKS: Final = {"steepest": (ORANGE, "s"), "quasi": (GREEN, "^"), "newton": (BLUE, "o")}
+# The first whose name a method's begins with.
+_MARKS: Final = {"steepest": (ORANGE, "s"), "quasi": (GREEN, "^"), "newton-damped": (BLUE, "v"), "newton": (BLUE, "o")}
 
 
 def _mark(method: str) -> tuple[str, str]:
@@ -43,7 +44,7 @@ def plot_convergence(
         or (M+1,) with the value at the end. Its size is drawn, on a log scale.
     methods
         Name of the direction of each step, at most (M+1,): ``steepest...``, ``quasi...``,
-        ``newton...`` get their own marks.
+        ``newton-damped...``, ``newton...`` get their own marks.
     tolerance
         Expected decrease below which the run stops, drawn as a line.
     title
