@@ -238,3 +238,16 @@ def test_nine_strings_hold_the_shins(tmp_path: Path) -> None:
         PuppetLimits(speed=0.0)
     with pytest.raises(ArgumentError, match="expected the least first"):
         PuppetLimits(joints={"lknee_rx": (0.0, -1.0)})
+
+
+def test_a_plan_that_cannot_be_followed_is_searched_with_its_own_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the motion found with longer steps is no start for these."""
+
+    def wild(self: plan.Plan, coarse: plan.Plan, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return 1e3 * self.x_reference, 1e3 * self.u_reference
+
+    monkeypatch.setattr(plan.Plan, "finer", wild)
+    said: list[str] = []
+    run = track(PUPPET, leap(0.3), max_iterations=20, progress=said.append)
+    assert "the search begins again" in " ".join(said)
+    assert run.tension.min() >= 0.0

@@ -24,6 +24,7 @@ from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
+from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion
 from leastaction.io.results.record import Provenance
 from leastaction.mechanics import Mechanism, Trajectory
@@ -229,18 +230,27 @@ def track(
     left = max_iterations
     start: tuple[Array, Array] | OptimizationResult | None = initial
     while True:
-        result = optimize(
-            system,
-            cost,
-            initial=start,
-            resume=earlier,
-            limits=bounds.of(mechanism_used, place, kinds),
-            free_start=plan.free_start if plan else False,
-            method=method,
-            max_iterations=left,
-            tolerance=tolerance,
-            callback=watch,
-        )
+        try:
+            result = optimize(
+                system,
+                cost,
+                initial=start,
+                resume=earlier,
+                limits=bounds.of(mechanism_used, place, kinds),
+                free_start=plan.free_start if plan else False,
+                method=method,
+                max_iterations=left,
+                tolerance=tolerance,
+                callback=watch,
+            )
+        except ArgumentError:
+            if plan is None or start is not initial or initial is None:
+                raise
+            # What was found with longer steps is too wild to be followed by these: they are searched with themselves.
+            if progress is not None:
+                progress("the motion found with longer steps cannot be followed: the search begins again with these")
+            start = plan.search(progress or (lambda _: None), keep=lambda *_: None)
+            continue
         # A limit that the motion keeps to anyway need not be stated; one that it breaks is, and the search goes on.
         more = bounds.broken(mechanism_used, problem.t, place, result.x) - kinds
         if "tension" not in kinds and run_of(result).tension.min() < bounds.tension:
