@@ -266,7 +266,7 @@ def track(
     except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
         run = run_of(result)
     ended = result.status in (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
-    if plan is None and resume is None and not ended and "tension" in kinds and run.tension.min() < 0.0:
+    if plan is None and not ended and "tension" in kinds and run.tension.min() < 0.0:
         if progress is not None:
             progress("hanging strings end up pushing: the motion is planned by tensions")
         return track(
