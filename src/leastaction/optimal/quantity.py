@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 
-__all__ = ["Entries", "FunctionQuantity", "Instants", "Later", "Quantity", "Samples"]
+__all__ = ["Entries", "FunctionQuantity", "Instants", "Later", "Quantity", "QuantityView", "Samples"]
 
 Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
 """Whole numbers: indices of instants, or places in a vector."""
@@ -144,7 +144,7 @@ class Entries(Quantity):
         )
 
 
-class _View(Quantity):
+class QuantityView(Quantity):
     """Another quantity, but for what a subclass changes."""
 
     def __init__(self, whole: Quantity) -> None:
@@ -153,10 +153,11 @@ class _View(Quantity):
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
 
     def columns(self, nx: int, nu: int) -> Instants | None:
+        """Return the places on which it depends."""
         return self.whole.columns(nx, nu)
 
 
-class _Selected(_View):
+class _Selected(QuantityView):
     """Some of the functions of another quantity."""
 
     def __init__(self, whole: Quantity, rows: tuple[int, ...]) -> None:
@@ -176,7 +177,7 @@ class _Selected(_View):
         return self.whole.curvature(at, weights)
 
 
-class Later(_View):
+class Later(QuantityView):
     """A quantity as it is from a later instant on: what a window of a system has of it."""
 
     def __init__(self, whole: Quantity, start: int) -> None:

@@ -8,24 +8,21 @@ from typing import Any
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.quantity import Instants, Quantity, Samples
+from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples
 from leastaction.optimal.unknowns.system import ExtendedSystem, by_differences
 
 __all__ = ["ExtendedQuantity"]
 
 
-class ExtendedQuantity(Quantity):
+class ExtendedQuantity(QuantityView):
     """A quantity of the system's own states, at the parameters of the extended state.
 
     Derivatives by the parameters are differences of fourth order. ``of``: returns the quantity of a system.
     """
 
     def __init__(self, system: ExtendedSystem, own: Quantity, of: Callable[[Any], Quantity]) -> None:
-        self.system, self.own, self.of = system, own, of
-        self.names, self.kind, self.unit = own.names, own.kind, own.unit
-        self.of_state, self.looks_ahead, self.says_all, self.first = (
-            own.of_state, own.looks_ahead, own.says_all, own.first
-        )  # fmt: skip
+        super().__init__(own)
+        self.system, self.of = system, of
         # One that is always the same object depends on nothing else.
         self.fixed = not system.names or of(system.system) is own
 
@@ -75,7 +72,7 @@ class ExtendedQuantity(Quantity):
     def _places(self, nu: int) -> Instants:
         """Return the places in the system's own ``(x, u, x_next)`` in which the quantity gives its derivatives."""
         n = self.system.n_own
-        places = self.own.columns(n, nu)
+        places = self.whole.columns(n, nu)
         if places is not None:
             return places
         return np.arange(n if self.of_state else 2 * n + nu if self.looks_ahead else n + nu)
@@ -93,4 +90,4 @@ class ExtendedQuantity(Quantity):
         return Samples(at.k, self.system.own(at.x), at.u, x_next), self.system.values(at.x[0]).copy()
 
     def _at(self, values: Array) -> Quantity:
-        return self.own if self.fixed else self.of(self.system.at(values))
+        return self.whole if self.fixed else self.of(self.system.at(values))
