@@ -8,10 +8,15 @@
 
 namespace leastaction {
 
-// Threads to use: as asked for, or as many as the machine has (requested <= 0); never more than there is work.
+// Threads to use: as asked for, or as many as the machine has (requested <= 0) and are worth their start, which takes as
+// long as a few pieces of work; never more than there is work.
 inline int thread_count(int requested, int work) {
-    // Only where it counts: asking the machine takes microseconds.
-    if (requested <= 0 && work > 1) requested = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    constexpr int worth = 8;  // pieces of work a thread
+    if (requested <= 0) {
+        work /= worth;
+        // Only where it counts: asking the machine takes microseconds.
+        if (work > 1) requested = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    }
     return std::max(1, std::min(requested, work));
 }
 

@@ -57,6 +57,9 @@ class LimitState:
         What a unit of excess cost in the end.
     active : ndarray of bool (n, m)
         Where the limit holds the motion back.
+    t : ndarray (n,) or None
+        In continuous time: the times (s) of the instants, which are those of the points of the horizon's pieces. Duals
+        of what holds all along are then per second.
     """
 
     limit: str
@@ -67,6 +70,7 @@ class LimitState:
     dual: Array
     price: Array
     active: np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
+    t: Array | None = None
 
     def broken(self, column: int) -> bool:
         """Whether what a column says is not enforced by its price somewhere."""
@@ -137,16 +141,21 @@ class LimitReport:
 
     def contradiction(self, when: Callable[[int], str], most: int = 3) -> str:
         """Return which limits are not met and where, and which ones stand against them."""
-        broken, against = [], []
+        # What a label says may stand on several sides; the worst of them speaks for it.
+        broken: dict[str, tuple[float, str]] = {}
+        against: dict[str, tuple[float, str]] = {}
         for side in self.sides:
             for j, label in enumerate(side.labels):
                 value = -np.abs(side.value[:, j]) if side.equation else side.value[:, j]
                 i = int(np.argmin(value))
                 pull = side.price[j] * -value[i]
                 if side.broken(j):
-                    broken.append((pull, f"{label!r} by {-value[i]:.3g} at {when(int(side.k[i]))}"))
+                    text = f"{label!r} by {-value[i]:.3g} at {when(int(side.k[i]))}"
+                    broken[label] = max(broken.get(label, (0.0, "")), (pull, text))
                 elif side.active[:, j].any():
                     i = int(np.argmax(np.abs(side.dual[:, j])))
-                    against.append((abs(side.dual[i, j]), f"{label!r} (most at {when(int(side.k[i]))})"))
-        texts = [", ".join(text for _, text in sorted(each, reverse=True)[:most]) for each in (broken, against)]
+                    text = f"{label!r} (most at {when(int(side.k[i]))})"
+                    against[label] = max(against.get(label, (0.0, "")), (abs(float(side.dual[i, j])), text))
+        worst = (sorted(each.values(), reverse=True)[:most] for each in (broken, against))
+        texts = [", ".join(text for _, text in each) for each in worst]
         return f"Not met: {texts[0]}." + (f" Against that stand {texts[1]}." if texts[1] else "")

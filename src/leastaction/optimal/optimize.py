@@ -14,6 +14,7 @@ from typing import Any, Literal, cast, overload
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
+from leastaction.optimal.collocation.problem import CollocationProblem
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.problem import ContinuousProblem
@@ -67,9 +68,11 @@ def optimize(
     system: ContinuousSystem,
     cost: ContinuousCost,
     *,
-    initial: DenseTrajectory | tuple[TimeFunctionLike, TimeFunctionLike] | None = ...,
+    initial: DenseTrajectory | ContinuousOptimizationResult | tuple[TimeFunctionLike, TimeFunctionLike] | None = ...,
     horizon: tuple[float, float] | None = ...,
     resume: ContinuousOptimizationResult | None = ...,
+    limits: Sequence[Limit] = ...,
+    free_start: bool | Sequence[str] = ...,
     method: Method = ...,
     regulator: Regulator = ...,
     max_iterations: int = ...,
@@ -125,10 +128,11 @@ def optimize(
         Go on from an earlier result instead of `initial`. The iterates are those of a run that was
         never stopped, if method, regulator, accuracy, cost and system are the same.
     limits : sequence of Limit, optional
-        What the motion of a discrete system has to keep to, as `Bound`, `Equal`, `Within` say. The start need not keep
-        to them. See `leastaction.optimal.limits`.
+        What the motion has to keep to, as `Bound`, `Equal`, `Within` say. The start need not keep to them. In
+        continuous time they hold at the points of a mesh (see `leastaction.optimal.collocation`), which is made finer
+        until the motion is right to a thousand times the accuracy's `rtol`, a hundred-thousandth at most.
     free_start : bool or sequence of str, optional
-        Whether the initial state of a discrete system is found too, or which entries of it, by their names (see
+        Whether the initial state is found too, or which entries of it, by their names (see
         ``system.quantity("state")``) with wildcards. It stays on the constraints of a mechanism. The cost has to
         weigh what is free; at the start itself limits hold as well then. `Periodic` among the limits has it return.
     unknowns : sequence of Parameter or FinalTime, optional
@@ -227,17 +231,18 @@ def optimize(
             if isinstance(initial, OptimizationResult):
                 initial = initial.x, initial.u
     else:
-        if limits:
-            raise ArgumentError(
-                "limits: got some for a continuous system, expected none: limits are for discrete systems"
-            )
-        if free_start is not False:
-            raise ArgumentError(f"free_start: got {free_start!r} for a continuous system, expected False")
+        limits, free = _checked(limits), _checked_start(free_start, system)
         if unknowns:
             raise ArgumentError(
                 "unknowns: got some for a continuous system, expected none: they are for discrete systems"
             )
-        problem = ContinuousProblem(system, cast(ContinuousCost, cost), settings, accuracy or Accuracy(), horizon)
+        rate, accuracy = cast(ContinuousCost, cost), accuracy or Accuracy()
+        if limits or free is not False:
+            problem = CollocationProblem(system, rate, limits, settings, accuracy, horizon, free)
+        else:
+            problem = ContinuousProblem(system, rate, settings, accuracy, horizon)
+            if isinstance(initial, ContinuousOptimizationResult):
+                initial = initial.trajectory
     if resume is not None:
         problem.resume(resume)
     else:
@@ -247,7 +252,7 @@ def optimize(
     return result if extension is None else extension.result(result)
 
 
-def _checked_start(free: bool | Sequence[str], system: DiscreteSystem) -> bool | tuple[str, ...]:
+def _checked_start(free: bool | Sequence[str], system: DiscreteSystem | ContinuousSystem) -> bool | tuple[str, ...]:
     if isinstance(free, bool):
         return free
     names = (free,) if isinstance(free, str) else tuple(free)

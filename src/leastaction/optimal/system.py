@@ -17,14 +17,15 @@ newton              x          x             x
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_count
+from leastaction.optimal.quantity import Entries, Quantity
 
 __all__ = ["Linearization", "System", "check_system", "difference"]
 
@@ -126,6 +127,53 @@ class System(ABC):
     def difference(self, x: Array, xbar: Array) -> Array:
         """Return the difference of states (nx,) or (n, nx), as feedback and projection take it."""
         return difference(x, xbar)
+
+    def input_name(self, i: int) -> str:
+        """Return how to speak of entry i of the inputs in messages."""
+        return f"u[{i}]"
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:  # noqa: ARG002 - overridden
+        """Return the directions (nx, n) in which an initial state x (nx,) may move.
+
+        ``free``: names of the entries of the state that are free, with wildcards; all if None. A system with
+        constraints gives a basis of their tangent space.
+        """
+        if free is None:
+            return np.eye(self.nx)
+        return np.eye(self.nx)[:, self.free_entries(free)]
+
+    def free_entries(self, free: Sequence[str], what: str = "free_start") -> list[int]:
+        """Return the places of the entries of the state with these names; `what` is asked for them, in messages.
+
+        Raises
+        ------
+        ArgumentError
+            A name that no entry has.
+        """
+        state = self.quantity("state")
+        places: set[int] = set()
+        for pattern in free:
+            found = state.matching(pattern)
+            if not found:
+                raise ArgumentError(f"{what}: {closest(pattern, state.names, what='entries of the state')}")
+            places.update(found)
+        return sorted(places)
+
+    def moved_start(self, x: Array, dx: Array) -> Array:
+        """Return an initial state moved by dx along its directions, brought back to where it may be."""
+        return x + dx
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The kinds of quantities that can be limited, in the order in which names are looked for."""
+        return ("input", "state")
+
+    def quantity(self, kind: str) -> Quantity:
+        """Return the quantities of a kind, by name."""
+        count = self.nu if kind == "input" else self.nx
+        return Entries(
+            [f"{'u' if kind == 'input' else 'x'}[{i}]" for i in range(count)], range(count), of_state=kind != "input"
+        )
 
 
 def check_system(system: object, kinds: tuple[type[System], ...], sizes: tuple[str, ...]) -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from leastaction.errors import ArgumentError, DynamicsError
+from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
+from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous import ContinuousSystem
+from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
+from leastaction.systems.solved import KINDS, quantity_of
 
 
 class MechanismSystem(ContinuousSystem):
@@ -83,6 +88,49 @@ class MechanismSystem(ContinuousSystem):
         m = self.mechanism
         z_a = np.ascontiguousarray(z[:, m.nq : m.nq + m.nd])
         return self.dynamics.curvature(*self._split(x, u), t, z_a=z_a)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The kinds of quantities that can be limited."""
+        return KINDS
+
+    def quantity(self, kind: str, t: Array | None = None) -> Quantity:
+        """Return the quantities of a kind, by the names of the mechanism."""
+        return quantity_of(self.dynamics, kind, np.zeros(1) if t is None else t)
+
+    def input_name(self, i: int) -> str:
+        """Return the name of an input, or of the prescribed variable whose acceleration it is."""
+        m = self.mechanism
+        return (*m.inputs, *m.variables[m.nd :])[i]
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+        """Return the directions (nx, n) in which an initial state may move; tangent to the constraints.
+
+        With ``h(q) = 0`` and ``Dh v = 0`` they are the null space of ``[Dh, 0; v'D2h, Dh]``, among the entries that are
+        free.
+        """
+        m = self.mechanism
+        chosen = list(range(self.nx)) if free is None else self.free_entries(free)
+        whole = np.eye(self.nx)[:, chosen]
+        if not m.nc:
+            return whole
+        q, v = np.ascontiguousarray(x[: m.nq]), x[m.nq :]
+        Dh, h = m.constraint_jacobian(q), 1e-6
+        # Directions may be off by a difference's error: `moved_start` brings the state back onto the constraints.
+        turned = (m.constraint_jacobian(q + h * v) - m.constraint_jacobian(q - h * v)) / (2.0 * h)
+        held = np.block([[Dh, np.zeros_like(Dh)], [turned, Dh]])
+        return np.asarray(whole @ NullSpace.of(held[:, chosen]).basis)
+
+    def moved_start(self, x: Array, dx: Array) -> Array:
+        """Return an initial state moved along its directions, and brought back onto the constraints."""
+        m = self.mechanism
+        moved = x + dx
+        if m.nc:
+            q = np.ascontiguousarray(moved[: m.nq])
+            still = [name for name, change in zip(m.variables, dx[: m.nq], strict=True) if change == 0.0]
+            q = project_configuration(m, q, hold=still, move_kinematic=True).q
+            moved = np.concatenate([q, project_velocity(m, q, moved[m.nq :]).v])
+        return moved
 
     def _split(self, x: Array, u: Array) -> tuple[Array, Array, Array, Array]:
         """Return q, v, inputs and accelerations of the kinematic variables."""

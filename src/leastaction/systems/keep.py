@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number
-from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.limits.limit import Limit, When, Within
+from leastaction.optimal.collocation.limits import Points
+from leastaction.optimal.limits.limit import Horizon, Limit, When, Within
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Instants, Quantity, Samples
+from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.midpoint import MidpointSystem
 
 __all__ = ["Ball", "Box", "HalfSpace", "Keep", "Region"]
@@ -235,9 +236,8 @@ class _PlaceOfFrame(Quantity):
 
     of_state = says_all = True
 
-    def __init__(self, system: MidpointSystem, keep: Keep, region: Region) -> None:
-        mechanism = system.integrator.mechanism
-        self.mechanism, self.region = mechanism, region.over(system.t)
+    def __init__(self, mechanism: Mechanism, t: Array, keep: Keep, region: Region) -> None:
+        self.mechanism, self.region = mechanism, region.over(t)
         self.frame, self.point, self.origin = keep.frame, np.asarray(keep.point, dtype=np.float64), keep.origin
         place = keep.frame if keep.origin is None else f"{keep.frame} from {keep.origin}"
         self.names = tuple(f"{place} {name}" for name in self.region.names)
@@ -331,12 +331,18 @@ class Keep(Limit):
             )
         as_array(self.point, f"Keep({self.frame!r}): point", (3,))
 
-    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
-        """Return the rows for a `MidpointSystem`."""
-        if not isinstance(system, MidpointSystem):
+    def rows(self, system: Horizon, first: int) -> list[Rows]:
+        """Return the rows for a `MidpointSystem`, or for the points of a `MechanismSystem`'s horizon."""
+        if isinstance(system, MidpointSystem):
+            mechanism, t = system.integrator.mechanism, system.t
+        elif isinstance(system, Points) and isinstance(system.system, MechanismSystem):
+            mechanism, t = system.system.mechanism, system.t
+        else:
+            got = system.system if isinstance(system, Points) else system
             raise ArgumentError(
-                f"Keep({self.frame!r}): got a {type(system).__name__}, expected a MidpointSystem: its frames have names"
+                f"Keep({self.frame!r}): got a {type(got).__name__}, expected a MidpointSystem or a MechanismSystem: "
+                "their frames have names"
             )
         region = _Outside(self.outside) if self.outside is not None else self.inside
         assert region is not None
-        return Within(_PlaceOfFrame(system, self, region), at=self.at).rows(system, first)
+        return Within(_PlaceOfFrame(mechanism, t, self, region), at=self.at).rows(system, first)

@@ -25,7 +25,7 @@ def plot_limits(t: npt.ArrayLike, report: LimitReport, *, title: str = "Limits")
     Parameters
     ----------
     t
-        Times of the system's instants, (N+1,), s.
+        Times of the system's instants, (N+1,), s; in continuous time those of the result.
     report
         `OptimizationResult.limits`.
     title
@@ -46,7 +46,7 @@ def plot_limits(t: npt.ArrayLike, report: LimitReport, *, title: str = "Limits")
     # A single instant makes no curve; what it came to is in the report's text.
     sides = [side for side in report.sides if len(side.k) > 1]
     rows = [(side, j) for side in sides for j in range(len(side.labels))]
-    if not rows or max(int(side.k.max()) for side, _ in rows) >= times.size:
+    if not rows or max(0 if side.t is not None else int(side.k.max()) for side, _ in rows) >= times.size:
         raise ArgumentError(
             f"plot_limits: got {len(rows)} limits over time and {times.size} times, expected the report of an "
             "optimisation with limits at several instants, and the times of all its instants"
@@ -54,7 +54,8 @@ def plot_limits(t: npt.ArrayLike, report: LimitReport, *, title: str = "Limits")
     margins = Margins(across=0.85, down=0.36)
     figure, panels = panel_grid(len(rows), 2, panel=(4.6, 1.0), margins=margins, width_ratios=(1.6, 1.0))
     for (side, j), (left, right) in zip(rows, panels, strict=True):
-        when, room, dual, active = times[side.k], side.value[:, j], side.dual[:, j], side.active[:, j]
+        when = times[side.k] if side.t is None else side.t
+        room, dual, active = side.value[:, j], side.dual[:, j], side.active[:, j]
         for begin, end in spans(when, active) if not side.equation else []:
             left.axvspan(begin, end, color=ORANGE, alpha=0.25, linewidth=0.0)
         left.plot(when, room, color=BLUE, linewidth=1.2)

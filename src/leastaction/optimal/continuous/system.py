@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization, System
 
 __all__ = ["ContinuousSystem"]
@@ -34,6 +35,10 @@ class ContinuousSystem(System):
     @abstractmethod
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu)."""
+
+    def quantity(self, kind: str, t: Array | None = None) -> Quantity:  # noqa: ARG002 - overridden
+        """Return the quantities of a kind, by name; of one that depends on time, at the instants t."""
+        return super().quantity(kind)
 
     def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
         """Return the derivatives at samples ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, StepError, closest
+from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.quantity import Entries, Later, Quantity
@@ -71,6 +71,8 @@ class DiscreteSystem(System):
 
     N: int
     """Number of steps of the horizon."""
+    numbered = True
+    """Limits may name instants by their index."""
 
     @abstractmethod
     def f(self, x: Array, u: Array, k: int) -> Array:
@@ -123,44 +125,9 @@ class DiscreteSystem(System):
         """Return how to speak of step k in messages; one that knows the time says it."""
         return f"step {k}"
 
-    def input_name(self, i: int) -> str:
-        """Return how to speak of entry i of the inputs in messages."""
-        return f"u[{i}]"
-
     def window(self, start: int, stop: int) -> DiscreteSystem:
         """Return the steps ``start .. stop-1`` as a system of their own; one with a faster way overrides it."""
         return WindowSystem(self, start, stop)
-
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:  # noqa: ARG002 - overridden
-        """Return the directions (nx, n) in which an initial state x (nx,) may move.
-
-        ``free``: names of the entries of the state that are free, with wildcards; all if None. A system with
-        constraints gives a basis of their tangent space.
-        """
-        if free is None:
-            return np.eye(self.nx)
-        return np.eye(self.nx)[:, self.free_entries(free)]
-
-    def free_entries(self, free: Sequence[str], what: str = "free_start") -> list[int]:
-        """Return the places of the entries of the state with these names; `what` is asked for them, in messages.
-
-        Raises
-        ------
-        ArgumentError
-            A name that no entry has.
-        """
-        state = self.quantity("state")
-        places: set[int] = set()
-        for pattern in free:
-            found = state.matching(pattern)
-            if not found:
-                raise ArgumentError(f"{what}: {closest(pattern, state.names, what='entries of the state')}")
-            places.update(found)
-        return sorted(places)
-
-    def moved_start(self, x: Array, dx: Array) -> Array:
-        """Return an initial state moved by dx along its directions, brought back to where it may be."""
-        return x + dx
 
     def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
         """Return the places of entries with these names that are the same again in a periodic motion."""
@@ -200,6 +167,10 @@ class DiscreteSystem(System):
         """Return the time of instant k; its index, of a system that knows no time."""
         return float(k)
 
+    def span(self, *, of_state: bool) -> tuple[int, int]:
+        """Return the first and the last instant of states, or step of inputs."""
+        return 0, self.N if of_state else self.N - 1
+
     def instant(self, t: float, what: str) -> int:
         """Return the index of a time.
 
@@ -215,18 +186,6 @@ class DiscreteSystem(System):
                 f"{what}: got the time {t:.6g}, expected one of the system's; {times[k]:.6g} is the next"
             )
         return k
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """The kinds of quantities that can be limited, in the order in which names are looked for."""
-        return ("input", "state")
-
-    def quantity(self, kind: str) -> Quantity:
-        """Return the quantities of a kind, by name."""
-        count = self.nu if kind == "input" else self.nx
-        return Entries(
-            [f"{'u' if kind == 'input' else 'x'}[{i}]" for i in range(count)], range(count), of_state=kind != "input"
-        )
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         """Return the derivatives of every step along ``x`` (N+1, nx), ``u`` (N, nu).

@@ -1,1 +1,1 @@
-"""Limits on the motions of discrete systems: an interior point method inside of the optimiser's iteration."""
+"""Limits on motions: an interior point method inside of the optimiser's iteration."""

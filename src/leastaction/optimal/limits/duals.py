@@ -76,7 +76,7 @@ class Duals:
         self.shapes = [values.shape for values in c]
         self.weights = _joined([np.full(values.shape, s.weight) for s, values in zip(self.sides, c, strict=True)])
         self.rho = [side.weight * price / scale for side, scale in zip(self.sides, self.scale, strict=True)]
-        self._settle_prices()
+        self.settle_prices()
         self.y = self._apart(first_duals(self._parameters() / self._split(c).slack, self.prices))
 
     def parameter(self, i: int) -> float:
@@ -109,7 +109,8 @@ class Duals:
     def _parameters(self) -> Array:
         return self.mu * self.weights
 
-    def _settle_prices(self) -> None:
+    def settle_prices(self) -> None:
+        """Take the prices of all sides as they are now."""
         self.prices = _joined([np.broadcast_to(rho, shape) for rho, shape in zip(self.rho, self.shapes, strict=True)])
 
     def _apart(self, values: Array) -> list[Array]:
@@ -125,7 +126,8 @@ class Duals:
 
     def excess(self, c: Sequence[Array]) -> float:
         """Return the largest violation of a limit, relative to its scale."""
-        return max(float(np.max(-each / scale, initial=0.0)) for each, scale in zip(c, self.scale, strict=True))
+        parts = (float(np.max(-each / scale, initial=0.0)) for each, scale in zip(c, self.scale, strict=True))
+        return max(parts, default=0.0)
 
     # ---- Prices ---------------------------------------------------------------------------------
 
@@ -146,10 +148,11 @@ class Duals:
 
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
-        return max(
+        parts = (
             digits / side.weight * float(np.max(y * (scale + side.size), initial=0.0))
             for side, y, scale in zip(self.sides, self.y, self.scale, strict=True)
         )
+        return max(parts, default=0.0)
 
     def price(self, c: Sequence[Array], dearest: float) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
@@ -174,7 +177,7 @@ class Duals:
             else:
                 lower = np.minimum(self.y[i], 0.9 * new)
                 self.y[i] = np.where(binding & (c[i] < 0.0), first_duals(lower, new), lower)
-        self._settle_prices()
+        self.settle_prices()
         return unmet
 
     # ---- Reports --------------------------------------------------------------------------------
@@ -200,14 +203,14 @@ class Duals:
                 self.y[i] = 0.5 * (side.price + np.clip(side.dual, -0.9 * side.price, 0.9 * side.price))
             else:
                 self.y[i] = np.clip(side.dual, 1e-12 * side.price, 0.9 * side.price)
-        self._settle_prices()
+        self.settle_prices()
 
     def restore(self, mu: float, barrier: Barrier) -> None:
         """Go on exactly where an optimisation with the same limits was."""
         self.mu, self.y = mu, self._apart(barrier.duals.copy())
         ends = np.cumsum([len(scale) for scale in self.scale])[:-1]
         self.scale, self.rho = np.split(barrier.scale.copy(), ends), np.split(barrier.prices.copy(), ends)
-        self._settle_prices()
+        self.settle_prices()
 
     def states(self, k: Sequence[Instants], c: Sequence[Array], duals: Sequence[Array]) -> tuple[LimitState, ...]:
         """Return what is told of the limits, given their instants, values and duals."""
@@ -230,7 +233,7 @@ class Duals:
 
 
 def _joined(values: Sequence[Array]) -> Array:
-    return np.concatenate([each.ravel() for each in values])
+    return np.concatenate([np.empty(0), *(each.ravel() for each in values)])
 
 
 class Stages:
@@ -247,7 +250,7 @@ class Stages:
     def begin(self, value: float, c: Sequence[Array]) -> None:
         """Begin at a trajectory, given its cost and the values of its limits."""
         self.size = abs(value) if value else 1.0
-        self.first_mu = _FIRST * self.size / self.count
+        self.first_mu = _FIRST * self.size / max(self.count, 1)
         self.last = self._last(self.size)
         self.duals.begin(c, self.first_mu, self.size)
 
@@ -287,8 +290,8 @@ class Stages:
 
     @property
     def is_last(self) -> bool:
-        """Whether the barrier does not get smaller any more."""
-        return self.duals.mu <= self.last
+        """Whether the barrier does not get smaller any more, or there is none."""
+        return not self.duals.sides or self.duals.mu <= self.last
 
     def tolerated(self, goal: float, noise: float) -> float:
         """Return the expected decrease that is small enough at this stage."""
@@ -319,4 +322,4 @@ class Stages:
 
     def _last(self, cost: float) -> float:
         """Return the parameter of a barrier that matters no more at a cost."""
-        return _LAST * self.tolerance * max(cost, 1e-9 * self.size) / self.count
+        return _LAST * self.tolerance * max(cost, 1e-9 * self.size) / max(self.count, 1)

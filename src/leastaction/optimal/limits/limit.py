@@ -5,28 +5,57 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Quantity
 
-__all__ = ["Bound", "Equal", "Limit", "When", "Within"]
+__all__ = ["Bound", "Equal", "Horizon", "Limit", "When", "Within"]
 
 When = str | int | float | Sequence[int] | Sequence[float] | None
 Value = ArrayLike | Callable[[float], Any] | None
 
 
+class Horizon(Protocol):
+    """The instants of a system by which limits are stated: those of a `DiscreteSystem`, or points of a horizon."""
+
+    @property
+    def numbered(self) -> bool:
+        """Whether limits may name them by their index."""
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The kinds of quantities that can be limited, in the order in which names are looked for."""
+
+    def quantity(self, kind: str, /) -> Quantity:
+        """Return the quantities of a kind, by name."""
+
+    def span(self, *, of_state: bool) -> tuple[int, int]:
+        """Return the first and the last one of states, or of inputs."""
+
+    def time(self, k: int, /) -> float:
+        """Return the time of one (s)."""
+
+    def when(self, k: int, /) -> str:
+        """Return how to speak of one in messages."""
+
+    def instant(self, t: float, what: str, /) -> int:
+        """Return the index of a time."""
+
+
 class Limit(ABC):
     """What a motion has to keep to. Frozen, so any number of threads may share it."""
 
+    at: When = None
+    """When it holds; always if None."""
+
     @abstractmethod
-    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
+    def rows(self, system: Any, first: int) -> list[Rows]:
         """Return the rows for a system; quantities of the state hold from instant `first` on.
 
         Raises
@@ -49,9 +78,11 @@ class Bound(Limit):
         None is no bound.
     of : str, optional
         Which quantity of the system: "input" or "state"; of a `MidpointSystem` also "variable", "rate", "momentum",
-        "acceleration", "multiplier" and "tension". The first that knows the names, if left out.
+        "acceleration", "multiplier" and "tension", of a `MechanismSystem` all of these but "momentum". The first that
+        knows the names, if left out.
     at : str, int, float or sequence, optional
-        "end", "start", an index or a time (s) of the system's, or several; everywhere if left out.
+        "end", "start", an index or a time (s) of the system's, or several; everywhere if left out. In continuous time
+        every number is a time.
 
     Notes
     -----
@@ -64,7 +95,7 @@ class Bound(Limit):
     of: str | None = field(default=None, kw_only=True)
     at: When = field(default=None, kw_only=True)
 
-    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
+    def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return the rows of both sides."""
         what = f"Bound({self.names!r})"
         quantity = selected(system, self.names, self.of, what)
@@ -91,7 +122,7 @@ class Within(Limit):
     max: Value = None
     at: When = field(default=None, kw_only=True)
 
-    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
+    def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return the rows of both sides."""
         least = 0.0 if self.min is None and self.max is None else self.min
         what = f"Within({self.quantity.names[0]!r})"
@@ -119,7 +150,7 @@ class Equal(Limit):
     of: str | None = field(default=None, kw_only=True)
     at: When = field(default="end", kw_only=True)
 
-    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
+    def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return both sides of the equations."""
         if isinstance(self.names, Quantity):
             what, quantity = f"Equal({self.names.names[0]!r})", self.names
@@ -132,7 +163,7 @@ class Equal(Limit):
         return [Rows(what, quantity, sign, value, k, scale, equal=True) for sign in (1.0, -1.0)]
 
 
-def selected(system: DiscreteSystem, names: str | Sequence[str], of: str | None, what: str) -> Quantity:
+def selected(system: Horizon, names: str | Sequence[str], of: str | None, what: str) -> Quantity:
     """Return a quantity of the system, of the functions whose names match."""
     kinds = system.quantities
     if of is not None and of not in kinds:
@@ -151,7 +182,7 @@ def selected(system: DiscreteSystem, names: str | Sequence[str], of: str | None,
 
 
 def _bounded(
-    system: DiscreteSystem, quantity: Quantity, least: Value, most: Value, at: When, first: int, what: str
+    system: Horizon, quantity: Quantity, least: Value, most: Value, at: When, first: int, what: str
 ) -> list[Rows]:
     k = _instants(system, quantity, at, first, what)
     m = len(quantity.names)
@@ -188,11 +219,11 @@ def _bounded(
     return rows
 
 
-def _instants(system: DiscreteSystem, quantity: Quantity, at: When, first: int, what: str) -> Any:
+def _instants(system: Horizon, quantity: Quantity, at: When, first: int, what: str) -> Any:
     """Return the indices at which a quantity is asked, in the order in which they are given: values go with them."""
-    N = system.N
-    last = N if quantity.of_state else N - 1
-    start = max(first, quantity.first) if quantity.of_state else 0
+    start, last = system.span(of_state=quantity.of_state)
+    if quantity.of_state:
+        start = max(first, quantity.first)
     if at is None:
         return np.arange(start, last + 1)
     found = []
@@ -203,13 +234,14 @@ def _instants(system: DiscreteSystem, quantity: Quantity, at: When, first: int, 
             k = start
         elif isinstance(one, (str, bool)):
             raise ArgumentError(f"{what}: got at={one!r}, expected 'end', 'start', an index or a time (s)")
-        elif isinstance(one, (int, np.integer)):
-            k = int(one) + (N + 1 if one < 0 else 0)
+        elif isinstance(one, (int, np.integer)) and system.numbered:
+            k = int(one) + (system.span(of_state=True)[1] + 1 if one < 0 else 0)
         else:
             k = system.instant(float(one), what)
         if not start <= k <= last:
+            found_at = f"index {k}, expected one of {start} .. {last}" if system.numbered else f"{system.when(k)}"
             raise ArgumentError(
-                f"{what}: got at={one!r}, which is index {k}, expected one of {start} .. {last}"
+                f"{what}: got at={one!r}, which is {found_at}"
                 + (": the initial state is fixed" if k < start and quantity.of_state else "")
             )
         found.append(k)
@@ -218,7 +250,7 @@ def _instants(system: DiscreteSystem, quantity: Quantity, at: When, first: int, 
     return np.array(found, dtype=np.intp)
 
 
-def _values(system: DiscreteSystem, value: Any, k: Any, m: int, what: str) -> Array:
+def _values(system: Horizon, value: Any, k: Any, m: int, what: str) -> Array:
     """Return bounds (n, m)."""
     n = len(k)
     if callable(value):

@@ -1,0 +1,75 @@
+"""A cost in continuous time on a mesh: a sum over the points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.collocation.mesh import STAGES, WEIGHTS, RadauMesh
+from leastaction.optimal.collocation.system import Layout
+from leastaction.optimal.continuous.cost import ContinuousCost
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+
+__all__ = ["CollocationCost"]
+
+
+class CollocationCost(Cost):
+    """The integral of a cost's rate by the quadrature of the mesh; what a piece costs, its last state does.
+
+    As fit for several threads as the cost is.
+    """
+
+    def __init__(self, cost: ContinuousCost, mesh: RadauMesh, layout: Layout) -> None:
+        self.cost, self.mesh, self.layout = cost, mesh, layout
+        self.nonnegative = cost.nonnegative
+        self.weights: Array = mesh.h[:, None] * WEIGHTS
+        self.tf = float(mesh.t[-1, -1])
+
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:  # noqa: ARG002 - inputs are part of the state
+        """Return what the pieces before these states cost; before the first there is none."""
+        values = np.zeros(len(x))
+        for i, k in enumerate(range(start, start + len(x))):
+            if k > 0:
+                values[i] = self._piece(x[i], k - 1)
+        return values
+
+    def final_value(self, x: Array) -> float:
+        """Return what the last piece costs, and the end."""
+        return self._piece(x, self.mesh.N - 1) + self.cost.final_value(x[: self.layout.nx], self.tf)
+
+    def _piece(self, z: Array, k: int) -> float:
+        x, u = self.layout.points(z[None, :])
+        rates = [self.cost.rate(*at) for at in zip(x[0], u[0], self.mesh.t[k].tolist(), strict=True)]
+        return float(self.weights[k] @ rates)
+
+    def gradient(self, x: Array, u: Array) -> CostGradient:
+        """Return the first derivatives."""
+        states, inputs, t = self._points(x)
+        by_x, by_u = self.cost.gradient(states, inputs, t)
+        weights = self.weights.reshape(-1, 1)
+        N, nx = self.mesh.N, self.layout.nx
+        q = np.zeros_like(x)
+        q[1:] = self.layout.joined((weights * by_x).reshape(N, STAGES, -1), (weights * by_u).reshape(N, STAGES, -1))
+        q[-1, :nx] += self.cost.final_gradient(x[-1, :nx], self.tf)
+        return CostGradient(q[:-1], np.zeros_like(u), q[-1])
+
+    def hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return the second derivatives."""
+        states, inputs, t = self._points(x)
+        Q, R, S = self.cost.hessian(states, inputs, t)
+        nx, nz, N = self.layout.nx, self.layout.nz, self.mesh.N
+        H = np.concatenate([Q, np.zeros((len(t), nx, self.layout.nu)) if S is None else S], axis=2)
+        below = np.zeros((len(t), self.layout.nu, nx)) if S is None else S.transpose(0, 2, 1)
+        H = np.concatenate([H, np.concatenate([below, R], axis=2)], axis=1)
+        H = (self.weights.reshape(-1, 1, 1) * H).reshape(N, STAGES, *H.shape[1:])
+        whole = np.zeros((N + 1, nz, nz))
+        for stage in range(STAGES):
+            places = self.layout.places(stage)
+            whole[1:, places[:, None], places] = H[:, stage]
+        whole[-1, :nx, :nx] += self.cost.final_hessian(x[-1, :nx], self.tf)
+        return CostHessian(whole[:-1], np.zeros(u.shape[1]), None, whole[-1])
+
+    def _points(self, x: Array) -> tuple[Array, Array, Array]:
+        states, inputs = self.layout.points(x[1:])
+        count = self.mesh.N * STAGES
+        return states.reshape(count, -1), inputs.reshape(count, -1), self.mesh.t.ravel()

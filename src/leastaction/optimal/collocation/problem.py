@@ -1,0 +1,290 @@
+"""A continuous problem with limits or a free start, as the optimiser's loop sees it: one mesh after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.collocation.cost import CollocationCost
+from leastaction.optimal.collocation.limits import Stated, stated, told
+from leastaction.optimal.collocation.mesh import STAGES, WEIGHTS, RadauMesh
+from leastaction.optimal.collocation.system import CollocationSystem
+from leastaction.optimal.continuous.cost import ContinuousCost
+from leastaction.optimal.continuous.integrate import Accuracy
+from leastaction.optimal.continuous.problem import ContinuousProblem
+from leastaction.optimal.continuous.system import ContinuousSystem
+from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.limit_report import LimitReport
+from leastaction.optimal.limits.limit import Limit
+from leastaction.optimal.limits.problem import LimitedProblem
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.result import OptimizationResult, Settings
+
+__all__ = ["CollocationProblem"]
+
+# Pieces of the first mesh, and of the last one at most; how often it is made finer.
+_FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
+# A piece is fine enough if its polynomial is off by no more than the first times the accuracy of integrations, the
+# second at most, of the state's size, and if its inputs continue those of the piece before to the third, of their size.
+_OF_ACCURACY, _OF_STATES, _OF_INPUTS = 1e3, 1e-5, 3e-3
+_SHORTEST = 1e-4  # of the horizon
+_AGAIN = 1e-4  # of the barrier's first parameter, on a finer mesh
+
+
+class CollocationProblem(LimitedProblem):
+    """A continuous system, its cost and its limits, on a mesh that is made finer where the motion asks for it.
+
+    Where the minimum on one mesh is found and its pieces are too long for the motion, the next stage has shorter ones
+    there. The duals go along, as functions of time.
+    """
+
+    def __init__(
+        self,
+        system: ContinuousSystem,
+        cost: ContinuousCost,
+        limits: Sequence[Limit],
+        settings: Settings,
+        accuracy: Accuracy,
+        horizon: tuple[float, float] | None,
+        free_start: bool | Sequence[str],
+    ) -> None:
+        self.own = ContinuousProblem(system, cost, settings, accuracy, horizon)
+        self.stated_limits, self.settings, self.free_start = tuple(limits), settings, free_start
+        self.mesh: RadauMesh
+        self.sides: list[Stated] = []
+        self.densities: list[tuple[Array, Array, Array]] = []
+        self.rounds = 0
+
+    # ---- Where to start -------------------------------------------------------------------------
+
+    def start(self, initial: Any) -> None:
+        """Begin with a curve to be projected, that of an earlier result, or an initial state and inputs."""
+        given = initial.limits if isinstance(initial, ContinuousOptimizationResult) else None
+        own = self.own
+        own.start(initial.trajectory if isinstance(initial, ContinuousOptimizationResult) else initial)
+        curve = own.trajectory
+        inner = self._times(curve.t0, curve.tf)
+        if given is not None:
+            self.densities = _densities(given)
+        pieces = min(max(_FIRST, 2 * len(curve.t)), _FIRST_MOST)
+        failure: ArgumentError | None = None
+        for _ in range(3):
+            try:
+                self._lay(RadauMesh.first(curve.t0, curve.tf, inner, pieces), curve)
+            except ArgumentError as error:
+                failure, pieces = error, 2 * pieces
+                continue
+            return
+        assert failure is not None
+        raise failure
+
+    def resume(self, result: OptimizationResult) -> None:
+        """Begin where an earlier run ended."""
+        own = self.own
+        own.resume(result)
+        self._times(own.trajectory.t0, own.trajectory.tf)
+        if result.limits is None:
+            raise ArgumentError("resume: got a result without limits, expected those of this call. Give it as initial")
+        mesh = RadauMesh(own.trajectory.t)
+        self._set(mesh)
+        x, u = self._nodes(own.trajectory)
+        self.x, self.u = read_only(x), read_only(u)
+        self._project_curve()
+        self.value = self.cost.value(self.x, self.u)
+        self._begin()
+        self._restore(result.limits)
+
+    def _times(self, t0: float, tf: float) -> list[float]:
+        """Return the times that have to be ends of pieces: where something jumps, or limits are asked alone."""
+        inner = list(self.own.jumps)
+        for limit in self.stated_limits:
+            at: Any = limit.at
+            for time in [at] if isinstance(at, (str, int, float)) else at or ():
+                if isinstance(time, (str, bool)):
+                    continue
+                if not t0 <= float(time) <= tf:
+                    raise ArgumentError(f"{limit}: got at={time!r}, expected a time from {t0:g} to {tf:g} s")
+                inner.append(float(time))
+        return inner
+
+    def _lay(self, mesh: RadauMesh, curve: DenseTrajectory) -> None:
+        """Begin on a mesh, at the motion on it that follows a curve."""
+        self._set(mesh)
+        x, u = self._nodes(curve)
+        LimitedProblem.start(self, (x, u))
+        self._carry()
+
+    def _set(self, mesh: RadauMesh) -> None:
+        """Take a mesh."""
+        own = self.own
+        system = CollocationSystem(own.system, mesh)
+        self.mesh = mesh
+        self.sides = stated(self.stated_limits, own.system, mesh, 1 if self.free_start is False else 0)
+        cost = CollocationCost(own.cost, mesh, system.layout)
+        clock, rollouts = getattr(self, "clock", own.clock), self.rollouts
+        super().__init__(system, cost, list(_rows(self.sides)), self.settings, self.free_start)
+        self.clock, self.rollouts = clock, rollouts
+
+    def _nodes(self, curve: DenseTrajectory) -> tuple[Array, Array]:
+        """Return states and inputs of the discrete system along a curve."""
+        mesh, layout = self.mesh, self.layout
+        x, u = curve.sample(mesh.t.ravel())
+        x, u = x.reshape(mesh.N, STAGES, -1), u.reshape(mesh.N, STAGES, -1)
+        z = np.zeros((mesh.N + 1, layout.nz))
+        z[0, : layout.nx] = curve.sample(mesh.breaks[:1])[0][0]
+        z[1:] = layout.joined(x, u)
+        return z, u.reshape(mesh.N, -1)
+
+    @property
+    def layout(self) -> Any:
+        """Where states and inputs of points are."""
+        return self.system.layout  # type: ignore[attr-defined]
+
+    # ---- Meshes ---------------------------------------------------------------------------------
+
+    def next_stage(self) -> bool:
+        """Go on with dearer excess or a smaller barrier, or else with shorter pieces where the motion asks for them."""
+        if super().next_stage():
+            return True
+        if self.rounds >= _ROUNDS or not self.stages.are_met(self._limits()):
+            return False
+        coarse = self._coarse()
+        mesh = self.mesh.halved(coarse)
+        if not coarse.any() or mesh.N > _MOST:
+            return False
+        self.rounds += 1
+        curve, self.densities = self.curve(), _densities(self._told())
+        before = self.mesh
+        try:
+            self._lay(mesh, curve)
+        except ArgumentError:
+            # The motion on the mesh before is an answer; a finer one could not be set out on.
+            self._lay(before, curve)
+            self.rounds = _ROUNDS
+        return True
+
+    def _coarse(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Return which pieces are too long."""
+        mesh, system = self.mesh, self.own.system
+        tolerance = min(_OF_ACCURACY * self.own.accuracy.rtol, _OF_STATES)
+        curve = self.curve()
+        t = mesh.between()
+        x, u = curve.sample(t.ravel())
+        slopes = curve.x.derivative()(t.ravel())
+        rates = np.stack([system.f(*at) for at in zip(x, u, t.ravel().tolist(), strict=True)])
+        states, inputs = self.layout.points(self.x[1:])
+        size = np.abs(states).max(axis=(0, 1))
+        size = np.maximum(size, 1e-3 * size.max(initial=0.0)) + 1e-9
+        off = np.abs(slopes - rates).reshape(*t.shape, -1).max(axis=1) * mesh.h[:, None] / size
+        reach = np.abs(inputs).max(axis=(0, 1)) + 1e-12
+        rough = (mesh.leaps(inputs) > _OF_INPUTS * reach).any(axis=1)
+        # What does not continue may be the fault of either side.
+        rough[:-1] |= rough[1:]
+        long = mesh.h > _SHORTEST * (mesh.breaks[-1] - mesh.breaks[0])
+        return np.asarray(long & ((off > tolerance).any(axis=1) | rough))
+
+    def curve(self) -> DenseTrajectory:
+        """Return the current iterate as functions of time."""
+        nx = self.own.system.nx
+        states, inputs = self.layout.points(self.x[1:])
+        return DenseTrajectory(self.mesh.curve(self.x[0, :nx], states, inputs), nx)
+
+    # ---- Duals ----------------------------------------------------------------------------------
+
+    def _carry(self) -> None:
+        """Take the duals of the mesh before, as functions of time."""
+        densities, self.densities = self.densities, []
+        duals, stages = self.duals, self.stages
+        if len(densities) != sum(1 for side in self.sides if not _is_second(side)):
+            return
+        i = 0
+        own = iter(densities)
+        for side in self.sides:
+            if _is_second(side):
+                continue
+            times, values, price = next(own)
+            if values.shape[1] != len(side.rows[0].labels):
+                return
+            for rows, points in zip(side.rows, side.points, strict=True):
+                weight = self._weights()[points][:, None] if side.along else 1.0
+                at = self.mesh.points[points]
+                duals.rho[i] = price.copy()
+                net = weight * np.stack([np.interp(at, times, column) for column in values.T], axis=1)
+                if rows.equal:
+                    duals.rho[i + 1] = price.copy()
+                    half = 0.5 * duals.rho[i]
+                    for row, sign in ((i, 1.0), (i + 1, -1.0)):
+                        duals.y[row] = half + 0.5 * sign * np.clip(net, -1.8 * half, 1.8 * half)
+                    i += 2
+                else:
+                    duals.y[i] = np.clip(net, 1e-9 * duals.rho[i], 0.9 * duals.rho[i])
+                    i += 1
+        duals.settle_prices()
+        duals.mu = max(_AGAIN * stages.first_mu, stages.last)
+        self._set_out()
+
+    def _restore(self, given: LimitReport) -> None:
+        """Go on with the duals of an earlier run."""
+        if given.labels != self._told().labels:
+            raise ArgumentError(
+                f"resume: got a result with the limits {', '.join(given.labels[:4])} ..., expected those of this "
+                "call. Give initial=result to start from its trajectory with others"
+            )
+        barrier, stages = given.barrier, self.stages
+        if barrier is None or barrier.duals.size != sum(y.size for y in self.duals.y):
+            self.densities = _densities(given)
+            self._carry()
+            return
+        stages.size, stages.first_mu = barrier.size, barrier.first_mu
+        stages.last = barrier.last_mu
+        self.duals.restore(given.mu, barrier)
+        self._set_out()
+
+    def _weights(self) -> Array:
+        return np.concatenate([[1.0], (self.mesh.h[:, None] * WEIGHTS).ravel()])
+
+    # ---- What is told ---------------------------------------------------------------------------
+
+    def arrays(self) -> tuple[Array, Array]:
+        """Return states and inputs at the ends of the pieces."""
+        return self.curve().sample(self.mesh.breaks)
+
+    def result(self, summary: dict[str, Any]) -> ContinuousOptimizationResult:
+        """Return the result at the current iterate."""
+        self.own.trajectory = self.curve()
+        self.own.forget()
+        found = self.own.result(summary)
+        # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.
+        u = found.u.copy()
+        u[1:] = self.layout.points(self.x[1:])[1][:, -1]
+        return replace(found, u=u, limits=self._told() if self.sides else None)
+
+    def _told(self) -> LimitReport:
+        """Return the report of the limits as they were stated."""
+        report = self._report()
+        return replace(report, sides=told(self.sides, report.sides, self.mesh))
+
+
+def _is_second(side: Stated) -> bool:
+    return side.rows[0].equal and side.rows[0].sign < 0.0
+
+
+def _rows(sides: Sequence[Stated]) -> Iterator[Rows]:
+    """Return the rows of the discrete system; both sides of equations one after the other."""
+    for i, side in enumerate(sides):
+        if _is_second(side):
+            continue
+        for j, rows in enumerate(side.rows):
+            yield rows
+            if rows.equal:
+                yield sides[i + 1].rows[j]
+
+
+def _densities(report: LimitReport) -> list[tuple[Array, Array, Array]]:
+    """Return times, duals and prices of what was stated."""
+    return [(side.t, side.dual, side.price) for side in report.sides if side.t is not None]

@@ -1,0 +1,195 @@
+"""A continuous system on a mesh as a discrete one: a step is a piece of the horizon."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from leastaction.errors import LeastActionError, StepError
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.collocation.mesh import MATRIX, STAGES, RadauMesh
+from leastaction.optimal.continuous.system import ContinuousSystem
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.quantity import Instants
+from leastaction.optimal.system import Linearization
+
+__all__ = ["CollocationSystem", "Layout"]
+
+_MOST_ITERATIONS, _CLOSE, _RESIDUAL = 25, 1e-9, 1e-12
+# The state at the end of a piece comes first, then those of its other points.
+_ORDER = np.array([STAGES - 1, *range(STAGES - 1)])
+_PLACE = np.argsort(_ORDER)
+
+
+class Layout:
+    """Where states and inputs of the points are in the state of the discrete system, ``z = [x(end); x(others); u]``.
+
+    The end of a piece comes first, so the state of the continuous system is the first nx entries.
+    """
+
+    def __init__(self, nx: int, nu: int) -> None:
+        self.nx, self.nu = nx, nu
+        self.nz = STAGES * (nx + nu)
+
+    def places(self, stage: int) -> Instants:
+        """Return where state and input of a point are in z, (nx + nu,)."""
+        x = int(_PLACE[stage]) * self.nx + np.arange(self.nx)
+        return np.concatenate([x, STAGES * self.nx + stage * self.nu + np.arange(self.nu)])
+
+    def points(self, z: Array) -> tuple[Array, Array]:
+        """Return states (n, STAGES, nx) and inputs (n, STAGES, nu) of the points, given z (n, nz)."""
+        x = z[:, : STAGES * self.nx].reshape(len(z), STAGES, self.nx)[:, _PLACE]
+        return x, z[:, STAGES * self.nx :].reshape(len(z), STAGES, self.nu)
+
+    def joined(self, x: Array, u: Array) -> Array:
+        """Return z (n, nz) of states and inputs of the points."""
+        n = len(x)
+        return np.hstack([x[:, _ORDER].reshape(n, -1), u.reshape(n, -1)])
+
+
+class CollocationSystem(DiscreteSystem):
+    """The pieces of a mesh as the steps of a discrete system; as fit for several threads as the system is.
+
+    Its input is that of all points of a piece, its state that of all points of the piece before, and their inputs: so
+    what is asked of points is asked of states. What comes next depends on the first nx entries only.
+    """
+
+    def __init__(self, system: ContinuousSystem, mesh: RadauMesh) -> None:
+        self.system, self.mesh = system, mesh
+        self.layout = Layout(system.nx, system.nu)
+        self.nx, self.nu, self.N = self.layout.nz, STAGES * system.nu, mesh.N
+        self.has_curvature = system.has_curvature
+
+    def when(self, k: int) -> str:
+        """Return how to speak of the end of a piece in messages."""
+        return f"t = {self.mesh.breaks[k]:.4g} s"
+
+    def input_name(self, i: int) -> str:
+        """Return how to speak of an input in messages."""
+        return self.system.input_name(i % self.system.nu)
+
+    def time(self, k: int) -> float:
+        """Return the time of the end of a piece."""
+        return float(self.mesh.breaks[k])
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+        """Return the directions in which the initial state may move."""
+        own = self.system.start_directions(x[: self.system.nx], free)
+        return np.vstack([own, np.zeros((self.nx - len(own), own.shape[1]))])
+
+    def moved_start(self, x: Array, dx: Array) -> Array:
+        """Return an initial state moved along its directions."""
+        moved, nx = x.copy(), self.system.nx
+        moved[:nx] = self.system.moved_start(x[:nx], dx[:nx])
+        return moved
+
+    # ---- Steps ----------------------------------------------------------------------------------
+
+    def f(self, x: Array, u: Array, k: int) -> Array:
+        """Return the points of a piece; `StepError` where they are not found."""
+        inputs = u.reshape(1, STAGES, -1)
+        return np.asarray(self.layout.joined(self._solve(x[: self.system.nx], inputs[0], k)[None], inputs)[0])
+
+    def _solve(self, x: Array, u: Array, k: int) -> Array:
+        """Return the states (STAGES, nx) of the points of a piece by Newton's method, begun where it starts."""
+        h, t, states, close = self.mesh.h[k], self.mesh.t[k], np.tile(x, (STAGES, 1)), False
+        why, made, residual = "it takes too many iterations", 0, np.full(states.shape, np.nan)
+        try:
+            for made in range(1, _MOST_ITERATIONS + 1):  # noqa: B007 - told below
+                residual = x + h * (MATRIX @ self._rates(states, u, t)) - states
+                A = self.system.linearize(states, u, t).A
+                states = states + np.linalg.solve(_newton_matrix(h, A), residual.ravel()).reshape(states.shape)
+                # Newton's method squares its error: one step after a small one there is none left.
+                if close and np.isfinite(states).all():
+                    return states
+                close = bool((np.abs(residual) <= _CLOSE * (1.0 + np.abs(states))).all())
+        except (LeastActionError, ArithmeticError, np.linalg.LinAlgError) as error:
+            why = str(error)
+        worst = np.abs(residual).max(axis=0)
+        raise StepError(
+            f"the piece from {self.mesh.breaks[k]:.6g} to {self.mesh.breaks[k + 1]:.6g} s could not be solved: {why}",
+            t=float(self.mesh.breaks[k]),
+            residuals={f"x[{i}]": float(value) for i, value in enumerate(worst)},
+            iteration=made,
+        )
+
+    def _rates(self, x: Array, u: Array, t: Array) -> Array:
+        return np.stack([self.system.f(*at) for at in zip(x, u, t.tolist(), strict=True)])
+
+    def points(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return states and inputs of all points (N, STAGES, ...) of the steps from x (N+1, nz) with u (N, ...)."""
+        nx, mesh = self.system.nx, self.mesh
+        inputs = u.reshape(self.N, STAGES, -1)
+        states = self.layout.points(x[1:])[0].copy()
+        # Of a trajectory they are known.
+        try:
+            rates = self._rates(states.reshape(-1, nx), inputs.reshape(self.N * STAGES, -1), mesh.t.ravel())
+            off = x[:-1, None, :nx] + mesh.h[:, None, None] * (MATRIX @ rates.reshape(states.shape)) - states
+        except LeastActionError:
+            off = np.full(states.shape, np.inf)
+        for k in np.flatnonzero((np.abs(off) > _RESIDUAL * (1.0 + np.abs(states).max())).any(axis=(1, 2))):
+            states[k] = self._solve(x[k, :nx], inputs[k], int(k))
+        return states, inputs
+
+    # ---- Derivatives ----------------------------------------------------------------------------
+
+    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
+        """Return A and B of a piece."""
+        A, B = self._piece(x, u, k)
+        return A[0], B[0]
+
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
+        """Return ``z . D2f`` of a piece."""
+        return np.asarray(self._piece(x, u, k).curvature(z[None, :])[0])
+
+    def _piece(self, x: Array, u: Array, k: int) -> Linearization:
+        part = CollocationSystem(self.system, RadauMesh(self.mesh.breaks[k : k + 2]))
+        return part.linearize(np.stack([x, self.f(x, u, k)]), u[None, :])
+
+    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:  # noqa: ARG002
+        """Return the derivatives of every piece, by the implicit function theorem."""
+        N, nx, nu, h = self.N, self.system.nx, self.system.nu, self.mesh.h[:, None, None]
+        states, inputs = self.points(x, u)
+        flat = states.reshape(-1, nx), inputs.reshape(-1, nu), self.mesh.t.ravel()
+        along = self.system.linearize(*flat)
+        A, B = along.A.reshape(N, STAGES, nx, nx), along.B.reshape(N, STAGES, nx, nu)
+        size = STAGES * nx
+        M = _newton_matrix(h, A)
+        pushed = h * np.einsum("ij,njab->niajb", MATRIX, B).reshape(N, size, STAGES * nu)
+        start = np.broadcast_to(np.tile(np.eye(nx), (STAGES, 1)), (N, size, nx))
+        # By the first state and by the inputs of all points, (N, STAGES, nx, nx + STAGES nu).
+        J = np.linalg.solve(M, np.concatenate([start, pushed], axis=2)).reshape(N, STAGES, nx, nx + STAGES * nu)
+        A_all, B_all = np.zeros((N, self.nx, self.nx)), np.zeros((N, self.nx, self.nu))
+        ordered = J[:, _ORDER].reshape(N, size, -1)
+        A_all[:, :size, :nx], B_all[:, :size] = ordered[:, :, :nx], ordered[:, :, nx:]
+        B_all[:, size:] = np.eye(STAGES * nu)
+        return Linearization(A_all, B_all, partial(self._second, M, J, flat, along))
+
+    def _second(self, M: Array, J: Array, flat: tuple[Array, Array, Array], along: Linearization, z: Array) -> Array:
+        """Return ``z . D2f``: the dynamics' curvature at the points, weighed by the pieces' own adjoint."""
+        N, nx, nu = self.N, self.system.nx, self.system.nu
+        weights = z[:, : STAGES * nx].reshape(N, STAGES, nx)[:, _PLACE].reshape(N, -1, 1)
+        costate = np.linalg.solve(M.transpose(0, 2, 1), weights).reshape(N, STAGES, nx)
+        pull = self.mesh.h[:, None, None] * np.einsum("ij,nia->nja", MATRIX, costate)
+        pull = pull.reshape(-1, nx)
+        bent = self.system.curvatures(*flat, pull) if along.second is None else along.curvature(pull)
+        n = nx + STAGES * nu
+        moves = np.zeros((N, STAGES, nx + nu, n))
+        moves[:, :, :nx] = J
+        for stage in range(STAGES):
+            moves[:, stage, nx:, nx + stage * nu : nx + (stage + 1) * nu] = np.eye(nu)
+        flat_moves = moves.reshape(N * STAGES, nx + nu, n)
+        H = (flat_moves.transpose(0, 2, 1) @ bent @ flat_moves).reshape(N, STAGES, n, n).sum(axis=1)
+        whole = np.zeros((N, self.nx + self.nu, self.nx + self.nu))
+        places = np.concatenate([np.arange(nx), self.nx + np.arange(self.nu)])
+        whole[:, places[:, None], places] = H
+        return whole
+
+
+def _newton_matrix(h: Array | float, A: Array) -> Array:
+    """Return ``1 - h MATRIX A`` of the points of a piece (..., STAGES, nx, nx), (..., STAGES nx, STAGES nx)."""
+    size = STAGES * A.shape[-1]
+    coupled = np.einsum("ij,...jab->...iajb", MATRIX, A)
+    return np.asarray(np.eye(size) - h * coupled.reshape(*A.shape[:-3], size, size))

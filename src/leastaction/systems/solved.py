@@ -1,0 +1,150 @@
+"""What can be limited of a mechanism in continuous time, by the names of its description."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
+
+__all__ = ["KINDS", "Solved", "quantity_of"]
+
+KINDS = ("input", "variable", "rate", "acceleration", "multiplier", "tension", "state")
+
+
+def quantity_of(dynamics: ContinuousDynamics, kind: str, t: Array) -> Quantity:
+    """Return the quantities of a kind at instants t (s).
+
+    Raises
+    ------
+    ArgumentError
+        An unknown kind.
+    """
+    m = dynamics.mechanism
+    if kind == "input":
+        return Entries(m.inputs, range(m.n_inputs), of_state=False)
+    if kind == "variable":
+        return Entries(m.variables, range(m.nq), of_state=True)
+    if kind == "rate":
+        return Entries(m.variables, range(m.nq, 2 * m.nq), of_state=True, kind="rate of")
+    if kind == "state":
+        names = (*m.variables, *(f"v_{name}" for name in m.variables))
+        return Entries(names, range(2 * m.nq), of_state=True)
+    if kind == "acceleration":
+        return Solved(dynamics, t, m.variables, np.arange(m.nq), kind="acceleration of")
+    if kind == "multiplier":
+        return Solved(dynamics, t, m.constraints, m.nq + np.arange(m.nc), kind="multiplier of")
+    if kind == "tension":
+        return _tensions(dynamics, t)
+    raise ArgumentError(f"quantity: got {kind!r}, expected one of {', '.join(map(repr, KINDS))}")
+
+
+def _tensions(dynamics: ContinuousDynamics, t: Array) -> Solved:
+    m, one = dynamics.mechanism, np.ones(1)
+    names: list[str] = []
+    rows: list[int] = []
+    laws: list[tuple[float, float]] = []
+    places: list[int] = []
+    for row, name in enumerate(m.constraints):
+        element = m.elements.get(name)
+        if element is None:
+            continue
+        # Multipliers here are the negative of impulses per second.
+        short, long = (element.tension(-one, one, dict.fromkeys(m.variables, a * one)) for a in (0.0, 1.0))
+        if short is None or long is None:
+            continue
+        variable = getattr(element, "length_variable", None)
+        names.append(name)
+        rows.append(m.nq + row)
+        laws.append((float(short[0]), float(long[0] - short[0])))
+        places.append(0 if variable is None else m.variables.index(variable))
+    constant, slope = np.array(laws).reshape(-1, 2).T
+    return Solved(
+        dynamics, t, names, np.array(rows, dtype=np.intp), kind="tension of", unit="N",
+        constant=constant, slope=slope, places=np.array(places, dtype=np.intp),
+    )  # fmt: skip
+
+
+class Solved(Quantity):
+    """Accelerations and multipliers, which the equations of motion give for state and input; times lengths.
+
+    ``t``: times of the instants (s). ``rows`` (m,): places in ``[a; rho_a; lam]``. ``constant``, ``slope``, ``places``
+    (m,): each is multiplied with ``constant + slope q[place]``.
+    """
+
+    def __init__(
+        self, dynamics: ContinuousDynamics, t: Array, names: Sequence[str], rows: Instants, *, kind: str,
+        unit: str = "", constant: Array | None = None, slope: Array | None = None, places: Instants | None = None,
+    ) -> None:  # fmt: skip
+        self.dynamics, self.t, self.names, self.rows = dynamics, t, tuple(names), rows
+        self.kind, self.unit = kind, unit
+        self.constant = np.ones(len(rows)) if constant is None else constant
+        self.slope = np.zeros(len(rows)) if slope is None else slope
+        self.places = np.zeros(len(rows), dtype=np.intp) if places is None else places
+
+    def values(self, at: Samples) -> Array:
+        """Return the values."""
+        return np.asarray(self._solved(at) * self._factor(at))
+
+    def jacobian(self, at: Samples) -> Array:
+        """Return the first derivatives."""
+        result = self._slopes(at) * self._factor(at)[:, :, None]
+        result[:, np.arange(len(self.rows)), self.places] += self.slope * self._solved(at)
+        return result
+
+    def curvature(self, at: Samples, y: Array) -> Array:
+        """Return the second derivative of ``y . values``."""
+        m = self.dynamics.mechanism
+        weights = np.zeros((len(y), m.nq + m.nc))
+        weights[:, self.rows] = y * self._factor(at)
+        z_a, z_lam = np.ascontiguousarray(weights[:, : m.nd]), np.ascontiguousarray(weights[:, m.nq :])
+        result = np.array(self.dynamics.curvature(*self._points(at), self._times(at), z_a=z_a, z_lam=z_lam))
+        if self.slope.any():
+            slopes = self._slopes(at)
+            for j, place in enumerate(self.places):
+                cross = (self.slope[j] * y[:, j])[:, None] * slopes[:, j]
+                result[:, place, :] += cross
+                result[:, :, place] += cross
+        return result
+
+    def select(self, rows: Sequence[int]) -> Quantity:
+        """Return some of them; of prescribed variables their accelerations are inputs."""
+        m, i = self.dynamics.mechanism, list(rows)
+        names, chosen = [self.names[row] for row in i], self.rows[i]
+        if ((m.nd <= chosen) & (chosen < m.nq)).all():
+            return Entries(names, m.n_inputs + chosen - m.nd, of_state=False, kind=self.kind)
+        return Solved(
+            self.dynamics, self.t, names, chosen, kind=self.kind, unit=self.unit,
+            constant=self.constant[i], slope=self.slope[i], places=self.places[i],
+        )  # fmt: skip
+
+    def _points(self, at: Samples) -> tuple[Array, Array, Array, Array]:
+        m = self.dynamics.mechanism
+        parts = (at.x[:, : m.nq], at.x[:, m.nq :], at.u[:, : m.n_inputs], at.u[:, m.n_inputs :])
+        q, v, inputs, rho_a = (np.ascontiguousarray(part) for part in parts)
+        return q, v, inputs, rho_a
+
+    def _times(self, at: Samples) -> Array:
+        return np.asarray(self.t[at.k])
+
+    def _factor(self, at: Samples) -> Array:
+        return np.asarray(self.constant + self.slope * at.x[:, self.places])
+
+    def _solved(self, at: Samples) -> Array:
+        points = self._points(at)
+        found = self.dynamics.accelerations(*points, self._times(at))
+        nd = self.dynamics.mechanism.nd
+        return np.hstack([found.a[:, :nd], points[3], found.lam])[:, self.rows]
+
+    def _slopes(self, at: Samples) -> Array:
+        m = self.dynamics.mechanism
+        found = self.dynamics.linearize(*self._points(at), self._times(at)).all
+        whole = np.zeros((len(at.x), m.nq + m.nc, found.shape[2]))
+        whole[:, : m.nd], whole[:, m.nq :] = found[:, : m.nd], found[:, m.nd :]
+        kinematic = np.arange(m.nrho)
+        whole[:, m.nd + kinematic, 2 * m.nq + m.n_inputs + kinematic] = 1.0
+        return np.asarray(whole[:, self.rows])

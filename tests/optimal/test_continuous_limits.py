@@ -1,0 +1,328 @@
+"""Limits in continuous time: closed forms, the maximum principle, discrete time, and what users get wrong."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, ty, tz
+from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.optimal import (
+    Accuracy,
+    Bound,
+    ContinuousQuadraticCost,
+    Equal,
+    FunctionQuantity,
+    LinearContinuousSystem,
+    QuadraticCost,
+    Status,
+    Within,
+    check_derivatives,
+    optimize,
+)
+from leastaction.optimal.collocation.cost import CollocationCost
+from leastaction.optimal.collocation.limits import Points, stated
+from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
+from leastaction.optimal.collocation.system import CollocationSystem
+from leastaction.optimal.continuous import solve_continuous_linear_quadratic
+from leastaction.optimal.quantity import Samples
+from leastaction.systems import Ball, Keep, MechanismSystem, MidpointSystem
+from leastaction.viz import plot_limits
+
+MASS = LinearContinuousSystem([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]])
+EFFORT = ContinuousQuadraticCost([0.0, 0.0], [0.0], Q=[0.0, 0.0], R=[1.0])
+ROUGHLY = {"accuracy": Accuracy(rtol=1e-6, atol=1e-8), "tolerance": 1e-7}
+
+
+# ---- Against closed forms ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def bounded():
+    """A mass brought to rest by a bounded force."""
+    cost = ContinuousQuadraticCost([0.0, 0.0], [0.0], Q=[1.0, 0.1], R=[0.1], Q_final=[1.0, 1.0])
+    start = {"initial": ([1.0, 0.0], [0.0]), "horizon": (0.0, 3.0)}
+    limits = [Bound("u[0]", -0.4, 0.5)]
+    return cost, start, limits, optimize(MASS, cost, **start, limits=limits, **ROUGHLY)
+
+
+def test_a_bounded_input_obeys_the_maximum_principle(bounded):
+    _, _, _, result = bounded
+    assert result.success, result.message
+    assert result.limits.active("u[0] >= -0.4").size > 3
+    t = np.linspace(0.0, 3.0, 301)
+    weights = np.array([1.0, 0.1])
+
+    def adjoint(time, z):
+        return -(weights * result.trajectory.x(time) + np.array([0.0, z[0]]))
+
+    done = solve_ivp(adjoint, (3.0, 0.0), result.x[-1], rtol=1e-9, atol=1e-11, dense_output=True)
+    wanted = np.clip(-done.sol(t)[1] / 0.1, -0.4, 0.5)
+    np.testing.assert_allclose(result.trajectory.u(t)[:, 0], wanted, atol=3e-3)
+    # The dual, a density over time, is what is left of the derivative of the Hamiltonian.
+    side = result.limits.sides[0]
+    dual = np.maximum(0.1 * -0.4 + done.sol(side.t)[1], 0.0)
+    np.testing.assert_allclose(result.limits.dual("u[0] >= -0.4"), dual, atol=3e-3)
+
+
+@pytest.mark.parametrize("most", [0.1, 0.2])
+def test_the_problem_of_bryson_and_denham_has_its_closed_form(most):
+    ends = [Equal("x[0]", 0.0), Equal("x[1]", -1.0)]
+    result = optimize(
+        MASS,
+        EFFORT,
+        initial=([0.0, 1.0], [-2.0]),
+        horizon=(0.0, 1.0),
+        limits=[Bound("x[0]", max=most), *ends],
+        **ROUGHLY,
+    )
+    assert result.success, result.message
+    # With an arc along the limit from 3 l to 1 - 3 l, or with one touch in the middle.
+    cost = 4.0 / (9.0 * most)
+    if most > 1.0 / 6.0:
+        # Cubics from (0, 1) to (l, 0) and back, in half a second each.
+        d = np.array([most - 0.5, -1.0])
+        cost = 2.0 * 0.5 * d @ np.linalg.solve([[0.5**3 / 3.0, 0.5**2 / 2.0], [0.5**2 / 2.0, 0.5]], d)
+    # The limit holds at the points of the pieces; between them the motion may be a little cheaper.
+    assert result.cost == pytest.approx(cost, rel=2e-6)
+    assert result.trajectory.x(np.linspace(0.0, 1.0, 2001))[:, 0].max() < most + 1e-6
+    np.testing.assert_allclose(result.x[-1], [0.0, -1.0], atol=1e-9)
+
+
+def test_conditions_on_the_way_and_at_the_end_have_their_closed_form():
+    limits = [Equal("x[0]", 0.8, at=0.5), Equal(["x[0]", "x[1]"], [1.0, 0.0])]
+    result = optimize(MASS, EFFORT, initial=([0.0, 0.0], [0.0]), horizon=(0.0, 1.0), limits=limits, **ROUGHLY)
+    assert result.success, result.message
+    # Each is a linear functional of the input; what is cheapest is the least norm.
+    t, weights = np.polynomial.legendre.leggauss(40)
+    t = np.concatenate([0.25 * (t + 1.0), 0.5 + 0.25 * (t + 1.0)])
+    weights = 0.25 * np.concatenate([weights, weights])
+    rows = np.stack([np.maximum(0.5 - t, 0.0), 1.0 - t, np.ones_like(t)])
+    multipliers = np.linalg.solve(rows * weights @ rows.T, [0.8, 1.0, 0.0])
+    assert result.cost == pytest.approx(0.5 * multipliers @ [0.8, 1.0, 0.0], rel=1e-9)
+    np.testing.assert_allclose(result.trajectory.u(t)[:, 0], multipliers @ rows, atol=1e-6 * np.abs(multipliers).max())
+    found = np.concatenate([side.dual.ravel() for side in result.limits.sides])
+    np.testing.assert_allclose(found, multipliers, rtol=1e-5)
+
+
+def test_a_free_initial_state_is_that_of_the_value_function():
+    A, B = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([[0.0], [1.0]])
+    Q, R, wanted = np.array([1.0, 0.2]), np.array([0.5]), np.array([0.4, -0.2])
+    cost = ContinuousQuadraticCost(wanted, [0.0], Q=Q, R=R)
+    start = {"initial": (np.zeros(2), [0.0]), "horizon": (0.0, 1.5)}
+    result = optimize(LinearContinuousSystem(A, B), cost, **start, free_start=True)
+    solved = solve_continuous_linear_quadratic(A, B, horizon=(0.0, 1.5), Q=Q, R=R, q=-Q * wanted)
+    np.testing.assert_allclose(result.x[0], -np.linalg.solve(solved.P(0.0), solved.b(0.0)), atol=1e-7)
+    one = optimize(LinearContinuousSystem(A, B), cost, **start, free_start=["x[1]"])
+    assert one.x[0, 0] == pytest.approx(0.0, abs=1e-14)
+    assert one.x[0, 1] == pytest.approx(-solved.b(0.0)[1] / solved.P(0.0)[1, 1], abs=1e-7)
+    with pytest.raises(ArgumentError, match=r"x\[1\]"):
+        optimize(LinearContinuousSystem(A, B), cost, **start, free_start=["x[7]"])
+
+
+# ---- Mechanisms --------------------------------------------------------------------------------------
+
+
+def swing(t):
+    return [0.0, 0.5 * (1.0 - np.cos(2.0 * np.pi * t)), 0.0, 0.0]
+
+
+TRACKING = ContinuousQuadraticCost(swing, [0.0], Q=[0.01, 100.0, 0.0, 0.0], R=[0.01])
+CART = MechanismSystem(cart_pendulum())
+REST = {"initial": (np.zeros(4), [0.0]), "horizon": (0.0, 1.0)}
+
+
+def discrete_cost(limits, N):
+    system = MidpointSystem(MidpointVI(cart_pendulum(), threads=1), np.linspace(0.0, 1.0, N + 1))
+    reference = np.stack([swing(t) for t in system.t])
+    Q = np.full((N, 4), 1.0 / N) * np.array([0.01, 100.0, 0.0, 0.0])
+    Q[0] *= 0.5
+    cost = QuadraticCost(reference, np.zeros((N, 1)), Q=Q, R=np.array([0.01 / N]), Q_final=0.5 * Q[-1])
+    result = optimize(system, cost, limits=limits, initial=(np.zeros((N + 1, 4)), np.zeros((N, 1))))
+    assert result.success
+    return result.cost
+
+
+@pytest.mark.parametrize(
+    ("limits", "same"),
+    [
+        ([Bound("x-force", -30.0, 30.0)], None),
+        ([Equal("theta", 0.9, at=0.5)], None),
+        ([Equal(["x", "theta"]), Equal("*", of="rate")], [Equal(["x", "theta"]), Equal("*", of="momentum")]),
+    ],
+)
+def test_discrete_time_tends_to_it_by_the_square_of_its_step(limits, same):
+    result = optimize(CART, TRACKING, **REST, limits=limits, **ROUGHLY)
+    assert result.success, result.message
+    assert result.limits.excess < 1e-5
+    coarse, fine = (discrete_cost(same or limits, N) for N in (40, 80))
+    assert abs(fine - result.cost) < 0.4 * abs(coarse - result.cost)
+    # Richardson's extrapolation of the two.
+    assert result.cost == pytest.approx(fine + (fine - coarse) / 3.0, rel=5e-4)
+
+
+def test_frames_keep_clear_of_a_moving_ball():
+    limits = [Keep("bob", outside=Ball(lambda t: (0.02 * t - 0.4, -1.0, 0.0), 0.2))]
+    result = optimize(CART, TRACKING, **REST, limits=limits, **ROUGHLY)
+    assert result.success, result.message
+    t = np.linspace(0.0, 1.0, 501)
+    place = CART.mechanism.positions(np.ascontiguousarray(result.trajectory.x(t)[:, :2]), ["bob"])[:, 0]
+    away = np.linalg.norm(place - np.stack([0.02 * t - 0.4, np.full(501, -1.0), np.zeros(501)], axis=1), axis=1)
+    # Met at the points of the pieces, and grazed: without the limit it comes to 0.1 m.
+    assert 0.2 - 1e-4 < away.min() < 0.2 + 1e-4
+    assert result.limits.labels == ("bob not within 0.2 m of a moving point",)
+
+
+def test_accelerations_and_multipliers_have_exact_derivatives(rng):
+    pendulum = Mechanism(
+        [ty("cart", mass=10.0), [rx("pole"), [tz(-1.0, mass=1.0, name="bob")]]],
+        [Gravity((0.0, 0.0, -9.8)), JointForce("cart", input="push")],
+    )
+    system = MechanismSystem(pendulum)
+    quantity = system.quantity("acceleration", np.zeros(4))
+    x, u = rng.normal(size=(4, 4)), rng.normal(size=(4, 1))
+    nothing = np.empty((4, 0))
+
+    def at(z):
+        return Samples(np.arange(4), np.ascontiguousarray(z[:, :4]), np.ascontiguousarray(z[:, 4:]), nothing)
+
+    z, y, h = np.hstack([x, u]), rng.normal(size=(4, 2)), 1e-6
+    J, H = quantity.jacobian(at(z)), quantity.curvature(at(z), y)
+    for i in range(5):
+        e = h * np.eye(5)[i]
+        np.testing.assert_allclose(
+            J[:, :, i], (quantity.values(at(z + e)) - quantity.values(at(z - e))) / (2 * h), atol=1e-7
+        )
+        slopes = (quantity.jacobian(at(z + e)) - quantity.jacobian(at(z - e))) / (2 * h)
+        np.testing.assert_allclose(H[:, i], np.einsum("nm,nmi->ni", y, slopes), atol=1e-6)
+
+
+# ---- Going on, and what is told -------------------------------------------------------------------------
+
+
+def test_a_run_goes_on_with_its_duals(bounded):
+    cost, start, limits, whole = bounded
+    part = optimize(MASS, cost, **start, limits=limits, **ROUGHLY, max_iterations=whole.iterations - 3)
+    assert part.status is Status.ITERATION_LIMIT
+    kept = pickle.loads(pickle.dumps(part))
+    rest = optimize(MASS, cost, limits=limits, resume=kept, **ROUGHLY)
+    assert rest.success
+    assert rest.cost == pytest.approx(whole.cost, rel=1e-7)
+    assert rest.iterations <= whole.iterations + 6
+    again = optimize(MASS, cost, limits=limits, initial=whole, **ROUGHLY)
+    assert again.iterations <= whole.iterations
+    assert again.cost == pytest.approx(whole.cost, rel=1e-7)
+    with pytest.raises(ArgumentError, match="resume: got a result with the limits"):
+        optimize(MASS, cost, limits=[Bound("u[0]", -0.1, 0.5)], resume=kept, **ROUGHLY)
+
+
+def test_limits_over_time_can_be_drawn(bounded):
+    result = bounded[3]
+    figure = plot_limits(result.t, result.limits)
+    assert len(figure.axes) == 4
+    assert "u[0] <= 0.5" in str(result.limits)
+
+
+def test_limits_that_contradict_each_other_are_named():
+    limits = [Bound("u[0]", -1.0, 1.0), Equal("x[0]", 5.0)]
+    result = optimize(MASS, EFFORT, initial=([0.0, 0.0], [0.1]), horizon=(0.0, 1.0), limits=limits, **ROUGHLY)
+    assert result.status is Status.INFEASIBLE, result.message
+    assert "'x[0] = 5' by 4.5" in result.message
+    assert "t = 1 s" in result.message
+    assert "'u[0] <= 1'" in result.message
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ([Bound("u[1]", -1.0, 1.0)], ("u[0]",)),
+        ([Bound("u[0]", 1.0, -1.0)], ("min 1", "max -1", "'u[0]' at t = 0.0")),
+        ([Bound("u[0]")], ("neither min nor max",)),
+        ([Bound("x[0]", 1.0, of="rate")], ("of='rate'", "'state'")),
+        ([Bound("x[0]", np.nan)], ("NaN",)),
+        ([Bound("x[0]", np.zeros(7))], ("(7,)",)),
+        ([Bound("x[0]", max=lambda t: [1.0, t])], ("2)", "1)")),
+        ([Bound("x[0]", 0.0, at=0.0)], ("initial state is fixed",)),
+        ([Bound("x[0]", 0.0, at=3.5)], ("3.5", "from 0 to 3 s")),
+        ([Bound("x[0]", 0.0, at="middle")], ("'middle'", "'end'")),
+        ([3], ("limits[0]", "int")),
+        ([Within(FunctionQuantity("f", lambda x: x))], ("'f'",)),
+        ([Within(FunctionQuantity("f", lambda x: np.abs(x[:, 0])))], ("complex",)),
+        ([Keep("bob", outside=Ball((0.0, 0.0, 0.0), 0.1))], ("LinearContinuousSystem", "MechanismSystem")),
+    ],
+)  # fmt: skip
+def test_wrong_limits_are_named(limits, words, bounded):
+    cost, start, _, _ = bounded
+    with pytest.raises(ArgumentError) as caught:
+        optimize(MASS, cost, **start, limits=limits, **ROUGHLY)
+    for word in words:
+        assert word in str(caught.value)
+
+
+# ---- Inside ----------------------------------------------------------------------------------------
+
+
+def test_pieces_of_a_mesh_have_exact_derivatives(rng):
+    mesh = RadauMesh(np.array([0.0, 0.1, 0.25, 0.3]))
+    system = CollocationSystem(CART, mesh)
+    cost = CollocationCost(TRACKING, mesh, system.layout)
+    u = 5.0 * rng.normal(size=(3, system.nu))
+    x = system.rollout(np.zeros(system.nx), np.zeros((4, system.nx)), u, np.zeros((3, system.nu, system.nx)), 0, 3).x
+    report = check_derivatives(system, x, u, cost=cost)
+    assert report.ok, str(report)
+    # With rows of their own for state and input, from the implicit function theorem: against differences of the step.
+    A, B = system.derivatives(x[1], u[1], 1)
+    h = 1e-6
+    for i in range(system.nu):
+        e = h * np.eye(system.nu)[i]
+        d = (system.f(x[1], u[1] + e, 1) - system.f(x[1], u[1] - e, 1)) / (2.0 * h)
+        np.testing.assert_allclose(B[:, i], d, atol=1e-8)
+    for i in range(4):
+        e = h * np.eye(system.nx)[i]
+        d = (system.f(x[1] + e, u[1], 1) - system.f(x[1] - e, u[1], 1)) / (2.0 * h)
+        np.testing.assert_allclose(A[:, i], d, atol=1e-7)
+
+
+def test_a_piece_is_a_step_of_order_five():
+    whole = solve_ivp(lambda t, x: CART.f(x, np.array([np.sin(5.0 * t)]), t), (0.0, 0.8), [0.1, 0.4, 0.0, 0.3],
+                      method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]  # fmt: skip
+    errors = []
+    for pieces in (4, 8, 16):
+        mesh = RadauMesh(np.linspace(0.0, 0.8, pieces + 1))
+        system = CollocationSystem(CART, mesh)
+        u = np.sin(5.0 * mesh.t)
+        x0 = np.zeros(system.nx)
+        x0[:4] = [0.1, 0.4, 0.0, 0.3]
+        nothing = np.zeros((pieces + 1, system.nx))
+        run = system.rollout(x0, nothing, u, np.zeros((pieces, STAGES, system.nx)), 0, pieces)
+        errors.append(np.abs(run.x[-1, :4] - whole).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders > 4.5).all(), (errors, orders)
+
+
+def test_limits_stand_at_every_point_once():
+    mesh = RadauMesh(np.array([0.0, 0.2, 0.5, 1.0]))
+    limits = [Bound("x[0]", max=lambda t: 1.0 + t), Bound("u[0]", -1.0), Equal("x[1]", 0.3, at=0.5)]
+    along, pushed, at, negative = stated(limits, MASS, mesh, 1)
+    points = Points(MASS, mesh)
+    assert sorted(np.concatenate(along.points)) == list(range(1, 10)) == sorted(np.concatenate(pushed.points))
+    for rows, k in zip(along.rows, along.points, strict=True):
+        np.testing.assert_allclose(rows.bounds[:, 0], 1.0 + points.t[k])
+    assert along.along
+    assert not at.along
+    assert [list(k) for k in at.points] == [[6]] == [list(k) for k in negative.points]
+
+
+def test_a_start_too_violent_for_long_pieces_gets_shorter_ones():
+    fast = LinearContinuousSystem([[0.0, 1.0], [60.0, 0.0]], [[0.0], [1.0]])
+    cost = ContinuousQuadraticCost([0.0, 0.0], [0.0], Q=[1.0, 0.1], R=[1e-4], Q_final=[10.0, 1.0])
+    result = optimize(fast, cost, initial=([0.01, 0.0], [0.0]), horizon=(0.0, 1.0), limits=[Bound("u[0]", -0.9, 0.9)])
+    assert result.success, result.message
+    free = optimize(fast, cost, initial=([0.01, 0.0], [0.0]), horizon=(0.0, 1.0))
+    assert free.u.min() < -0.9
+    assert result.cost > free.cost
+    assert np.abs(result.u[1:]).max() <= 0.9 + 1e-9
