@@ -189,6 +189,7 @@ void bind_builder(nb::module_& module) {
         .def("set_number", &MechanismBuilder::set_number, "slot"_a, "value"_a)
         .def(
             "set_gravity", [](MechanismBuilder& b, const In<1>& g) { b.set_gravity(vec3(g)); }, "g"_a)
+        .def("counts", &MechanismBuilder::counts, "Of the elements that have been added so far.")
         .def("build", [](const MechanismBuilder& b) { return std::const_pointer_cast<Mechanism>(b.build()); })
         .def(
             "build_like",

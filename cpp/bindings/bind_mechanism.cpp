@@ -1,6 +1,7 @@
 // The mechanism and what can be asked of it at one point.
 
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
 
@@ -151,9 +152,21 @@ Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
     return out;
 }
 
-// All forces at one point: f (nq), of kinematic variables too; by_q and by_v (nq x nq), by_u (nq x inputs).
+// Some of the entries of a list, those of the parts of one element, or all.
+template <class List>
+List some_of(const List& all, const std::optional<ElementParts>& parts, int ElementCounts::* kind) {
+    if (!parts) return all;
+    const int first = parts->first.*kind, last = parts->last.*kind;
+    if (first < 0 || first > last || last > static_cast<int>(all.size()))
+        throw std::invalid_argument("the element is none of this mechanism");
+    return List(all.begin() + first, all.begin() + last);
+}
+
+// Forces at one point: f (nq), of kinematic variables too; by_q and by_v (nq x nq), by_u (nq x inputs).
 struct Forces {
-    Forces(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, Order order) : m(m), n(m.n_variables()) {
+    Forces(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, Order order,
+           const std::optional<ElementParts>& parts)
+        : m(m), n(m.n_variables()) {
         const std::vector<double> Q = to_internal(m, q, "q"), V = to_internal(m, v, "v");
         expect(u.size(), m.n_inputs, "u");
         const std::size_t r = m.n_inputs;
@@ -163,12 +176,12 @@ struct Forces {
             by_v = zeros({n, n});
             by_u = zeros({n, r});
         }
-        for (const auto& [variable, slot] : m.damping) {
+        for (const auto& [variable, slot] : some_of(m.damping, parts, &ElementCounts::damping)) {
             const std::size_t i = m.external[variable];
             f.data()[i] -= m.numbers[slot] * v.data()[i];
             if (order != Order::value) by_v.data()[i * n + i] -= m.numbers[slot];
         }
-        for (const auto& [variable, input] : m.joint_forces) {
+        for (const auto& [variable, input] : some_of(m.joint_forces, parts, &ElementCounts::joint_forces)) {
             f.data()[m.external[variable]] += u.data()[input];
             if (order != Order::value) by_u.data()[m.external[variable] * r + input] += 1.0;
         }
@@ -176,13 +189,14 @@ struct Forces {
         place(m.force_joints, Q.data(), at);
         LocalForce<double> local;
         const ForcePoint<double> point{at, Q.data(), V.data(), u.data()};
-        for_each_entry(m.forces, point, local, [&](int i, double force) { f.data()[m.external[i]] += force; });
+        const auto forces = some_of(m.forces, parts, &ElementCounts::forces);
+        for_each_entry(forces, point, local, [&](int i, double force) { f.data()[m.external[i]] += force; });
         if (order == Order::value) return;
         const auto by_variable = [&](int i, int j, double f_q, double f_v) {
             by_q.data()[m.external[i] * n + m.external[j]] += f_q;
             by_v.data()[m.external[i] * n + m.external[j]] += f_v;
         };
-        for_each_entry(m.forces, point, local, by_variable,
+        for_each_entry(forces, point, local, by_variable,
                        [&](int i, int input, double f_u) { by_u.data()[m.external[i] * r + input] += f_u; });
     }
     const Mechanism& m;
@@ -190,7 +204,8 @@ struct Forces {
     Out f, by_q, by_v, by_u;
 };
 
-Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, const In<1>& mu) {
+Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, const In<1>& mu,
+                    const std::optional<ElementParts>& parts) {
     const std::size_t n = m.n_variables(), r = m.n_inputs, size = 2 * n + r;
     expect(u.size(), r, "u");
     const std::vector<double> Q = to_internal(m, q, "q"), V = to_internal(m, v, "v"), MU = to_internal(m, mu, "mu");
@@ -202,7 +217,7 @@ Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In
     place(m.force_joints, along_mu.data(), at_mu);
     Out out = zeros({size, size});
     LocalForce<double> local;
-    for (const auto& force : m.forces) {
+    for (const auto& force : some_of(m.forces, parts, &ElementCounts::forces)) {
         force->curvature({at, Q.data(), V.data(), u.data()}, {at_v, at_mu, along_v.data(), along_mu.data(), MU.data()},
                          local);
         std::vector<std::size_t> to;
@@ -218,9 +233,25 @@ Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In
 
 }  // namespace
 
+void bind_queries(nb::class_<Mechanism>& mechanism);
+
 void bind_mechanism(nb::module_& module) {
-    nb::class_<Mechanism>(module, "Mechanism", "A compiled, immutable mechanism. Arrays are in the user's order.")
-        .def_ro("n_dynamic", &Mechanism::n_dynamic)
+    using Counts = std::array<int, 5>;
+    nb::class_<ElementCounts>(module, "ElementCounts", "How many parts of each kind elements came to.")
+        .def(nb::init<>())
+        .def("__getstate__",
+             [](const ElementCounts& c) {
+                 return Counts{c.potentials, c.constraints, c.forces, c.damping, c.joint_forces};
+             })
+        .def("__setstate__",
+             [](ElementCounts& c, const Counts& s) { new (&c) ElementCounts{s[0], s[1], s[2], s[3], s[4]}; })
+        .def_ro("potentials", &ElementCounts::potentials)
+        .def_ro("constraints", &ElementCounts::constraints);
+    nb::class_<ElementParts>(module, "ElementParts", "The parts that one element came to.")
+        .def(nb::init<ElementCounts, ElementCounts>(), "first"_a, "last"_a);
+    nb::class_<Mechanism> mechanism(module, "Mechanism",
+                                    "A compiled, immutable mechanism. Arrays are in the user's order.");
+    mechanism.def_ro("n_dynamic", &Mechanism::n_dynamic)
         .def_ro("n_kinematic", &Mechanism::n_kinematic)
         .def_ro("n_inputs", &Mechanism::n_inputs)
         .def_prop_ro("n_constraints", &Mechanism::n_constraints)
@@ -278,18 +309,20 @@ void bind_mechanism(nb::module_& module) {
         .def("constraint_hessian", &constraint_hessian, "q"_a, "lam"_a, "Second derivatives (nq, nq) of lam.h(q).")
         .def(
             "force",
-            [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u) {
-                return Forces(m, q, v, u, Order::value).f;
-            },
-            "q"_a, "v"_a, "u"_a, "Generalized forces f(q, v, u), (nq,).")
+            [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u,
+               const std::optional<ElementParts>& parts) { return Forces(m, q, v, u, Order::value, parts).f; },
+            "q"_a, "v"_a, "u"_a, "parts"_a.none() = nb::none(),
+            "Generalized forces f(q, v, u), (nq,): of all elements, or the parts of one.")
         .def(
             "force_jacobians",
-            [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u) {
-                const Forces forces(m, q, v, u, Order::gradient);
+            [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u,
+               const std::optional<ElementParts>& parts) {
+                const Forces forces(m, q, v, u, Order::gradient, parts);
                 return std::tuple(forces.by_q, forces.by_v, forces.by_u);
             },
-            "q"_a, "v"_a, "u"_a, "Their derivatives by q, v and u: (nq, nq), (nq, nq) and (nq, n_inputs).")
-        .def("force_curvature", &force_curvature, "q"_a, "v"_a, "u"_a, "mu"_a,
+            "q"_a, "v"_a, "u"_a, "parts"_a.none() = nb::none(),
+            "Their derivatives by q, v and u: (nq, nq), (nq, nq) and (nq, n_inputs).")
+        .def("force_curvature", &force_curvature, "q"_a, "v"_a, "u"_a, "mu"_a, "parts"_a.none() = nb::none(),
              "Second derivatives of mu.f by [q; v; u].")
         .def_prop_ro(
             "numbers", [](const Mechanism& m) { return copy_of(m.numbers, {m.numbers.size()}); }, nb::rv_policy::move,
@@ -307,6 +340,7 @@ void bind_mechanism(nb::module_& module) {
                                                         static_cast<std::size_t>(m.n_variables())});
             },
             "q"_a, "Constraint Jacobian Dh(q), (nc, nq).");
+    bind_queries(mechanism);
 }
 
 }  // namespace leastaction

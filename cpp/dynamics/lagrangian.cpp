@@ -12,9 +12,10 @@ namespace {
 constexpr int lanes = 8;
 using Wide = Eigen::Array<double, lanes, 1>;
 
-// The doubles of a scalar: its value, and for a dual its derivative.
+// The doubles of a scalar: its value, and for a dual its derivative; for a hyper-dual those of both its duals.
 inline double part_of(double x, int) { return x; }
 inline double part_of(const Dual<double>& x, int part) { return part == 0 ? x.v : x.d; }
+inline double part_of(const HyperDual& x, int part) { return part_of(part < 2 ? x.v : x.d, part % 2); }
 
 // From a frame with the given pose to the world: with b = R h, the rotational part is
 // R I R' + 2 (p.b) E - p b' - b p' + m (p.p E - p p').
@@ -175,7 +176,7 @@ void Lagrangian<T>::hessian() {
 }
 
 // The products of row i with all joints of its runs, `lanes` joints at a time. For a dual scalar the derivative of each
-// product: by the product rule the sum of two products of plain numbers.
+// product: by the product rule the sum of two products of plain numbers, for a hyper-dual of four.
 template <class T>
 void Lagrangian<T>::pair_products(int i) {
     const std::size_t row = i * pairs.stride;
@@ -237,5 +238,6 @@ T Lagrangian<T>::potential_energy() const {
 
 template class Lagrangian<double>;
 template class Lagrangian<Dual<double>>;
+template class Lagrangian<HyperDual>;
 
 }  // namespace leastaction

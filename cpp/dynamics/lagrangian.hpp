@@ -12,7 +12,7 @@
 //   d(L_v[j])/dq_i  =  B_i.S_j            L_qq[i,j]      = -B_i.W_j - A_i.G_j
 //
 // Pairs in different branches are zero. The gradient and the vectors A and B are O(n), the Hessian O(n depth). On
-// Dual<double> the same sweep gives the third order along one direction.
+// Dual<double> the same sweep gives the third order along one direction, on HyperDual the fourth along two.
 #pragma once
 
 #include <type_traits>
@@ -84,7 +84,7 @@ private:
     std::vector<T> m_;                // mass behind the joint
     std::vector<Force<T>> H_own_, H_;
     std::vector<Inertia<T>> IC_;
-    // Component-major copies for the wide pair products: parts 0 the value, 1 the derivative (duals only).
+    // Component-major copies for the wide pair products: part 0 the value, the others derivatives (of duals, hyper-duals).
     static constexpr int parts = sizeof(T) / sizeof(double);
     std::vector<double> S_wide_[parts], W_wide_[parts], G_wide_[parts];
     std::vector<double> AB_[parts];  // [A; B] by joint
@@ -95,5 +95,6 @@ private:
 
 extern template class Lagrangian<double>;
 extern template class Lagrangian<Dual<double>>;
+extern template class Lagrangian<HyperDual>;
 
 }  // namespace leastaction

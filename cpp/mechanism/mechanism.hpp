@@ -93,6 +93,15 @@ void each_pair(const Mechanism& m, std::size_t stride, const F& f) {
     }
 }
 
+// How many parts of each kind the elements of a mechanism came to.
+struct ElementCounts {
+    int potentials = 0, constraints = 0, forces = 0, damping = 0, joint_forces = 0;
+};
+// The parts that one element came to, or all.
+struct ElementParts {
+    ElementCounts first, last;
+};
+
 class MechanismBuilder {
 public:
     MechanismBuilder(int n_dynamic, int n_kinematic, int n_inputs);
@@ -124,6 +133,11 @@ public:
     void add_force(std::vector<int> coordinates, std::vector<int> inputs, std::shared_ptr<const Magnitude> magnitude);
     void add_wrench(Wrench::Kind kind, int joint, const Pose<double>& frame, const std::array<int, 6>& slots,
                     const std::array<int, 6>& inputs);
+
+    ElementCounts counts() const {
+        const auto size = [](const auto& list) { return static_cast<int>(list.size()); };
+        return {size(potentials_), size(constraints_), size(forces_), size(damping_), size(joint_forces_)};
+    }
 
     // Throws std::invalid_argument where the description is not a mechanism.
     std::shared_ptr<const Mechanism> build() const;

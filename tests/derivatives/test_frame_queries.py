@@ -140,6 +140,113 @@ def test_frame_velocities_and_jacobians_against_automatic_differentiation(mechan
         assert np.abs(dJ).max() > 0.1
 
 
+def along(function, directions):
+    """The derivative of a function along directions, by automatic differentiation."""
+    for direction in directions:
+        function = partial(lambda inner, d, q: jax.jvp(inner, (q,), (d,))[1], function, jnp.asarray(direction))
+    return function
+
+
+@pytest.mark.parametrize("inverse", [False, True])
+def test_derivatives_of_poses_to_the_fourth_order_against_automatic_differentiation(mechanism, inverse):
+    rng = np.random.default_rng(9)
+    q, *directions = rng.uniform(-1.5, 1.5, (4, mechanism.nq))
+
+    def pose_of(at):
+        G = frame_pose(mechanism, "tip", at)
+        return jnp.linalg.inv(G) if inverse else G
+
+    np.testing.assert_allclose(mechanism.frame_pose(q, "tip", inverse=inverse), pose_of(q), atol=1e-13)
+    for order in (1, 4):
+        chosen = directions[: order - 1]
+        wanted = jax.jacfwd(along(pose_of, chosen))(q)
+        options = {"order": order, "inverse": inverse}
+        found = mechanism.frame_pose_derivative(q, "tip", along=chosen, **options)
+        np.testing.assert_allclose(found, wanted, atol=1e-12 * max(1.0, np.abs(wanted).max()))
+        assert np.abs(found).max() > 0.1
+        full = mechanism.frame_pose_derivative(q, "tip", **options)
+        assert full.shape == (4, 4, *[mechanism.nq] * order)
+        for axis in range(2, order + 1):
+            np.testing.assert_allclose(full, full.swapaxes(axis, axis + 1), atol=1e-12)
+        for direction in chosen:
+            full = full @ direction
+        np.testing.assert_allclose(full, found, atol=1e-12 * max(1.0, np.abs(wanted).max()))
+
+
+@pytest.mark.parametrize("axes", ["world", "frame"])
+def test_derivatives_of_velocities_to_the_fourth_order_against_automatic_differentiation(mechanism, axes):
+    """By the configuration up to three times, and by the velocity too."""
+    rng = np.random.default_rng(10)
+    q, v, *directions = rng.uniform(-1.5, 1.5, (4, mechanism.nq))
+    point = (0.3, -0.4, 0.2)
+    oracle = partial(velocity, mechanism, "tip", jnp.array(point), axes)
+    options = {"point": point, "axes": axes}
+    for order in (2, 3):
+        chosen = directions[: order - 1]
+        wanted = jax.jacfwd(along(partial(oracle, v=v), chosen))(q)
+        found = mechanism.frame_velocity_derivative(q, v, "tip", order=order, along=chosen, **options)
+        np.testing.assert_allclose(found, wanted, atol=1e-12 * max(1.0, np.abs(wanted).max()))
+        full = mechanism.frame_jacobian_derivative(q, "tip", order=order, **options)
+        assert full.shape == (6, *[mechanism.nq] * (order + 1))
+        by_v = mechanism.frame_jacobian_derivative(q, "tip", order=order, along=chosen, **options)
+        for direction in chosen:
+            full = full @ direction
+        np.testing.assert_allclose(full, by_v, atol=1e-12 * max(1.0, np.abs(by_v).max()))
+        # Linear in the velocity: each column of the Jacobian is the velocity for a unit one.
+        column = int(rng.integers(mechanism.nq))
+        unit = jnp.eye(mechanism.nq)[column]
+        wanted = jax.jacfwd(along(partial(oracle, v=unit), chosen))(q)
+        np.testing.assert_allclose(by_v[:, column], wanted, atol=1e-12 * max(1.0, np.abs(by_v).max()))
+        np.testing.assert_allclose(np.einsum("ai...,i->a...", by_v, v), found, atol=1e-12 * np.abs(found).max())
+        assert np.abs(found).max() > 0.1
+
+
+def test_derivatives_of_frames_take_batches(mechanism):
+    rng = np.random.default_rng(12)
+    q, v = rng.uniform(-1.0, 1.0, (2, 3, mechanism.nq))
+    d = rng.uniform(-1.0, 1.0, mechanism.nq)
+    poses = mechanism.frame_pose_derivative(q, "tip", order=2, along=[d])
+    speeds = mechanism.frame_velocity_derivative(q, v, "tip", order=2)
+    columns = mechanism.frame_jacobian_derivative(q, "tip", order=2, along=[d], axes="frame")
+    assert poses.shape == (3, 4, 4, mechanism.nq)
+    for k in range(3):
+        np.testing.assert_allclose(
+            poses[k], mechanism.frame_pose_derivative(q[k], "tip", order=2, along=[d]), atol=1e-14
+        )
+        np.testing.assert_allclose(
+            speeds[k], mechanism.frame_velocity_derivative(q[k], v[k], "tip", order=2), atol=1e-14
+        )
+        one = mechanism.frame_jacobian_derivative(q[k], "tip", order=2, along=[d], axes="frame")
+        np.testing.assert_allclose(columns[k], one, atol=1e-14)
+    fixed = mechanism.frame_pose_derivative(q, "world", order=2)
+    assert fixed.shape == (3, 4, 4, mechanism.nq, mechanism.nq)
+    assert not fixed.any()
+    assert not mechanism.frame_velocity_derivative(q, v, "world").any()
+    assert not mechanism.frame_jacobian_derivative(q, "world", order=2, axes="frame").any()
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda m, q: m.frame_pose_derivative(q, "tp"), "unknown frame 'tp'; did you mean"),
+        (lambda m, q: m.frame_pose_derivative(q, "tip", order=0), "order: got 0, expected a whole number, at least 1"),
+        (lambda m, q: m.frame_pose_derivative(q, "tip", along=[q, q]), "got 2 directions for derivatives of order 1"),
+        (lambda m, q: m.frame_pose_derivative(q, "tip", along=[q[:-1]]), r"along: got shape \(1, "),
+        (lambda m, q: m.frame_pose_derivative(q, "tip", along=q), r"along: got shape"),
+        (lambda m, q: m.frame_pose_derivative(q, "tip", order=14), "takes .* MB.*along=.*allow more"),
+        (
+            lambda m, q: m.frame_jacobian_derivative(q, "tip", order=3, max_bytes=1e4),
+            "frame_jacobian_derivative: .* MB",
+        ),
+        (lambda m, q: m.frame_velocity_derivative(q, q, "tip", order=4, max_bytes=1e4), "takes .* 0.01 MB"),
+        (lambda m, q: m.frame_velocity_derivative(q, q[:-1], "tip"), "v: got shape"),
+    ],
+)
+def test_bad_questions_about_derivatives_of_frames_are_named(mechanism, ask, message):
+    with pytest.raises(ArgumentError, match=message):
+        ask(mechanism, np.zeros(mechanism.nq))
+
+
 def test_frame_jacobians_are_the_derivatives_of_positions(mechanism):
     """Against differences of `positions`, which the core computes: to their accuracy."""
     q = np.random.default_rng(8).uniform(-1, 1, mechanism.nq)

@@ -76,6 +76,7 @@ from leastaction.mechanics.elements import (
     Wrench,
     check_derivatives,
 )
+from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
 from leastaction.mechanics.mechanism.mechanism import Energy, Mechanism
 from leastaction.numerics.curve import Curve
 
@@ -84,15 +85,16 @@ __all__ = [
     "Branch", "Composition", "ConfigurationProjection", "Constraint", "ContinuousDynamics", "ContinuousState",
     "ContinuousTrajectory", "Contradiction", "CoulombFriction", "Coupling", "Curve", "Damping", "Distance", "Drag",
     "Drift", "ElasticString", "Element", "Energy", "Equilibrium", "Event", "EventRecord", "ExpressionConstraint",
-    "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation", "Force", "Frame", "FunctionReport",
-    "Gravity", "HingeLoop", "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "JointForce", "JointSpring",
-    "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MidpointVI", "Motor", "NonlinearDamping",
-    "NonlinearSpring", "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "Potential", "PrescribedMotion",
-    "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential",
-    "Sensitivity", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step", "StepDerivatives",
-    "StepSensitivity", "StepTensors", "TendonForce", "TorsionalSpring", "Trajectory", "VelocityProjection", "Wrench",
-    "ball", "check_consistent", "check_derivatives", "equilibrium", "find_contradiction", "free", "gain_to_continuous",
-    "gain_to_discrete", "legendre_jacobian", "momentum_by", "pose", "prismatic", "project_configuration",
-    "project_velocity", "revolute", "rx", "ry", "rz", "screw", "simulate", "to_continuous", "to_discrete",
-    "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal", "var", "world",
+    "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation", "Force", "Frame", "FunctionDerivatives",
+    "FunctionReport", "Gravity", "HingeLoop", "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "JointForce",
+    "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MidpointVI", "Motor",
+    "NonlinearDamping", "NonlinearSpring", "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "Potential",
+    "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction",
+    "PythonPotential", "Sensitivity", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step",
+    "StepDerivatives", "StepSensitivity", "StepTensors", "TendonForce", "TorsionalSpring", "Trajectory",
+    "VelocityProjection", "Wrench", "ball", "check_consistent", "check_derivatives", "equilibrium",
+    "find_contradiction", "free", "gain_to_continuous", "gain_to_discrete", "legendre_jacobian", "momentum_by", "pose",
+    "prismatic", "project_configuration", "project_velocity", "revolute", "rx", "ry", "rz", "screw", "simulate",
+    "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal", "var",
+    "world",
 ]  # fmt: skip

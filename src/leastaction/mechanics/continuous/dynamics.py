@@ -21,6 +21,7 @@ from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics.continuous.acceleration import AccelerationDerivatives, Accelerations, AccelerationTensors
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, shape_of
+from leastaction.numerics.memory import MAX_BYTES, check_memory
 
 
 class ContinuousDynamics:
@@ -204,9 +205,18 @@ class ContinuousDynamics:
         u: npt.ArrayLike | None = None,
         rho_a: npt.ArrayLike | None = None,
         t: float = 0.0,
+        *,
+        max_bytes: float = MAX_BYTES,
     ) -> AccelerationTensors:
-        """Return the full second derivatives at one point; arguments and errors as of `curvature`."""
+        """Return the full second derivatives at one point; arguments and errors as of `curvature`.
+
+        They take ``8 (nd + nc) n^2`` bytes, ``n = 2 nq + n_inputs + nrho``: more than `max_bytes` is an `ArgumentError`
+        before anything is made.
+        """
         self._check_orders()
+        m = self.mechanism
+        n = 2 * m.nq + m.n_inputs + m.nrho
+        check_memory((m.nd + m.nc, n, n), max_bytes, "tensors", "contract them by curvature(..., z_a=...)")
         points = self._points(q, v, u, rho_a)
         if not points.single:
             raise ArgumentError(

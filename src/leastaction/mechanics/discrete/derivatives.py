@@ -12,6 +12,7 @@ from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
 from leastaction.mechanics.discrete.trajectory import Trajectory, state_of
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.memory import check_memory
 
 _TRAJECTORY_TOLERANCE = 1e-6  # (m or rad) of a step's end, for what counts as a trajectory
 
@@ -64,7 +65,7 @@ def linearize_arrays(
     return out
 
 
-def tensors(vi: Integrator, trajectory: Trajectory, k: int | np.integer[Any]) -> StepTensors:
+def tensors(vi: Integrator, trajectory: Trajectory, k: int | np.integer[Any], max_bytes: float) -> StepTensors:
     """Return all second derivatives of one step; see `MidpointVI.tensors`."""
     m = vi.mechanism
     check_trajectory(vi, trajectory)
@@ -72,6 +73,8 @@ def tensors(vi: Integrator, trajectory: Trajectory, k: int | np.integer[Any]) ->
         last = trajectory.steps - 1
         known = f"a step from 0 to {last}" if last >= 0 else "a trajectory of one step or more"
         raise ArgumentError(f"k: got {k!r}, expected {known}")
+    n = m.nx + m.n_inputs + m.nrho
+    check_memory((m.nx + m.nc, n, n), max_bytes, "tensors", "contract them by linearize(...).curvature(z)")
     pair, step = slice(k, k + 2), slice(k, k + 1)
     d = linearize_arrays(vi, trajectory.t[pair], trajectory.x[pair], trajectory.u[step])
     weights = np.eye(m.nx + m.nc)

@@ -22,6 +22,7 @@ from leastaction.errors import ArgumentError, CoarseStepWarning, InconsistentSta
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
+from leastaction.mechanics.discrete import functions
 from leastaction.mechanics.discrete import sensitivity as parameters
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
@@ -30,9 +31,11 @@ from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.sensitivity import Sensitivity, StepSensitivity
 from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory, check_state, state_of
+from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_time_step, as_times, read_only
+from leastaction.numerics.memory import MAX_BYTES
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.numerics.step_quality import StepQuality, coarsest
 
@@ -441,9 +444,116 @@ class MidpointVI(Integrator):
             )
         return derivatives.curvature(z, z_lam=z_lam)
 
-    def tensors(self, trajectory: Trajectory, k: int | np.integer[Any]) -> StepTensors:
-        """Return the full second derivatives of step k of a trajectory (for analysis)."""
-        return differentiate.tensors(self, trajectory, k)
+    def tensors(self, trajectory: Trajectory, k: int | np.integer[Any], *, max_bytes: float = MAX_BYTES) -> StepTensors:
+        """Return the full second derivatives of step k of a trajectory (for analysis).
+
+        They take ``8 (nx + nc) (nx + n_inputs + nrho)^2`` bytes.
+
+        Raises
+        ------
+        ArgumentError
+            For a k that is no step, a trajectory of another mechanism, or, before anything is made, where they would
+            take more than `max_bytes`.
+        """
+        return differentiate.tensors(self, trajectory, k, max_bytes)
+
+    # Functions of a step
+
+    def discrete_lagrangian(self, q1: npt.ArrayLike, q2: npt.ArrayLike, dt: float) -> FunctionDerivatives:
+        """Return ``Ld = dt L((q1 + q2)/2, (q2 - q1)/dt)`` (J s), by ``q1`` and ``q2``, to the fourth order.
+
+        Parameters
+        ----------
+        q1, q2 : array_like, shape (nq,)
+            Configurations at the start and the end of a step.
+        dt : float
+            Time step (s).
+
+        Returns
+        -------
+        FunctionDerivatives
+            ``Ld.by("q1")`` is D1Ld, ``Ld.by("q1", "q2")`` is D2D1Ld.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong shapes, values that are not finite, or a time step that is not positive.
+        """
+        return functions.discrete_lagrangian(self.mechanism, q1, q2, dt)
+
+    def discrete_potential(
+        self, q1: npt.ArrayLike, q2: npt.ArrayLike, dt: float, element: str | None = None
+    ) -> FunctionDerivatives:
+        """Return what one potential, or all, take from `discrete_lagrangian`: ``dt V((q1 + q2)/2)`` (J s).
+
+        Parameters
+        ----------
+        q1, q2, dt
+            As of `discrete_lagrangian`, errors too.
+        element : str, optional
+            As of `Mechanism.potential`.
+        """
+        return functions.discrete_potential(self.mechanism, q1, q2, dt, element)
+
+    def discrete_force(
+        self,
+        q1: npt.ArrayLike,
+        q2: npt.ArrayLike,
+        u: npt.ArrayLike | None,
+        dt: float,
+        element: str | None = None,
+    ) -> tuple[FunctionDerivatives, FunctionDerivatives]:
+        """Return the discrete forces fd- and fd+ of one element, or of all, by ``q1``, ``q2`` and ``u``.
+
+        Parameters
+        ----------
+        q1, q2, dt
+            As of `discrete_lagrangian`, errors too.
+        u : array_like, shape (n_inputs,), or None
+            Inputs; zero if None.
+        element : str, optional
+            As of `Mechanism.force`.
+
+        Returns
+        -------
+        fd_minus, fd_plus : FunctionDerivatives
+            Impulses (N s or N m s) on all nq variables at the start and at the end of the step, as `split` shares them.
+        """
+        return functions.discrete_force(self.mechanism, self._shares, q1, q2, u, dt, element)
+
+    def driving_force(self, trajectory: Trajectory) -> Array:
+        """Return the forces that make the prescribed variables move as they do in a run (dissertation 4.42).
+
+        A prescribed variable is moved by whatever force that takes. At an instant between two steps it is the impulse
+        that its own equation of motion lacks, ``-(D2Ld + fd+ of the step before + D1Ld + fd- of the step after -
+        Dh^T lam)``, here over the time that it stands for, half of both steps. In continuous time
+        `ContinuousDynamics.inverse_dynamics` has it.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Of this mechanism.
+
+        Returns
+        -------
+        ndarray, shape (N-1, nrho)
+            At the instants ``t[1:-1]``, in the order of `Mechanism.kinematic` (N or N m). Besides the forces of
+            elements, and positive where it drives the variable up.
+
+        Raises
+        ------
+        ArgumentError
+            For a trajectory of a mechanism with other variables.
+        """
+        differentiate.check_trajectory(self, trajectory)
+        return functions.driving_force(self.mechanism, self._shares, trajectory)
+
+    @property
+    def _shares(self) -> tuple[float, float]:
+        """How much of a force acts at the start and at the end of a step."""
+        return (0.5, 0.5) if self.split == "symmetric" else (1.0, 0.0)
+
+    # Derivatives by parameters
 
     def differentiate_by(self, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
         """Return the exact first derivatives of every step by some parameters.

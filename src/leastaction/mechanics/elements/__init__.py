@@ -6,7 +6,7 @@ Every element is a small frozen object with one interface, `Element`; `Mechanism
 from __future__ import annotations
 
 from leastaction.mechanics.elements.base import Constraint, Element, Force, Potential
-from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.compiler import Compiler, Parts
 from leastaction.mechanics.elements.constraints.distances import Coupling, Distance, PathLength, PointToPoint
 from leastaction.mechanics.elements.constraints.guides import PointOnLine, PointOnPlane, PrescribedPath
 from leastaction.mechanics.elements.constraints.loops import FixedOrientation, HingeLoop
@@ -39,7 +39,7 @@ __all__ = [
     "ElasticString", "Element", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "FixedOrientation",
     "Force", "FunctionReport", "Gravity", "HingeLoop", "HybridWrench", "InverseSquareGravity", "JointForce",
     "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Motor", "NonlinearDamping", "NonlinearSpring",
-    "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "Potential", "PrescribedPath", "PythonConstraint",
-    "PythonForce", "PythonFunction", "PythonPotential", "SpatialWrench", "TendonForce", "TorsionalSpring", "Uses",
-    "Wrench", "check_derivatives",
+    "Parts", "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "Potential", "PrescribedPath",
+    "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "SpatialWrench", "TendonForce",
+    "TorsionalSpring", "Uses", "Wrench", "check_derivatives",
 ]  # fmt: skip

@@ -23,6 +23,22 @@ from leastaction.numerics.curve import Curve
 
 
 @dataclass(frozen=True)
+class Parts:
+    """The parts of the compiled mechanism that an element came to: their counts before it and after it.
+
+    ``uniform_gravity``: whether the weight of all bodies belongs to it, which is no part of its own.
+    """
+
+    first: _core.ElementCounts
+    last: _core.ElementCounts
+    uniform_gravity: bool
+
+    def without_gravity(self) -> Parts:
+        """Return the parts that are parts of their own."""
+        return replace(self, uniform_gravity=False)
+
+
+@dataclass(frozen=True)
 class Compiler:
     """Adds one element after the other to the core's builder.
 
@@ -39,6 +55,8 @@ class Compiler:
         Unique name of the element that is being added, and how messages call it.
     numbers : mapping of str to float
         The numbers that its fields hold.
+    parts : dict of str to Parts
+        What every element came to, by its unique name.
     """
 
     builder: _core.MechanismBuilder
@@ -48,6 +66,7 @@ class Compiler:
     element: str = ""
     label: str = ""
     numbers: Mapping[str, float] = field(default_factory=dict)
+    parts: dict[str, Parts] = field(default_factory=dict)
     _points: dict[str, int] = field(default_factory=dict)
     _directions: dict[tuple[int, bytes], int] = field(default_factory=dict)
     _constants: dict[float, int] = field(default_factory=dict)

@@ -11,7 +11,7 @@ import numpy as np
 from leastaction import _core
 from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.description.tree import Tree
-from leastaction.mechanics.elements import Compiler, Context, Element
+from leastaction.mechanics.elements import Compiler, Context, Element, Parts, Potential
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ class Plan:
     def emit(self, builder: _core.MechanismBuilder) -> Compiler:
         """Make the calls that build this mechanism, joints first, then bodies, then elements.
 
-        The result holds the slots of the elements' numbers by name, in ``parameters``, and whose they are.
+        The result holds the slots of the elements' numbers by name, in ``parameters``, whose they are, and what each
+        element came to, in ``parts``.
         """
         core = Compiler(builder, self.context())
         variable = core.context.variables
@@ -82,7 +83,11 @@ class Plan:
                 centre, symmetric = rotation @ body.com + origin, (inertia + inertia.T) / 2.0
                 builder.add_body(joint_index, body.mass, centre, symmetric)
         for name, element in self.elements.items():
+            before = builder.counts()
             element.add_to(core.within(name, element.label, element.numbers))
+            after = builder.counts()
+            weight = isinstance(element, Potential) and after.potentials == before.potentials
+            core.parts[name] = Parts(before, after, uniform_gravity=weight)
         for name, value in self.numbers.items():
             builder.set_number(core.parameters[name], value)
         return core

@@ -24,6 +24,14 @@ def poses_of(tree: Tree, frame: int, joints: Array) -> Array:
     return joints[:, placed.joint] @ placed.pose
 
 
+def inverted(poses: Array) -> Array:
+    """Return the inverses of poses (N, 4, 4)."""
+    result = np.zeros_like(poses)
+    back = poses[:, :3, :3].swapaxes(1, 2)
+    result[:, :3, :3], result[:, :3, 3:], result[:, 3, 3] = back, -back @ poses[:, :3, 3:], 1.0
+    return result
+
+
 def origins_of(tree: Tree, frames: Sequence[int], joints: Array) -> Array:
     """Return the origins (N, len(frames), 3) of frames from the poses of all joints."""
     points = np.empty((len(joints), len(frames), 3))
@@ -62,13 +70,17 @@ class PathMotion:
         E, _ = tree.coupling(path, variables)
         return cls(twists, by_joints, E, poses[:, :3, :3] if axes == "frame" else None)
 
+    def in_axes(self) -> Array:
+        """Return the velocities by the joints' coordinates (N, 6, n), in the axes that are wanted."""
+        return _turned(self.turn, self.by_joints)
+
     def jacobian(self) -> Array:
         """Return the Jacobian (N, 6, nq)."""
-        return _turned(self.turn, self.by_joints) @ self.E
+        return self.in_axes() @ self.E
 
     def velocity(self, v: Array) -> Array:
         """Return the velocities (N, 6) for those of the variables (N, nq)."""
-        velocity: Array = np.einsum("nai,ni->na", _turned(self.turn, self.by_joints), v @ self.E.T)
+        velocity: Array = np.einsum("nai,ni->na", self.in_axes(), v @ self.E.T)
         return velocity
 
     def jacobian_derivative(self) -> Array:

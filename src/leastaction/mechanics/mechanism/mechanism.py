@@ -15,10 +15,13 @@ from leastaction.mechanics.description.branch import Branch
 from leastaction.mechanics.description.flattening import flatten
 from leastaction.mechanics.description.masses import check_masses
 from leastaction.mechanics.description.tree import Ball, Tree
-from leastaction.mechanics.elements import Element
+from leastaction.mechanics.elements import Constraint, Element, Force, Parts, Potential
 from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.constraint_queries import dependent_rows
-from leastaction.mechanics.mechanism.frame_queries import Axes, PathMotion, origins_of, poses_of
+from leastaction.mechanics.mechanism.frame_derivatives import jacobian_derivative, pose_derivative
+from leastaction.mechanics.mechanism.frame_queries import Axes, PathMotion, inverted, origins_of, poses_of
+from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
+from leastaction.mechanics.mechanism.function_queries import ConstraintsAt, ForceAt, LagrangianAt, PotentialAt
 from leastaction.mechanics.mechanism.mass_queries import (
     Energy,
     center_of_mass_of,
@@ -39,7 +42,8 @@ from leastaction.mechanics.mechanism.parameters import (
 )
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
-from leastaction.numerics.arrays import Array, as_array, as_number, shape_of
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, shape_of
+from leastaction.numerics.memory import MAX_BYTES, check_memory
 
 __all__ = ["Energy", "Mechanism"]
 
@@ -77,13 +81,16 @@ class Mechanism:
     """
 
     __slots__ = (
-        "_frame_index", "_owners", "_plan", "_slots", "core", "n_inputs", "nc", "nd", "nq", "nrho", "nx",
+        "_frame_index", "_owners", "_parts", "_plan", "_slots", "_whole", "core", "n_inputs", "nc", "nd", "nq", "nrho",
+        "nx",
     )  # fmt: skip
 
     _plan: Plan
     _frame_index: Mapping[str, int]
     _slots: Mapping[str, int]
     _owners: Mapping[str, tuple[str, str]]
+    _parts: Mapping[str, Parts]
+    _whole: Parts
     core: _core.Mechanism
     nd: int
     nrho: int
@@ -112,6 +119,8 @@ class Mechanism:
             "_frame_index": {f.name: i for i, f in enumerate(settled.tree.frames)},
             "_slots": context.parameters,
             "_owners": context.owners,
+            "_parts": context.parts,
+            "_whole": Parts(_core.ElementCounts(), builder.counts(), uniform_gravity=True),
             "core": builder.build() if like is None else _build_like(builder, like),
             "nd": nd,
             "nrho": nrho,
@@ -299,7 +308,7 @@ class Mechanism:
 
     # Frames
 
-    def frame_pose(self, q: npt.ArrayLike, name: str) -> Array:
+    def frame_pose(self, q: npt.ArrayLike, name: str, *, inverse: bool = False) -> Array:
         """Return the pose of a frame in the world.
 
         Parameters
@@ -308,14 +317,62 @@ class Mechanism:
             One configuration or a batch.
         name : str
             The frame.
+        inverse : bool, optional
+            Return its inverse: the pose of the world in the frame.
 
         Returns
         -------
         ndarray, shape (4, 4) or (N, 4, 4)
-            Takes coordinates in the frame to coordinates in the world.
+            Takes coordinates in the frame to coordinates in the world; the inverse takes them back.
         """
         values, single = self._batch(q)
-        return _of(poses_of(self.tree, self._frame(name), self.core.joint_poses(values)), single)
+        poses = poses_of(self.tree, self._frame(name), self.core.joint_poses(values))
+        return _of(inverted(poses) if inverse else poses, single)
+
+    def frame_pose_derivative(
+        self,
+        q: npt.ArrayLike,
+        frame: str,
+        *,
+        order: int = 1,
+        along: Sequence[npt.ArrayLike] = (),
+        inverse: bool = False,
+        max_bytes: float = MAX_BYTES,
+    ) -> Array:
+        """Return the derivative of `frame_pose` by the configuration, of any order (dissertation 2.11, 2.12).
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,) or (N, nq)
+            One configuration or a batch.
+        frame : str
+            The frame.
+        order : int, optional
+            How often it is differentiated.
+        along : sequence of array_like, shape (nq,), optional
+            Directions that the last of these derivatives are taken along, `order` of them at most.
+        inverse : bool, optional
+            Differentiate the inverse of the pose.
+        max_bytes : float, optional
+            What the result may take: ``128 N nq^(order - len(along))`` bytes.
+
+        Returns
+        -------
+        ndarray, shape (4, 4, nq, ...) or (N, 4, 4, nq, ...)
+            With one axis of nq for every derivative that is along no direction; symmetric in them.
+
+        Raises
+        ------
+        ArgumentError
+            For an unknown frame, an order below one, a wrong shape, or, before anything is made, for a result that
+            takes more.
+        """
+        values, single = self._batch(q)
+        motion = self._path_motion(values, frame, (0.0, 0.0, 0.0), "world")
+        slots = self._slots_of(motion, "frame_pose_derivative", order, along)
+        self._check_size((len(values), 4, 4), slots, max_bytes, "frame_pose_derivative")
+        poses = poses_of(self.tree, self._frame(frame), self.core.joint_poses(values))
+        return _of(_without(along, pose_derivative(motion, poses, slots, inverse=inverse)), single)
 
     def positions(self, q: npt.ArrayLike, names: Sequence[str] | None = None) -> Array:
         """Return the origins of frames in the world.
@@ -394,9 +451,20 @@ class Mechanism:
         return _of(self._path_motion(values, frame, point, axes).velocity(speeds), single)
 
     def frame_jacobian_derivative(
-        self, q: npt.ArrayLike, frame: str, *, point: npt.ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
+        self,
+        q: npt.ArrayLike,
+        frame: str,
+        *,
+        point: npt.ArrayLike = (0.0, 0.0, 0.0),
+        axes: Axes = "world",
+        order: int = 1,
+        along: Sequence[npt.ArrayLike] = (),
+        max_bytes: float = MAX_BYTES,
     ) -> Array:
-        """Return the derivative of `frame_jacobian` by the configuration.
+        """Return the derivative of `frame_jacobian` by the configuration, of any order.
+
+        With ``axes="frame"`` these are the derivatives of the body velocity by one velocity and `order` configuration
+        variables (dissertation 2.14, 2.15).
 
         Parameters
         ----------
@@ -404,16 +472,73 @@ class Mechanism:
             One configuration or a batch.
         frame, point, axes
             As in `frame_jacobian`.
+        order, along, max_bytes
+            As in `frame_pose_derivative`; the result takes ``48 N nq^(1 + order - len(along))`` bytes.
 
         Returns
         -------
-        ndarray, shape (6, nq, nq) or (N, 6, nq, nq)
+        ndarray, shape (6, nq, nq, ...) or (N, 6, nq, nq, ...)
             Entry ``[a, i, j]`` is ``dJ[a, i] / dq_j``. The linear half in world axes is symmetric in i and j,
             being the second derivative of a position; the angular one is not, since an angular velocity is
             no derivative of anything.
+
+        Raises
+        ------
+        ArgumentError
+            As `frame_jacobian` and `frame_pose_derivative`.
         """
         values, single = self._batch(q)
-        return _of(self._path_motion(values, frame, point, axes).jacobian_derivative(), single)
+        motion = self._path_motion(values, frame, point, axes)
+        slots = self._slots_of(motion, "frame_jacobian_derivative", order, along)
+        self._check_size((len(values), 6, self.nq), slots, max_bytes, "frame_jacobian_derivative")
+        if order == 1 and not len(along):
+            return _of(motion.jacobian_derivative(), single)
+        slots = [motion.E[None], *slots]
+        return _of(_without(along, self._velocity_derivative(motion, values, frame, point, slots)), single)
+
+    def frame_velocity_derivative(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        frame: str,
+        *,
+        point: npt.ArrayLike = (0.0, 0.0, 0.0),
+        axes: Axes = "world",
+        order: int = 1,
+        along: Sequence[npt.ArrayLike] = (),
+        max_bytes: float = MAX_BYTES,
+    ) -> Array:
+        """Return the derivative of `frame_velocity` by the configuration, of any order.
+
+        By the velocity it is linear: `frame_jacobian` and its derivatives. With ``axes="frame"`` it is the derivative
+        of the body velocity (dissertation 2.13).
+
+        Parameters
+        ----------
+        q, v : array_like, shape (nq,) or (N, nq)
+            Configuration and velocity, or batches of them.
+        frame, point, axes
+            As in `frame_jacobian`.
+        order, along, max_bytes
+            As in `frame_pose_derivative`; the result takes ``48 N nq^(order - len(along))`` bytes.
+
+        Returns
+        -------
+        ndarray, shape (6, nq, ...) or (N, 6, nq, ...)
+            With one axis of nq for every derivative that is along no direction; symmetric in them.
+
+        Raises
+        ------
+        ArgumentError
+            As `frame_jacobian` and `frame_pose_derivative`.
+        """
+        values, speeds, single = self._states(q, v)
+        motion = self._path_motion(values, frame, point, axes)
+        slots = self._slots_of(motion, "frame_velocity_derivative", order, along)
+        self._check_size((len(values), 6), slots, max_bytes, "frame_velocity_derivative")
+        slots = [(speeds @ motion.E.T)[:, :, None], *slots]
+        found = self._velocity_derivative(motion, values, frame, point, slots)[:, :, 0]
+        return _of(_without(along, found), single)
 
     # Masses
 
@@ -531,11 +656,155 @@ class Mechanism:
         """
         return dependent_rows(self.constraint_jacobian(q)[:, : self.nd], self.constraints)
 
+    # Functions and their derivatives
+
+    def lagrangian(self, q: npt.ArrayLike, v: npt.ArrayLike) -> FunctionDerivatives:
+        """Return the Lagrangian ``L = T - V`` (J) at a state, by ``q`` and ``v``, to the fourth order.
+
+        Parameters
+        ----------
+        q, v : array_like, shape (nq,)
+            Configuration and velocity.
+
+        Returns
+        -------
+        FunctionDerivatives
+            ``L.by("v", "q")`` is `L_vq`, ``L.along(q=dq, v=dv).hessian`` the third order contracted with a direction.
+            To the third order where there is a `PythonPotential`.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong shapes or values that are not finite.
+        """
+        at, speed = self._single(q).copy(), self._single(v, "v").copy()
+        evaluate = LagrangianAt(self, self._parts_of(None, Potential), at, speed)
+        arguments = {"q": self.nq, "v": self.nq}
+        return FunctionDerivatives.of("L", arguments, evaluate, highest_order=self._highest_order(None, Potential))
+
+    def potential(self, q: npt.ArrayLike, element: str | None = None) -> FunctionDerivatives:
+        """Return the potential energy (J) at a configuration, by ``q``, to the fourth order.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,)
+            Configuration.
+        element : str, optional
+            The potential whose energy is meant; that of all together if not given.
+
+        Returns
+        -------
+        FunctionDerivatives
+            To the third order where there is a `PythonPotential`.
+
+        Raises
+        ------
+        ArgumentError
+            For a wrong shape, an unknown element or one that is no potential.
+        """
+        evaluate = PotentialAt(self, self._parts_of(element, Potential), self._single(q).copy())
+        order = self._highest_order(element, Potential)
+        return FunctionDerivatives.of(_called("V", element), {"q": self.nq}, evaluate, highest_order=order)
+
+    def force(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, u: npt.ArrayLike | None = None, element: str | None = None
+    ) -> FunctionDerivatives:
+        """Return the generalised forces (N or N m) on all variables, by ``q``, ``v`` and ``u``, to the second order.
+
+        Parameters
+        ----------
+        q, v : array_like, shape (nq,)
+            Configuration and velocity.
+        u : array_like, shape (n_inputs,), optional
+            Inputs; zero if not given.
+        element : str, optional
+            The force that is meant; all together if not given.
+
+        Returns
+        -------
+        FunctionDerivatives
+            Of nq functions, one for each variable, kinematic ones too; `FunctionDerivatives.weighed` contracts them.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong shapes, an unknown element or one that is no force.
+        """
+        at, speed = self._single(q).copy(), self._single(v, "v").copy()
+        given = np.zeros(self.n_inputs) if u is None else as_array(u, "u", (self.n_inputs,), names=self.inputs).copy()
+        evaluate = ForceAt(self, self._parts_of(element, Force), at, speed, given)
+        arguments = {"q": self.nq, "v": self.nq, "u": self.n_inputs}
+        return FunctionDerivatives.of(_called("f", element), arguments, evaluate, rows=self.variables, highest_order=2)
+
+    def constraint(self, q: npt.ArrayLike, element: str | None = None) -> FunctionDerivatives:
+        """Return the constraint functions h(q) at a configuration, by ``q``, to the fourth order.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,)
+            Configuration; the constraints need not hold there.
+        element : str, optional
+            The constraint that is meant; all of them if not given.
+
+        Returns
+        -------
+        FunctionDerivatives
+            Of as many functions as there are equations; `FunctionDerivatives.weighed` contracts them, with
+            multipliers for example. To the third order where there is a `PythonConstraint`.
+
+        Raises
+        ------
+        ArgumentError
+            For a wrong shape, an unknown element or one that is no constraint.
+        """
+        parts = self._parts_of(element, Constraint)
+        rows = self.constraints[parts.first.constraints : parts.last.constraints]
+        evaluate = ConstraintsAt(self, parts, self._single(q).copy())
+        order = self._highest_order(element, Constraint)
+        return FunctionDerivatives.of(_called("h", element), {"q": self.nq}, evaluate, rows=rows, highest_order=order)
+
     # Arguments
+
+    def _parts_of(self, element: str | None, kind: type[Any]) -> Parts:
+        """Return the parts of an element of a kind, or of all elements."""
+        if element is None:
+            return self._whole
+        found = self._plan.elements.get(element)
+        known = [name for name, each in self._plan.elements.items() if isinstance(each, kind)]
+        if not isinstance(found, kind):
+            what = f"{kind.__name__.lower()}s"
+            given = f"unknown element {element!r}" if found is None else f"{element!r} is a {type(found).__name__}"
+            raise ArgumentError(f"element: {given}; {closest(element, known, what=what)}")
+        return self._parts[element]
+
+    def _highest_order(self, element: str | None, kind: type[Any]) -> int:
+        """Return to which order the core differentiates an element of a kind, or all of that kind."""
+        elements = self._plan.elements
+        asked = elements.values() if element is None else [elements[element]]
+        return min((each.highest_order for each in asked if isinstance(each, kind)), default=4)
 
     def _path_motion(self, q: Array, frame: str, point: npt.ArrayLike, axes: Axes) -> PathMotion:
         index, offset = self._frame(frame), as_array(point, "point", (3,))
         return PathMotion.of(self.tree, self.core, self.variables, q, index, offset, axes)
+
+    def _slots_of(self, motion: PathMotion, what: str, order: int, along: Sequence[npt.ArrayLike]) -> list[Array]:
+        """Return by what to differentiate: so often by all variables, and along directions."""
+        count = as_count(order, f"{what}: order", 1)
+        directions = as_array(along, f"{what}: along", (None, self.nq), names=self.variables) if len(along) else ()
+        if len(directions) > count:
+            raise ArgumentError(f"{what}: got {len(directions)} directions for derivatives of order {count}")
+        free = [motion.E[None]] * (count - len(directions))
+        return free + [(motion.E @ direction)[None, :, None] for direction in directions]
+
+    def _check_size(self, lead: tuple[int, ...], slots: Sequence[Array], max_bytes: float, what: str) -> None:
+        shape = (*lead, *(slot.shape[2] for slot in slots))
+        check_memory(shape, max_bytes, what, "give directions, along=[...]")
+
+    def _velocity_derivative(
+        self, motion: PathMotion, q: Array, frame: str, point: npt.ArrayLike, slots: Sequence[Array]
+    ) -> Array:
+        poses = poses_of(self.tree, self._frame(frame), self.core.joint_poses(q))
+        return jacobian_derivative(motion, poses, as_array(point, "point", (3,)), slots)
 
     def _frame(self, name: str) -> int:
         index = self._frame_index.get(name)
@@ -600,6 +869,16 @@ def _restore(settled: Plan) -> Mechanism:
     mechanism = Mechanism.__new__(Mechanism)
     mechanism._compile(settled)
     return mechanism
+
+
+def _without(along: Sequence[npt.ArrayLike], result: Array) -> Array:
+    """Return a result without its last axes, of length one, for directions."""
+    return result.reshape(result.shape[: result.ndim - len(along)])
+
+
+def _called(symbol: str, element: str | None) -> str:
+    """Return how messages call a function of the mechanism, or of one element."""
+    return symbol if element is None else f"{symbol} of {element!r}"
 
 
 def _of(result: Array, single: bool) -> Array:

@@ -157,6 +157,7 @@ class PythonPotential(Potential):
 
     called = "potential"
     reads = "{function}"
+    highest_order = 3
 
     def __post_init__(self) -> None:
         super().__post_init__()

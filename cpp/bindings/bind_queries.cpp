@@ -1,0 +1,67 @@
+// Functions of a mechanism at one point, with derivatives along directions.
+
+#include <nanobind/stl/tuple.h>
+
+#include "bindings/arrays.hpp"
+#include "dynamics/queries.hpp"
+
+using namespace nanobind::literals;
+
+namespace leastaction {
+
+namespace {
+
+// Rows of directions, by the user's order of variables.
+std::vector<std::vector<double>> directions_of(const Mechanism& m, const In<2>& rows, const char* what) {
+    expect(rows.shape(1), m.n_variables(), what);
+    std::vector<std::vector<double>> out;
+    for (std::size_t k = 0; k < rows.shape(0); ++k) out.push_back(to_internal(m, rows.data() + k * rows.shape(1)));
+    return out;
+}
+
+nb::tuple arrays_of(const FunctionDerivatives& d) {
+    const std::size_t count = d.value.size(), n = count ? d.gradient.size() / count : 0;
+    return nb::make_tuple(copy_of(d.value, {count}), copy_of(d.gradient, {count, n}),
+                          copy_of(d.hessian, {d.hessian.size()}));
+}
+
+nb::tuple functions_at(const Mechanism& m, const Functions& functions, int first, int last, const In<1>& mu,
+                       const In<1>& q, const In<2>& dq) {
+    if (first < 0 || first > last || last > static_cast<int>(functions.size()))
+        throw std::invalid_argument("no such elements: " + std::to_string(first) + " to " + std::to_string(last));
+    expect(mu.size(), last - first, "mu");
+    return arrays_of(functions_of_configuration(m, functions, first, last, mu.data(), to_internal(m, q, "q"),
+                                                {directions_of(m, dq, "dq"), {}}));
+}
+
+}  // namespace
+
+void bind_queries(nb::class_<Mechanism>& mechanism) {
+    mechanism
+        .def(
+            "lagrangian_of_bodies",
+            [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<2>& dq, const In<2>& dv) {
+                expect(dv.shape(0), dq.shape(0), "dv");
+                return arrays_of(lagrangian_of_bodies(m, to_internal(m, q, "q"), to_internal(m, v, "v"),
+                                                      {directions_of(m, dq, "dq"), directions_of(m, dv, "dv")}));
+            },
+            "q"_a, "v"_a, "dq"_a, "dv"_a,
+            "The Lagrangian without the potentials of elements: value (1,), gradient (1, n) and Hessian (n * n,) by "
+            "[q; v], or their derivatives along the directions dq, dv (2 rows at most).")
+        .def(
+            "potentials",
+            [](const Mechanism& m, int first, int last, const In<1>& mu, const In<1>& q, const In<2>& dq) {
+                return functions_at(m, m.potentials, first, last, mu, q, dq);
+            },
+            "first"_a, "last"_a, "mu"_a, "q"_a, "dq"_a,
+            "Potentials first .. last-1 of elements by q: values (n,), gradients (n, nq) and the Hessian (nq * nq,) of "
+            "mu.V, or their derivatives along the directions dq (2 rows at most).")
+        .def(
+            "constraint_functions",
+            [](const Mechanism& m, int first, int last, const In<1>& mu, const In<1>& q, const In<2>& dq) {
+                return functions_at(m, m.constraints, first, last, mu, q, dq);
+            },
+            "first"_a, "last"_a, "mu"_a, "q"_a, "dq"_a, "The same of constraints first .. last-1.");
+}
+
+}  // namespace leastaction

@@ -1,0 +1,122 @@
+#include "dynamics/queries.hpp"
+
+#include <numeric>
+#include <stdexcept>
+#include <string>
+
+#include "dynamics/lagrangian.hpp"
+
+namespace leastaction {
+
+namespace {
+
+using Vectors = std::vector<std::vector<double>>;
+
+// A point that moves along its directions.
+template <class T>
+std::vector<T> moving(const std::vector<double>& x, const Vectors& along) {
+    std::vector<T> out(x.size());
+    for (std::size_t i = 0; i < x.size(); ++i)
+        if constexpr (std::is_same_v<T, double>)
+            out[i] = x[i];
+        else if constexpr (std::is_same_v<T, Dual<double>>)
+            out[i] = {x[i], along[0][i]};
+        else
+            out[i] = {{x[i], along[0][i]}, {along[1][i], 0.0}};
+    return out;
+}
+
+// The derivative along all directions.
+double along_all(double x) { return x; }
+template <class T>
+double along_all(const Dual<T>& x) {
+    return along_all(x.d);
+}
+
+std::vector<int> all_joints(const Mechanism& m) {
+    std::vector<int> out(m.joints.size());
+    std::iota(out.begin(), out.end(), 0);
+    return out;
+}
+
+template <class T>
+FunctionDerivatives bodies_on(const Mechanism& m, const std::vector<double>& q, const std::vector<double>& v,
+                              const Directions& along) {
+    const std::size_t n = m.n_variables(), size = 2 * n;
+    Lagrangian<T> L(m);
+    L.gradient(moving<T>(q, along.dq).data(), moving<T>(v, along.dv).data());
+    FunctionDerivatives out{{along_all(L.kinetic_energy() - L.potential_energy())},
+                            std::vector<double>(size),
+                            std::vector<double>(size * size)};
+    for (std::size_t i = 0; i < n; ++i) {
+        out.gradient[m.external[i]] = along_all(L.L_q[i]);
+        out.gradient[n + m.external[i]] = along_all(L.L_v[i]);
+    }
+    L.hessian();
+    const auto add = [&](int i, int j, double qq, double v_q, double vv) {
+        const std::size_t a = m.external[i], b = m.external[j];
+        out.hessian[a * size + b] += qq;
+        out.hessian[(n + a) * size + b] += v_q;
+        out.hessian[b * size + n + a] += v_q;
+        out.hessian[(n + a) * size + n + b] += vv;
+    };
+    const PairDerivatives& d = L.pairs;
+    each_pair(m, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        add(i, j, weight * d.qq[at], weight * d.v_q[at], weight * d.vv[at]);
+        if (mirrored) add(j, i, weight * d.qq[at], weight * d.q_v[at], weight * d.vv[at]);
+    });
+    return out;
+}
+
+template <class T>
+FunctionDerivatives functions_on(const Mechanism& m, const Functions& functions, int first, int last,
+                                 const double* weights, const std::vector<double>& q, const Directions& along) {
+    const std::size_t n = m.n_variables(), count = last - first;
+    const std::vector<T> point = moving<T>(q, along.dq);
+    Placement<T> at(m);
+    place(all_joints(m), point.data(), at);
+    FunctionDerivatives out{std::vector<double>(count), std::vector<double>(count * n), std::vector<double>(n * n)};
+    LocalTaylor<T> local;
+    for (std::size_t k = 0; k < count; ++k) {
+        const ConfigurationFunction& function = *functions[first + k];
+        for_each_entry(function, at, point.data(), local, [&](int i, int j, const T& bend) {
+            out.hessian[m.external[i] * n + m.external[j]] += weights[k] * along_all(bend);
+        });
+        out.value[k] = along_all(local.value);
+        for (std::size_t i = 0; i < function.support().size(); ++i)
+            out.gradient[k * n + m.external[function.support()[i]]] += along_all(local.gradient[i]);
+    }
+    return out;
+}
+
+// Calls f with a scalar of as many directions.
+template <class F>
+FunctionDerivatives on_scalar(std::size_t directions, const F& f) {
+    switch (directions) {
+        case 0:
+            return f(double{});
+        case 1:
+            return f(Dual<double>{});
+        case 2:
+            return f(HyperDual{});
+        default:
+            throw std::invalid_argument("directions: got " + std::to_string(directions) + ", expected 2 at most");
+    }
+}
+
+}  // namespace
+
+FunctionDerivatives lagrangian_of_bodies(const Mechanism& m, const std::vector<double>& q, const std::vector<double>& v,
+                                         const Directions& along) {
+    return on_scalar(along.dq.size(), [&](auto scalar) { return bodies_on<decltype(scalar)>(m, q, v, along); });
+}
+
+FunctionDerivatives functions_of_configuration(const Mechanism& m, const Functions& functions, int first, int last,
+                                               const double* weights, const std::vector<double>& q,
+                                               const Directions& along) {
+    return on_scalar(along.dq.size(), [&](auto scalar) {
+        return functions_on<decltype(scalar)>(m, functions, first, last, weights, q, along);
+    });
+}
+
+}  // namespace leastaction
