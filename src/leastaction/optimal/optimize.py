@@ -236,6 +236,11 @@ def optimize(
             raise ArgumentError(
                 "unknowns: got some for a continuous system, expected none: they are for discrete systems"
             )
+        if any(isinstance(limit, Periodic) for limit in limits):
+            raise ArgumentError(
+                f"limits: got a Periodic for {type(system).__name__}, expected a discrete system for a motion that "
+                "returns; in continuous time `Equal` asks for a given last state"
+            )
         rate, accuracy = cast(ContinuousCost, cost), accuracy or Accuracy()
         if limits or free is not False:
             problem = CollocationProblem(system, rate, limits, settings, accuracy, horizon, free)

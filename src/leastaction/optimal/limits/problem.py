@@ -131,7 +131,7 @@ class LimitedProblem(DiscreteProblem):
     @property
     def _begun(self) -> bool:
         """Whether there are limits already: the start is projected without."""
-        return bool(self.duals.shapes) or (not self.duals.sides and not np.isnan(self.stages.size))
+        return bool(self.duals.y)
 
     def _gradient(self) -> CostGradient:
         return self._derivatives()[0] if self._begun else super()._gradient()
