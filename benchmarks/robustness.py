@@ -1,7 +1,8 @@
 """Does the optimiser converge, and to a minimum? ``python -m benchmarks.robustness [--quick] [--json] [--only WORDS]``.
 
 Every problem of `benchmarks.robustness_problems` and of `benchmarks.robustness_further` is solved under default
-settings, and its end is held against the exact second order: see `certify`.
+settings, and its end is held against the exact second order: see `certify`. With ``--curves`` it is those of
+`benchmarks.robustness_curves`, with ``--shooting multiple`` gaps are part of the iterates.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 
+from benchmarks.robustness_curves import CURVES  # noqa: E402
 from benchmarks.robustness_further import FURTHER  # noqa: E402
 from benchmarks.robustness_problems import PROBLEMS, QUICK, Given, Problem  # noqa: E402
 from leastaction import _core  # noqa: E402
@@ -164,9 +166,10 @@ def solve(problem: Problem, **options: Any) -> Outcome:
     )
 
 
-def selected(*, quick: bool = False, only: str | None = None) -> list[Problem]:
+def selected(*, quick: bool = False, curves: bool = False, only: str | None = None) -> list[Problem]:
     """Return the problems of a run."""
-    chosen = [p for p in PROBLEMS + FURTHER if not quick or p.mechanism in QUICK]
+    problems = CURVES if curves else PROBLEMS + FURTHER
+    chosen = [p for p in problems if not quick or p.mechanism in QUICK]
     return [p for p in chosen if only is None or only in p.name]
 
 
@@ -200,16 +203,18 @@ def main() -> int:
     """Solve and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="only a few mechanisms")
+    parser.add_argument("--curves", action="store_true", help="the starts that are no trajectories")
+    parser.add_argument("--shooting", default="single")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--only", help="only problems whose name contains this")
     parser.add_argument("--method", default="auto")
     parser.add_argument("--max-iterations", type=int)
     arguments = parser.parse_args()
-    options: dict[str, Any] = {"method": arguments.method}
+    options: dict[str, Any] = {"method": arguments.method, "shooting": arguments.shooting}
     if arguments.max_iterations is not None:
         options["max_iterations"] = arguments.max_iterations
     outcomes = []
-    for problem in selected(quick=arguments.quick, only=arguments.only):
+    for problem in selected(quick=arguments.quick, curves=arguments.curves, only=arguments.only):
         outcomes.append(solve(problem, **options))
         print(_line(outcomes[-1]), file=sys.stderr if arguments.json else sys.stdout, flush=True)
     figures = summary(outcomes)

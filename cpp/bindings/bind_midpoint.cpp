@@ -76,10 +76,27 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
     return {X, U, lam, result, copy_of(residual, {residual.size()})};
 }
 
-int linearize(Linearization& out, const In<1>& t, const In<2>& x, const In<2>& u, int threads) {
-    expect(check(out.integrator()->mechanism(), t, x, u), out.steps, "steps of the trajectory");
+RollOutResult step_each_of(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, int threads) {
+    const Mechanism& m = midpoint.mechanism();
+    const std::size_t N = check(m, t, x, u), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
+    Out ends = new_array({N, nx}), U = new_array({N, nu}), lam = new_array({N, nc});
+    std::copy_n(u.data(), N * nu, U.data());
+    RollOut result;
+    {
+        nb::gil_scoped_release release;
+        result =
+            step_each(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), threads, ends.data(), lam.data());
+    }
+    return {ends, U, lam, result, new_array({0})};
+}
+
+int linearize(Linearization& out, const In<1>& t, const In<2>& x, const In<2>& u, int threads,
+              const std::optional<In<2>>& ends) {
+    const std::size_t N = check(out.integrator()->mechanism(), t, x, u);
+    expect(N, out.steps, "steps of the trajectory");
+    if (ends) expect(ends->size(), N * out.nx, "ends");
     nb::gil_scoped_release release;
-    return out.along(t.data(), x.data(), u.data(), threads);
+    return out.along(t.data(), x.data(), u.data(), threads, ends ? ends->data() : nullptr);
 }
 
 // A read-only array in memory of the core's.
@@ -255,6 +272,8 @@ void bind_midpoint(nb::module_& module) {
             "solver"_a = Solver::automatic)
         .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
              "Steps from x0 over the times t under u = ubar - K (x - xbar).")
+        .def("step_each", &step_each_of, "t"_a, "x"_a, "u"_a, "threads"_a = 0,
+             "The steps of a curve, each from its own state: x (N, nx) of the result is where they lead to.")
         .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,
              "time_step"_a.none() = nb::none(), "threads"_a = 0,
              "Derivatives of every step by directions of the elements' numbers and of inertias, and by its length.")
@@ -270,8 +289,10 @@ void bind_midpoint(nb::module_& module) {
                                 "Derivatives of every step of a trajectory; owns its memory. With `multipliers` these "
                                 "count as further states of the next instant: ny = nx + nc, else ny = nx.");
     linearization.def(nb::init<std::shared_ptr<Midpoint>, int, bool>(), "midpoint"_a, "steps"_a, "multipliers"_a)
-        .def("along", &linearize, "t"_a, "x"_a, "u"_a, "threads"_a = 0,
-             "Linearises along a trajectory, over what was there. Returns the first step at which it is none, or N.")
+        .def("along", &linearize, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "ends"_a.none() = nb::none(),
+             "Linearises along a trajectory, or a curve whose steps lead to `ends` (N, nx), over what was there. "
+             "Returns "
+             "the first step at which it is none, or N.")
         .def("curvature", &curvature, "w"_a, "multipliers"_a = false, "threads"_a = 0,
              "Hessians by (states, u), of every step, of the next states weighted with w (N, nx), or of states and "
              "multipliers with w (N, nx + nc); with `multipliers` these have rows and columns of zeros.");

@@ -64,11 +64,11 @@ void Linearization::carry(Point& point, First& first, const Carry& carry) const 
     for (int i = 0; i < at.nd; ++i) carry(first.P2.data() + i * first.ld + at.theta, at.nc);
 }
 
-int Linearization::along(const double* t, const double* X, const double* U, int threads) {
+int Linearization::along(const double* t, const double* X, const double* U, int threads, const double* ends) {
     const Layout at(integrator_->mechanism(), ny > nx);
     return for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
-        const double *x = X + k * nx, *u = U + k * nu, *next = x + nx;
+        const double *x = X + k * nx, *u = U + k * nu, *next = ends ? ends + k * nx : x + nx;
         MidpointStep& step = workspace.step;
         FirstOrder& first = workspace.first();
         if (!at.differentiate(step, first, x, u, next, dt)) return false;

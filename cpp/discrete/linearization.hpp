@@ -44,7 +44,8 @@ public:
     Linearization(std::shared_ptr<const Midpoint> integrator, int steps, bool multipliers);
 
     // Linearises along a trajectory, in the memory that there is. Returns the first step at which it is none, or N.
-    int along(const double* t, const double* X, const double* U, int threads);
+    // `ends` (N, nx): where its steps lead to, of a curve whose next states are others; null: to the next states.
+    int along(const double* t, const double* X, const double* U, int threads, const double* ends = nullptr);
 
     // The Hessians by (states, u) of the next states weighted with W (N, weights), weights = nx, or nx + nc with those of
     // the multipliers: (N, n, n), n = nx + nu, or ny + nu with rows and columns of zeros for the `multipliers`. In memory
@@ -58,7 +59,7 @@ public:
     const std::shared_ptr<const Midpoint>& integrator() const { return integrator_; }
     const int steps, nx, nc, ny, nu;
     ZeroedArray A, B, lam;  // (N, ny, ny), (N, ny, nu), (N, nc)
-    ZeroedArray defect;     // (N): distance of the dynamic configuration from the next one in X
+    ZeroedArray defect;     // (N): distance of the dynamic configuration from that given
 
 private:
     std::shared_ptr<ZeroedArray> hessians(bool multipliers) const;

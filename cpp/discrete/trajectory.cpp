@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "discrete/layout.hpp"
+#include "numerics/parallel.hpp"
 
 namespace leastaction {
 
@@ -68,6 +69,23 @@ private:
 // How coarse a step is, to find the worst: far moves, and determinants towards a fold.
 double coarseness(double s, double turn) { return std::max(s, 1.0) * (1.0 + turn); }
 
+// Whether a step is coarser than the worst so far. Of steps that were not followed s is not known yet.
+bool is_worse(const WorstStep& worst, bool followed, double s, double turn) {
+    if (!followed) return std::isnan(worst.s) && turn >= worst.angle;
+    return std::isnan(worst.s) || coarseness(s, turn) > coarseness(worst.s, worst.angle);
+}
+
+// s of the worst step from x to `end`, where it is not known yet.
+void judge_worst(MidpointStep& step, const Layout& at, double dt, const double* x, const double* u, const double* end,
+                 WorstStep& worst) {
+    if (worst.k < 0 || !std::isnan(worst.s)) return;
+    at.start(x, u, step);
+    step.place_start();
+    if (!step.guess_limit(dt)) return;
+    for (int i = 0; i < at.nd; ++i) step.q2[i] = end[at.m.external[i]];
+    worst.s = step.judge(dt);
+}
+
 }  // namespace
 
 RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
@@ -116,25 +134,67 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
             return out;
         }
         const double turn = step.largest_turn();
-        const bool first_followed = report.followed && std::isnan(out.worst.s);
-        if (first_followed || (report.followed ? coarseness(report.s, turn) > coarseness(out.worst.s, out.worst.angle)
-                                               : std::isnan(out.worst.s) && turn >= out.worst.angle))
-            note_worst(k, report.s);
+        if (is_worse(out.worst, report.followed, report.s, turn)) note_worst(k, report.s);
         at.state(step, dt, X + static_cast<std::size_t>(k + 1) * at.nx);
         std::copy(step.lam.begin(), step.lam.end(), lam + static_cast<std::size_t>(k) * at.nc);
         series.take(step, dt, xbar ? reference.data() : nullptr);
         step.advance();
         out.steps = k + 1;
     }
-    const int k = out.worst.k;
-    if (k >= 0 && std::isnan(out.worst.s)) {
+    if (const int k = out.worst.k; k >= 0) {
         const double* x = X + static_cast<std::size_t>(k) * at.nx;
-        at.start(x, U + static_cast<std::size_t>(k) * at.nu, step);
-        step.place_start();
-        if (step.guess_limit(t[k + 1] - t[k])) {
-            for (int i = 0; i < at.nd; ++i) step.q2[i] = x[at.nx + at.m.external[i]];
-            out.worst.s = step.judge(t[k + 1] - t[k]);
+        judge_worst(step, at, t[k + 1] - t[k], x, U + static_cast<std::size_t>(k) * at.nu, x + at.nx, out.worst);
+    }
+    return out;
+}
+
+RollOut step_each(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U, int threads,
+                  double* ends, double* lam) {
+    const Layout at(integrator.mechanism());
+    struct Made {
+        StepReport report;
+        double turn = 0;
+        int most = -1;
+    };
+    std::vector<Made> made(steps);
+    parallel_ranges(steps, threads, [&](int begin, int end) {
+        auto workspace = integrator.workspace();
+        MidpointStep& step = workspace->step;
+        for (int k = begin; k < end; ++k) {
+            const double dt = t[k + 1] - t[k];
+            const double *x = X + static_cast<std::size_t>(k) * at.nx, *u = U + static_cast<std::size_t>(k) * at.nu;
+            at.start(x, u, step);
+            std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
+            step.place_start();
+            if (!step.guess_limit(dt)) at.start(x, u, step);
+            made[k] = {step.find(dt), step.largest_turn(), step.most_turned()};
+            if (made[k].report.status != StepStatus::converged) {
+                workspace.discard();
+                return;
+            }
+            at.state(step, dt, ends + static_cast<std::size_t>(k) * at.nx);
+            std::copy(step.lam.begin(), step.lam.end(), lam + static_cast<std::size_t>(k) * at.nc);
         }
+    });
+    RollOut out;
+    for (int k = 0; k < steps; ++k) {
+        const auto& [report, turn, most] = made[k];
+        const bool failed = report.status != StepStatus::converged;
+        out.iterations += report.iterations;
+        out.factorizations += report.factorizations;
+        out.rank_deficient = out.rank_deficient || report.rank_deficient;
+        out.followed += report.followed;
+        if (failed || is_worse(out.worst, report.followed, report.s, turn))
+            out.worst = {k, report.s, turn, most < 0 ? -1 : at.m.external[most]};
+        if (failed) {
+            out.failure = report;
+            return out;
+        }
+        out.steps = k + 1;
+    }
+    if (const std::size_t k = std::max(out.worst.k, 0); out.worst.k >= 0) {
+        auto workspace = integrator.workspace();
+        judge_worst(workspace->step, at, t[k + 1] - t[k], X + k * at.nx, U + k * at.nu, ends + k * at.nx, out.worst);
     }
     return out;
 }

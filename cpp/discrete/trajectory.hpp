@@ -2,7 +2,7 @@
 // first, in the user's order of variables: X (N+1, nx), U (N, nu), lam (N, nc), times t (N+1).
 #pragma once
 
-#include "discrete/newton_step.hpp"
+#include "discrete/integrator.hpp"
 
 namespace leastaction {
 
@@ -27,5 +27,10 @@ struct RollOut {
 // (residuals, unknowns).
 RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
                  const double* K, double* X, double* U, double* lam);
+
+// The steps of a curve, each from its own X[k] under U[k], whatever the next state is: fills ends (N, nx) and lam up to
+// the first that fails.
+RollOut step_each(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U, int threads,
+                  double* ends, double* lam);
 
 }  // namespace leastaction

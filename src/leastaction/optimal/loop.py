@@ -161,8 +161,6 @@ class Problem(ABC, Generic[M, D, I]):
     """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
     ease: float = 1.0
     """How much easier the problem of this stage is than the one that was asked for."""
-    patience: int = 1
-    """Steps in a row that lower the cost by no more than its noise, after which it is at its minimum."""
 
     def __init__(self) -> None:
         self.clock = Clock()
@@ -171,6 +169,26 @@ class Problem(ABC, Generic[M, D, I]):
     def noise(self) -> float:
         """What the cost may be off: steps are not refused for that much."""
         return rounding_of(self.value)
+
+    @property
+    def gap(self) -> float:
+        """The largest gap between a step's end and the next state, in parts of the states' sizes; 0 of a trajectory."""
+        return 0.0
+
+    @property
+    def longest_step(self) -> float:
+        """No step is longer."""
+        return np.inf
+
+    @property
+    def unfinished(self) -> str:
+        """What is to be said of a run that ends before its last stage."""
+        return ""
+
+    @property
+    def patience(self) -> int:
+        """Steps in a row that lower the cost by no more than its noise, after which it is at its minimum."""
+        return 1
 
     def tolerated(self, goal: float) -> float:
         """Return the expected decrease that is small enough at this stage, given what is so at the end."""
@@ -544,6 +562,7 @@ class Loop(Generic[M, D, I]):
             first = min(1.0, _LONGER * self.schedule.length)
             if direction.method == self.schedule.method:
                 first = max(first, self.schedule.reach)
+            first = min(first, self.problem.longest_step)
         backtracks = self.settings.max_backtracks
         name = direction.method
         if name != "steepest" and self.settings.method in ("auto", "newton"):
@@ -611,6 +630,7 @@ class Loop(Generic[M, D, I]):
             decrease=decrease,
             note=note,
             worst_step=problem.worst_step,
+            gap=problem.gap,
             seconds=problem.clock.seconds,
             x=x,
             u=u,
@@ -624,11 +644,8 @@ class Loop(Generic[M, D, I]):
 
     def _progress(self, direction: D) -> str:
         """Return what a run that is cut off was about to do, how fast it was, and what may help."""
-        if self.problem.longest_stage is not None:
-            return (
-                f"It had begun again, and inputs are still {self.problem.ease:.4g} times as dear as asked for: the "
-                "iterations did not suffice for all stages."
-            )
+        if self.problem.unfinished:
+            return ""
         expected, goal = -direction.slope, self._goal()
         where = self.problem.where(direction)
         parts = [f"The expected decrease is still {expected:.2g}, where {goal:.2g} is asked for"]
@@ -666,7 +683,7 @@ class Loop(Generic[M, D, I]):
 
     def _message(self, outcome: _Outcome) -> str:
         """Return how it ended in words; of an end that is no proper one, with the instant at which time is coarsest."""
-        parts = [outcome.status.value, outcome.detail]
+        parts = [outcome.status.value, outcome.detail, self.problem.unfinished]
         worst = self.problem.worst_step
         if worst is not None and outcome.status in _STUCK:
             parts.append(f"Along the last iterate {worst}.")

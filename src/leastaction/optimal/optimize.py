@@ -2,8 +2,9 @@
 
 ``minimise h(x, u) over trajectories of x+ = f(x, u, k), or of x' = f(x, u, t), from a fixed initial state``
 
-Every iterate is a trajectory. An iteration linearises along it, minimises a quadratic model over the tangent
-trajectories (a linear-quadratic problem), and follows the projection of that direction as far as the cost falls enough.
+Every iterate is a trajectory, or becomes one (multiple shooting). An iteration linearises along it, minimises a
+quadratic model over the tangent trajectories (a linear-quadratic problem), and follows the projection of that direction
+as far as the cost falls enough.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from leastaction.optimal.continuous.time_functions import TimeFunctionLike
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.easing import EasedProblem
+from leastaction.optimal.discrete.shooting import ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.problem import LimitedProblem
@@ -38,6 +40,7 @@ __all__ = ["Callback", "optimize", "optimize_continuous"]
 
 Method = Literal["auto", "steepest", "quasi-newton", "newton"]
 Regulator = Literal["descent", "lqr"]
+Shooting = Literal["single", "multiple"]
 
 
 @overload
@@ -50,6 +53,7 @@ def optimize(
     limits: Sequence[Limit] = ...,
     free_start: bool | Sequence[str] = ...,
     unknowns: Sequence[Unknown] = ...,
+    shooting: Shooting = ...,
     method: Method = ...,
     regulator: Regulator = ...,
     max_iterations: int = ...,
@@ -96,6 +100,7 @@ def optimize(
     limits: Sequence[Limit] = (),
     free_start: bool | Sequence[str] = False,
     unknowns: Sequence[Unknown] = (),
+    shooting: Shooting = "single",
     method: Method = "auto",
     regulator: Regulator = "descent",
     max_iterations: int = 500,
@@ -138,6 +143,12 @@ def optimize(
     unknowns : sequence of Parameter or FinalTime, optional
         Numbers of a discrete system that are found too: parameters of a mechanism, the final time. What is found is in
         ``result.unknowns``, and the motion is one of ``system.with_parameters(result.unknowns)``.
+    shooting : {"single", "multiple"}
+        "single": every iterate is a trajectory, a start that is none is projected. "multiple": the start is a curve
+        whose steps need not meet, the states are unknowns too, and the gaps close on the way, before a minimum over
+        trajectories is looked for as ever. It is for starts that are known but no trajectories, such as the wanted
+        motion with no inputs, and for motions that are unstable over a long time: there a projection leads far away.
+        For discrete systems without limits. A run that ends before the gaps are closed says so (`gap` of the result).
     method : {"auto", "steepest", "quasi-newton", "newton"}
         The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it foretells the cost
         well, and goes to Newton otherwise. A Newton model without a minimum is damped; a method whose direction cannot
@@ -196,6 +207,8 @@ def optimize(
         max_backtracks=max_backtracks,
         chunk=chunk,
     )
+    if shooting not in ("single", "multiple"):
+        raise ArgumentError(f"shooting: got {shooting!r}, expected 'single' or 'multiple'.")
     if (initial is None) == (resume is None):
         raise ArgumentError(f"initial, resume: got {'neither' if initial is None else 'both'}, expected one of them.")
     kind = Cost if isinstance(system, DiscreteSystem) else ContinuousCost
@@ -224,14 +237,21 @@ def optimize(
             callback = extension.callback(callback)
         else:
             rows = [row for limit in limits for row in limit.rows(system, 1 if free is False else 0)]
+        if rows and shooting == "multiple":
+            raise ArgumentError(
+                "shooting: got 'multiple' together with limits, expected 'single': close the gaps without limits "
+                "first, and give the result as `initial`"
+            )
         if rows:
             problem = LimitedProblem(system, stages, rows, settings, free)
         else:
-            problem = EasedProblem(system, stages, settings, free)
+            problem = (ShootingProblem if shooting == "multiple" else EasedProblem)(system, stages, settings, free)
             if isinstance(initial, OptimizationResult):
                 initial = initial.x, initial.u
     else:
         limits, free = _checked(limits), _checked_start(free_start, system)
+        if shooting != "single":
+            raise ArgumentError(f"shooting: got {shooting!r} for a continuous system, expected 'single'")
         if unknowns:
             raise ArgumentError(
                 "unknowns: got some for a continuous system, expected none: they are for discrete systems"

@@ -122,6 +122,9 @@ class IterationRecord:
         only at the end.
     worst_step : StepQuality or None
         The coarsest step of time along the iterate; None where the system does not know.
+    gap : float
+        Of multiple shooting: the largest gap between the end of a step and the next state, in parts of the states'
+        sizes; 0 of a trajectory.
     """
 
     iteration: int
@@ -140,6 +143,7 @@ class IterationRecord:
     shift: float = 0.0
     cut_at: int = -1
     worst_step: StepQuality | None = None
+    gap: float = 0.0
 
     @property
     def worst_s(self) -> float:
@@ -169,6 +173,8 @@ class OptimizationHistory:
     worst_s, worst_t : ndarray (iterations,)
         Of the coarsest step of time along the iterate after the iteration: its determinant ratio, and when it begins
         (s). NaN where the system does not know.
+    gap : ndarray (iterations,)
+        As in `IterationRecord`.
     """
 
     cost: Array
@@ -183,12 +189,13 @@ class OptimizationHistory:
     seconds: Array
     worst_s: Array = field(default_factory=lambda: np.empty(0))
     worst_t: Array = field(default_factory=lambda: np.empty(0))
+    gap: Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         # Files of before these were known.
-        for name in ("worst_s", "worst_t"):
+        for name, unknown in (("worst_s", np.nan), ("worst_t", np.nan), ("gap", 0.0)):
             if len(getattr(self, name)) == 0 < len(self.method):
-                object.__setattr__(self, name, np.full(len(self.method), np.nan))
+                object.__setattr__(self, name, np.full(len(self.method), unknown))
 
 
 @dataclass(frozen=True)
@@ -389,6 +396,9 @@ class OptimizationResult:
         Duals and room of the limits; None of an optimisation without.
     worst_step : StepQuality or None
         The coarsest step of time along the trajectory; None where the system does not know.
+    gap : float
+        The largest gap that multiple shooting left, in parts of the states' sizes. Above 0 it ended too early, and
+        (x, u) is no trajectory yet.
     unknowns : Mapping[str, float]
         What was found beside the inputs, by name. The trajectory is one of ``system.with_parameters(result.unknowns)``.
     """
@@ -408,6 +418,7 @@ class OptimizationResult:
     schedule: NewtonSchedule
     limits: LimitReport | None = field(default=None, kw_only=True)
     worst_step: StepQuality | None = field(default=None, kw_only=True)
+    gap: float = field(default=0.0, kw_only=True)
     unknowns: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), kw_only=True)
 
     __getstate__, __setstate__ = saved_state, restore_state

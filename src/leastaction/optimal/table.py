@@ -20,6 +20,7 @@ _COLUMNS = (
     ("step", 6),
     ("roll-outs", 9),
     ("cut at", 6),
+    ("gap", 7),
     ("worst s", 7),
     ("at t", 7),
     ("curvature", 9),
@@ -70,7 +71,8 @@ class IterationTable(Table):
 
     A full step of a perfect model decreases the cost by half of what is expected. Where a step had to be cut, the step
     of time at which the longer one ended stands under "cut at". The coarsest step of time along the iterate stands
-    under "worst s", near 1 where it is sound, with the time at which it begins (s) beside it.
+    under "worst s", near 1 where it is sound, with the time at which it begins (s) beside it; under "gap" what multiple
+    shooting has still to close.
     One table is for one run: threads do not share it.
 
     Parameters
@@ -98,6 +100,7 @@ class IterationTable(Table):
             f"{record.step_length:.2g}" if started else "",
             str(record.rollouts) if started else "",
             str(record.cut_at) if record.cut_at >= 0 else "",
+            f"{record.gap:.1e}" if record.gap else "",
             "" if record.worst_step is None else f"{record.worst_s:.3g}",
             "" if record.worst_step is None else f"{record.worst_t:.4g}",
             f"{record.curvature_scale:.2g}" if record.curvature_scale else "",

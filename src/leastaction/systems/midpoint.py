@@ -17,6 +17,7 @@ from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.sensitivity import by_time_step, start_by, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array, as_number, as_times
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
@@ -246,12 +247,7 @@ class MidpointSystem(DiscreteSystem):
         failure = None
         worst = quality_of(m, out, self.t[start : stop + 1])
         if done < stop - start:
-            k = start + done
-            failure = f"{self.when(k)} could not be solved"
-            if out.status == StepStatus.too_coarse and worst is not None:
-                failure += f", the time step is too coarse: s = {worst.s:.3g}"
-                if worst.variable:
-                    failure += f", {worst.variable!r} moves at {worst.angle:.3g} rad a step"
+            failure = self._failure(out.status, worst, start + done)
         x = self._states(out.x[: done + 1], out.lam[:done], x0)
         at = None if worst is None else start + out.worst.k
         return Rollout(x, out.u[:done], done, failure, worst, at)
@@ -267,6 +263,27 @@ class MidpointSystem(DiscreteSystem):
         d = self._linearize(self.t, x, u, memory)
         return Linearization(d.A_all, d.B_all, d.curvature_all, d)
 
+    def step_each(self, x: Array, u: Array) -> Rollout:
+        """Make every step of a curve from its own state; see `DiscreteSystem`."""
+        if type(self) is not MidpointSystem:
+            return super().step_each(x, u)
+        m = self.integrator.mechanism
+        out = self.integrator.core.step_each(self.t, self._bare(x), u, self.integrator.threads)
+        worst = quality_of(m, out, self.t)
+        failure = None if out.steps == self.N else self._failure(out.status, worst, out.steps)
+        ends = np.hstack([out.x, out.lam]) if self.multipliers else out.x
+        at = None if out.worst.k < 0 else out.worst.k
+        return Rollout(ends[: out.steps], u[: out.steps], out.steps, failure, worst, at)
+
+    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+        """Return the derivatives along a curve whose steps lead to `ends`; see `DiscreteSystem`."""
+        if type(self) is not MidpointSystem:
+            return super().linearize_each(x, u, ends)
+        d = self.integrator.linearize_arrays(
+            self.t, self._bare(x), u, multipliers=self.multipliers, ends=self._bare(ends)
+        )
+        return Linearization(d.A_all, d.B_all, d.curvature_all, d)
+
     def curvatures(self, x: Array, u: Array, z: Array) -> Array:
         """Return ``z[k+1] . D2f`` of every step, (N, nx + nu, nx + nu)."""
         return self.linearize(x, u).curvature(z)
@@ -276,6 +293,15 @@ class MidpointSystem(DiscreteSystem):
         x = self._bare(x)
         lam = self.integrator.linearize_arrays(self.t, x, u).lam
         return self.integrator.trajectory(self.t, x, u, lam)
+
+    def _failure(self, status: StepStatus, worst: StepQuality | None, k: int) -> str:
+        """Return why step k could not be made."""
+        failure = f"{self.when(k)} could not be solved"
+        if status == StepStatus.too_coarse and worst is not None:
+            failure += f", the time step is too coarse: s = {worst.s:.3g}"
+            if worst.variable:
+                failure += f", {worst.variable!r} moves at {worst.angle:.3g} rad a step"
+        return failure
 
     def _step(self, x: Array, u: Array, k: int) -> StepDerivatives:
         return self._linearize(self.t[k : k + 2], np.stack([x, self.f(x, u, k)]), u[None, :])

@@ -40,9 +40,19 @@ def linearize(
 
 
 def linearize_arrays(
-    vi: Integrator, t: Array, x: Array, u: Array, *, multipliers: bool = False, out: StepDerivatives | None = None
+    vi: Integrator,
+    t: Array,
+    x: Array,
+    u: Array,
+    *,
+    multipliers: bool = False,
+    out: StepDerivatives | None = None,
+    ends: Array | None = None,
 ) -> StepDerivatives:
-    """Differentiate every step along arrays, in the memory of `out` if there is one."""
+    """Differentiate every step along arrays, in the memory of `out` if there is one.
+
+    ``ends`` (N, nx): where the steps of a curve lead to whose next states are others.
+    """
     m, N = vi.mechanism, len(t) - 1
     if out is None:
         core = _core.Linearization(vi.core, N, multipliers)
@@ -52,7 +62,7 @@ def linearize_arrays(
             f"out: got derivatives of {out.steps} steps of {out.A_all.shape[1]} states, by {out.mechanism!r}; "
             f"expected such of {N} steps of {m.nx + m.nc * multipliers} states by this integrator itself"
         )
-    k = out.core.along(t, x, u, vi.threads)
+    k = out.core.along(t, x, u, vi.threads, ends)
     if k < N:
         raise StepError(
             f"linearize: step {k} at t = {t[k]:.6g} s has no solution near the given next state; "

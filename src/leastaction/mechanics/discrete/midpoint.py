@@ -404,13 +404,21 @@ class MidpointVI(Integrator):
         return differentiate.linearize(self, trajectory, multipliers=multipliers, out=out)
 
     def linearize_arrays(
-        self, t: Array, x: Array, u: Array, *, multipliers: bool = False, out: StepDerivatives | None = None
+        self,
+        t: Array,
+        x: Array,
+        u: Array,
+        *,
+        multipliers: bool = False,
+        out: StepDerivatives | None = None,
+        ends: Array | None = None,
     ) -> StepDerivatives:
         """Return the derivatives along states x (N+1, nx) and inputs u (N, n_inputs + nrho) at times t.
 
-        The next states may be off; then the derivatives are those of the steps near them. See `linearize`.
+        The next states may be off; then the derivatives are those of the steps near them, or of those that lead to
+        `ends` (N, nx). See `linearize`.
         """
-        return differentiate.linearize_arrays(self, t, x, u, multipliers=multipliers, out=out)
+        return differentiate.linearize_arrays(self, t, x, u, multipliers=multipliers, out=out, ends=ends)
 
     def curvature(
         self,

@@ -47,12 +47,14 @@ def minimise_model(
     curvature: Array | None,
     workspace: Workspace,
     scale: float = 1.0,
+    gaps: Array | None = None,
 ) -> LinearQuadraticSolution:
     """Solve the linear-quadratic problem of a method.
 
     ``method`` {"steepest", "quasi-newton", "newton"}: which model. ``linearization``, ``gradient``, ``hessian``: of
     dynamics and cost along the current trajectory. ``curvature`` (N, nx+nu, nx+nu): ``z_{k+1} . D2f``, for "newton".
-    ``workspace``: where the solution is written. ``scale``: factor of the curvature.
+    ``workspace``: where the solution is written. ``scale``: factor of the curvature. ``gaps``
+    (N, nx): what the steps of a curve miss its next states by, to be closed; with P of every stage for its costates.
     """
     A, B = linearization
     q, r, q_final = gradient
@@ -72,6 +74,8 @@ def minimise_model(
         r=r,
         Q_final=Q_final,
         q_final=q_final,
+        c=gaps,
+        keep_P=gaps is not None,
         workspace=workspace,
     )
 

@@ -72,6 +72,16 @@ class EasedProblem(DiscreteProblem):
         """Iterations after which a stage that is not the last is over."""
         return None if self.ease == 1.0 else _LONGEST
 
+    @property
+    def unfinished(self) -> str:
+        """What is to be said of a run that ends in a stage that is not the last."""
+        if self.ease == 1.0:
+            return ""
+        return (
+            f"It had begun again, and inputs are still {self.ease:.4g} times as dear as asked for: the iterations did "
+            "not suffice for all stages."
+        )
+
     def tolerated(self, goal: float) -> float:
         """Return the expected decrease that is small enough at this stage."""
         return goal if self.ease == 1.0 else max(goal, _LOOSE * abs(self.value))

@@ -272,13 +272,15 @@ class Law(Protocol):
         """Feedforward (N, nu)."""
 
 
-def sweep_forward(A: Array, B: Array, solution: Law, dx0: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return dx (N+1, nx) and du (N, nu) of ``dx+ = A dx + B du`` with ``du = -K dx - C``."""
+def sweep_forward(
+    A: Array, B: Array, solution: Law, dx0: ArrayLike | None = None, *, c: Array | None = None
+) -> tuple[Array, Array]:
+    """Return dx (N+1, nx) and du (N, nu) of ``dx+ = A dx + B du + c`` with ``du = -K dx - C``; c (N, nx) or zero."""
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
     dx, du = np.empty((N + 1, nx)), np.empty((N, nu))
     dx[0] = 0.0 if dx0 is None else as_array(dx0, "dx0", (nx,))
-    _core.sweep_forward(A, B, solution.K, solution.C, None, dx, du)
+    _core.sweep_forward(A, B, solution.K, solution.C, c, dx, du)
     return dx, du
 
 

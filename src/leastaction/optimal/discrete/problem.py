@@ -180,6 +180,11 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        if result.gap > 0.0:
+            raise ArgumentError(
+                f"resume: got a result with open gaps (of {result.gap:.2g}), expected a trajectory: give "
+                "shooting='multiple', or initial=(result.x, result.u), which is projected"
+            )
         self.x = read_only(as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)"))
         self.u = read_only(as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)"))
         self.gain = as_array(result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)")

@@ -208,6 +208,41 @@ class DiscreteSystem(System):
             A[k], B[k] = self.derivatives(x[k], u[k], k)
         return Linearization(A, B, partial(_second, self, x, u))
 
+    def step_each(self, x: Array, u: Array) -> Rollout:
+        """Make every step of a curve x (N+1, nx), u (N, nu) from its own state, whatever the next one is.
+
+        Returns
+        -------
+        Rollout
+            `x` (steps_done, nx) is where the steps lead to, up to the first that fails.
+        """
+        ends = np.empty((self.N, self.nx))
+        states, inputs = read_only(x), read_only(u)
+        for k in range(self.N):
+            failure = None
+            try:
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    ends[k] = self.f(states[k], inputs[k], k)
+            except (StepError, ArithmeticError) as error:
+                failure = f"step {k}: {error}"
+            else:
+                if not np.isfinite(ends[k]).all():
+                    failure = f"step {k}: the state is not finite"
+            if failure is not None:
+                return Rollout(ends[:k], u[:k], k, failure)
+        return Rollout(ends, u, self.N)
+
+    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:  # noqa: ARG002 - overridden
+        """Return the derivatives of every step of a curve, of which `ends` (N, nx) are known: as of `step_each`."""
+        x, u = x.copy(), u.copy()
+        nothing = np.zeros((1, self.nx))
+
+        def second(z: Array) -> Array:
+            return DiscreteSystem.curvatures(self, x, u, np.concatenate([nothing, z]))
+
+        A, B = DiscreteSystem.linearize(self, x, u)
+        return Linearization(A, B, second)
+
     def curvatures(self, x: Array, u: Array, z: Array) -> Array:
         """Return ``z[k+1] . D2f`` of every step, (N, nx+nu, nx+nu).
 

@@ -1,0 +1,50 @@
+"""Draws docs/images/gaps.png, how the gaps of a curve close: python docs/images/draw_gaps.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+from leastaction import (
+    Gravity,
+    JointForce,
+    Mechanism,
+    MidpointSystem,
+    MidpointVI,
+    QuadraticCost,
+    optimize,
+    rx,
+    ty,
+    tz,
+)
+from leastaction.optimal import IterationRecord
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+N = 30
+mechanism = Mechanism(
+    [ty("cart", mass=1.0), [rx("pole"), [tz(-1.0, mass=1.0)]]], [Gravity(), JointForce("cart", input="push")]
+)
+system = MidpointSystem(MidpointVI(mechanism), np.linspace(0.0, 1.5, N + 1))
+x, u = np.zeros((N + 1, 4)), np.zeros((N, 1))
+x[:, 1] = np.linspace(0.0, np.pi, N + 1)
+wanted = np.zeros((N + 1, 4))
+wanted[:, 1] = np.pi
+cost = QuadraticCost(wanted, np.zeros((N, 1)), Q=[0.1, 0.1, 0.0, 0.0], R=[1e-3], Q_final=[100.0, 100.0, 10.0, 10.0])
+records: list[IterationRecord] = []
+optimize(system, cost, initial=(x, u), shooting="multiple", callback=records.append)
+
+figure, axes = plt.subplots(1, 3, figsize=(11.0, 3.2), sharey=True, layout="constrained")
+for axis, record in zip(axes, (records[0], records[2], records[-1]), strict=True):
+    ends = system.step_each(record.x, record.u).x
+    for k in range(N):
+        axis.plot(system.t[k : k + 2], [record.x[k, 1], ends[k, 1]], color="C0", linewidth=1.5)
+        axis.plot([system.t[k + 1]] * 2, [ends[k, 1], record.x[k + 1, 1]], color="C3", linewidth=1.5)
+    axis.plot(system.t, record.x[:, 1], ".", color="black", markersize=4)
+    axis.set_title("the start" if record.iteration == 0 else f"after {record.iteration} iterations")
+    axis.set_xlabel("t / s")
+axes[0].set_ylabel("angle of the pole / rad")
+figure.savefig(Path(__file__).with_name("gaps.png"), dpi=110.0)

@@ -1,0 +1,375 @@
+"""Multiple shooting: a start whose steps need not meet, and iterates between which the gaps close.
+
+Where no trajectory is known, or where the projection of a curve leads far away (unstable motions, long horizons), the
+states themselves are unknowns. A curve (x, u) has the gaps ``d_k = f(x_k, u_k) - x_{k+1}``; the linear-quadratic
+problem along it takes them as the drift of ``dx+ = A dx + B du + d``, so that a step of length a leaves ``(1 - a) d``
+of them but for the dynamics' curvature, which is weighed with the problem's costates ``P dx + b``, the multipliers of
+the dynamics (H. G. Bock and K. J. Plitt, A multiple shooting algorithm, 1984). No step is rolled out: what the motion
+after it would amplify opens a gap instead.
+
+How far to go is told by a filter (A. Waechter and L. T. Biegler, On the implementation of an interior-point filter
+line-search algorithm, 2006, without the barrier): a trial has to lower the cost or the sum of the gaps, against all
+that was left behind. Where a full step opens gaps by the curvature of the dynamics, another one closes these before it
+is refused. A plain penalty of the gaps would creep: it refuses what a curved valley asks for.
+
+Once the gaps are closed, the curve is projected onto a trajectory, and the iteration goes on over trajectories: it is
+there that a minimum is certified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import LeastActionError
+from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.descent import minimise_model, shifted
+from leastaction.optimal.discrete.easing import EasedProblem
+from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
+from leastaction.optimal.discrete.problem import DiscreteDirection, Iterate
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.line_search import Refusal, Trial
+from leastaction.optimal.loop import both
+from leastaction.optimal.result import OptimizationResult, Settings
+from leastaction.optimal.system import Linearization
+
+__all__ = ["ShootingProblem"]
+
+# Gaps below this part of the states' sizes are closed, after a full step; so many iterations are made with gaps.
+_CLOSED, _LONGEST = 1e-6, 300
+
+# A stage with gaps is over where no more than this part of the cost is to be gained.
+_LOOSE = 1e-6
+
+# Of the filter: the least part by which the gaps have to shrink, or of them the cost has to fall; how much larger than
+# at the start their sum may become, and below which part of it the cost alone may be looked at.
+_SHRINK, _FALL = 1e-5, 1e-5
+_MOST, _FEW = 1e4, 1e-4
+
+# That is so where the gaps are small beside what the cost is to gain: powers of the two, and Armijo's fraction then.
+_COST_POWER, _GAP_POWER, _ARMIJO = 2.3, 1.1, 1e-4
+
+# Further steps that close the gaps which a full step opens, and what each may leave of them.
+_CORRECTIONS, _LEFT = 4, 0.99
+
+
+class Curve(NamedTuple):
+    """States and inputs, where its steps lead to, the gaps, their sum by the states' sizes, and what it costs.
+
+    ``worst_step``: its coarsest step. ``length``: of the step that led to it.
+    """
+
+    x: Array
+    u: Array
+    ends: Array
+    gaps: Array
+    theta: float
+    cost: float
+    worst_step: StepQuality | None
+    length: float = 0.0
+
+
+@dataclass(frozen=True)
+class ShootingDirection(DiscreteDirection):
+    """A direction among curves.
+
+    ``costates`` (N+1, nx): multipliers of the dynamics at the model's minimum. ``fall``: derivative of the cost alone.
+    ``base``: the method of its model, without how that was changed.
+    """
+
+    costates: Array = field(kw_only=True)
+    fall: float = field(kw_only=True)
+    base: str = field(kw_only=True)
+
+
+class ShootingProblem(EasedProblem):
+    """A discrete system and its cost, begun with a curve whose gaps close on the way.
+
+    ``curve``: the iterate; None once it is a trajectory, from when on all is as without gaps.
+    """
+
+    def __init__(
+        self, system: DiscreteSystem, cost: Cost, settings: Settings, free_start: bool | Sequence[str] = False
+    ) -> None:
+        super().__init__(system, cost, settings, free_start)
+        self.curve: Curve | None = None
+        self.given: tuple[Array, Array]
+        self.size: Array
+        self.costates: Array | None = None
+        self.penalty = 0.0  # of the gaps, in the cost that the loop is told
+        # What no later iterate may be worse than in both: sums of gaps, with costs.
+        self.filter: list[tuple[float, float]] = []
+        self.first = 1.0
+        self.spare = Workspace(system.N, system.nx, system.nu)
+
+    # ---- Where to start -------------------------------------------------------------------------
+
+    def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
+        """Begin with a curve, or an initial state and inputs; by projection where a step of it cannot be made."""
+        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        x, u = both(initial)
+        u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
+        x = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
+        self.given = x, u
+        if x.ndim == 1:
+            run = self.system.rollout(x, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)), 0, N)
+            self.rollouts += 1
+            # From where the motion fails on, it stands still: the gaps are for that.
+            x = np.vstack([run.x, np.tile(run.x[-1], (N - run.steps_done, 1))])
+        self.size = 1.0 + np.abs(x).max(axis=0)
+        curve = self._evaluate(x, u)
+        if isinstance(curve, Refusal):
+            self.note = f"projected at once, as {curve.reason}"
+            super().start(self.given)
+            return
+        self.first = max(1.0, curve.theta)
+        self.gain = np.zeros((N, nu, nx))
+        self.tells_saddles = False
+        self._take(curve)
+
+    def resume(self, result: OptimizationResult) -> None:
+        """Begin where an earlier run ended; where gaps are open still, with a new filter."""
+        if result.gap == 0.0:
+            super().resume(result)
+        else:
+            self.start((result.x, result.u))
+
+    def _take(self, curve: Curve) -> None:
+        self.curve = curve
+        self.x, self.u, self.worst_step = curve.x, curve.u, curve.worst_step
+        self.value = curve.cost + self.penalty * curve.theta
+
+    def _evaluate(self, x: Array, u: Array) -> Curve | Refusal:
+        """Return a curve with its gaps, or which step of it cannot be made."""
+        made = self.system.step_each(x, u)
+        if not made.complete:
+            return Refusal(f"a step of the curve failed: {made.failure}", made.steps_done, failed=True)
+        if self.curve is not None and self._is_too_coarse(made.worst_step):
+            assert made.worst_at is not None
+            return Refusal(f"{self.system.when(made.worst_at)} would be too coarse, {made.worst_step}", made.worst_at)
+        x, u = read_only(x), read_only(u)
+        gaps = self.system.difference(made.x, x[1:])
+        with np.errstate(over="ignore", invalid="ignore"):
+            cost = self.cost.value(x, u)
+        if not np.isfinite(cost):
+            return Refusal("the cost is not finite")
+        return Curve(x, u, made.x, gaps, float(np.sum(np.abs(gaps) / self.size)), cost, made.worst_step)
+
+    # ---- Stages ---------------------------------------------------------------------------------
+
+    @property
+    def gap(self) -> float:
+        """The largest gap, in parts of the states' sizes; 0 of a trajectory."""
+        return 0.0 if self.curve is None else float((np.abs(self.curve.gaps) / self.size).max())
+
+    @property
+    def shown(self) -> float:
+        """The cost without the gaps' penalty."""
+        return super().shown if self.curve is None else self.curve.cost
+
+    @property
+    def longest_stage(self) -> int | None:
+        """Iterations after which the stage is over: at once where the gaps are closed."""
+        if self.curve is None:
+            return super().longest_stage
+        return 1 if self.curve.length == 1.0 and self.gap <= _CLOSED else _LONGEST
+
+    @property
+    def longest_step(self) -> float:
+        """Beyond a full step gaps would open again."""
+        return np.inf if self.curve is None else 1.0
+
+    @property
+    def patience(self) -> int:
+        """Steps in a row that do not lower the cost: any number where they close gaps instead."""
+        return super().patience if self.curve is None else _LONGEST
+
+    @property
+    def unfinished(self) -> str:
+        """What is to be said of a run that ends with gaps."""
+        if self.curve is None:
+            return super().unfinished
+        k = int((np.abs(self.curve.gaps) / self.size).max(axis=1).argmax())
+        return (
+            f"Gaps are still open, the largest of {self.gap:.2g} of the states' size at {self.system.when(k)}: what is "
+            "returned is no trajectory yet."
+        )
+
+    def tolerated(self, goal: float) -> float:
+        """Return the expected decrease that is small enough at this stage."""
+        return super().tolerated(goal) if self.curve is None else max(goal, _LOOSE * abs(self.value))
+
+    def next_stage(self) -> bool:
+        """Go on over trajectories, where the gaps are closed or cannot be; then as without them."""
+        if self.curve is None:
+            return super().next_stage()
+        self._close()
+        try:
+            self._project_curve()
+            self.value = self.cost.value(self.x, self.u)
+        except LeastActionError:
+            super().start(self.given)
+        self.forget()
+        return True
+
+    def _close(self) -> None:
+        self.curve = self.costates = None
+        self.tells_saddles = self.system.has_curvature
+        self.forget()
+
+    def begin_again(self) -> bool:
+        """Begin again with an easier stage, though not while there are gaps."""
+        return self.curve is None and super().begin_again()
+
+    # ---- Directions -----------------------------------------------------------------------------
+
+    def _linearize(self) -> Linearization:
+        if self.curve is None:
+            return super()._linearize()
+        if self.linearization is None:
+            with self.clock("linearize"):
+                self.linearization = self.system.linearize_each(self.x, self.u, self.curve.ends)
+        return self.linearization
+
+    def _curvature_along(self, gradient: CostGradient) -> Array:
+        if self.curve is None:
+            return super()._curvature_along(gradient)
+        if self.costates is None:
+            # Nothing is known of them yet: those of a loop that is closed by some gains.
+            self.gain = self._solve("quasi-newton", self.spare).K.copy()
+            return super()._curvature_along(gradient)
+        if self.curvature is None:
+            linearization = self._linearize()
+            with self.clock("curvature"):
+                self.curvature = linearization.curvature(self.costates)
+        return self.curvature
+
+    def _solve(
+        self, method: str, workspace: Workspace, scale: float = 0.0, shift: float = 0.0, gaps: Array | None = None
+    ) -> LinearQuadraticSolution:
+        if self.curve is None:
+            return super()._solve(method, workspace, scale, shift)
+        gradient, hessian = self._gradient(), self._hessian()
+        if shift > 0.0:
+            hessian = shifted(hessian, shift)
+        linearization = self._linearize()
+        curvature = self._curvature_along(gradient) if method == "newton" else None
+        if gaps is None:
+            gaps = self.curve.gaps
+        with self.clock("lq"):
+            return minimise_model(method, linearization, gradient, hessian, curvature, workspace, scale, gaps)
+
+    def direction(
+        self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
+    ) -> DiscreteDirection:
+        """Return the direction of a model that has a minimum, and choose the penalty so that it is one of descent."""
+        if self.curve is None:
+            return super().direction(method, model, scale, shift)
+        A, B = self._linearize()
+        dx0 = self._start_step(model)
+        dx, du = sweep_forward(A, B, model, dx0, c=self.curve.gaps)
+        assert model.P is not None
+        costates = np.einsum("kij,kj->ki", model.P, dx) + model.b
+        q, r, q_final = self._gradient()
+        fall = float(np.sum(q * dx[:-1]) + np.sum(r * du) + q_final @ dx[-1])
+        least = model.constant + (0.0 if dx0 is None else 0.5 * float(model.b[0] @ dx0))
+        theta = self.curve.theta
+        rise = fall + max(least - fall, 0.0)
+        if theta > 0.0 and rise > 0.5 * self.penalty * theta:
+            self.penalty = 2.0 * rise / theta
+            self.value = self.curve.cost + self.penalty * theta
+        slope = min(2.0 * (least - self.penalty * theta), -np.finfo(np.float64).tiny)
+        base = method.removesuffix("-shifted").removesuffix("-damped")
+        return ShootingDirection(
+            method, slope, scale, shift, gain=model.K, C=model.C, dx=dx, du=du, dx0=dx0,
+            costates=costates, fall=fall, base=base,
+        )  # fmt: skip
+
+    # ---- Steps ----------------------------------------------------------------------------------
+
+    def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
+        """Return the curve at a step along the direction, its new gaps closed if need be, or why it is refused."""
+        if self.curve is None:
+            return super().simulate(direction, length, bound)
+        assert isinstance(direction, ShootingDirection)
+        curve = self.curve
+        assert direction.dx is not None
+        assert direction.du is not None
+        trial = self._moved(direction.dx, direction.du, length)
+        outcome = self._judge(direction.fall, length, trial)
+        if isinstance(outcome, Trial) or isinstance(trial, Refusal) or length < 1.0 or trial.theta < curve.theta:
+            return outcome
+        A, B = self._linearize()
+        missed = curve.gaps
+        for _ in range(_CORRECTIONS):
+            # The full step missed by this much more than the linear dynamics say.
+            missed, before = missed + trial.gaps, trial.theta
+            model = self._solve(direction.base, self.spare, direction.curvature_scale, direction.shift, missed)
+            trial = self._moved(*sweep_forward(A, B, model, direction.dx0, c=missed), 1.0)
+            if isinstance(trial, Refusal):
+                break
+            corrected = self._judge(direction.fall, 1.0, trial)
+            if isinstance(corrected, Trial):
+                return corrected
+            if trial.theta > _LEFT * before:
+                break
+        return outcome
+
+    def _moved(self, dx: Array, du: Array, length: float) -> Curve | Refusal:
+        x, u = self.x + length * dx, self.u + length * du
+        if self.free_start is not False:
+            try:
+                x[0] = self.system.moved_start(self.x[0], length * dx[0])
+            except LeastActionError as error:
+                return Refusal(f"the initial state cannot move so far: {error}", 0, failed=True)
+        moved = self._evaluate(x, u)
+        return moved if isinstance(moved, Refusal) else moved._replace(length=length)
+
+    def _judge(self, fall: float, length: float, trial: Curve | Refusal) -> Trial[Iterate] | Refusal:
+        """Return a trial, or why it is refused by the filter."""
+        if isinstance(trial, Refusal):
+            return trial
+        assert self.curve is not None
+        theta, cost, noise = self.curve.theta, self.curve.cost, self.noise
+        cost_alone = theta <= _FEW * self.first and fall < 0.0 and length * (-fall) ** _COST_POWER > theta**_GAP_POWER
+        if cost_alone:
+            good = trial.cost <= cost + _ARMIJO * length * fall + noise
+        else:
+            good = trial.theta <= (1.0 - _SHRINK) * theta or trial.cost <= cost - _FALL * theta + noise
+        good = good and trial.theta <= _MOST * self.first
+        if not good or any(trial.theta > t and trial.cost > c + noise for t, c in self.filter):
+            return Refusal(
+                f"gaps of {trial.theta:.4g} in all and a cost of {trial.cost:.10g}, where there are {theta:.4g} and "
+                f"{cost:.10g}"
+            )
+        return Trial(cast(Any, trial), trial.cost + self.penalty * trial.theta)
+
+    def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
+        """Make a trial the current iterate."""
+        if self.curve is None:
+            super().accept(direction, trial)
+            return
+        assert isinstance(direction, ShootingDirection)
+        old, new = self.curve, cast(Curve, trial.iterate)
+        lowers = direction.fall < 0.0 and new.cost <= old.cost + _ARMIJO * new.length * direction.fall + self.noise
+        if not lowers:
+            self.filter.append(((1.0 - _SHRINK) * old.theta, old.cost - _FALL * old.theta))
+        if self.costates is None:
+            self.costates = direction.costates
+        else:
+            self.costates = self.costates + new.length * (direction.costates - self.costates)
+        self.gain = direction.gain
+        if direction.gain is self.free.K:
+            self.free, self.held = self.held, self.free
+        self._take(new)
+        self.forget()
+
+    def result(self, summary: dict[str, Any]) -> OptimizationResult:
+        """Return the result at the current iterate."""
+        return replace(super().result(summary), gap=self.gap)

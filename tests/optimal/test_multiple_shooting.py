@@ -1,0 +1,250 @@
+"""Multiple shooting: iterates with gaps between their steps, which close on the way to the same minimum."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from leastaction import (
+    Bound,
+    Gravity,
+    IterationTable,
+    JointForce,
+    Mechanism,
+    MechanismSystem,
+    MidpointSystem,
+    MidpointVI,
+    QuadraticCost,
+    Status,
+    optimize,
+    rx,
+    tz,
+)
+from leastaction.errors import ArgumentError
+from leastaction.io.results import load_result, save_result
+from leastaction.optimal import ContinuousQuadraticCost, DiscreteSystem, LinearSystem, solve_linear_quadratic
+from leastaction.optimal.discrete.linear_quadratic import sweep_forward
+from optimal.systems import CartPendulum
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from benchmarks.robustness import certify
+from benchmarks.robustness_further import FURTHER
+from benchmarks.robustness_problems import PROBLEMS, cart, constant, posed
+
+BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
+
+
+def is_trajectory(system, x, u):
+    """Compare every state with the step that leads to it."""
+    return all(np.allclose(system.f(x[k], u[k], k), x[k + 1], rtol=1e-9, atol=1e-9) for k in range(len(u)))
+
+
+def balancing(N, poles=4, R=1e-2):
+    """Return poles one on top of the other, to be balanced by the cart; all that is known is where they are to be."""
+    q0 = {"pole0": np.pi - 0.1, "pole1": 0.1} if poles > 1 else {"pole0": np.pi - 0.1}
+    return posed(
+        cart(poles), q0, constant(pole0=np.pi), N=N, dt=0.02, Q=0.1, final=1e4, R=R, kind="line"
+    )  # fmt: skip
+
+
+def test_a_full_step_closes_the_gaps_of_linear_dynamics(rng):
+    N, A, B = 20, np.array([[1.0, 0.1], [0.3, 1.0]]), np.array([[0.0], [0.1]])
+    system = LinearSystem(A, B, N=N)
+    cost = QuadraticCost(rng.normal(size=(N + 1, 2)), np.zeros((N, 1)), Q=[1.0, 0.5], R=[0.1], Q_final=[5.0, 1.0])
+    x, u = rng.normal(size=(N + 1, 2)), rng.normal(size=(N, 1))
+    gaps = x[:-1] @ A.T + u @ B.T - x[1:]
+    records = []
+    result = optimize(system, cost, initial=(x, u), shooting="multiple", callback=records.append)
+    assert result.status is Status.CONVERGED
+    assert records[0].gap == pytest.approx((np.abs(gaps) / (1.0 + np.abs(x).max(axis=0))).max())
+    assert [record.gap < 1e-12 for record in records] == [False] + [True] * (len(records) - 1)
+    # The minimum over the curves is that of one linear-quadratic problem with the gaps as its drift.
+    q, r, q_final = cost.gradient(x, u)
+    every = (np.repeat(each[None], N, axis=0) for each in (A, B))
+    A, B = (np.ascontiguousarray(each) for each in every)
+    model = solve_linear_quadratic(
+        A, B, Q=cost.Q, R=cost.R, Q_final=cost.Q_final, q=q, r=r, q_final=q_final, c=gaps
+    )  # fmt: skip
+    dx, du = sweep_forward(A, B, model, c=gaps)
+    np.testing.assert_allclose(result.x, x + dx, atol=1e-10)
+    np.testing.assert_allclose(result.u, u + du, atol=1e-10)
+    assert is_trajectory(system, result.x, result.u)
+    assert result.gap == 0.0
+
+
+SAME = [
+    "cart, swing-up, R 0.01, final 10000, rest",
+    "cart, tracking, R 0.01, final 100, noise",
+    "double cart, swing-up, R 0.001, final 10000, line",
+    "planar arm, reaching, R 0.01, final 1e+06, line",
+    "puppet arm of 3, reaching, R 0.01, final 10000, line",
+    "slider-crank, half a turn, R 0.01, final 10000, line",
+    "quadrotor, flight, R 0.01, final 100, noise",
+]
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_the_minimum_is_that_over_trajectories(name):
+    given = BY_NAME[name].build()
+    how = {"initial": (given.x, given.u), "tolerance": 1e-11}
+    ours = optimize(given.system, given.cost, shooting="multiple", **how)
+    other = optimize(given.system, given.cost, **how)
+    assert ours.status is other.status is Status.CONVERGED
+    assert ours.cost == pytest.approx(other.cost, rel=1e-7)
+    np.testing.assert_allclose(ours.x, other.x, rtol=1e-4, atol=1e-4)
+    assert certify(given, ours.x, ours.u).minimum
+    assert is_trajectory(given.system, ours.x, ours.u)
+    assert ours.gap == 0.0
+    assert ours.history.gap[-1] < 1e-6
+
+
+@pytest.mark.parametrize("N", [150, 300])
+def test_poles_are_balanced_from_where_they_are_to_be(N):
+    """An unstable motion over a long time: the projection of the wanted one leads far away."""
+    given = balancing(N)
+    start = given.x, given.u
+    alone = optimize(given.system, given.cost, initial=start, max_iterations=60)
+    assert alone.status is Status.ITERATION_LIMIT
+    result = optimize(given.system, given.cost, initial=start, shooting="multiple", max_iterations=10)
+    assert result.status is Status.CONVERGED
+    assert result.cost < 0.1 * alone.cost
+    assert certify(given, result.x, result.u).minimum
+    assert is_trajectory(given.system, result.x, result.u)
+
+
+@pytest.mark.parametrize(
+    ("name", "cost"),
+    [
+        # 500 iterations over trajectories end in another place, or nowhere; and 255 lead where 16 do.
+        ("slider-crank, two turns, R 0.001, final 10000, rest", None),
+        ("double cart, swing-up, R 0.001, final 10000, line", 84.6),
+    ],
+)
+def test_it_needs_few_iterations_from_a_curve(name, cost):
+    given = BY_NAME[name].build()
+    result = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="multiple", max_iterations=250)
+    assert result.status is Status.CONVERGED
+    assert certify(given, result.x, result.u).minimum
+    if cost is not None:
+        assert result.cost == pytest.approx(cost, rel=1e-5)
+        assert result.iterations < 40
+
+
+def test_steps_of_a_curve_are_those_of_f(rng):
+    given = BY_NAME["puppet arm of 3, reaching, R 0.01, final 10000, line"].build()
+    system = MidpointSystem(given.system.integrator, given.system.t, multipliers=True)
+    x = np.zeros((system.N + 1, system.nx))
+    x[:, : given.system.nx] = given.x[0]
+    x += 1e-3 * rng.normal(size=x.shape)
+    made = system.step_each(x, given.u)
+    assert made.complete, made.failure
+    assert made.worst_step is not None
+    plain = DiscreteSystem.step_each(system, x, given.u)
+    np.testing.assert_allclose(made.x, plain.x, rtol=1e-9, atol=1e-9)
+    ours, other = system.linearize_each(x, given.u, made.x), DiscreteSystem.linearize_each(system, x, given.u, made.x)
+    z = rng.normal(size=(system.N, system.nx))
+    for mine, theirs in zip((*ours, ours.curvature(z)), (*other, other.curvature(z)), strict=True):
+        np.testing.assert_allclose(mine, theirs, rtol=1e-6, atol=1e-6 * np.abs(theirs).max())
+
+
+def pendulum(N=50, dt=0.02):
+    m = Mechanism([rx("a"), [tz(-1.0, mass=1.0)]], [Gravity(), JointForce("a", "motor")])
+    return MidpointSystem(MidpointVI(m, threads=1), dt * np.arange(N + 1))
+
+
+def test_threads_change_nothing():
+    given = balancing(40)
+    m = given.system.integrator.mechanism
+    results = [
+        MidpointSystem(MidpointVI(m, threads=threads), given.system.t).step_each(given.x, given.u).x
+        for threads in (1, 2, 3)
+    ]
+    np.testing.assert_array_equal(results[0], results[1])
+    np.testing.assert_array_equal(results[0], results[2])
+
+
+def test_a_curve_whose_steps_cannot_be_made_is_projected_and_says_so():
+    given = BY_NAME["double cart, balance, R 0.01, final 100, rest"].build()
+    system, N, u = given.system, given.system.N, given.u
+    x = np.zeros((N + 1, system.nx))
+    x[20, -1] = 1e3
+    made = system.step_each(x, u)
+    assert made.steps_done == len(made.x) == 20
+    assert "step 20 at t = 0.4 s" in made.failure
+    cost = QuadraticCost(np.zeros((N + 1, system.nx)), np.zeros((N, 1)), Q=np.ones(system.nx), R=[0.1])
+    records = []
+    result = optimize(
+        system, cost, initial=(x, u), shooting="multiple", callback=records.append, max_iterations=1
+    )  # fmt: skip
+    assert result.gap == 0.0
+    assert "projected at once" in records[0].note
+    assert "step 20" in records[0].note
+
+
+def test_an_end_with_gaps_says_so_and_can_be_resumed(tmp_path):
+    given = balancing(150)
+    start = given.x, given.u
+    whole = optimize(given.system, given.cost, initial=start, shooting="multiple")
+    part = optimize(given.system, given.cost, initial=start, shooting="multiple", max_iterations=2)
+    assert part.status is Status.ITERATION_LIMIT
+    assert 1e-4 < part.gap < 1.0
+    assert part.history.gap[-1] == part.gap
+    assert "Gaps are still open" in part.message
+    assert "at t = " in part.message
+    assert load_result(save_result(tmp_path / "part.npz", part)).gap == part.gap
+    with pytest.raises(ArgumentError, match="resume: got a result with open gaps"):
+        optimize(given.system, given.cost, resume=part)
+    rest = optimize(given.system, given.cost, resume=part, shooting="multiple")
+    assert rest.status is Status.CONVERGED
+    assert rest.cost == pytest.approx(whole.cost, rel=1e-9)
+    again = optimize(given.system, given.cost, resume=rest, shooting="multiple")
+    assert again.iterations <= rest.iterations + 1
+
+
+def test_the_initial_state_may_be_found_too():
+    given = balancing(100, poles=1)
+    how = {"initial": (given.x, given.u), "free_start": ["p_cart", "p_pole0"]}
+    ours = optimize(given.system, given.cost, shooting="multiple", **how)
+    other = optimize(given.system, given.cost, **how)
+    assert ours.status is Status.CONVERGED
+    assert ours.cost == pytest.approx(other.cost, rel=1e-7)
+    assert np.abs(ours.x[0] - given.x[0])[2:].max() > 1e-3
+    np.testing.assert_array_equal(ours.x[0, :2], given.x[0, :2])
+
+
+def test_the_table_shows_gaps(capsys):
+    given = balancing(40)
+    optimize(given.system, given.cost, initial=(given.x, given.u), shooting="multiple", callback=IterationTable())
+    lines = capsys.readouterr().out.splitlines()
+    place = lines[0].index("gap")
+    assert "e-" in lines[1][place - 4 : place + 3]
+
+
+@pytest.mark.parametrize(
+    ("changed", "match"),
+    [
+        ({"shooting": "single shooting"}, "shooting: got 'single shooting', expected 'single' or 'multiple'"),
+        (
+            {"shooting": "multiple", "limits": [Bound("u[0]", -1.0, 1.0)]},
+            "shooting: got 'multiple' together with limits",
+        ),
+        ({"shooting": "multiple", "initial": (np.zeros((3, 4)), np.zeros((20, 1)))}, "initial x"),
+    ],
+)
+def test_what_is_wrong_is_named(changed, match):
+    cost = QuadraticCost(np.zeros((21, 4)), np.zeros((20, 1)), Q=np.ones(4), R=[1.0])
+    given = {"initial": (np.zeros(4), np.zeros((20, 1))), **changed}
+    with pytest.raises(ArgumentError, match=match):
+        optimize(CartPendulum(20, 0.02), cost, **given)
+
+
+def test_continuous_time_has_none():
+    m = pendulum().integrator.mechanism
+    cost = ContinuousQuadraticCost(np.zeros(2), np.zeros(1), Q=[1.0, 0.1], R=[1.0])
+    with pytest.raises(ArgumentError, match="shooting: got 'multiple' for a continuous system"):
+        optimize(
+            MechanismSystem(m), cost, initial=(np.zeros(2), np.zeros(1)), horizon=(0.0, 1.0), shooting="multiple"
+        )  # fmt: skip
