@@ -26,6 +26,7 @@ from leastaction.optimal.continuous import (
     solve_continuous_linear_quadratic,
     steady_state_regulator,
 )
+from leastaction.optimal.discrete.controllability import Controllability, ControllabilityWindow, controllability
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian, QuadraticCost, WindowCost
 from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
 from leastaction.optimal.discrete.linear_quadratic import (
@@ -60,15 +61,15 @@ from leastaction.optimal.unknowns.unknown import FinalTime, Parameter, Unknown
 
 __all__ = [
     "Accuracy", "Bound", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
-    "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Cost", "CostGradient",
-    "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime",
-    "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem", "HelpedCost", "IterationRecord",
-    "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution",
-    "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult", "Parameter", "Periodic",
-    "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout",
-    "Settings", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown", "WindowCost",
-    "WindowSystem", "Within", "adjoint", "check_continuous_derivatives", "check_derivatives", "coarse_to_fine",
-    "continuation", "optimize", "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous",
-    "resample", "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator",
-    "sweep_forward",
+    "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Controllability",
+    "ControllabilityWindow", "Cost", "CostGradient", "CostHessian", "DenseTrajectory", "DerivativeReport",
+    "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem",
+    "HelpedCost", "IterationRecord", "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem",
+    "LinearQuadraticSolution", "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult",
+    "Parameter", "Periodic", "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient",
+    "RateHessian", "Rollout", "Settings", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status",
+    "Unknown", "WindowCost", "WindowSystem", "Within", "adjoint", "check_continuous_derivatives", "check_derivatives",
+    "coarse_to_fine", "continuation", "controllability", "optimize", "optimize_continuous", "receding_horizon",
+    "regulate", "regulate_continuous", "resample", "solve_continuous_linear_quadratic", "solve_linear_quadratic",
+    "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip
