@@ -5,7 +5,7 @@ unknown numbers are those whose simulation comes closest to the measurements. `s
 them with the exact derivatives of the whole simulation by these numbers, from one call of `MidpointVI.sensitivity`,
 and once more with finite differences, which take a simulation for every number.
 
-    python examples/01_identify_cart_pendulum.py --output pictures
+    python examples/01_identify_cart_pendulum.py --out pictures
 """
 
 from __future__ import annotations
@@ -173,5 +173,5 @@ def main(output: Path) -> Identified:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path, default=Path(__file__).parent / "output")
-    main(parser.parse_args().output)
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "output")
+    main(parser.parse_args().out)

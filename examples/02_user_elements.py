@@ -3,7 +3,7 @@
 Each is one expression in places and variables of the mechanism. The package compiles it for the core, which evaluates
 and differentiates it by itself; there is nothing to differentiate by hand.
 
-    python examples/02_user_elements.py --output pictures
+    python examples/02_user_elements.py --out pictures
 """
 
 from __future__ import annotations
@@ -211,5 +211,5 @@ def main(output: Path) -> Result:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path, default=Path(__file__).parent / "output")
-    main(parser.parse_args().output)
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "output")
+    main(parser.parse_args().out)

@@ -3,7 +3,7 @@
 A `TendonForce` pulls along the straight pieces through its frames. Its input is an activation between 0 and 1; the gain
 is the strength of the muscle, and a `Curve` says how its force depends on the length of the tendon.
 
-    python examples/03_finger_tendons.py --output pictures
+    python examples/03_finger_tendons.py --out pictures
 """
 
 from __future__ import annotations
@@ -192,5 +192,5 @@ def main(output: Path) -> Result:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path, default=Path(__file__).parent / "output")
-    main(parser.parse_args().output)
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "output")
+    main(parser.parse_args().out)

@@ -4,7 +4,7 @@ Two cranks and two couplers carry a lamp: a loop of five bars with two degrees o
 closes the loop from joint angles that are only roughly right, `equilibrium` finds where springs and weight balance,
 whether the linkage stays there, and how it swings about that place; a simulation swings as it says.
 
-    python examples/04_assembly_and_equilibrium.py --output pictures
+    python examples/04_assembly_and_equilibrium.py --out pictures
 """
 
 from __future__ import annotations
@@ -179,5 +179,5 @@ def main(output: Path) -> Result:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path, default=Path(__file__).parent / "output")
-    main(parser.parse_args().output)
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "output")
+    main(parser.parse_args().out)

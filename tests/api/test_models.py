@@ -12,6 +12,8 @@ from leastaction.models import MODELS, build
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.chain import pendulum_chain
 from leastaction.models.marionette import STRINGS, hang_strings, marionette, rest_pose
+from leastaction.models.puppet_arm import STRING, hang, puppet_arm
+from leastaction.models.scissor_lift import at_angle, scissor_lift
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -116,3 +118,31 @@ def test_a_puppet_above_its_strings_is_refused():
     rows = np.stack([mechanism.configuration(), mechanism.configuration({"torso_tz": 1.6})])
     with pytest.raises(ArgumentError, match="row 1"):
         hang_strings(mechanism, rows)
+
+
+@pytest.mark.parametrize("segments", [1, 2, 5])
+def test_a_scissor_lift_has_one_degree_of_freedom(segments):
+    mechanism = scissor_lift(segments, length=0.8)
+    assert (mechanism.nd, mechanism.nc) == (2 * segments + 1, 2 * segments)
+    q, v = at_angle(mechanism, 0.7, 0.3)
+    check_consistent(mechanism, q)
+    assert np.abs(mechanism.constraint_jacobian(q) @ v).max() < 1e-12
+    assert mechanism.degrees_of_freedom(q) == 1
+    bottom = mechanism.positions(q, [f"end_L{segments - 1}"])[0]
+    assert bottom[2] == pytest.approx(-segments * 0.8 * np.sin(0.7))
+    # In line its pins lose rank.
+    assert mechanism.constraint_rank(at_angle(mechanism, np.pi / 2)[0]) < mechanism.nc
+    with pytest.raises(ArgumentError, match=r"scissor_lift\(\)"):
+        at_angle(pendulum_chain(2), 0.7)
+
+
+def test_the_arm_hangs_from_its_string():
+    mechanism = puppet_arm(upper=0.3, fore=0.2)
+    assert (mechanism.dynamic, mechanism.kinematic) == (("shoulder", "elbow"), STRING)
+    q = hang(mechanism, [[0.2, 0.5], [1.0, 0.3]])
+    for row in q:
+        check_consistent(mechanism, row)
+    np.testing.assert_allclose(mechanism.positions(np.zeros(4), ["hand"]), [[0.0, -0.5, 0.0]], atol=1e-15)
+    np.testing.assert_allclose(mechanism.positions(q[1], ["carriage"])[0, 0], mechanism.positions(q[1], ["hand"])[0, 0])
+    with pytest.raises(ArgumentError, match="above the carriage"):
+        hang(puppet_arm(height=0.1), [np.pi, 0.0])

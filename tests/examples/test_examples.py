@@ -16,6 +16,7 @@ pytest.importorskip("matplotlib")
 
 from matplotlib.image import imread
 
+from leastaction import Status
 from leastaction.mechanics import Stability
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -39,14 +40,28 @@ def test_the_scripts_are_numbered_and_say_what_they_are_for() -> None:
     for script in SCRIPTS:
         text = (EXAMPLES / f"{script}.py").read_text(encoding="utf-8")
         assert re.match(r'"""[A-Z].*\.\n\n', text), script
-        assert f"python examples/{script}.py --output" in text, script
+        assert f"python examples/{script}.py --out" in text, script
 
 
 @pytest.mark.parametrize("script", SCRIPTS)
+def test_the_gallery_shows_it(script: str) -> None:
+    docs = EXAMPLES.parent / "docs"
+    text = (docs / "gallery.md").read_text(encoding="utf-8")
+    assert re.search(rf"^## {int(script[:2])} ", text, re.MULTILINE)
+    assert f"](images/gallery_{script}.png)" in text
+    assert (docs / "images" / f"gallery_{script}.png").is_file()
+
+
+LONG = {"05_scissor_lift", "06_cart_pendulum", "07_actuated_arm"}  # more than a few seconds
+
+
+@pytest.mark.parametrize(
+    "script", [pytest.param(name, marks=[pytest.mark.slow] if name in LONG else []) for name in SCRIPTS]
+)
 def test_it_runs_from_the_command_line(script: str, tmp_path: Path) -> None:
     output = tmp_path / "pictures"
     run = subprocess.run(
-        [sys.executable, "-W", "error", EXAMPLES / f"{script}.py", "--output", output],
+        [sys.executable, "-W", "error", EXAMPLES / f"{script}.py", "--out", output],
         capture_output=True,
         text=True,
         check=False,
@@ -132,3 +147,98 @@ def test_assembly_and_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result.rest.residual < 1e-9
     # A swing of 4 mrad is as fast as the linear one to its square.
     np.testing.assert_allclose(result.frequencies, result.rest.frequencies / (2.0 * np.pi), rtol=2e-4)
+
+
+# The systems of the dissertation's examples
+
+
+def test_scissor_lift(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sympy")
+    example = load("05_scissor_lift", monkeypatch)
+    t = np.linspace(0.0, 10.0, 2001)
+    exact = example.reference(5, t)
+    off = [np.abs(example.swing(5, t[::every])["L0"] - exact[::every])[:: 4 // every] for every in (2, 1)]
+    assert off[0].max() < np.radians(2.0)
+    assert 3.0 < np.sqrt(np.mean(off[0] ** 2) / np.mean(off[1] ** 2)) < 5.0  # of second order
+    # Longer lifts are stiffer: they take shorter steps for the same error.
+    few, many = example.effort(1), example.effort(5)
+    assert 0.01 < many.dt < 0.04 < 0.08 < few.dt
+
+
+def test_the_lifts_damping_is_in_its_motion_and_not_in_its_amplitude(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sympy")
+    example = load("05_scissor_lift", monkeypatch)
+    experiment = example.Experiment()
+    found, error = experiment.identify()
+    assert abs(found[-1] - example.DAMPING) < 3.0 * error
+    assert error < 0.1 * example.DAMPING
+    assert abs(found[-1] - found[-2]) < 1e-6
+    # A damping five times as large has the same amplitude to a hundredth.
+    assert experiment.amplitude(1.0) == pytest.approx(experiment.amplitude(example.DAMPING), rel=0.01)
+
+
+@pytest.mark.slow
+def test_scissor_lift_over_a_thousand_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sympy")
+    example = load("05_scissor_lift", monkeypatch)
+    swings, late, grown = example.endurance()
+    assert swings == 428
+    assert abs(late) < 1e-3 * 1000.0
+    assert abs(grown) < 1e-4
+
+
+def test_cart_pendulum(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("06_cart_pendulum", monkeypatch)
+    hanging = np.zeros(4), np.zeros((example.STEPS, 1))
+    alone = example.optimize(*example.discrete(example.MILD), initial=hanging)
+    assert alone.success
+    assert np.degrees(alone.x[:, 1].max()) < 60.0
+    runs = {weights: example.embedded(weights) for weights in (example.MILD, example.STEEP)}
+    for weights, least in ((example.MILD, 165.0), (example.STEEP, 178.0)):
+        assert all(run.status is Status.CONVERGED for run in runs[weights])
+        assert np.degrees(runs[weights][-1].x[:, 1].max()) > least
+    free = runs[example.STEEP][-1]
+    assert runs[example.MILD][-1].cost < 0.5 * alone.cost
+    within = example.bounded(free)
+    assert within.success
+    assert np.abs(within.u).max() <= example.BOUND * np.abs(free.u).max() * (1.0 + 1e-9)
+    assert free.cost < within.cost < 1.2 * free.cost
+
+
+def test_shortest_swing(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("06_cart_pendulum", monkeypatch)
+    t, run = example.shortest()
+    assert run.success
+    np.testing.assert_allclose(run.x[-1], [0.0, np.pi, 0.0, 0.0], atol=1e-6)
+    assert t[-1] == pytest.approx(3.045, abs=0.01)
+    assert np.mean(np.abs(run.u) > 59.4) > 0.9  # bang-bang
+
+
+@pytest.mark.slow
+def test_cart_pendulum_in_both_kinds_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("06_cart_pendulum", monkeypatch)
+    continuous = example.embedded_continuously(example.STEEP)
+    assert all(run.success for run in continuous)
+    x, _ = continuous[-1].trajectory.sample(example.T)
+    assert np.abs(x[:, 1] - example.embedded(example.STEEP)[-1].x[:, 1]).max() < np.radians(4.0)
+
+
+def test_actuated_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("07_actuated_arm", monkeypatch)
+    monkeypatch.setattr(example, "STEPS", (100, 200))
+    result = example.solve()
+    inside, held = (result.errors[where] for where in ("midpoint", "start"))
+    assert 3.0 < inside[0] / inside[1] < 5.0
+    assert inside[1] < np.radians(0.2) < np.radians(1.0) < held[1]
+    # The feedback brings it back; without, the raised arm falls.
+    wanted = example.wave(result.inside.t)[0]
+    assert np.abs(result.inside.q[-1] - wanted[-1]).max() < np.radians(0.5)
+    assert np.abs(result.alone.q[-1] - wanted[-1]).max() > 1.0
+
+
+def test_marionette_feedback(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("08_marionette_feedback", monkeypatch)
+    monkeypatch.setattr(example, "best", lambda work: 0.0)
+    off = {name: values[-200:].mean() for name, values in example.solve().off.items()}
+    assert off["closed, identities"] < 0.6 * off["open loop"]
+    assert off["closed, positions"] < 0.15 * off["open loop"]

@@ -37,7 +37,7 @@ def test_what_it_points_to_exists() -> None:
 def test_the_commands_it_names_exist() -> None:
     app = (ROOT / "src" / "leastaction" / "apps" / "cli" / "app.py").read_text(encoding="utf-8")
     commands = set(re.findall(r"(?:`|bin/)leastaction ([a-z]+) ", README))
-    assert commands == {"demo", "optimize", "info", "draw"}
+    assert commands == {"demo", "optimize", "info", "draw", "examples"}
     for command in commands:
         assert f"def {command}(" in app
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")

@@ -10,9 +10,22 @@ from collections.abc import Callable
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics import Mechanism
-from leastaction.models import andrews, bricard, cart_pendulum, chain, four_bars, hand, marionette
+from leastaction.models import (
+    andrews,
+    bricard,
+    cart_pendulum,
+    chain,
+    four_bars,
+    hand,
+    marionette,
+    puppet_arm,
+    scissor_lift,
+)
 
-__all__ = ["MODELS", "andrews", "bricard", "build", "cart_pendulum", "chain", "four_bars", "hand", "marionette"]
+__all__ = [
+    "MODELS", "andrews", "bricard", "build", "cart_pendulum", "chain", "four_bars", "hand", "marionette",
+    "puppet_arm", "scissor_lift",
+]  # fmt: skip
 
 MODELS: dict[str, Callable[[], Mechanism]] = {
     "andrews": andrews.andrews,
@@ -22,6 +35,8 @@ MODELS: dict[str, Callable[[], Mechanism]] = {
     "hand": hand.hand,
     "marionette": marionette.marionette,
     "pendulum_chain": chain.pendulum_chain,
+    "puppet_arm": puppet_arm.puppet_arm,
+    "scissor_lift": scissor_lift.scissor_lift,
 }
 """The models by name, each with its default arguments."""
 

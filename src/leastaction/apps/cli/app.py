@@ -1,4 +1,4 @@
-"""The commands: demo, optimize, info, draw."""
+"""The commands: demo, optimize, info, draw, examples."""
 
 from __future__ import annotations
 
@@ -227,6 +227,35 @@ def draw(file: Path, /, *, output: OutputOptions) -> int:
             progress=lambda name: status.update(f"writing {name}"),
         )
     console.print(report)
+    return 0
+
+
+@app.command
+def examples(example: str | None = None, /, *, out: Path = Path("pictures")) -> int:
+    """List the example scripts, or run one: it prints what it finds and draws a picture.
+
+    Parameters
+    ----------
+    example
+        Number or name of an example; all are listed without it.
+    out
+        Folder for the picture; made if need be.
+    """
+    from leastaction.apps.cli.examples import find_example, find_examples, run_example
+
+    console = Console(highlight=False, soft_wrap=True)
+    if example is None:
+        for one in find_examples():
+            console.print(f"{one.number:3}  [bold]{one.name}[/bold]: ", end="")
+            console.print(one.about, markup=False)
+        console.print(f"The scripts are in {find_examples()[0].file.parent}", markup=False, style="dim")
+        return 0
+    from leastaction.numerics.files import prepare_output_folder
+
+    chosen = find_example(example)
+    folder = prepare_output_folder(out)
+    run_example(chosen, folder)
+    console.print(f"picture: {folder / chosen.file.stem}.png", markup=False)
     return 0
 
 
