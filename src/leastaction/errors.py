@@ -14,7 +14,8 @@ from typing import Any
 __all__ = [
     "ArgumentError", "CoarseStepWarning", "ContradictoryConstraintsError", "DescriptionError", "DynamicsError",
     "EnergyBalanceWarning", "EquilibriumError", "InconsistentStartError", "LeastActionError", "MotionFileError",
-    "OutputError", "ResultFileError", "SingularityWarning", "StepError", "UnitWarning", "closest", "worst_first",
+    "OutputError", "ProjectionError", "ResultFileError", "SingularityWarning", "StepError", "UnitWarning", "closest",
+    "worst_first",
 ]  # fmt: skip
 
 
@@ -34,6 +35,10 @@ class DescriptionError(LeastActionError, ValueError):
 
 class ArgumentError(LeastActionError, ValueError):
     """An argument has the wrong shape, an unknown name, a value that is not finite or out of range."""
+
+
+class ProjectionError(ArgumentError):
+    """A curve that an optimisation was to begin with leads to no trajectory: no roll-out could follow it."""
 
 
 class InconsistentStartError(LeastActionError):

@@ -12,7 +12,10 @@ import pytest
 from apps.puppet_bvh import CMU_NAMES, Z_UP, Convention, waving, write_puppet
 from leastaction.apps.cli import main
 from leastaction.apps.marionette import VARIABLES, load_motion, load_run, retarget
+from leastaction.apps.marionette.retargeting.geometry import euler_zyx, rotation_zyx
+from leastaction.apps.marionette.retargeting.spins import without_spins
 from leastaction.io import read_bvh
+from leastaction.io.motion.capture import axis_rotation
 from leastaction.models.marionette import JOINT_LIMITS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -95,6 +98,31 @@ def test_knees_that_a_skeleton_overstretches_point_ahead(tmp_path: Path) -> None
     made = retarget(read_bvh(write_puppet(tmp_path / "a.bvh", q))).motion
     assert abs(made["lhip_rz"]).max() < 0.1
     assert abs(made["lknee_rx"]).max() < 1e-9
+
+
+def spinning(miss: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, angles of a shoulder that passes that near its singularity, and the directions they stand for."""
+    t = np.linspace(0.0, 1.0, 61)
+    swing = 0.5 * np.pi + np.linspace(-0.8, 0.8, len(t))
+    turns = euler_zyx(axis_rotation(0, np.full(len(t), miss)) @ axis_rotation(1, swing))
+    return t, turns, axis_pair(turns)
+
+
+def axis_pair(turns: np.ndarray) -> np.ndarray:
+    return np.swapaxes(rotation_zyx(turns[:, :3])[:, :, ::2], 1, 2)
+
+
+@pytest.mark.parametrize("degrees", [1.0, 3.0, 5.0])
+def test_angles_do_not_spin_beside_a_singularity(degrees: float) -> None:
+    t, turns, wanted = spinning(np.deg2rad(degrees))
+    assert np.abs(np.diff(turns, axis=0)).max() * 60.0 > 15.0
+    made = without_spins(t, turns, axis_pair, wanted)
+    assert np.abs(np.diff(made, axis=0)).max() * 60.0 < 15.0
+    miss = np.linalg.norm(axis_pair(made) - wanted, axis=2)
+    assert np.rad2deg(miss.max()) < 1.5 * degrees
+    assert np.rad2deg(miss[[0, -1]].max()) < 0.1
+    slow = without_spins(10.0 * t, turns, axis_pair, wanted)
+    np.testing.assert_array_equal(slow, turns)
 
 
 def test_part_of_a_capture_at_another_speed(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 from leastaction import Mechanism, MidpointVI, QuadraticCost, tx
 from leastaction.apps.marionette import walk_in_place
 from leastaction.apps.marionette.tracking import (
+    FORCED,
     GENTLE,
     PuppetLimits,
     TrackingCost,
@@ -26,10 +27,14 @@ from leastaction.apps.marionette.tracking import (
     save_search,
     track,
 )
+from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.io import Motion
+from leastaction.io.results.record import load_record, save_record
+from leastaction.mechanics import JointForce
 from leastaction.models.marionette import JOINT_LIMITS, REST, STRINGS, UNHELD, marionette
 from leastaction.optimal import Status
+from leastaction.systems import PulledSystem
 
 PUPPET = marionette()
 
@@ -244,10 +249,97 @@ def test_a_plan_that_cannot_be_followed_is_searched_with_its_own_steps(monkeypat
     """Where the motion found with longer steps is no start for these."""
 
     def wild(self: plan.Plan, coarse: plan.Plan, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        monkeypatch.setattr(plan.Plan, "finer", whole)
         return 1e3 * self.x_reference, 1e3 * self.u_reference
 
+    whole = plan.Plan.finer
+
+    monkeypatch.setattr("leastaction.apps.marionette.tracking.run._FEW", 10)
     monkeypatch.setattr(plan.Plan, "finer", wild)
     said: list[str] = []
     run = track(PUPPET, leap(0.3), max_iterations=20, progress=said.append)
-    assert "the search begins again" in " ".join(said)
+    assert "the search goes on with these" in " ".join(said)
     assert run.tension.min() >= 0.0
+
+
+def test_motors_can_make_any_motion() -> None:
+    """The search begins with the wanted motion itself, however wild, and with the motors that make it."""
+    motion = leap(0.4)
+    wild = replace(motion, q=motion.q + 0.5 * np.sin(40.0 * motion.t)[:, None])
+    problem = TrackingProblem(PUPPET, wild, FORCED, 0)
+    wanted = plan.Plan(problem, FORCED, PuppetLimits())
+    x, u = wanted.driven()
+    m = wanted.mechanism
+    motors = [JointForce(name, f"motor of {name}") for name in m.dynamic]
+    system = PulledSystem(MidpointVI(m.with_elements(motors)), wanted.t, at_instants=m.inputs)
+    reached = np.array([system.f(x[k], u[k], k) for k in range(system.N)])
+    np.testing.assert_allclose(reached, x[1:], atol=1e-10)
+    np.testing.assert_allclose(x[6:, : m.nd], wanted.x_reference[6:, : m.nd], atol=1e-12)
+
+
+def test_whatever_was_found_ends_with_strings_that_pull() -> None:
+    """Also where an optimisation left numbers that are none, or a motion that cannot be followed."""
+    run = track(PUPPET, leap(0.3), max_iterations=1)
+    assert run.plan is not None
+    wanted = plan.Plan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
+    strings = len(STRINGS)
+    pushing, lost = run.plan.u.copy(), np.full_like(run.plan.u, np.nan)
+    pushing[5:9, :strings] -= 30.0
+    for u in (pushing, lost):
+        kept = wanted.pulling(replace(run.plan, u=u))
+        assert kept.u[:, :strings].min() >= 0.5
+        assert np.isfinite(kept.x).all()
+        for k in (0, 7, wanted.system.N - 1):
+            np.testing.assert_array_equal(wanted.system.f(kept.x[k], kept.u[k], k), kept.x[k + 1])
+
+
+def test_a_wrong_option_is_no_wild_motion() -> None:
+    said: list[str] = []
+    with pytest.raises(ArgumentError, match="max_iterations"):
+        track(PUPPET, leap(0.1), planned=True, max_iterations=-1, progress=said.append)
+    assert "the search goes on" not in " ".join(said)
+
+
+def test_a_second_search_is_kept_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the plan's own steps are taken, Ctrl-C keeps what they came to, and it is gone on with."""
+    monkeypatch.setattr(plan, "PRICES", (1e-2, 1.0))
+    monkeypatch.setattr(plan, "SEARCH_STAGES", 3)
+    monkeypatch.setattr(files, "PRICES", (1e-2, 1.0))
+    monkeypatch.setattr(plan, "_ITERATIONS", 2)
+    monkeypatch.setattr("leastaction.apps.marionette.tracking.run._FEW", 10)
+
+    def wild(self: plan.Plan, coarse: plan.Plan, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        monkeypatch.setattr(plan.Plan, "finer", whole)
+        return 1e3 * self.x_reference, 1e3 * self.u_reference
+
+    whole = plan.Plan.finer
+    monkeypatch.setattr(plan.Plan, "finer", wild)
+    kept: list[TrackingSearch] = []
+
+    def checkpoint(found: TrackingRun | TrackingSearch) -> None:
+        assert isinstance(found, TrackingSearch)
+        kept.append(found)
+        if len(found.result.u) == 30:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        track(PUPPET, leap(0.3), checkpoint=checkpoint, checkpoint_seconds=0.0)
+    assert {len(search.result.u) for search in kept} == {15, 30}
+    search = load_unfinished(save_search(tmp_path / "search.npz", kept[-1]))
+    assert isinstance(search, TrackingSearch)
+    run = track(PUPPET, search.motion, resume=search, max_iterations=2)
+    assert run.tension.min() >= 0.0
+
+
+def test_the_kinds_of_limits_are_kept(tmp_path: Path) -> None:
+    run = track(PUPPET, leap(0.2), max_iterations=2, limits=PuppetLimits(speed=0.5))
+    assert {"tension", "joints"} <= run.kinds
+    path = save_run(tmp_path / "run.npz", run)
+    assert load_run(path).kinds == run.kinds
+    record = load_record(path, files.MarionetteRun)
+    # A file of before has none: its limits' labels say it.
+    save_record(path, replace(record.content, kinds=None), provenance=record.provenance)
+    assert load_run(path).kinds == run.kinds
+    save_record(path, replace(record.content, kinds=("speed", "weather")), provenance=record.provenance)
+    with pytest.raises(ResultFileError, match="kinds weather are none"):
+        load_run(path)

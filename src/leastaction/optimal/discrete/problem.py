@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.errors import LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.step_quality import StepQuality, coarsest
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
@@ -125,7 +125,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self._project_curve()
         self.value = self.cost.value(self.x, self.u)
         if not np.isfinite(self.value):
-            raise ArgumentError(
+            raise ProjectionError(
                 f"initial: the cost of the initial trajectory is {self.value}, expected a finite "
                 "number. Look at the cost's weights and wanted motion."
             )
@@ -172,7 +172,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         elif found:
             del found[1:]
         if not found:
-            raise ArgumentError(f"initial: {failure.removeprefix('initial: ')}")
+            raise ProjectionError(f"initial: {failure.removeprefix('initial: ')}")
         _, projected, self.gain = min(found, key=lambda each: each[0])
         self.x, self.u = read_only(projected.x), read_only(projected.u)
         self.worst_step = projected.worst_step
@@ -196,7 +196,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             rollout = self.system.rollout(xbar[0], xbar, ubar, gain, 0, self.system.N)
         self.rollouts += 1
         if not rollout.complete:
-            raise ArgumentError(
+            raise ProjectionError(
                 f"initial: the roll-out failed after {rollout.steps_done} of {self.system.N} steps: "
                 f"{rollout.failure}. Give a trajectory of the system (such as one it simulated), or "
                 "a curve that stays closer to one."

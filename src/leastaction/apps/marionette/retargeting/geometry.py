@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from leastaction.io.motion.capture import axis_rotation
 from leastaction.numerics.arrays import Array
 
 
@@ -34,6 +35,11 @@ def frame(x: Array, z: Array) -> Array:
     """
     x = unit(x - z * np.sum(x * z, axis=1, keepdims=True))
     return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def rotation_zyx(angles: Array) -> Array:
+    """Rotations (F, 3, 3) Rz Ry Rx of angles rz, ry, rx (F, 3) in radians."""
+    return axis_rotation(2, angles[:, 0]) @ axis_rotation(1, angles[:, 1]) @ axis_rotation(0, angles[:, 2])
 
 
 def euler_zyx(rotation: Array) -> Array:

@@ -17,7 +17,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from leastaction.apps.marionette.retargeting.geometry import angle_between, euler_zyx, frame, smooth_step, unit
+from leastaction.apps.marionette.retargeting.geometry import (
+    angle_between,
+    euler_zyx,
+    frame,
+    rotation_zyx,
+    smooth_step,
+    unit,
+)
 from leastaction.apps.marionette.retargeting.heading import (
     Axis,
     Heading,
@@ -40,6 +47,7 @@ from leastaction.apps.marionette.retargeting.skeleton import (
     limb_variables,
     puppet_points,
 )
+from leastaction.apps.marionette.retargeting.spins import without_spins
 from leastaction.errors import MotionFileError
 from leastaction.io.motion.capture import Capture, axis_rotation, forward_kinematics
 from leastaction.io.motion.motion import Motion
@@ -155,17 +163,18 @@ def retarget(
     t = capture.frame_time * np.arange(capture.n_frames - first, dtype=np.float64)
     q = np.empty((t.size, len(VARIABLES)))
     torso = _torso(points)
-    q[:, 3:6] = euler_zyx(torso)
+    turns = without_spins(t, euler_zyx(torso), _axes, np.swapaxes(torso[:, :, ::2], 1, 2))
+    q[:, 3:6], torso = turns, rotation_zyx(turns)
     pelvis = scale * points["pelvis"]
     if heading == "straight":
         q[:, 3], pelvis[:, :2] = straightened(t, q[:, 3], pelvis[:, :2])
     q[:, :3] = _root(pelvis, in_place=in_place)
     for side, limb in LIMBS:
         columns = [VARIABLES.index(name) for name in limb_variables(side, limb)]
-        q[:, columns] = _limb(side, limb, points, frames, torso)
+        q[:, columns] = _limb(t, side, limb, points, frames, torso)
 
     directions = {bone: unit(points[b] - points[a]) for bone, (a, b) in _bones().items()}
-    turned = np.concatenate([np.zeros((t.size, 3)), euler_zyx(torso), q[:, 6:]], axis=1)
+    turned = np.concatenate([np.zeros((t.size, 3)), turns, q[:, 6:]], axis=1)
     made = puppet_points(turned, proportions=sizes)
     errors = {
         bone: np.rad2deg(angle_between(unit(made[b] - made[a]), directions[bone])) for bone, (a, b) in _bones().items()
@@ -250,7 +259,21 @@ def _torso(points: Mapping[str, Array]) -> Array:
     return frame(right(points), z)
 
 
-def _limb(side: str, limb: Limb, points: Mapping[str, Array], frames: Mapping[str, Array], torso: Array) -> Array:
+def _axes(turns: Array) -> Array:
+    """Directions (F, 2, 3) of a body's x and z axes, turned by rz, ry, rx (F, 3)."""
+    return np.swapaxes(rotation_zyx(turns)[:, :, ::2], 1, 2)
+
+
+def _bone_directions(angles: Array) -> Array:
+    """Directions (F, 2, 3) of a limb's two bones where it is tied, from rz, ry, rx and hinge (F, 4)."""
+    upper = rotation_zyx(angles[:, :3])
+    lower = upper @ axis_rotation(0, angles[:, 3])
+    return -np.stack([upper[:, :, 2], lower[:, :, 2]], axis=1)
+
+
+def _limb(
+    t: Array, side: str, limb: Limb, points: Mapping[str, Array], frames: Mapping[str, Array], torso: Array
+) -> Array:
     """Angles rz, ry, rx and hinge (F, 4) of one limb."""
     root, hinge, end = (f"{side}_{joint}" for joint in CHAINS[limb])
     a = unit(points[hinge] - points[root])
@@ -277,4 +300,7 @@ def _limb(side: str, limb: Limb, points: Mapping[str, Array], frames: Mapping[st
     down = -np.sum(b * upper[:, :, 2], axis=1)
     angle = bend * np.maximum(bend * np.arctan2(forth, down), 0.0)
     turns = euler_zyx(np.swapaxes(torso, 1, 2) @ upper)
-    return np.column_stack([turns, angle])
+    wanted = np.einsum("fji,fbj->fbi", torso, np.stack([a, b], axis=1))
+    angles = without_spins(t, np.column_stack([turns, angle]), _bone_directions, wanted)
+    angles[:, 3] = bend * np.maximum(bend * angles[:, 3], 0.0)
+    return angles

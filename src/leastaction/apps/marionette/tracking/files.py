@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from leastaction.apps.marionette.tracking.limits import KINDS
 from leastaction.apps.marionette.tracking.plan import PRICES
 from leastaction.apps.marionette.tracking.run import TrackingRun, TrackingSearch
 from leastaction.errors import LeastActionError, ResultFileError
@@ -16,7 +17,7 @@ from leastaction.io.motion.motion import Motion
 from leastaction.io.results import check_result, load_record, save_record
 from leastaction.io.results.record import Provenance
 from leastaction.mechanics import Mechanism, MidpointVI
-from leastaction.models.marionette import marionette
+from leastaction.models.marionette import JOINT_LIMITS, marionette, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult
 from leastaction.systems import MidpointSystem
@@ -27,6 +28,7 @@ class MarionetteRun:
     """What a file holds of a `TrackingRun`: all that the rest follows from.
 
     ``numbers`` are the parameters of the mechanism that are not those of `marionette`, ``strings`` how many it has.
+    ``kinds`` are those of the limits that were stated; files of earlier versions leave them to the limits' labels.
     """
 
     source: str
@@ -37,6 +39,7 @@ class MarionetteRun:
     result: OptimizationResult
     plan: OptimizationResult | None = None
     strings: int = 6
+    kinds: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +85,7 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
         result=run.result,
         plan=run.plan,
         strings=run.mechanism.nc,
+        kinds=tuple(sorted(run.kinds)),
     )
     arrays = {name: getattr(trajectory, name) for name in ("q", "p", "lam")}
     return save_record(path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension})
@@ -176,10 +180,33 @@ def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Prov
             trajectory=system.trajectory(saved.result.x, saved.result.u),
             result=saved.result,
             plan=saved.plan,
+            kinds=_kinds_of(saved, mechanism),
             provenance=provenance,
         )
     except LeastActionError as error:
         raise _contradiction(path, error) from error
+
+
+def _kinds_of(saved: MarionetteRun, mechanism: Mechanism) -> frozenset[str]:
+    """Return the kinds of limits that were stated; of a file without them, those that its limits' labels are of."""
+    if saved.kinds is not None:
+        unknown = sorted(set(saved.kinds) - set(KINDS))
+        if unknown:
+            raise ResultFileError(
+                f"limits of the kinds {', '.join(unknown)} are none; the kinds are {', '.join(KINDS)}"
+            )
+        return frozenset(saved.kinds)
+    found = (saved.plan or saved.result).limits
+    labels = () if found is None else found.labels
+    string = strings_of(mechanism)[0]
+    signs = {
+        "tension": (f"{string.name} ", f"tension of {string.name} "),
+        "joints": tuple(f"{name} " for name in JOINT_LIMITS),
+        "speed": (f"v_{string.x} ",),
+        "acceleration": (f"acceleration of {string.x} ",),
+        "reach": (f"{string.x} ",),
+    }
+    return frozenset(kind for kind, sign in signs.items() if any(label.startswith(sign) for label in labels))
 
 
 def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance: Provenance) -> TrackingSearch:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -75,22 +75,6 @@ class PuppetLimits:
             ],
         }
         return [limit for kind in KINDS if kind in kinds for limit in by_kind[kind]]
-
-    def kinds(self, mechanism: Mechanism, labels: Sequence[str]) -> frozenset[str]:
-        """Return which kinds the labels of an earlier optimisation's limits belong to."""
-        string = strings_of(mechanism)[0]
-        signs = {
-            "tension": string.name + " ",
-            "joints": next(iter(self.joints), "-") + " ",
-            "speed": f"v_{string.x} ",
-            "acceleration": f"acceleration of {string.x} ",
-            "reach": f"{string.x} ",
-        }
-        return frozenset(
-            kind
-            for kind, sign in signs.items()
-            if any(label.startswith((sign, f"tension of {sign}") if kind == "tension" else sign) for label in labels)
-        )
 
     def broken(self, mechanism: Mechanism, t: Array, pelvis: Array, x: Array) -> frozenset[str]:
         """Return which kinds of limits a motion x (N+1, nx) does not keep to, besides that of the tensions."""

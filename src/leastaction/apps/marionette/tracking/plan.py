@@ -8,33 +8,38 @@ that of the puppet on strings of prescribed lengths, and `Plan.by_lengths` says 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.optimize import lsq_linear
 
 from leastaction.apps.marionette.tracking.cost import TrackingCost
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, unheld
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
-from leastaction.errors import LeastActionError, StepError
-from leastaction.io.motion.motion import Motion
+from leastaction.errors import LeastActionError, ProjectionError, StepError
 from leastaction.mechanics import JointForce, MidpointVI
 from leastaction.models.marionette import marionette, strings_of
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import OptimizationResult, Status, optimize
+from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction.optimal.discrete.linear_quadratic import regulate
-from leastaction.systems import MidpointSystem, PulledSystem
+from leastaction.optimal.discrete.projection import linearize_along_curve
+from leastaction.systems import PulledSystem
 
 # Prices of a motor's square on the way to the motion without motors, and the iterations at each.
-PRICES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)
-_ITERATIONS, _LAST_ITERATIONS = 20, 40
+PRICES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1e3, 1e4)
+_ITERATIONS, _LAST_ITERATIONS = 12, 40
 SEARCH_STAGES = len(PRICES) + 1
-"""Optimisations that a search takes, one after the other: one at each price, and one without motors."""
-_CUTOFFS = (4.0, 2.0, 1.0, 0.5)  # Hz, of smoother motions to begin with
+"""Optimisations that a search takes at most, one after the other: one at each price, and one without motors."""
+_RELEASED = 4  # stage from which on it is tried whether the motion goes on without motors
+_JUMP = 2.0  # times the cost with motors may that without be at first
+_SET_OUT = 5  # steps within which a motion that begins fast is picked up from rest
 _FIRST = ("tension", "joints")
+
+Keep = Callable[[int, OptimizationResult, bool], None]
 
 
 class Plan:
@@ -57,12 +62,10 @@ class Plan:
         self._ends = np.array([whole.kinematic.index(name) for name in m.kinematic])
         self._lengths = np.array([whole.kinematic.index(s.length) for s in self.strings])
         q = problem.reference[:, self._columns]
-        x = np.zeros((len(t), m.nx))
-        x[:, : m.nq] = q
-        x[:, m.nq : m.nq + m.nd] = problem.x_reference[:, whole.nq : whole.nq + whole.nd]
-        x[1:, m.nq + m.nd :] = np.diff(q[:, m.nd :], axis=0) / self.dt
         self.tension = self._tension_at_rest(limits.tension)
-        self.x_reference = x
+        self.x_reference = self._states(q)
+        # The motion begins at rest, not with the slope of its first step.
+        self.x_reference[0, m.nq : m.nq + m.nd] = problem.x_reference[0, whole.nq : whole.nq + whole.nd]
         self.u_reference = np.hstack([np.tile(self.tension, (len(t) - 1, 1)), q[1:, m.nd :]])
         self.limits = limits
         self.free_start = m.variables
@@ -95,82 +98,146 @@ class Plan:
         *,
         stage: int = 0,
         result: OptimizationResult | None = None,
-        keep: Callable[[int, OptimizationResult, bool], None],
+        first: tuple[Array, Array] | None = None,
+        keep: Keep,
     ) -> tuple[Array, Array]:
         """Return a first trajectory found with motors on all joints that become ever more expensive.
 
         ``say``: told what each stage came to. ``stage``, ``result``: the stage to begin with, and what the one before
-        it found. ``keep``: told of both after every stage, and where Ctrl-C ends one, which is the third argument.
+        it found. ``first``: a motion with the motors that make it, to begin with; the wanted one if not given.
+        ``keep``: told of both after every stage, and where Ctrl-C ends one, which is the third argument.
         """
         m, strings = self.mechanism, len(self.strings)
         motors = range(strings, strings + m.nd)
         helped = m.with_elements([JointForce(name, f"motor of {name}") for name in m.dynamic])
-        by_motors = MidpointSystem(MidpointVI(helped, threads=self.problem.threads), self.t)
-        limits = self.limits.of(m, self.problem.reference[:, :2], _FIRST)
-        for number in range(stage, SEARCH_STAGES):
-            price = PRICES[number] if number < len(PRICES) else None
-            solve = partial(
-                optimize,
-                self.system if price is None else by_motors,
-                self.cost(motor=price),
-                limits=limits,
-                free_start=self.free_start,
-                tolerance=1e-2,
-                max_iterations=_ITERATIONS if price is not None else _LAST_ITERATIONS,
-            )
-            if result is None:
-                found = self._first(solve)
-            elif price is None:
-                found = solve(initial=(result.x, np.delete(result.u, motors, axis=1)))
-            else:
-                found = solve(initial=result)
+        by_motors = PulledSystem(MidpointVI(helped, threads=self.problem.threads), self.t, at_instants=m.inputs)
+        options = self._options()
+
+        def ended(found: OptimizationResult, number: int) -> OptimizationResult:
             if found.status is Status.INTERRUPTED:
                 # Ctrl-C, which a single optimisation only ends early, ends them all.
                 if result is not None:
                     keep(number, result, True)
                 raise KeyboardInterrupt
-            result = found
-            if price is None:
-                say(f"without motors: cost {result.cost:.4g}")
+            return found
+
+        for number in range(stage, SEARCH_STAGES):
+            if result is not None and number >= _RELEASED:
+                found = ended(self._release(result, motors), number)
+                if found.status is not Status.STOPPED_BY_CALLBACK:
+                    say(f"without motors: cost {found.cost:.4g}")
+                    return found.x, found.u
+            if number == len(PRICES):
                 break
+            price = PRICES[number]
+            # Duals of an earlier stage are those of cheaper motors: each stage finds its own.
+            start = (first or self.driven()) if result is None else (result.x, result.u)
+            found = optimize(by_motors, self.cost(motor=price), initial=start, max_iterations=_ITERATIONS, **options)
+            result = ended(found, number)
             keep(number + 1, result, False)
             effort = float(np.max(np.sqrt(np.mean(result.u[:, motors] ** 2, axis=0))))
             say(f"motors at price {price:g}: the strongest gives {effort:.2g} N or N m (rms)")
         assert result is not None
-        return result.x, result.u
+        # Motors that do next to nothing are still missed: what the strings do by themselves is where the rest begins.
+        x, u = result.x, np.delete(result.u, motors, axis=1)
+        say("without motors: not found in the search")
+        for gains in self._regulators(x, u):
+            xs, us = self._clipped(x, u, gains)
+            if len(us) == self.system.N:
+                return xs, us
+        return self._clipped(*self._hanging(), np.zeros((self.system.N, self.system.nu, self.system.nx)))
 
-    def _first(self, solve: Callable[..., OptimizationResult]) -> OptimizationResult:
-        """Return what the cheapest motors make of the wanted motion, or of a smoother one where that is too wild."""
+    def _regulators(self, x: Array, u: Array) -> Iterator[Array]:
+        """Yield gains with which a motion may be followed, the firmest first."""
+        try:
+            cost = self.cost().hessian(x, u)
+            K = regulate(*linearize_along_curve(self.system, x, u), Q=cost.Q, R=cost.R, Q_final=cost.Q_final)
+        except LeastActionError:
+            return
+        yield from (K, 0.3 * K)
+
+    def refined(
+        self, coarse: Plan, x: Array, u: Array, say: Callable[[str], object], keep: Keep
+    ) -> tuple[Array, Array]:
+        """Return a trajectory with these steps, from one with longer ones that cannot be followed as it is."""
         m, strings = self.mechanism, len(self.strings)
-        x, u = self.x_reference.copy(), np.insert(self.u_reference, [strings] * m.nd, 0.0, axis=1)
-        for cutoff in _CUTOFFS:
-            try:
-                return solve(initial=(x, u))
-            except LeastActionError:
-                q = Motion(m.variables, self.t, self.x_reference[:, : m.nq]).low_pass(cutoff).q
-                x[:, : m.nq] = q
-                x[:, m.nq : m.nq + m.nd] = [
-                    m.momentum(each, rate)[: m.nd] for each, rate in zip(q, np.gradient(q, self.t, axis=0), strict=True)
-                ]
-                x[1:, m.nq + m.nd :] = np.diff(q[:, m.nd :], axis=0) / self.dt
-                x[0] = self.x_reference[0]
-                u[:, strings + m.nd :] = q[1:, m.nd :]
-        return solve(initial=(self.x_reference[0], u))
+        curve, inputs = self.finer(coarse, x, u)
+        first = self.driven(curve[:, : m.nq], np.maximum(inputs[:, :strings], self.limits.tension))
+        return self.search(say, stage=min(_RELEASED, len(PRICES)) - 1, first=first, keep=keep)
+
+    def _options(self) -> dict[str, Any]:
+        return {
+            "limits": self.limits.of(self.mechanism, self.problem.reference[:, :2], _FIRST),
+            "free_start": self.free_start,
+            "tolerance": 1e-2,
+        }
+
+    def _release(self, result: OptimizationResult, motors: range) -> OptimizationResult:
+        """Return what is found without motors from where they did something; stopped at once where that is far off."""
+        most = _JUMP * result.cost
+
+        def lost(record: IterationRecord) -> bool:
+            return record.iteration == 0 and not record.cost < most
+
+        try:
+            return optimize(
+                self.system,
+                self.cost(),
+                initial=(result.x, np.delete(result.u, motors, axis=1)),
+                callback=lost,
+                max_iterations=_LAST_ITERATIONS,
+                **self._options(),
+            )
+        except ProjectionError:
+            return replace(result, status=Status.STOPPED_BY_CALLBACK)
+
+    def driven(self, q: Array | None = None, tensions: Array | None = None) -> tuple[Array, Array]:
+        """Return a motion q (N+1, nq) from rest with the motors that make it: behind the tensions among the inputs.
+
+        Of a motion q, each step of the midpoint rule says what acts in its middle, given what acted in the last one and
+        what pulls at its start: ``p_k + s dt f_pull = -D_1 L_d - dt/2 f``, ``p_k+1 = D_2 L_d + dt/2 f``. Not given, it
+        is the wanted one, with tensions as at rest.
+        """
+        m, strings, dt = self.mechanism, len(self.strings), self.dt
+        if q is None:
+            share = np.clip(np.arange(len(self.t)) / _SET_OUT, 0.0, 1.0)[:, None]
+            q = self.x_reference[:, : m.nq]
+            q = q[0] + share**3 * (10.0 - 15.0 * share + 6.0 * share**2) * (q - q[0])
+        if tensions is None:
+            tensions = self.u_reference[:, :strings]
+        none, still = np.zeros(strings), np.zeros(m.nq)
+        motors, states = np.empty((len(tensions), m.nd)), self._states(q)
+        p = self.x_reference[0, m.nq : m.nq + m.nd]
+        for k, pull in enumerate(tensions):
+            states[k, m.nq : m.nq + m.nd] = p
+            middle, rate = 0.5 * (q[k + 1] + q[k]), (q[k + 1] - q[k]) / dt
+            by_q, by_v = (each[: m.nd] for each in m.core.gradient(middle, rate)[:2])
+            force = by_q + m.core.force(middle, rate, none)[: m.nd]
+            kick = m.core.force(q[k], still, pull)[: m.nd] - m.core.force(q[k], still, none)[: m.nd]
+            p = p + (0.5 if k == 0 else 1.0) * dt * kick
+            motors[k] = 2.0 / dt * (by_v - p) - force
+            p = by_v + 0.5 * dt * (force + motors[k])
+        states[-1, m.nq : m.nq + m.nd] = p
+        return states, np.hstack([tensions, motors, q[1:, m.nd :]])
+
+    def _states(self, q: Array) -> Array:
+        """Return the states (N+1, nx) of a motion q (N+1, nq), whose momenta are those of its slope."""
+        m = self.mechanism
+        rates = np.gradient(q, self.t, axis=0)
+        x = np.zeros((len(q), m.nx))
+        x[:, : m.nq] = q
+        x[:, m.nq : m.nq + m.nd] = [m.momentum(a, b)[: m.nd] for a, b in zip(q, rates, strict=True)]
+        x[1:, m.nq + m.nd :] = np.diff(q[:, m.nd :], axis=0) / self.dt
+        return x
 
     def finer(self, coarse: Plan, x: Array, u: Array) -> tuple[Array, Array]:
         """Return a trajectory of a plan with longer steps between its instants, as a curve to start from."""
-        early = coarse.t[:-1]
-        return (
-            np.stack([np.interp(self.t, coarse.t, column) for column in x.T], axis=1),
-            np.hstack(
-                [
-                    np.stack([np.interp(self.t[:-1], early, column) for column in u.T[: len(self.strings)]], axis=1),
-                    np.stack(
-                        [np.interp(self.t[1:], coarse.t[1:], column) for column in u.T[len(self.strings) :]], axis=1
-                    ),
-                ]
-            ),
-        )
+        m, strings = self.mechanism, len(self.strings)
+        # The motion begins at rest.
+        fine = CubicSpline(coarse.t, x, axis=0, bc_type=((1, np.zeros(x.shape[1])), "not-a-knot"))(self.t)
+        fine[1:, m.nq + m.nd :] = np.diff(fine[:, m.nd : m.nq], axis=0) / self.dt
+        pulls = [np.interp(self.t[:-1], coarse.t[:-1], column) for column in u.T[:strings]]
+        return fine, np.hstack([np.stack(pulls, axis=1), fine[1:, m.nd : m.nq]])
 
     def pulling(self, result: OptimizationResult) -> OptimizationResult:
         """Return a result whose strings pull, also where the search ended before they all did.
@@ -178,17 +245,41 @@ class Plan:
         Under the gains about what was found, each tension is held at its least where it would fall below.
         """
         strings, least = len(self.strings), self.limits.tension
-        if result.u[:, :strings].min() >= least * (1.0 - 1e-9) or not np.isfinite(result.cost):
+        fine = np.isfinite(result.x).all() and np.isfinite(result.u).all()
+        if fine and result.u[:, :strings].min() >= least * (1.0 - 1e-9):
             return result
-        x, u = result.x.copy(), result.u.copy()
-        try:
-            for k in range(self.system.N):
-                u[k] -= result.K[k] @ (x[k] - result.x[k])
-                u[k, :strings] = np.maximum(u[k, :strings], least)
+        none = np.zeros_like(result.K)
+        if fine:
+            for gains in (result.K, *self._regulators(result.x, result.u), none):
+                if np.isfinite(gains).all():
+                    x, u = self._clipped(result.x, result.u, gains)
+                    if len(u) == self.system.N:
+                        return replace(result, x=x, u=u, cost=self.cost().value(x, u))
+        x, u = self._clipped(*self._hanging(), none)
+        return replace(result, x=x, u=u, cost=self.cost().value(x, u)) if len(u) == self.system.N else result
+
+    def _clipped(self, xbar: Array, ubar: Array, K: Array) -> tuple[Array, Array]:
+        """Return a roll-out under feedback, no tension below its least; up to the step that failed."""
+        strings, least = len(self.strings), self.limits.tension
+        x, u = np.array(xbar), np.array(ubar)
+        for k in range(self.system.N):
+            u[k] = ubar[k] - K[k] @ (x[k] - xbar[k])
+            u[k, :strings] = np.maximum(u[k, :strings], least)
+            try:
                 x[k + 1] = self.system.f(x[k], u[k], k)
-        except StepError:
-            return result
-        return replace(result, x=x, u=u, cost=self.cost().value(x, u))
+            except StepError:
+                return x[: k + 1], u[:k]
+        return x, u
+
+    def _hanging(self) -> tuple[Array, Array]:
+        """Return states and inputs of a puppet that hangs from where the motion begins."""
+        return (
+            np.tile(self.x_reference[0], (len(self.t), 1)),
+            np.tile(
+                np.concatenate([self.tension, self.x_reference[0, self.mechanism.nd : self.mechanism.nq]]),
+                (self.system.N, 1),
+            ),
+        )
 
     def by_lengths(self, result: OptimizationResult) -> OptimizationResult:
         """Return a result of this system as one of the puppet on strings of prescribed lengths: the same motion."""

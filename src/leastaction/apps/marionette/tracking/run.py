@@ -17,6 +17,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
-from leastaction.errors import ArgumentError
+from leastaction.errors import ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.io.results.record import Provenance
 from leastaction.mechanics import Mechanism, Trajectory
@@ -34,6 +35,7 @@ from leastaction.optimal.optimize import Callback, Method
 from leastaction.viz.tracking import TrackingErrors, tracking_errors
 
 _CHECKPOINTS_SHARE = 0.05  # of the time may go into checkpoints
+_LOST = 2.0  # times the cost with longer steps may the motion cost that begins with these
 _FEW = 100  # steps, for which a search with longer ones is not worth it
 
 
@@ -57,6 +59,8 @@ class TrackingRun:
     plan : OptimizationResult or None
         Of a motion that was planned by tensions: the optimiser's own result, in whose variables `result` says the same.
         Its states are ``[q; rho; p; v_rho]``, its inputs the tensions and the next places of the upper ends.
+    kinds : frozenset of str
+        The kinds of limits that were stated, of those that `PuppetLimits` has; the motion keeps to the others anyway.
     provenance : Provenance
     """
 
@@ -67,6 +71,7 @@ class TrackingRun:
     trajectory: Trajectory = field(repr=False)
     result: OptimizationResult = field(repr=False)
     plan: OptimizationResult | None = field(default=None, repr=False)
+    kinds: frozenset[str] = frozenset()
     provenance: Provenance = field(default_factory=Provenance.now)
 
     @property
@@ -143,7 +148,7 @@ def track(
         What matters how much. If not given, `GENTLE` where the hanging strings give a good first
         trajectory, else `FORCED`.
     limits : PuppetLimits, optional
-        What the motion keeps to; `PuppetLimits` as it is if not given. A run is resumed with its own.
+        What the motion keeps to; `PuppetLimits` as it is if not given, also where a run is resumed.
     planned : bool, optional
         Plan by tensions at once; else that is done where hanging strings give no good start, or end up pushing.
     method, max_iterations, callback
@@ -154,8 +159,8 @@ def track(
     progress : callable, optional
         Called with a line of text as the search for a first trajectory goes on.
     resume : TrackingRun or TrackingSearch, optional
-        Go on with an earlier run, or search, of the same motion. The iterates are those of a run that never stopped,
-        as long as no limit is stated; a search goes on from its last whole stage.
+        Go on with an earlier run, or search, of the same motion. The iterates are those of a run that never stopped, if
+        weights, limits and method are the same; a search goes on from its last whole stage.
     checkpoint : callable, optional
         Called with the run as it stands after an iteration, to be kept in case that the program ends; with a
         `TrackingSearch` while a first trajectory is sought, and where Ctrl-C ends that.
@@ -193,6 +198,8 @@ def track(
     embedded = resume.embedded if isinstance(resume, TrackingRun) else initial is None
     earlier = resume.result if isinstance(resume, TrackingRun) else None
     plan: Plan | None = None
+    most = np.inf
+    refine: Callable[[], tuple[Array, Array]] | None = None
     if embedded:
         problem = TrackingProblem(mechanism, motion, weights or FORCED, threads)
         plan = Plan(problem, weights or FORCED, bounds)
@@ -200,9 +207,15 @@ def track(
         if isinstance(resume, TrackingRun):
             earlier = resume.plan
         else:
-            stage, result = (resume.stage, resume.result) if isinstance(resume, TrackingSearch) else (0, None)
-            found = coarse.search(progress or (lambda _: None), stage=stage, result=result, keep=keep_search)
-            initial = plan.finer(coarse, *found)
+            stage, before = (resume.stage, resume.result) if isinstance(resume, TrackingSearch) else (0, None)
+            # A search that had to take the plan's own steps goes on with them.
+            searched = plan if before is not None and len(before.u) == plan.system.N else coarse
+            say = progress or (lambda _: None)
+            found = searched.search(say, stage=stage, result=before, keep=keep_search)
+            initial = found if searched is plan else plan.finer(searched, *found)
+            if searched is not plan:
+                most = _LOST * searched.cost().value(*found) * plan.system.N / searched.system.N
+                refine = partial(plan.refined, searched, *found, say, keep_search)
 
     def run_of(found: OptimizationResult) -> TrackingRun:
         result = found if plan is None else plan.by_lengths(found)
@@ -214,9 +227,16 @@ def track(
             trajectory=problem.system.trajectory(result.x, result.u),
             result=result,
             plan=None if plan is None else found,
+            kinds=kinds,
         )
 
+    lost = False
+
     def watch(record: IterationRecord) -> object:
+        nonlocal lost
+        if record.iteration == 0 and record.cost > most:
+            lost = True
+            return True
         kept(lambda: run_of(record.snapshot()))
         return callback(record) if callback is not None else None
 
@@ -224,9 +244,10 @@ def track(
         tolerance = 1e-3 if embedded else 1e-6
     system, cost = (plan.system, plan.cost()) if plan else (problem.system, problem.cost(problem.weights.tension))
     mechanism_used, place = system.integrator.mechanism, problem.reference[:, :2]
-    kinds = frozenset({"tension", "joints"}) if embedded else frozenset()
-    if earlier is not None and earlier.limits is not None:
-        kinds |= bounds.kinds(mechanism_used, earlier.limits.labels)
+    if isinstance(resume, TrackingRun):
+        kinds = resume.kinds
+    else:
+        kinds = frozenset({"tension", "joints"}) if embedded else frozenset()
     left = max_iterations
     start: tuple[Array, Array] | OptimizationResult | None = initial
     while True:
@@ -243,13 +264,15 @@ def track(
                 tolerance=tolerance,
                 callback=watch,
             )
-        except ArgumentError:
-            if plan is None or start is not initial or initial is None:
+        except ProjectionError:
+            if refine is None:
                 raise
-            # What was found with longer steps is too wild to be followed by these: they are searched with themselves.
+            lost = True
+        if lost and refine is not None:
+            # What was found with longer steps is too wild for these: they find their own way from there.
             if progress is not None:
-                progress("the motion found with longer steps cannot be followed: the search begins again with these")
-            start = plan.search(progress or (lambda _: None), keep=lambda *_: None)
+                progress("the motion found with longer steps cannot be followed: the search goes on with these")
+            start, refine, most, lost = refine(), None, np.inf, False
             continue
         # A limit that the motion keeps to anyway need not be stated; one that it breaks is, and the search goes on.
         more = bounds.broken(mechanism_used, problem.t, place, result.x) - kinds
