@@ -393,3 +393,45 @@ def test_the_certificate_knows_a_saddle():
     assert certify(given, result.x, result.u).minimum
     early = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=1)
     assert not certify(given, early.x, early.u).minimum
+
+
+def test_a_run_whose_steps_are_too_coarse_begins_again_from_shorter_ones():
+    given = BY_NAME["7-joint arm, raising, R 0.01, final 10000, random 8"].build()
+    notes = []
+    result = optimize(
+        given.system, given.cost, initial=(given.x, given.u), callback=lambda r: notes.append(r.note)
+    )  # fmt: skip
+    assert result.status is Status.CONVERGED
+    assert certify(given, result.x, result.u).minimum
+    assert not result.worst_step.is_coarse
+    assert sum("with half the steps of time" in note for note in notes) == 1
+    assert result.schedule.finer
+
+
+def test_shorter_steps_cost_the_same(rng):
+    given = BY_NAME["chain of 4, travel, R 1, final 10000, rest"].build()
+    system, cost = given.system.refined(3), given.cost.refined(3)
+    N = given.system.N
+    assert (system.N, system.nx, system.nu) == (3 * N, given.system.nx, given.system.nu)
+    np.testing.assert_allclose(system.t[::3], given.system.t)
+    # A motion at rest that is wanted at rest, off by a constant.
+    x, u = (
+        given.cost.x_wanted + rng.normal(size=given.system.nx),
+        given.cost.u_wanted + rng.normal(size=given.system.nu),
+    )
+    fine_x, fine_u = np.tile(x[0], (3 * N + 1, 1)), np.repeat(u, 3, axis=0)
+    assert cost.value(fine_x, fine_u) == pytest.approx(given.cost.value(x, u), rel=1e-12)
+    np.testing.assert_allclose(given.system.merged_inputs(fine_u, 3), u, rtol=1e-12)
+    # What is prescribed for the end of a step is that of its last part.
+    fine_u = rng.normal(size=(3 * N, given.system.nu))
+    n = given.system.integrator.mechanism.n_inputs
+    np.testing.assert_array_equal(given.system.merged_inputs(fine_u, 3)[:, n:], fine_u[2::3, n:])
+    assert parabola().refined(2) is None
+    assert Banked().refined(2) is None
+
+
+class Banked(QuadraticCost):
+    """A quadratic cost, for all that the optimiser knows with terms of its own."""
+
+    def __init__(self):
+        super().__init__(np.zeros((3, 1)), np.zeros((2, 1)), Q=[1.0], R=[1.0])

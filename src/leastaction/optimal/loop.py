@@ -215,6 +215,10 @@ class Problem(ABC, Generic[M, D, I]):
         """Return to where it stood before it began again, if that is better, and return whether it was."""
         return False
 
+    def begin_finer(self) -> bool:
+        """Begin again from what shorter steps of time lead to, and return whether there is such a thing."""
+        return False
+
     def verdict(self) -> tuple[Status, str] | None:
         """Return another ending than that of the last stage's minimum, and its particulars."""
         return None
@@ -348,14 +352,20 @@ class Loop(Generic[M, D, I]):
         if outcome.status in _ENDS:
             return False
         if stuck and problem.retry_stage():
-            self._set_out(NewtonSchedule(again=True), "led nowhere, back to the last stage that ended well")
+            self._set_out(
+                NewtonSchedule(again=True, finer=self.schedule.finer),
+                "led nowhere, back to the last stage that ended well",
+            )
             return True
         if stuck and self._begin_again():
             return True
         if stuck and problem.fall_back():
-            self._set_out(NewtonSchedule(again=True), "the way before it began again had led further: it goes on there")
+            self._set_out(
+                NewtonSchedule(again=True, finer=self.schedule.finer),
+                "the way before it began again had led further: it goes on there",
+            )
             return True
-        return False
+        return stuck and self._begin_finer()
 
     def _next_stage(self) -> bool:
         """Go on to the problem's next stage, if it has one."""
@@ -373,7 +383,15 @@ class Loop(Generic[M, D, I]):
         """Begin again with an easier stage, once and for the automatic choice only."""
         if self.schedule.again or self.settings.method != "auto" or not self.problem.begin_again():
             return False
-        self._set_out(NewtonSchedule(again=True), "began again, where searches would lead nowhere")
+        schedule = NewtonSchedule(again=True, finer=self.schedule.finer)
+        self._set_out(schedule, "began again, where searches would lead nowhere")
+        return True
+
+    def _begin_finer(self) -> bool:
+        """Begin again from what shorter steps of time lead to, once and for the automatic choice only."""
+        if self.schedule.finer or self.settings.method != "auto" or not self.problem.begin_finer():
+            return False
+        self._set_out(NewtonSchedule(again=True, finer=True), "began again, from a minimum with half the steps of time")
         return True
 
     def _set_out(self, schedule: NewtonSchedule, why: str = "") -> None:

@@ -155,9 +155,11 @@ def optimize(
         be followed is replaced, for that iteration, by the next simpler one, and where none can, all of them are
         shortened by added weights. "auto" begins again, once, where it is stuck, or most of its first steps had to be
         cut short: from the motion of least effort, with inputs that are at first much dearer than asked for
-        (`Cost.eased`). The note of the record says so, and the cost rises there. The history and the table show what
-        was used. Whatever the method, convergence is judged by the exact second derivative of a discrete system that
-        has one: at a saddle, "auto" and "newton" go on along negative curvature, the others end with `Status.SADDLE`.
+        (`Cost.eased`). Where it is stuck for steps of time that are too coarse, it begins again once more, from what
+        half the steps lead to (`Cost.refined`). The note of the record says so, and the cost rises there. The history
+        and the table show what was used. Whatever the method, convergence is judged by the exact second derivative of a
+        discrete system that has one: at a saddle, "auto" and "newton" go on along negative curvature, the others end
+        with `Status.SADDLE`.
     regulator : {"descent", "lqr"}
         Gains of the projection: those of the descent direction's own linear-quadratic problem, which
         cost nothing more, or an LQR with identities as weights (dissertation 6.3.1).

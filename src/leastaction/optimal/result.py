@@ -233,6 +233,8 @@ class NewtonSchedule:
         That of the last step.
     again : bool
         Whether the run has begun again.
+    finer : bool
+        Whether it has begun from what shorter steps of time led to.
     ease : float
         How much easier the problem of this stage is than the one that was asked for.
     spent : int
@@ -250,6 +252,7 @@ class NewtonSchedule:
     reach: float = 0.0
     method: str = ""
     again: bool = False
+    finer: bool = False
     ease: float = 1.0
     spent: int = 0
 

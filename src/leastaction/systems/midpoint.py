@@ -71,6 +71,20 @@ class MidpointSystem(DiscreteSystem):
         check_window(start, stop, self.N)
         return MidpointSystem(self.integrator, self.t[start : stop + 1], multipliers=self.multipliers)
 
+    def refined(self, parts: int) -> DiscreteSystem | None:
+        """Return the same system with every step made in so many parts."""
+        if type(self) is not MidpointSystem:
+            return super().refined(parts)
+        t = np.interp(np.arange(self.N * parts + 1) / parts, np.arange(self.N + 1), self.t)
+        return MidpointSystem(self.integrator, t, multipliers=self.multipliers)
+
+    def merged_inputs(self, u: Array, parts: int) -> Array:
+        """Return the means of inputs, and what is prescribed for the ends of steps as it is there."""
+        merged = super().merged_inputs(u, parts)
+        n = self.integrator.mechanism.n_inputs
+        merged[:, n:] = u[parts - 1 :: parts, n:]
+        return merged
+
     def time(self, k: int) -> float:
         """Return the time of instant k (s)."""
         return float(self.t[k])

@@ -11,7 +11,8 @@ inputs alone 14, by both 15, and the motions that they came to cost less than th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,13 +21,17 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.problem import COARSE, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.result import OptimizationResult, Settings
+from leastaction.optimal.loop import Loop
+from leastaction.optimal.result import OptimizationResult, Settings, Status
 
 __all__ = ["EasedProblem"]
 
 # How much dearer inputs are in the first stage, and by which factor less from one stage to the next; how often its
 # root is taken, to make a stage again that led nowhere.
 _EASIEST, _STRIDE, _RETRIES = 1e6, 10.0, 2
+
+# Into so many parts a step of time is divided that is too coarse.
+_PARTS = 2
 
 # A stage but the last is over where no more than this part of the cost is to be gained, or after so many iterations.
 _LOOSE, _LONGEST = 1e-2, 20
@@ -51,6 +56,7 @@ class EasedProblem(DiscreteProblem):
     ) -> None:
         super().__init__(system, cost, settings, free_start)
         self.asked = cost
+        self.settings = settings
         self.stride, self.retries = _STRIDE, _RETRIES
         self.earlier: _Place | None = None
         self.sound: _Place | None = None
@@ -138,6 +144,37 @@ class EasedProblem(DiscreteProblem):
         if earlier is None or self.asked.value(earlier.iterate.x, earlier.iterate.u) >= self.shown:
             return False
         self._go_to(earlier)
+        return True
+
+    def begin_finer(self) -> bool:
+        """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
+        if self.free_start is not False or self.worst_step is None or not self.worst_step.is_coarse:
+            return False
+        system, cost = self.system.refined(_PARTS), self.asked.refined(_PARTS)
+        eased = None if cost is None else cost.eased(1.0)
+        if system is None or cost is None or eased is None:
+            return False
+        now = self._place()
+        try:
+            finer = EasedProblem(system, cost, self.settings)
+            finer.start((self.x[0], eased[1]))
+            loop: Loop[Any, Any, Any] = Loop(finer, self.settings, None, None)
+            loop.schedule = replace(loop.schedule, finer=True)
+            found = loop.run()
+            self.rollouts += found.rollouts
+            if found.status is Status.INTERRUPTED:
+                raise KeyboardInterrupt
+            if found.worst_step is None or found.worst_step.is_coarse:
+                return False
+            self._set_stage(1.0)
+            self.forget()
+            super().start((found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS)))
+        except BaseException as error:  # an interruption too leaves it where it stood
+            self._go_to(now)
+            if isinstance(error, LeastActionError):
+                return False
+            raise
+        self.earlier = now
         return True
 
     def _place(self) -> _Place:

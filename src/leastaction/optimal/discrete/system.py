@@ -129,6 +129,14 @@ class DiscreteSystem(System):
         """Return the steps ``start .. stop-1`` as a system of their own; one with a faster way overrides it."""
         return WindowSystem(self, start, stop)
 
+    def refined(self, parts: int) -> DiscreteSystem | None:  # noqa: ARG002
+        """Return the same system with every step made in so many parts; None where there is none."""
+        return None
+
+    def merged_inputs(self, u: Array, parts: int) -> Array:
+        """Return inputs (N, nu) that come close to those (N parts, nu) of the refined system: their means."""
+        return np.asarray(u.reshape(self.N, parts, self.nu).mean(axis=1))
+
     def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
         """Return the places of entries with these names that are the same again in a periodic motion."""
         return self.free_entries(names, what)
