@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from derivatives.differences import extrapolated
 from derivatives.parameter_cases import forces, loops, springs
 from leastaction import mechanics as la
 from leastaction.errors import ArgumentError, StepError
@@ -62,18 +62,6 @@ def case(name: str) -> Case:
     v = la.project_velocity(m, q, rng.uniform(-1.0, 1.0, m.nq)).v
     start = MidpointVI(m).start(q, v)
     return Case(m, start, v, rng.uniform(0.5, 2.0, m.nu), (q + DT * v)[m.nd :])
-
-
-def extrapolated(function: Callable[[float], np.ndarray], at: float, width: float) -> np.ndarray:
-    """Return the derivative of a smooth function: central differences, extrapolated to width zero."""
-    table = []
-    for level in range(4):
-        h = width / 2**level
-        table.append((function(at + h) - function(at - h)) / (2.0 * h))
-    for order in (1, 2, 3):
-        factor = 4.0**order
-        table = [(factor * b - a) / (factor - 1.0) for a, b in pairwise(table)]
-    return table[0]
 
 
 def width(name: str, value: float) -> float:

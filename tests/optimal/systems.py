@@ -7,7 +7,9 @@ from functools import cache
 import numpy as np
 import sympy as sp
 
-from leastaction.optimal import DiscreteSystem, Linearization
+import leastaction as la
+from leastaction.optimal import DiscreteSystem, Linearization, QuadraticCost
+from leastaction.systems import MidpointSystem
 
 
 @cache
@@ -75,3 +77,16 @@ def simulate(system, x0, u):
     rollout = system.rollout(np.asarray(x0, dtype=float), xbar, u, zero, 0, system.N)
     assert rollout.complete
     return rollout.x
+
+
+def swinging_double_pendulum(N: int = 40) -> tuple[MidpointSystem, QuadraticCost]:
+    """Return a double pendulum driven at its hip, and the cost of swinging with a period of 1.6 s."""
+    m = la.Mechanism(
+        [la.rx("a"), [la.tz(-1.0, name="A", mass=1.0), [la.rx("b"), [la.tz(-0.8, name="B", mass=0.7)]]]],
+        [la.Gravity((0.0, 0.0, -9.81)), la.JointForce("a", input="hip"), la.Damping(0.1)],
+    )
+    t = np.linspace(0.0, 1.6, N + 1)
+    wanted = np.zeros((N + 1, 4))
+    wanted[:, 0], wanted[:, 1] = 0.6 * np.sin(2 * np.pi * t / 1.6), 0.3 * np.cos(2 * np.pi * t / 1.6)
+    cost = QuadraticCost(wanted, np.zeros((N, 1)), Q=[10.0, 3.0, 0.0, 0.0], R=[0.01])
+    return MidpointSystem(la.MidpointVI(m, threads=1), t), cost

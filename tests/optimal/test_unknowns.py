@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +9,7 @@ import pytest
 
 import leastaction as la
 from derivatives import parameter_cases
+from derivatives.differences import extrapolated
 from leastaction.errors import ArgumentError
 from leastaction.io import load_result, save_result
 from leastaction.optimal import (
@@ -30,18 +29,7 @@ from leastaction.optimal.quantity import Samples
 from leastaction.optimal.unknowns.extension import Extension
 from leastaction.optimal.unknowns.system import ExtendedSystem
 from leastaction.systems import Ball, Keep, MidpointSystem
-
-
-def extrapolated(function: Callable[[float], np.ndarray], at: float, width: float) -> np.ndarray:
-    """Return the derivative of a smooth function: central differences, extrapolated to width zero."""
-    table = []
-    for level in range(4):
-        h = width / 2**level
-        table.append((function(at + h) - function(at - h)) / (2.0 * h))
-    for order in (1, 2, 3):
-        factor = 4.0**order
-        table = [(factor * b - a) / (factor - 1.0) for a, b in pairwise(table)]
-    return table[0]
+from optimal.systems import swinging_double_pendulum
 
 
 def moving(name: str, split: str, multipliers: bool) -> tuple[MidpointSystem, np.ndarray, np.ndarray]:
@@ -300,20 +288,8 @@ def test_masses_and_damping_from_a_noisy_motion(rng: np.random.Generator) -> Non
     assert 2.0 * result.cost == pytest.approx(2 * N, rel=0.2)
 
 
-def double_pendulum(N: int = 40) -> tuple[MidpointSystem, QuadraticCost]:
-    m = la.Mechanism(
-        [la.rx("a"), [la.tz(-1.0, name="A", mass=1.0), [la.rx("b"), [la.tz(-0.8, name="B", mass=0.7)]]]],
-        [la.Gravity((0.0, 0.0, -9.81)), la.JointForce("a", input="hip"), la.Damping(0.1)],
-    )
-    t = np.linspace(0.0, 1.6, N + 1)
-    wanted = np.zeros((N + 1, 4))
-    wanted[:, 0], wanted[:, 1] = 0.6 * np.sin(2 * np.pi * t / 1.6), 0.3 * np.cos(2 * np.pi * t / 1.6)
-    cost = QuadraticCost(wanted, np.zeros((N, 1)), Q=[10.0, 3.0, 0.0, 0.0], R=[0.01])
-    return MidpointSystem(la.MidpointVI(m, threads=1), t), cost
-
-
 def test_a_periodic_orbit() -> None:
-    system, cost = double_pendulum()
+    system, cost = swinging_double_pendulum()
     result = optimize(system, cost, initial=rest(system), free_start=True, limits=[Periodic()])
     assert result.success, result.message
     np.testing.assert_allclose(result.x[-1], result.x[0], atol=1e-9)
@@ -424,7 +400,7 @@ def test_the_length_of_a_bar_moves_the_start_with_it() -> None:
 
 def test_limits_follow_the_parameters(rng: np.random.Generator) -> None:
     """A place of a frame depends on a length, a rate on the time; both are limited as they are in the end."""
-    system, cost = double_pendulum(20)
+    system, cost = swinging_double_pendulum(20)
     unknowns = [Parameter("B.value"), FinalTime()]
     limits = [
         Keep("B", outside=Ball((0.0, 0.5, -1.5), 0.2)),
@@ -470,7 +446,7 @@ def _along(system: MidpointSystem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_a_run_goes_on_and_begins_again(tmp_path: Path) -> None:
-    system, cost = double_pendulum(20)
+    system, cost = swinging_double_pendulum(20)
     options = {
         "unknowns": [Parameter("B.mass", 0.2, 1.2, weight=0.1), FinalTime(1.0, 3.0, weight=0.1)],
         "limits": [Periodic(), Bound("hip", -2.0, 2.0)],
@@ -507,7 +483,7 @@ def test_a_run_goes_on_and_begins_again(tmp_path: Path) -> None:
 
 
 def test_the_extended_system_keeps_its_identities(rng: np.random.Generator) -> None:
-    system, cost = double_pendulum(6)
+    system, cost = swinging_double_pendulum(6)
     extension = Extension(system, cost, [Parameter("B.mass"), FinalTime(price=1.0, weight=2.0)], [Periodic()], True)
     x = extension.system.extended(0.3 * rng.normal(size=(7, 4)), np.array([0.7, 1.6]))
     report = check_derivatives(extension.system, x, rng.normal(size=(6, 1)), cost=extension.cost)
@@ -532,7 +508,7 @@ ERRORS = [
 
 @pytest.mark.parametrize(("options", "message"), ERRORS)
 def test_what_is_wrong_is_named(options: dict, message: str) -> None:
-    system, cost = double_pendulum(4)
+    system, cost = swinging_double_pendulum(4)
     with pytest.raises(la.LeastActionError, match=message):
         optimize(system, cost, initial=rest(system), **options)
 

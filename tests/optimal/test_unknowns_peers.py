@@ -10,6 +10,7 @@ import pytest
 import leastaction as la
 from leastaction.optimal import Bound, Equal, FinalTime, OptimizationResult, Periodic, QuadraticCost, optimize
 from leastaction.systems import MidpointSystem
+from optimal.systems import swinging_double_pendulum
 
 ca = pytest.importorskip("casadi", reason="an oracle of `make test ORACLES=1`")
 
@@ -65,15 +66,7 @@ def ipopt(
 
 def test_a_periodic_orbit() -> None:
     N = 50
-    m = la.Mechanism(
-        [la.rx("a"), [la.tz(-1.0, name="A", mass=1.0), [la.rx("b"), [la.tz(-0.8, name="B", mass=0.7)]]]],
-        [la.Gravity((0.0, 0.0, -9.81)), la.JointForce("a", input="hip"), la.Damping(0.1)],
-    )
-    t = np.linspace(0.0, 1.6, N + 1)
-    wanted = np.zeros((N + 1, 4))
-    wanted[:, 0], wanted[:, 1] = 0.6 * np.sin(2 * np.pi * t / 1.6), 0.3 * np.cos(2 * np.pi * t / 1.6)
-    system = MidpointSystem(la.MidpointVI(m, threads=1), t)
-    cost = QuadraticCost(wanted, np.zeros((N, 1)), Q=[10.0, 3.0, 0.0, 0.0], R=[0.01])
+    system, cost = swinging_double_pendulum(N)
     for most in (np.inf, 1.2):
         limits = [Periodic(), *([Bound("hip", -most, most)] if most < np.inf else [])]
         start = np.zeros(4), np.zeros((N, 1))
