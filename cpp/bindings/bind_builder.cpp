@@ -140,6 +140,14 @@ void bind_elements(nb::class_<MechanismBuilder>& builder) {
             "coordinates"_a, "inputs"_a, "tape"_a, "slots"_a,
             "A force along the first coordinate: an expression in all of them, their rates, inputs and numbers.")
         .def(
+            "add_python_force",
+            [](MechanismBuilder& b, const Indices& coordinates, const Indices& inputs, const nb::object& function,
+               int gain) {
+                b.add_force(coordinates, inputs, std::make_shared<PythonMagnitude>(function, b.check_slot(gain)));
+            },
+            "coordinates"_a, "inputs"_a, "function"_a, "gain"_a,
+            "The same with function(y, order) -> (value, gradient, Hessian) in Python, times a number (slot).")
+        .def(
             "add_wrench",
             [](MechanismBuilder& b, const std::string& kind, int joint, const In<2>& pose,
                const std::array<int, 6>& slots, const std::array<int, 6>& inputs) {

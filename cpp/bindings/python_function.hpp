@@ -8,6 +8,7 @@
 
 #include "bindings/arrays.hpp"
 #include "elements/coordinates.hpp"
+#include "elements/forces.hpp"
 
 namespace leastaction {
 
@@ -88,5 +89,29 @@ inline void PythonFunction::evaluate(const LocalCall<HyperDual>&) const {
         "second derivatives in continuous time need the fourth order of every constraint, which a function in Python "
         "does not give; state the constraint as an expression, or use first derivatives only");
 }
+
+// The magnitude of a force in Python, times a number of the mechanism.
+class PythonMagnitude final : public Magnitude {
+public:
+    PythonMagnitude(nb::object function, int gain_slot) : function_(std::move(function)), gain_slot_(gain_slot) {}
+    void evaluate(const MagnitudeCall<double>& call) const override { on(call); }
+    void evaluate(const MagnitudeCall<Dual<double>>& call) const override { on(call); }
+
+private:
+    template <class T>
+    void on(const MagnitudeCall<T>& call) const {
+        const int n = call.size;
+        double scale = 0;
+        function_.evaluate(
+            LocalCall<T>{call.at, call.y, n, call.order, call.value, call.gradient, call.hessian, scale});
+        const T gain = call.at.number(gain_slot_);
+        call.value = gain * call.value;
+        for (int i = 0; i < n && call.order != Order::value; ++i) call.gradient[i] = gain * call.gradient[i];
+        for (int i = 0; i < n * n && call.order == Order::hessian; ++i) call.hessian[i] = gain * call.hessian[i];
+    }
+
+    PythonFunction function_;
+    int gain_slot_;
+};
 
 }  // namespace leastaction

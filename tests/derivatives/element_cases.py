@@ -637,6 +637,46 @@ def python_force(p: Plant) -> list[Element]:
     return [la.PythonForce(Well(), "m", gain=p.number(0.5, 2.0), **_well(p))]
 
 
+class Brake(PythonFunction):
+    """F = u exp(-s w) - (1 + w^2) s' w' - s'^3 of y = [s, w, s', w', u]; without an input u is one."""
+
+    def _parts(self, y: Any) -> tuple[Any, ...]:
+        return (y[0], y[1], y[2], y[3], y[4] if len(y) > 4 else 1.0)
+
+    def value(self, y: Any) -> Any:
+        s, w, ds, dw, u = self._parts(y)
+        exp = jnp.exp if isinstance(y, jnp.ndarray) else np.exp
+        return u * exp(-s * w) - (1.0 + w**2) * ds * dw - ds**3
+
+    def gradient(self, y: np.ndarray) -> np.ndarray:
+        s, w, ds, dw, u = self._parts(y)
+        e = np.exp(-s * w)
+        out = [-u * w * e, -u * s * e - 2.0 * w * ds * dw, -(1.0 + w**2) * dw - 3.0 * ds**2, -(1.0 + w**2) * ds, e]
+        return np.array(out[: len(y)])
+
+    def hessian(self, y: np.ndarray) -> np.ndarray:
+        s, w, ds, dw, u = self._parts(y)
+        e = np.exp(-s * w)
+        out = np.zeros((5, 5), dtype=y.dtype)
+        out[0, 0], out[1, 1], out[2, 2] = u * w**2 * e, u * s**2 * e - 2.0 * ds * dw, -6.0 * ds
+        out[0, 1] = out[1, 0] = -u * e + u * s * w * e
+        out[0, 4] = out[4, 0] = -w * e
+        out[1, 4] = out[4, 1] = -s * e
+        out[1, 2] = out[2, 1] = -2.0 * w * dw
+        out[1, 3] = out[3, 1] = -2.0 * w * ds
+        out[2, 3] = out[3, 2] = -(1.0 + w**2)
+        return out[: len(y), : len(y)]
+
+
+@case("force", "PythonForce")
+def python_force_with_rates(p: Plant) -> list[Element]:
+    """Along a function of places, and along a variable; with and without an input."""
+    return [
+        la.PythonForce(Well(), "m", magnitude=Brake(), measured=["c"], gain=p.number(0.5, 2.0), **_well(p)),
+        la.PythonForce("a", magnitude=Brake(), measured=["r"]),
+    ]
+
+
 def _moved(pose: np.ndarray, origin: np.ndarray) -> np.ndarray:
     out = pose.copy()
     out[:3, 3] = origin

@@ -397,8 +397,17 @@ def expression_force(motion: Motion, e: Any) -> Array:
 
 
 def python_force(motion: Motion, e: Any) -> Array:
-    """f_i = gain u df/dq_i"""
-    return motion.work(lambda place: python_value(place, e), e.gain * motion.u[e.input])
+    """f_i = gain F ds/dq_i, F the input or a function of s, variables, their rates and the input"""
+
+    def s(place: Place) -> Array:
+        return place[e.function] if isinstance(e.function, str) else python_value(place, e)
+
+    u = [] if e.input is None else [motion.u[e.input]]
+    if e.magnitude is None:
+        return motion.work(s, e.gain * u[0])
+    scalars = [s, *(lambda place, name=name: place[name] for name in e.measured)]
+    y = [*(scalar(motion.here) for scalar in scalars), *(motion.rate(scalar) for scalar in scalars), *u]
+    return motion.work(s, e.gain * e.magnitude.value(jnp.stack(y)))
 
 
 POTENTIALS: dict[str, Callable[[Place, Any], Array]] = {

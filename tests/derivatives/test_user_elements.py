@@ -14,7 +14,7 @@ import sympy
 from derivatives import user_elements as user
 from leastaction import _core
 from leastaction.errors import ArgumentError, DescriptionError
-from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI
+from leastaction.mechanics import ContinuousDynamics, Gravity, JointForce, Mechanism, MidpointVI
 from leastaction.mechanics.elements import (
     Element,
     ExpressionConstraint,
@@ -269,6 +269,11 @@ def test_check_derivatives_can_report_instead() -> None:
         (lambda: PythonPotential(user.Cam(), directions=[("coil", "w")]), "got 'w', expected"),
         (lambda: PythonForce(user.Flux(), "", points=["coil"]), "PythonForce: input"),
         (lambda: PythonForce(user.Flux(), "u", points=["coil"], gain=np.inf), "PythonForce: gain"),
+        (lambda: PythonForce(user.Flux(), points=["coil"]), "nothing says how large it is; give an input, magnitude="),
+        (lambda: PythonForce("theta", "u", measured=["nut"]), "measured: there is no magnitude that depends on it"),
+        (lambda: PythonForce("theta", "u", points=["coil"]), "along the variable 'theta', so there is no z; leave out"),
+        (lambda: PythonForce("theta", magnitude=user.Cam), "PythonForce: .*is a class; make an object"),
+        (lambda: PythonForce("", "u"), "PythonForce: function, a variable: a name is a string"),
     ],
 )
 def test_broken_elements_are_named(make: Any, message: str) -> None:
@@ -287,6 +292,9 @@ def test_broken_elements_are_named(make: Any, message: str) -> None:
         (PythonPotential(user.Screw(), variables=["nut", "thta"]), "did you mean 'theta'"),
         (PythonConstraint(user.Screw(), variables=["height"]), "no dynamic variable changes"),
         (PythonForce(user.Flux(), "u", points=["coil"]), "no dynamic variable changes"),
+        (PythonForce("height", "u"), "no dynamic variable changes"),
+        (PythonForce("thta", "u"), "unknown variable 'thta'; did you mean 'theta'"),
+        (PythonForce("height", magnitude=user.Screw(), measured=["theta"]), "no dynamic variable changes"),
     ],
 )
 def test_elements_that_do_not_fit_are_named(element: Element, message: str) -> None:
@@ -307,6 +315,11 @@ def test_elements_show_what_they_are() -> None:
     assert "Screw in Python = 0" in str(mechanism)
     assert ExpressionPotential(user.ANGLE**2).default_name == "potential(theta)"
     assert ExpressionForce(1.0, "theta").default_name == "force(theta)"
+    assert PythonForce("theta", magnitude=user.Screw()).default_name == "force(theta)"
+    assert (
+        PythonForce("theta", "u", magnitude=user.Screw(), gain=2.0).describe() == "2 Screw in Python of u along theta"
+    )
+    assert PythonForce("theta", "u").describe() == "1 u along theta"
 
 
 @pytest.mark.parametrize("way", [0, 1], ids=["expression", "python"])
@@ -336,6 +349,54 @@ def test_named_numbers_of_expressions_are_parameters() -> None:
     changed, wanted = builder.build_like(first.core).force(Q, V, u), second.core.force(Q, V, u)
     assert np.array_equal(changed, wanted)
     assert relative(first.core.force(Q, V, u), wanted) > 0.1
+
+
+class Friction(user.Screw):
+    """F = u - 0.3 theta' - 0.1 sin(theta) theta'^3 of y = [theta, theta', u]."""
+
+    def value(self, y: np.ndarray) -> Any:
+        return y[2] - 0.3 * y[1] - 0.1 * np.sin(y[0]) * y[1] ** 3
+
+    def gradient(self, y: np.ndarray) -> np.ndarray:
+        return np.array([-0.1 * np.cos(y[0]) * y[1] ** 3, -0.3 - 0.3 * np.sin(y[0]) * y[1] ** 2, 1.0])
+
+    def hessian(self, y: np.ndarray) -> np.ndarray:
+        out = np.zeros((3, 3), dtype=y.dtype)
+        out[0, 0], out[1, 1] = 0.1 * np.sin(y[0]) * y[1] ** 3, -0.6 * np.sin(y[0]) * y[1]
+        out[0, 1] = out[1, 0] = -0.3 * np.cos(y[0]) * y[1] ** 2
+        return out
+
+
+def test_a_force_in_python_with_rates_is_the_expression() -> None:
+    """In a run, its derivatives of both orders, in continuous time, and by its gain."""
+    law = input_("u") - 0.3 * speed("theta") - sympy.sin(variable("theta")) * speed("theta") ** 3 / 10
+    check_derivatives(Friction(), [0.7, 0.9, 1.4])
+    found = []
+    for element in (
+        ExpressionForce(parameter("gain", 1.5) * law, "theta", name="friction"),
+        PythonForce("theta", "u", magnitude=Friction(), gain=1.5, name="friction"),
+    ):
+        mechanism = user.machine(element, Gravity((0.0, -9.81, 0.0)))
+        vi = MidpointVI(mechanism, threads=1)
+        start = vi.start(mechanism.configuration({"theta": 0.7, "alpha": 0.3}), 0.5 * np.array([*V[:ND], 0.0]))
+        run = vi.simulate(start, np.arange(6) * 0.01, inputs=np.full((5, 1), 1.4))
+        assert run.steps == 5, run.message
+        d = vi.linearize(run)
+        dynamics = ContinuousDynamics(mechanism)
+        found.append(
+            [
+                run.q,
+                d.A,
+                d.B,
+                d.curvature(np.ones((5, mechanism.nx))),
+                dynamics.linearize(Q, V, [1.4]).all,
+                dynamics.curvature(Q, V, [1.4], z_a=np.ones(ND)),
+                vi.differentiate_by(run, ["friction.gain"]).x,
+                mechanism.force(Q, V, [1.4], "friction").hessian,
+            ]
+        )
+    for ours, theirs in zip(found[1], found[0], strict=True):
+        assert relative(ours, theirs) < 1e-10
 
 
 class Greedy(user.Cam):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import abc
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -98,6 +98,23 @@ class _Function(Kind):
 
     def show(self, value: Any) -> str:
         return f"{type(value).__name__} in Python"
+
+
+@dataclass(frozen=True)
+class _Along(_Function):
+    """What a force acts along: such an object, or the name of a variable."""
+
+    def read(self, value: Any, what: str) -> Any:
+        return check_name(value, f"{what}, a variable") if isinstance(value, str) else super().read(value, what)
+
+    def uses(self, value: Any) -> Uses:
+        return Uses(variables=(value,)) if isinstance(value, str) else Uses()
+
+    def acts_on(self, value: Any) -> tuple[str, ...]:
+        return self.uses(value).variables
+
+    def show(self, value: Any) -> str:
+        return value if isinstance(value, str) else super().show(value)
 
 
 @dataclass(frozen=True)
@@ -212,53 +229,86 @@ class PythonConstraint(Constraint):
 
 @dataclass(frozen=True)
 class PythonForce(Force):
-    """A force of the user's own with a potential f in Python: ``F_i = gain u df/dq_i`` with an input u.
+    """A force of the user's own along a scalar s of the configuration: ``F_i = gain F ds/dq_i``, both in Python.
 
-    Such is the force of a coil, with u its current and f the flux that it links, or of a string, with u its
-    tension and -f its length. Forces of any other form are expressions; see `ExpressionForce`.
+    Without a magnitude F is an input u: the force of a coil, with u its current and s the flux that it links, or of
+    a string, with u its tension and -s its length. With one it is a function of places, rates and the input: friction,
+    a motor with its characteristic, a controller.
 
     Parameters
     ----------
-    function : PythonFunction
-        f, with its gradient and Hessian.
-    input : str
-        The input u; new with this element, or shared with others of the same name.
+    function : PythonFunction or str
+        s, with its gradient and Hessian; or the name of a variable. F is positive where it drives s up.
+    input : str, optional
+        The input u; new with this element, or shared with others of the same name. Needed without a magnitude.
+    magnitude : PythonFunction, optional
+        F, with its gradient and Hessian, of ``y = [s, w.., ds/dt, dw/dt.., u]`` with the variables w of `measured`, and
+        u if there is one; in N along a length, N m along an angle.
+    measured : sequence of str, optional
+        Configuration variables that the magnitude depends on besides s.
     gain : float, optional
         A factor, the parameter ``"name.gain"``.
     points, directions, variables
-        What z holds, as in `PythonPotential`.
+        What z of `function` holds, as in `PythonPotential`.
 
     Raises
     ------
     DescriptionError
-        If the function lacks a method, z would be empty, or no dynamic variable changes it.
+        If a function lacks a method, z would be empty, no dynamic variable changes s, or there is neither an input nor
+        a magnitude.
     """
 
-    function: PythonFunction = field(metadata=_FUNCTION)
-    input: str = field(metadata=INPUT)
+    function: PythonFunction | str = field(metadata={"kind": _Along()})
+    input: str | None = field(default=None, metadata=INPUT)
+    magnitude: PythonFunction | None = field(default=None, kw_only=True, metadata=_FUNCTION)
+    measured: Sequence[str] = field(default=(), kw_only=True, metadata=_VARIABLES)
     gain: float = field(default=1.0, kw_only=True, metadata=number())
     points: Sequence[str] = field(default=(), kw_only=True, metadata=_POINTS)
     directions: Sequence[Direction] = field(default=(), kw_only=True, metadata=_DIRECTIONS)
     variables: Sequence[str] = field(default=(), kw_only=True, metadata=_VARIABLES)
 
     called = "force"
-    reads = "{gain} {input} along {function}"
     needs_dynamic = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_arguments(self)
+        if not isinstance(self.function, str):
+            _check_arguments(self)
+        elif self.points or self.directions or self.variables:
+            raise DescriptionError(
+                f"{self.title}: it acts along the variable {self.function!r}, so there is no z; leave out points=, "
+                "directions= and variables=, or give a function of them"
+            )
+        if self.input is None and self.magnitude is None:
+            raise DescriptionError(f"{self.title}: nothing says how large it is; give an input, magnitude= or both")
+        if self.measured and self.magnitude is None:
+            raise DescriptionError(f"{self.title}: measured: there is no magnitude that depends on it; give magnitude=")
+
+    def describe(self) -> str:
+        size = self.input or ""
+        if self.magnitude is not None:
+            size = f"{type(self.magnitude).__name__} in Python" + (f" of {self.input}" if self.input else "")
+        return f"{self.gain:g} {size} along {_Along().show(self.function)}"
 
     def check(self, context: Context) -> None:
         super().check(context)
+        frames = (*self.points, *(frame for frame, _ in self.directions))
+        variables = (self.function,) if isinstance(self.function, str) else self.variables
         self.check_moved(
             context,
-            context.behind(self.uses.frames, self.uses.variables),
+            context.behind(frames, variables),
             "changes the points, directions and variables, so the force does nothing; use others",
         )
 
     def add_to(self, core: Compiler) -> None:
-        core.force(_coordinate(self, core), "gain", self.input)
+        along = core.sum(self.function) if isinstance(self.function, str) else _coordinate(self, core)
+        if self.magnitude is None:
+            core.force(along, "gain", self.input)
+            return
+        coordinates = [along, *(core.sum(name) for name in self.measured)]
+        inputs = [] if self.input is None else [core.input(self.input)]
+        called = _Called(self.magnitude, self.label)
+        core.builder.add_python_force(coordinates, inputs, called, core.slot("gain"))
 
 
 _AnyPython = PythonPotential | PythonConstraint | PythonForce
@@ -276,5 +326,5 @@ def _coordinate(element: _AnyPython, core: Compiler) -> int:
         [core.point(frame) for frame in element.points],
         [core.direction(frame, vector) for frame, vector in element.directions],
         [core.variable(name) for name in element.variables],
-        _Called(element.function, element.label),
+        _Called(cast(PythonFunction, element.function), element.label),
     )
