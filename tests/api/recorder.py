@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -151,6 +152,10 @@ class Recorder:
         assert tape.n_inputs == 2 * len(coordinates) + len(inputs) + len(slots)
         along = [self.scalars[coordinate] for coordinate in coordinates]
         self.elements.append(("tape force", along, tuple(inputs), tape, self.at(slots)))
+
+    def counts(self):
+        # What the core counts, as far as a description is compiled by it: whether an element is a potential of its own.
+        return SimpleNamespace(potentials=sum(kind == "potential" for kind, *_ in self.elements))
 
     def add_wrench(self, kind, joint, pose, slots, inputs):
         assert pose.shape == (4, 4)

@@ -11,6 +11,7 @@ import numpy as np
 
 from leastaction.errors import CoarseStepWarning, LeastActionError, SingularityWarning
 from leastaction.mechanics import (
+    Force,
     Mechanism,
     MidpointVI,
     SimulationStatus,
@@ -67,6 +68,12 @@ def _questions(m: Mechanism, rng: np.random.Generator, q: Any, v: Any, u: Any, f
     yield "jacobian", lambda: m.frame_jacobian(q, frame, point=(0.1, 0.2, 0.3), axes="frame")
     yield "velocity", lambda: m.frame_velocity(q, v, frame)
     yield "jacobian derivative", lambda: m.frame_jacobian_derivative(q, frame)
+    d = rng.uniform(-1, 1, m.nq)
+    yield "pose derivatives", lambda: m.frame_pose_derivative(q, frame, order=3, along=[d, d])
+    yield "velocity derivatives", lambda: m.frame_velocity_derivative(q, v, frame, order=2, along=[d], axes="frame")
+    yield "lagrangian", lambda: dataclasses.astuple(m.lagrangian(q, v).along(q=d, v=d))[-2:]
+    forces = [name for name, element in m.elements.items() if isinstance(element, Force)]
+    yield "forces by element", lambda: [m.force(q, v, u, name).gradients for name in forces]
     yield "total momentum", lambda: m.total_momentum(q, v)
     if m.mass:
         yield "centre of mass", lambda: m.center_of_mass(q)
