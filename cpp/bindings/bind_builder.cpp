@@ -196,7 +196,8 @@ void bind_builder(nb::module_& module) {
         .def("add_number", &MechanismBuilder::add_number, "value"_a)
         .def("set_number", &MechanismBuilder::set_number, "slot"_a, "value"_a)
         .def(
-            "set_gravity", [](MechanismBuilder& b, const In<1>& g) { b.set_gravity(vec3(g)); }, "g"_a)
+            "set_gravity", [](MechanismBuilder& b, const In<1>& g) { return b.set_gravity(vec3(g)); }, "g"_a,
+            "Returns the slot of its first component.")
         .def("counts", &MechanismBuilder::counts, "Of the elements that have been added so far.")
         .def("build", [](const MechanismBuilder& b) { return std::const_pointer_cast<Mechanism>(b.build()); })
         .def(

@@ -44,7 +44,7 @@ std::size_t check(const Mechanism& m, const In<1>& t, const In<2>& x, const In<2
 }
 
 RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1>& x0, const std::optional<In<2>>& xbar,
-                            const In<2>& ubar, const std::optional<In<3>>& K) {
+                            const In<2>& ubar, const std::optional<In<3>>& K, double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = steps_of(t), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
     expect(x0.size(), nx, "x0");
@@ -65,7 +65,7 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
     {
         nb::gil_scoped_release release;
         result = roll_out(step, static_cast<int>(N), t.data(), xbar ? xbar->data() : nullptr, ubar.data(),
-                          K ? K->data() : nullptr, X.data(), U.data(), lam.data());
+                          K ? K->data() : nullptr, first_share, X.data(), U.data(), lam.data());
     }
     std::vector<double> residual(m.n_dynamic + nc, 0.0);
     if (result.failure.status != StepStatus::converged) {
@@ -76,7 +76,8 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
     return {X, U, lam, result, copy_of(residual, {residual.size()})};
 }
 
-RollOutResult step_each_of(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, int threads) {
+RollOutResult step_each_of(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, int threads,
+                           double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
     Out ends = new_array({N, nx}), U = new_array({N, nu}), lam = new_array({N, nc});
@@ -84,19 +85,19 @@ RollOutResult step_each_of(const Midpoint& midpoint, const In<1>& t, const In<2>
     RollOut result;
     {
         nb::gil_scoped_release release;
-        result =
-            step_each(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), threads, ends.data(), lam.data());
+        result = step_each(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), first_share, threads,
+                           ends.data(), lam.data());
     }
     return {ends, U, lam, result, new_array({0})};
 }
 
 int linearize(Linearization& out, const In<1>& t, const In<2>& x, const In<2>& u, int threads,
-              const std::optional<In<2>>& ends) {
+              const std::optional<In<2>>& ends, double first_share) {
     const std::size_t N = check(out.integrator()->mechanism(), t, x, u);
     expect(N, out.steps, "steps of the trajectory");
     if (ends) expect(ends->size(), N * out.nx, "ends");
     nb::gil_scoped_release release;
-    return out.along(t.data(), x.data(), u.data(), threads, ends ? ends->data() : nullptr);
+    return out.along(t.data(), x.data(), u.data(), first_share, threads, ends ? ends->data() : nullptr);
 }
 
 // A read-only array in memory of the core's.
@@ -123,7 +124,7 @@ View curvature(const Linearization& of, const In<2>& w, bool multipliers, int th
 ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u,
                                    const In<2>& directions,
                                    const std::vector<std::tuple<int, int, std::array<double, 10>>>& inertias,
-                                   std::optional<int> time_step, int threads) {
+                                   std::optional<int> time_step, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), P = directions.shape(0), n = m.numbers.size();
     const std::size_t nx = m.n_states(), nc = m.n_constraints();
@@ -142,12 +143,12 @@ ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, con
     Out by_x = new_array({N, nx, P}), by_lam = new_array({N, nc, P});
     nb::gil_scoped_release release;
     const int done = differentiate_by_parameters(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(),
-                                                 parameters, threads, by_x.data(), by_lam.data());
+                                                 parameters, first_share, threads, by_x.data(), by_lam.data());
     return {by_x, by_lam, done};
 }
 
 Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& w,
-                        int threads) {
+                        int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1);
     expect(w.shape(0), N, "w");
@@ -155,12 +156,13 @@ Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x
     Out out = new_array({N, nx + m.n_controls() + 1});
     nb::gil_scoped_release release;
     const int done = curvature_by_time_step(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), w.data(),
-                                            static_cast<int>(weights), threads, out.data());
+                                            static_cast<int>(weights), first_share, threads, out.data());
     if (done < static_cast<int>(N)) throw std::invalid_argument("x: this is no trajectory");
     return out;
 }
 
-nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, const In<1>& u, double dt) {
+nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, const In<1>& u, double dt,
+                  std::optional<double> share) {
     const Mechanism& m = midpoint.mechanism();
     expect(u.size(), m.n_inputs, "u");
     auto workspace = midpoint.workspace();
@@ -168,13 +170,13 @@ nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, co
     step.q1 = to_internal(m, q1, "q1");
     step.q2 = to_internal(m, q2, "q2");
     step.u.assign(u.data(), u.data() + m.n_inputs);
-    std::vector<double> start(m.n_dynamic);
-    step.momenta(dt, start);
-    const std::size_t nd = m.n_dynamic;
-    Out p1 = new_array({nd}), p2 = new_array({nd});
-    for (int i = 0; i < m.n_dynamic; ++i) {
+    const std::size_t nq = m.n_variables();
+    std::vector<double> start(nq), end(nq);
+    step.momenta(dt, share.value_or(dt), start, end);
+    Out p1 = new_array({nq}), p2 = new_array({nq});
+    for (std::size_t i = 0; i < nq; ++i) {
         p1.data()[m.external[i]] = start[i];
-        p2.data()[m.external[i]] = step.p2[i];
+        p2.data()[m.external[i]] = end[i];
     }
     return nb::make_tuple(p1, p2);
 }
@@ -265,23 +267,29 @@ void bind_midpoint(nb::module_& module) {
         .def(
             "__init__",
             [](Midpoint* self, std::shared_ptr<Mechanism> mechanism, Split split, double tolerance, int max_iterations,
-               Solver solver) {
-                new (self) Midpoint(std::move(mechanism), {split, tolerance, max_iterations, solver});
+               Solver solver, const std::vector<int>& instants) {
+                std::shared_ptr<const Mechanism> of = std::move(mechanism);
+                new (self) Midpoint(instants.empty() ? of : at_instants(*of, instants),
+                                    {split, tolerance, max_iterations, solver});
             },
             "mechanism"_a, "split"_a = Split::symmetric, "tolerance"_a = 1e-13, "max_iterations"_a = 50,
-            "solver"_a = Solver::automatic)
-        .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(),
+            "solver"_a = Solver::automatic, "at_instants"_a = std::vector<int>(),
+            "at_instants: the inputs whose forces act at the instants. Where steps are asked for below, `first_share` "
+            "is the part of the first one for which those forces act at its start.")
+        .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(), "first_share"_a = 1.0,
              "Steps from x0 over the times t under u = ubar - K (x - xbar).")
-        .def("step_each", &step_each_of, "t"_a, "x"_a, "u"_a, "threads"_a = 0,
+        .def("step_each", &step_each_of, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "first_share"_a = 1.0,
              "The steps of a curve, each from its own state: x (N, nx) of the result is where they lead to.")
         .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,
-             "time_step"_a.none() = nb::none(), "threads"_a = 0,
+             "time_step"_a.none() = nb::none(), "threads"_a = 0, "first_share"_a = 1.0,
              "Derivatives of every step by directions of the elements' numbers and of inertias, and by its length.")
         .def("curvature_by_time_step", &curvature_by_length, "t"_a, "x"_a, "u"_a, "w"_a, "threads"_a = 0,
+             "first_share"_a = 1.0,
              "Second derivatives (N, nx + nu + 1) of the next states weighted with w (N, nx), or of states and "
              "multipliers with w (N, nx + nc), by the length of every step and (states, u, that length).")
-        .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a,
-             "Momenta (p1, p2) at both ends of a segment, without constraint forces.");
+        .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a, "share"_a.none() = nb::none(),
+             "Momenta (p1, p2) of all variables at both ends of a segment, without constraint forces; share: for how "
+             "long forces at the instants act at its start, dt by default.");
     using L = Linearization;
     using Sizes = std::vector<std::size_t>;
     const auto n = [](int size) { return static_cast<std::size_t>(size); };
@@ -290,6 +298,7 @@ void bind_midpoint(nb::module_& module) {
                                 "count as further states of the next instant: ny = nx + nc, else ny = nx.");
     linearization.def(nb::init<std::shared_ptr<Midpoint>, int, bool>(), "midpoint"_a, "steps"_a, "multipliers"_a)
         .def("along", &linearize, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "ends"_a.none() = nb::none(),
+             "first_share"_a = 1.0,
              "Linearises along a trajectory, or a curve whose steps lead to `ends` (N, nx), over what was there. "
              "Returns "
              "the first step at which it is none, or N.")

@@ -38,7 +38,7 @@ SecondOrder::SecondOrder(const Mechanism& mechanism, Split split)
     for (auto* a : {&dual_q_, &dual_v_, &dual_q1_, &q_along_v_, &q_along_mu_}) a->resize(nq_);
     for (auto* a : {&YZ_, &ZY_}) a->resize(2 * (nd_ + nc_), n_theta_);
     strip_.resize(strip, n_theta_);
-    if (mechanism_.forces.empty()) return;
+    if (mechanism_.forces.empty() && mechanism_.instant_forces.empty()) return;
     along_v_ = std::make_unique<Placement<Dual<double>>>(mechanism_);
     along_mu_ = std::make_unique<Placement<Dual<double>>>(mechanism_);
 }
@@ -51,7 +51,8 @@ void SecondOrder::hessian(double dt, const FirstOrder& first, const std::vector<
     W_thth_.setZero(n_theta_, n_theta_);
     add_lagrangian(dt);
     add_potentials();
-    add_forces(dt);
+    add_instant_forces();
+    add_forces(dt);  // which leaves q_mid_ and all that by_time_step() needs
     add_constraints();
     write(first, runs, out, ld_out);
 }
@@ -119,18 +120,11 @@ void SecondOrder::add_forces(double dt) {
     for (int i = 0; i < nq_; ++i) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
-        q_along_v_[i] = {q_mid_[i], v_[i]};
-        q_along_mu_[i] = {q_mid_[i], mu_force_[i]};
     }
-    place(m.force_joints, q_mid_.data(), at_middle_);
-    place(m.force_joints, q_along_v_.data(), *along_v_);
-    place(m.force_joints, q_along_mu_.data(), *along_mu_);
-    const ForceDirections directions{*along_v_, *along_mu_, q_along_v_.data(), q_along_mu_.data(), mu_force_.data()};
-    for (const auto& force : m.forces) {
-        const auto &support = force->support(), &inputs = force->inputs();
-        const std::size_t n = support.size(), r = inputs.size(), size = 2 * n + r;
-        force->curvature({at_middle_, q_mid_.data(), v_.data(), u.data()}, directions, force_);
-        const auto second = [&](std::size_t a, std::size_t b) { return force_.second[a * size + b]; };
+    each_force_curvature(m.forces, m.force_joints, [&](const GeneralizedForce& force, std::size_t size, const auto& P) {
+        const auto &support = force.support(), &inputs = force.inputs();
+        const std::size_t n = support.size(), r = inputs.size();
+        const auto second = [&](std::size_t a, std::size_t b) { return P[a * size + b]; };
         for (std::size_t a = 0; a < n; ++a) {
             const int i = support[a];
             for (std::size_t b = 0; b < n; ++b) {
@@ -153,6 +147,45 @@ void SecondOrder::add_forces(double dt) {
         for (std::size_t a = 0; a < r; ++a)
             for (std::size_t b = 0; b < r; ++b)
                 if (inputs[a] <= inputs[b]) W_thth_(at_u + inputs[a], at_u + inputs[b]) += second(2 * n + a, 2 * n + b);
+    });
+}
+
+// Of share f(q1, 0, u), which stands beside p1.
+void SecondOrder::add_instant_forces() {
+    const Mechanism& m = mechanism_;
+    if (m.instant_forces.empty()) return;
+    const int at_u = nq_ + nd_;
+    for (int i = 0; i < nd_; ++i) mu_force_[i] = share * mu_[i];
+    q_mid_ = q1;
+    std::fill(v_.begin(), v_.end(), 0.0);
+    each_force_curvature(m.instant_forces, m.instant_joints, [&](const auto& force, std::size_t size, const auto& P) {
+        const auto &support = force.support(), &inputs = force.inputs();
+        const std::size_t n = support.size(), r = inputs.size();
+        for (std::size_t a = 0; a < n; ++a) {
+            for (std::size_t b = 0; b < n; ++b) add_11(support[a], support[b], P[a * size + b]);
+            for (std::size_t b = 0; b < r; ++b) W_thth_(support[a], at_u + inputs[b]) += P[a * size + 2 * n + b];
+        }
+        for (std::size_t a = 0; a < r; ++a)
+            for (std::size_t b = 0; b < r; ++b)
+                if (inputs[a] <= inputs[b])
+                    W_thth_(at_u + inputs[a], at_u + inputs[b]) += P[(2 * n + a) * size + 2 * n + b];
+    });
+}
+
+template <class Sink>
+void SecondOrder::each_force_curvature(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
+                                       const std::vector<int>& joints, const Sink& sink) {
+    for (int i = 0; i < nq_; ++i) {
+        q_along_v_[i] = {q_mid_[i], v_[i]};
+        q_along_mu_[i] = {q_mid_[i], mu_force_[i]};
+    }
+    place(joints, q_mid_.data(), at_middle_);
+    place(joints, q_along_v_.data(), *along_v_);
+    place(joints, q_along_mu_.data(), *along_mu_);
+    const ForceDirections directions{*along_v_, *along_mu_, q_along_v_.data(), q_along_mu_.data(), mu_force_.data()};
+    for (const auto& force : forces) {
+        force->curvature({at_middle_, q_mid_.data(), v_.data(), u.data()}, directions, force_);
+        sink(*force, 2 * force->support().size() + force->inputs().size(), force_.second);
     }
 }
 
@@ -229,7 +262,18 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, const Midpo
         }
     }
 
-    const Vector by_q1 = 0.5 * by_q - by_v / dt, by_q2 = 0.5 * by_q + by_v / dt;
+    const Vector by_q2 = 0.5 * by_q + by_v / dt;
+    Vector by_q1 = 0.5 * by_q - by_v / dt;
+    const double grows = share / dt;
+    for (const auto& [i, input] : m.instant_joint_forces) by_u[input] += grows * mu_[i];
+    for_each_entry(
+        m.instant_forces, step.instant(), force_,
+        [&](int i, int j, double f_q, double) {
+            if (i < nd_) by_q1[j] += grows * mu_[i] * f_q;
+        },
+        [&](int i, int input, double f_u) {
+            if (i < nd_) by_u[input] += grows * mu_[i] * f_u;
+        });
     Vector by_y = Vector::Zero(ny);
     by_y.head(nd_) = by_q2.head(nd_);
     const Eigen::Map<const Vector> Y_t(Y_dt, ny);

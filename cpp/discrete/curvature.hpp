@@ -12,6 +12,8 @@
 //   S_dt     = e.(L_q - L_qv v) - g.L_vv v / dt + c.(f - f_v v)
 //   S_dt,q   = L_qq e - T_qv v / dt + c.f_q - c.f_qv v,    S_dt,v = -(T_vv v + L_vv g) / dt - c.f_vv v
 //   S_dt,dt  = v.T_vv v / dt^2 + 2 g.L_vv v / dt^2 + v.(c.f_vv) v / dt,    S_dt,u = c.f_u - c.f_uv v.
+//
+// Forces at the instants add share mu.f(q1, 0, u), and share grows with dt.
 #pragma once
 
 #include <memory>
@@ -27,6 +29,7 @@ public:
 
     // Where the step is, and the weights; in internal order.
     std::vector<double> q1, u, q2, lam, w_q, w_p, w_lam;
+    double share = 0;  // of forces at the instants (s)
 
     // Entries first .. first + length of th stand at `position` of the output; runs are ascending and cover all of th.
     struct Run {
@@ -43,6 +46,11 @@ private:
     void add_lagrangian(double dt);
     void add_potentials();
     void add_forces(double dt);
+    void add_instant_forces();
+    // Calls sink(force, size, second) with the Hessian of mu_force_.f by [q; v; u], (size, size), at q_mid_, v_, u.
+    template <class Sink>
+    void each_force_curvature(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
+                              const std::vector<int>& joints, const Sink& sink);
     void add_constraints();
     // Second derivatives by (q1, q2), each put where the variable lives: q2 is y (dynamic) or rho2 (kinematic). Of what is
     // symmetric add_11 and add_22 are called for both (i, j) and (j, i), and the upper triangle of W_thth is kept.

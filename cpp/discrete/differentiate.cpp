@@ -59,6 +59,14 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         if (i < nd) add(i, j, qq, qq, qq, qq);
     });
     for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
+    const auto add_instant_input = [&](int i, int input, double f_u) {
+        if (i < nd) Y[i * ld + at_u + input] -= step.share * f_u;
+    };
+    const auto add_instant_force = [&](int i, int j, double f_q, double) {
+        if (i < nd) Y[i * ld + j] -= step.share * f_q;
+    };
+    for (const auto& [i, input] : mechanism.instant_joint_forces) add_instant_input(i, input, 1.0);
+    for_each_entry(mechanism.instant_forces, step.instant(), force_, add_instant_force, add_instant_input);
     for (int c = 0; c < nc; ++c) {
         for_each_entry(*mechanism.constraints[c], step.start(), step.q1.data(), local_, [&](int i, int j, double bend) {
             if (i < nd) Y[i * ld + j] += step.lam[c] * bend;

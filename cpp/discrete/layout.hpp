@@ -27,10 +27,13 @@ struct Layout {
     int ny;  // states, and the multipliers of the last step where they count as states
     int theta;
 
-    void start(const double* x, const double* u, MidpointStep& step) const {
+    // For how long forces at the instants act at the start of step k, of which the first has a part of its own.
+    static double share(std::size_t k, double dt, double first_share) { return k > 0 ? dt : first_share * dt; }
+    void start(const double* x, const double* u, double share, MidpointStep& step) const {
         for (int i = 0; i < nq; ++i) step.q1[i] = x[m.external[i]];
         for (int i = 0; i < nd; ++i) step.p1[i] = x[nq + m.external[i]];
         input(u, step);
+        step.kick(share);
     }
     void input(const double* u, MidpointStep& step) const {
         std::copy(u, u + ni, step.u.begin());
@@ -48,8 +51,8 @@ struct Layout {
     }
     // The derivatives of a step whose end is known; false where it is no step of the mechanism.
     bool differentiate(MidpointStep& step, FirstOrder& first, const double* x, const double* u, const double* next,
-                       double dt) const {
-        start(x, u, step);
+                       double dt, double share) const {
+        start(x, u, share, step);
         for (int i = 0; i < nd; ++i) step.q2[i] = next[m.external[i]];
         std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
         step.place_start();

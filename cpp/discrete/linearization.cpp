@@ -31,7 +31,7 @@ int for_each_step(const Midpoint& integrator, int steps, int threads, const OfSt
 }
 
 std::size_t record_size(const Layout& at) {
-    return at.nq + at.ni + at.nq + at.nc + static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
+    return at.nq + at.ni + at.nq + at.nc + 1 + static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
 }
 
 }  // namespace
@@ -59,19 +59,21 @@ void Linearization::carry(Point& point, First& first, const Carry& carry) const 
     carry(point.u.data(), at.ni);
     carry(point.q2.data(), at.nq);
     carry(point.lam.data(), at.nc);
+    carry(&point.share, 1);
     for (int c = 0; c < at.nc; ++c) carry(&first.Y[(at.nd + c) * first.ld], at.theta);
     for (int i = 0; i < at.nd + at.nc; ++i) carry(first.Y.data() + i * first.ld + at.theta, at.nc);
     for (int i = 0; i < at.nd; ++i) carry(first.P2.data() + i * first.ld + at.theta, at.nc);
 }
 
-int Linearization::along(const double* t, const double* X, const double* U, int threads, const double* ends) {
+int Linearization::along(const double* t, const double* X, const double* U, double first_share, int threads,
+                         const double* ends) {
     const Layout at(integrator_->mechanism(), ny > nx);
     return for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
         const double *x = X + k * nx, *u = U + k * nu, *next = ends ? ends + k * nx : x + nx;
         MidpointStep& step = workspace.step;
         FirstOrder& first = workspace.first();
-        if (!at.differentiate(step, first, x, u, next, dt)) return false;
+        if (!at.differentiate(step, first, x, u, next, dt, at.share(k, dt, first_share))) return false;
         dt_.data()[k] = dt;
         double& defect_k = defect.data()[k] = 0;
         for (int i = 0; i < at.nd; ++i) defect_k = std::max(defect_k, std::abs(step.q2[i] - next[at.m.external[i]]));
@@ -147,8 +149,8 @@ std::shared_ptr<const ZeroedArray> Linearization::curvature(const double* W, int
 }
 
 int differentiate_by_parameters(const Midpoint& integrator, int steps, const double* t, const double* X,
-                                const double* U, const std::vector<Parameter>& parameters, int threads, double* by_x,
-                                double* by_lam) {
+                                const double* U, const std::vector<Parameter>& parameters, double first_share,
+                                int threads, double* by_x, double* by_lam) {
     const Layout at(integrator.mechanism());
     const std::size_t count = parameters.size();
     return for_each_step(integrator, steps, threads, [&](Workspace& workspace, std::size_t k) {
@@ -156,7 +158,8 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
         const double* now = X + k * at.nx;
         MidpointStep& step = workspace.step;
         FirstOrder& first = workspace.first();
-        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt)) return false;
+        const double share = at.share(k, dt, first_share);
+        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
         const auto [ld, Y, P2] = differentiate_by(step, first, dt, parameters);
         double *x = by_x + k * at.nx * count, *lam = by_lam + k * at.nc * count;
         std::fill_n(x, at.nx * count, 0.0);
@@ -174,7 +177,7 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
 }
 
 int curvature_by_time_step(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
-                           const double* W, int weights, int threads, double* out) {
+                           const double* W, int weights, double first_share, int threads, double* out) {
     const Layout at(integrator.mechanism());
     const std::vector<SecondOrder::Run> runs = at.runs();
     const int n = at.nx + at.nu;
@@ -186,12 +189,14 @@ int curvature_by_time_step(const Midpoint& integrator, int steps, const double* 
         MidpointStep& step = workspace.step;
         FirstOrder& first = workspace.first();
         SecondOrder& second = workspace.second();
-        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt)) return false;
+        const double share = at.share(k, dt, first_share);
+        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
         const ParameterSlopes slopes = differentiate_by(step, first, dt, {length});
         std::copy(step.q1.begin(), step.q1.end(), second.q1.begin());
         std::copy(step.q2.begin(), step.q2.end(), second.q2.begin());
         std::copy(step.u.begin(), step.u.end(), second.u.begin());
         std::copy(step.lam.begin(), step.lam.end(), second.lam.begin());
+        second.share = share;
         for (int i = 0; i < at.nd; ++i) {
             second.w_q[i] = W_k[at.m.external[i]];
             second.w_p[i] = W_k[at.nq + at.m.external[i]];

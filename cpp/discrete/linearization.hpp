@@ -45,7 +45,9 @@ public:
 
     // Linearises along a trajectory, in the memory that there is. Returns the first step at which it is none, or N.
     // `ends` (N, nx): where its steps lead to, of a curve whose next states are others; null: to the next states.
-    int along(const double* t, const double* X, const double* U, int threads, const double* ends = nullptr);
+    // Here and below forces at the instants act at the first one for `first_share` of its step.
+    int along(const double* t, const double* X, const double* U, double first_share, int threads,
+              const double* ends = nullptr);
 
     // The Hessians by (states, u) of the next states weighted with W (N, weights), weights = nx, or nx + nc with those of
     // the multipliers: (N, n, n), n = nx + nu, or ny + nu with rows and columns of zeros for the `multipliers`. In memory
@@ -79,12 +81,12 @@ private:
 // Derivatives of the next states (N, nx, P) and the multipliers (N, nc, P) of every step by parameters, the state and the
 // input of the step held. Returns the first step at which the trajectory is not one, or N.
 int differentiate_by_parameters(const Midpoint& integrator, int steps, const double* t, const double* X,
-                                const double* U, const std::vector<Parameter>& parameters, int threads, double* by_x,
-                                double* by_lam);
+                                const double* U, const std::vector<Parameter>& parameters, double first_share,
+                                int threads, double* by_x, double* by_lam);
 
 // Second derivatives of the next states weighted with W (N, weights), as of Linearization::curvature, by the length of the
 // step and (states, u, that length): out (N, nx + nu + 1). Returns the first step at which the trajectory is not one, or N.
 int curvature_by_time_step(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
-                           const double* W, int weights, int threads, double* out);
+                           const double* W, int weights, double first_share, int threads, double* out);
 
 }  // namespace leastaction

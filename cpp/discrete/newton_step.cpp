@@ -30,7 +30,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
       at2_(*mechanism_) {
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
-    for (auto* a : {&q1, &q2, &q_mid_, &v_}) sized(*a, nq);
+    for (auto* a : {&q1, &q2, &q_mid_, &v_, &still_}) sized(*a, nq);
     for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
@@ -67,12 +67,37 @@ void MidpointStep::place_start() {
     std::fill(root_inertia_.begin(), root_inertia_.end(), 0.0);
 }
 
-void MidpointStep::momenta(double dt, std::vector<double>& start) {
-    std::fill(p1.begin(), p1.end(), 0.0);
-    std::fill(lam.begin(), lam.end(), 0.0);
-    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+void MidpointStep::kick(double for_how_long) {
+    const Mechanism& m = *mechanism_;
+    share = for_how_long;
+    for (const auto& [i, input] : m.instant_joint_forces) p1[i] += share * u[input];
+    if (m.instant_forces.empty()) return;
+    place(m.instant_joints, q1.data(), at1_);
+    for_each_entry(m.instant_forces, instant(), force_, [&](int i, double f) {
+        if (i < nd_) p1[i] += share * f;
+    });
+}
+
+void MidpointStep::momenta(double dt, double share, std::vector<double>& start, std::vector<double>& end) {
+    const Mechanism& m = *mechanism_;
+    kick(share);
+    place(m.prescribed_constraint_joints, q2.data(), at2_);
     evaluate(dt);
-    for (int i = 0; i < nd_; ++i) start[i] = -residual[i];
+    const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
+    for (int i = 0; i < nq_; ++i) {
+        const double half_slope = 0.5 * dt * lagrangian_.L_q[i], momentum = lagrangian_.L_v[i];
+        start[i] = momentum - half_slope;
+        end[i] = momentum + half_slope;
+    }
+    const auto add = [&](int i, double f) {
+        start[i] -= km * f;
+        end[i] += kp * f;
+    };
+    for (const auto& [i, slot] : m.damping) add(i, -m.numbers[slot] * v_[i]);
+    for (const auto& [i, input] : m.joint_forces) add(i, u[input]);
+    for_each_entry(m.forces, middle(), force_, add);
+    for (const auto& [i, input] : m.instant_joint_forces) start[i] -= share * u[input];
+    for_each_entry(m.instant_forces, instant(), force_, [&](int i, double f) { start[i] -= share * f; });
 }
 
 void MidpointStep::advance() {

@@ -6,7 +6,8 @@
 //   p2 = D2Ld(q1, q2) + fd+(q1, q2, u),
 //
 // where the kinematic part of q2 is given. Forces act at the midpoint: split `symmetric` fd- = fd+ = dt/2 f (second
-// order), split `left` fd- = dt f, fd+ = 0 (dissertation 4.12).
+// order), split `left` fd- = dt f, fd+ = 0 (dissertation 4.12). Those at the instants (at_instants()) act as constraints'
+// do: share f(q1, 0, u) is added to p1, share = dt but for an instant before which there was no step.
 //
 // State and input of the step as a discrete system, in the user's order of variables:
 //   x = [q; rho; p; v_rho],   u = [inputs; rho_next],   rho+ = rho_next,   v_rho+ = (rho_next - rho)/dt.
@@ -57,10 +58,13 @@ public:
 
     // Problem and unknowns. Before solve(): q1, p1, u, the kinematic part of q2, and guesses of the rest of q2 and lam.
     std::vector<double> q1, p1, u, q2, lam, p2;
+    double share = 0;  // for how long forces at the instants act at the start (s)
 
     // Begins anew, from q1: nothing is carried over from steps before. Without it the last step's Dh(q2) and Newton matrix
     // are taken over by advance().
     void place_start();
+    // Adds to p1 what forces at the instants leave there; once, when q1, p1 and u are those of the start.
+    void kick(double for_how_long);
     // `known`: q2 is the solution already and only lam is sought, with differentiate() to follow; then p2 is not to the
     // last digit.
     StepReport solve(double dt, bool known = false);
@@ -75,9 +79,9 @@ public:
     // The most that an angle moves from q1 to q2, and the variable.
     double largest_turn() const;
     int most_turned() const;
-    // The momenta at both ends of the segment from q1 to q2 under u, without constraints:
-    // p1 = -(D1Ld + fd-) into `start`, p2 = D2Ld + fd+ into the member p2.
-    void momenta(double dt, std::vector<double>& start);
+    // The momenta at both ends of the segment from q1 to q2 under u, without constraints, of prescribed variables too:
+    // p1 = -(D1Ld + fd- + share f(q1, 0, u)) into `start`, p2 = D2Ld + fd+ into `end`.
+    void momenta(double dt, double share, std::vector<double>& start, std::vector<double>& end);
     // Makes (q2, p2) the start of the next step; keeps the factors of the Newton matrix.
     void advance();
 
@@ -89,6 +93,7 @@ public:
     const Lagrangian<double>& lagrangian() const { return lagrangian_; }
     ForcePoint<double> middle() const { return {lagrangian_.at, q_mid_.data(), v_.data(), u.data()}; }
     const Placement<double>& start() const { return at1_; }
+    ForcePoint<double> instant() const { return {at1_, q1.data(), still_.data(), u.data()}; }
     const double* end_gradients() const { return C2_.data(); }
 
     // Where solve() stood when it gave up, for the error message: residuals by row, dynamics then constraints.
@@ -139,7 +144,7 @@ private:
     Placement<double> at1_, at2_;
     LocalTaylor<double> local_;
     LocalForce<double> force_;
-    std::vector<double> q_mid_, v_, f_;
+    std::vector<double> q_mid_, v_, f_, still_;
     double potential_size_ = 0;     // of the largest slope of a potential
     std::vector<double> diagonal_;  // what forces and potentials add to the Newton matrix's, where they add to no more
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last

@@ -51,25 +51,32 @@ ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, do
     const auto still = [](const double* q, int n) { return std::vector<Dual<double>>(q, q + n); };
     const auto Q1 = still(step.q1.data(), nq), Q2 = still(step.q2.data(), nq), Q = still(at.q, nq), V = still(at.v, nq);
     const auto U = still(at.u, m.n_inputs);
+    const std::vector<Dual<double>> none(nq);
     place(m.constraint_joints, Q1.data(), start);
+    place(m.instant_joints, Q1.data(), start);
     place(m.constraint_joints, Q2.data(), end);
     place(m.element_joints, Q.data(), middle);
     LocalTaylor<Dual<double>> local;
     LocalForce<Dual<double>> force_taylor;
-    std::vector<double> L_q(nq), L_v(nq), f(nq);
+    LocalForce<double> instant_taylor;
+    std::vector<double> L_q(nq), L_v(nq), f(nq), kick(nq);
     for (int k = 0; k < count; ++k) {
         const Parameter& parameter = parameters[k];
-        for (auto* a : {&L_q, &L_v, &f}) std::fill(a->begin(), a->end(), 0.0);
+        for (auto* a : {&L_q, &L_v, &f, &kick}) std::fill(a->begin(), a->end(), 0.0);
         const auto y = [&](int row) -> double& { return out.Y[row * ld + k]; };
         for (const auto& [joint, inertia] : parameter.inertias)
             step.lagrangian().add_inertia_slope(joint, inertia, L_q, L_v);
         if (!parameter.numbers.empty()) {
+            const double* g = parameter.numbers.data() + m.gravity_slot;
+            if (m.gravity_slot >= 0) step.lagrangian().add_gravity_slope({g[0], g[1], g[2]}, L_q);
             start.number_slopes = end.number_slopes = middle.number_slopes = parameter.numbers.data();
             for (const auto& [i, slot] : m.damping) f[i] -= parameter.numbers[slot] * at.v[i];
             for_each_entry(m.potentials, middle, Q.data(), local,
                            [&](int i, const Dual<double>& slope) { L_q[i] -= slope.d; });
             for_each_entry(m.forces, ForcePoint<Dual<double>>{middle, Q.data(), V.data(), U.data()}, force_taylor,
                            [&](int i, const Dual<double>& force) { f[i] += force.d; });
+            for_each_entry(m.instant_forces, ForcePoint<Dual<double>>{start, Q1.data(), none.data(), U.data()},
+                           force_taylor, [&](int i, const Dual<double>& force) { kick[i] += step.share * force.d; });
             for (int c = 0; c < nc; ++c) {
                 for_each_entry(*m.constraints[c], start, Q1.data(), local, [&](int i, const Dual<double>& slope) {
                     if (i < nd) y(i) += step.lam[c] * slope.d;
@@ -85,9 +92,13 @@ ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, do
                 L_v[i] -= along.L_vv[i] / dt;
                 f[i] += (along.f[i] - along.f_v[i]) / dt;
             }
+            const double grows = step.share / dt;
+            for (const auto& [i, input] : m.instant_joint_forces) kick[i] += grows * at.u[input];
+            for_each_entry(m.instant_forces, step.instant(), instant_taylor,
+                           [&](int i, double force) { kick[i] += grows * force; });
         }
         for (int i = 0; i < nd; ++i) {
-            y(i) -= 0.5 * dt * L_q[i] - L_v[i] + km * f[i];
+            y(i) -= 0.5 * dt * L_q[i] - L_v[i] + km * f[i] + kick[i];
             out.P2[i * ld + k] = 0.5 * dt * L_q[i] + L_v[i] + kp * f[i];
         }
     }

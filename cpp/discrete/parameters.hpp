@@ -6,6 +6,8 @@
 // dual evaluations, inertias by the linearity of L in them. By the time step, with v = (q2 - q1)/dt and so v_dt = -v/dt,
 //
 //   (dt/2 L_q)_dt = 1/2 (L_q - L_qv v),   (L_v)_dt = -L_vv v / dt,   (kappa f)_dt = kappa/dt (f - f_v v).
+//
+// Forces at the instants stand in F1 alone: by a number share f_th(q1, 0, u), by the time step share/dt f.
 #pragma once
 
 #include <utility>

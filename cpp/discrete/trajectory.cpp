@@ -76,10 +76,10 @@ bool is_worse(const WorstStep& worst, bool followed, double s, double turn) {
 }
 
 // s of the worst step from x to `end`, where it is not known yet.
-void judge_worst(MidpointStep& step, const Layout& at, double dt, const double* x, const double* u, const double* end,
-                 WorstStep& worst) {
+void judge_worst(MidpointStep& step, const Layout& at, double dt, double share, const double* x, const double* u,
+                 const double* end, WorstStep& worst) {
     if (worst.k < 0 || !std::isnan(worst.s)) return;
-    at.start(x, u, step);
+    at.start(x, u, share, step);
     step.place_start();
     if (!step.guess_limit(dt)) return;
     for (int i = 0; i < at.nd; ++i) step.q2[i] = end[at.m.external[i]];
@@ -89,7 +89,7 @@ void judge_worst(MidpointStep& step, const Layout& at, double dt, const double* 
 }  // namespace
 
 RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
-                 const double* K, double* X, double* U, double* lam) {
+                 const double* K, double first_share, double* X, double* U, double* lam) {
     const Layout at(step.mechanism());
     RollOut out;
     Extrapolation series(at);
@@ -111,16 +111,17 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
             Eigen::Map<Eigen::VectorXd> input(u, at.nu);
             input.noalias() -= gain * Eigen::Map<const Eigen::VectorXd>(deviation.data(), at.nx);
         }
-        const double dt = t[k + 1] - t[k];
+        const double dt = t[k + 1] - t[k], share = at.share(k, dt, first_share);
         if (xbar)
             for (int i = 0; i < at.nd; ++i)
                 reference[i] = (xbar_k[at.nx + at.m.external[i]] - xbar_k[at.m.external[i]]) / dt;
         if (k == 0) {
-            at.start(x, u, step);
+            at.start(x, u, share, step);
             step.place_start();
-            if (!step.guess_limit(dt)) at.start(x, u, step);
+            if (!step.guess_limit(dt)) at.start(x, u, share, step);
         } else {
             at.input(u, step);
+            step.kick(share);
             series.guess(step, dt, xbar ? reference.data() : nullptr);
         }
         const StepReport report = step.find(dt);
@@ -143,13 +144,15 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
     }
     if (const int k = out.worst.k; k >= 0) {
         const double* x = X + static_cast<std::size_t>(k) * at.nx;
-        judge_worst(step, at, t[k + 1] - t[k], x, U + static_cast<std::size_t>(k) * at.nu, x + at.nx, out.worst);
+        const double dt = t[k + 1] - t[k];
+        judge_worst(step, at, dt, at.share(k, dt, first_share), x, U + static_cast<std::size_t>(k) * at.nu, x + at.nx,
+                    out.worst);
     }
     return out;
 }
 
-RollOut step_each(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U, int threads,
-                  double* ends, double* lam) {
+RollOut step_each(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
+                  double first_share, int threads, double* ends, double* lam) {
     const Layout at(integrator.mechanism());
     struct Made {
         StepReport report;
@@ -161,12 +164,12 @@ RollOut step_each(const Midpoint& integrator, int steps, const double* t, const 
         auto workspace = integrator.workspace();
         MidpointStep& step = workspace->step;
         for (int k = begin; k < end; ++k) {
-            const double dt = t[k + 1] - t[k];
+            const double dt = t[k + 1] - t[k], share = at.share(k, dt, first_share);
             const double *x = X + static_cast<std::size_t>(k) * at.nx, *u = U + static_cast<std::size_t>(k) * at.nu;
-            at.start(x, u, step);
+            at.start(x, u, share, step);
             std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
             step.place_start();
-            if (!step.guess_limit(dt)) at.start(x, u, step);
+            if (!step.guess_limit(dt)) at.start(x, u, share, step);
             made[k] = {step.find(dt), step.largest_turn(), step.most_turned()};
             if (made[k].report.status != StepStatus::converged) {
                 workspace.discard();
@@ -194,7 +197,8 @@ RollOut step_each(const Midpoint& integrator, int steps, const double* t, const 
     }
     if (const std::size_t k = std::max(out.worst.k, 0); out.worst.k >= 0) {
         auto workspace = integrator.workspace();
-        judge_worst(workspace->step, at, t[k + 1] - t[k], X + k * at.nx, U + k * at.nu, ends + k * at.nx, out.worst);
+        const double dt = t[k + 1] - t[k], share = at.share(k, dt, first_share);
+        judge_worst(workspace->step, at, dt, share, X + k * at.nx, U + k * at.nu, ends + k * at.nx, out.worst);
     }
     return out;
 }

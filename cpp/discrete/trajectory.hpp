@@ -23,14 +23,14 @@ struct RollOut {
 };
 
 // Follows u_k = ubar_k - K_k (x_k - xbar_k) from X[0]; K null: open loop. Fills X[1..], U and lam up to the failed step.
-// `xbar` (may be null without K) is where the motion is expected. After a failure, `step` holds the step that failed
-// (residuals, unknowns).
+// `xbar` (may be null without K) is where the motion is expected; forces at the instants act at the first one for
+// `first_share` of its step. After a failure, `step` holds the step that failed (residuals, unknowns).
 RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
-                 const double* K, double* X, double* U, double* lam);
+                 const double* K, double first_share, double* X, double* U, double* lam);
 
 // The steps of a curve, each from its own X[k] under U[k], whatever the next state is: fills ends (N, nx) and lam up to
 // the first that fails.
-RollOut step_each(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U, int threads,
-                  double* ends, double* lam);
+RollOut step_each(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
+                  double first_share, int threads, double* ends, double* lam);
 
 }  // namespace leastaction

@@ -223,6 +223,17 @@ void Lagrangian<T>::add_inertia_slope(int joint, const Inertia<double>& inertia,
 }
 
 template <class T>
+void Lagrangian<T>::add_gravity_slope(const Vec3<double>& change, std::vector<double>& L_q) const
+    requires std::is_same_v<T, double>
+{
+    for (int i = 0; i < mechanism_.n_massive; ++i) {
+        const Motion<double>& S = at.twist[i];
+        const double slope = m_[i] * dot(change, S.v) + dot(cross(h_[i], change), S.w);
+        mechanism_.joints[i].each_term([&](int variable, double factor) { L_q[variable] += factor * slope; });
+    }
+}
+
+template <class T>
 T Lagrangian<T>::kinetic_energy() const {
     T twice{};
     for (int i = 0; i < mechanism_.n_massive; ++i) twice += dot(H_own_[i], V_[i]);

@@ -70,6 +70,10 @@ public:
                            std::vector<double>& L_v) const
         requires std::is_same_v<T, double>;
 
+    // The same where gravity changes, in which L is linear too.
+    void add_gravity_slope(const Vec3<double>& change, std::vector<double>& L_q) const
+        requires std::is_same_v<T, double>;
+
     T kinetic_energy() const;    // at the point of the last gradient
     T potential_energy() const;  // of uniform gravity
 

@@ -81,6 +81,76 @@ int append(std::vector<T>& list, Added&& added) {
     return static_cast<int>(list.size()) - 1;
 }
 
+void note_coupled_variables(Mechanism& m) {
+    const auto by_elements = [&](const auto& f) {
+        const auto each = [&](const std::vector<int>& support) {
+            for (const int a : support)
+                for (const int b : support)
+                    if (b < a && a < m.n_dynamic) f(a, b);
+        };
+        for (const auto& potential : m.potentials) each(potential->support());
+        for (const auto& force : m.forces) each(force->support());
+    };
+    m.coupled = {};
+    m.only_tree_couples = true;
+    by_elements([&](int, int) { m.only_tree_couples = false; });
+    if (m.plain && m.only_tree_couples) {
+        // Each variable meets those of the joints above its own: those of the nearest one, and that one itself.
+        std::vector<int> nearest(m.n_massive, -1);  // by joint: its dynamic variable, or that of the next joint above
+        for (int i = 0; i < m.n_massive; ++i) {
+            const Joint& joint = m.joints[i];
+            nearest[i] = joint.parent < 0 ? -1 : nearest[joint.parent];
+            if (joint.variable >= m.n_dynamic) continue;
+            if (nearest[i] < 0)
+                m.coupled.add({}, -1);
+            else
+                m.coupled.extend(nearest[i], nearest[i]);
+            nearest[i] = joint.variable;
+        }
+        return;
+    }
+    std::vector<std::vector<int>> earlier(m.n_dynamic);
+    const auto meet = [&](int a, int b) {
+        if (a != b && std::max(a, b) < m.n_dynamic) earlier[std::max(a, b)].push_back(std::min(a, b));
+    };
+    for (int i = 0; i < m.n_massive; ++i)
+        for (const int j : m.path[i])
+            m.joints[i].each_term([&](int a, double) { m.joints[j].each_term([&](int b, double) { meet(a, b); }); });
+    by_elements(meet);
+    for (std::vector<int>& list : earlier) {
+        std::sort(list.begin(), list.end());
+        list.erase(std::unique(list.begin(), list.end()), list.end());
+    }
+    m.coupled = eliminate(std::move(earlier));
+}
+
+// The joints of some elements, ascending.
+template <class Elements>
+std::vector<int> joints_of(const Elements& elements) {
+    std::set<int> out;
+    for (const auto& element : elements) out.insert(element->joints().begin(), element->joints().end());
+    return {out.begin(), out.end()};
+}
+
+void note_what_elements_see(Mechanism& m) {
+    m.constraint_joints = joints_of(m.constraints);
+    m.force_joints = joints_of(m.forces);
+    m.instant_joints = joints_of(m.instant_forces);
+    for (auto* list :
+         {&m.element_joints, &m.massless_joints_seen, &m.free_constraint_joints, &m.prescribed_constraint_joints})
+        list->clear();
+    std::ranges::set_union(m.force_joints, joints_of(m.potentials), std::back_inserter(m.element_joints));
+    for (const int joint : m.element_joints)
+        if (joint >= m.n_massive) m.massless_joints_seen.push_back(joint);
+    std::vector<char> free(m.joints.size());  // parents come first
+    for (std::size_t j = 0; j < free.size(); ++j) {
+        free[j] = m.joints[j].parent >= 0 && free[m.joints[j].parent];
+        m.joints[j].each_term([&](int variable, double) { free[j] = free[j] || variable < m.n_dynamic; });
+    }
+    for (const int joint : m.constraint_joints)
+        (free[joint] ? m.free_constraint_joints : m.prescribed_constraint_joints).push_back(joint);
+}
+
 std::vector<int> internal_of(const Mechanism& m, const std::vector<int>& variables) {
     std::vector<int> out;
     for (const int variable : variables) out.push_back(m.internal[variable]);
@@ -143,7 +213,12 @@ int MechanismBuilder::add_direction(int joint, const Vec3<double>& direction) {
 }
 int MechanismBuilder::add_number(double value) { return append(numbers_, value); }
 void MechanismBuilder::set_number(int slot, double value) { numbers_[check_slot(slot)] = value; }
-void MechanismBuilder::set_gravity(const Vec3<double>& g) { gravity_ = g; }
+int MechanismBuilder::set_gravity(const Vec3<double>& g) {
+    gravity_slot_ = add_number(g.x);
+    add_number(g.y);
+    add_number(g.z);
+    return gravity_slot_;
+}
 
 int MechanismBuilder::combination(std::vector<int> variables, std::vector<int> factor_slots) {
     if (variables.empty() || variables.size() != factor_slots.size())
@@ -286,8 +361,10 @@ void MechanismBuilder::order_variables(Mechanism& m) const {
 
 // Everything that may change while the structure stays.
 void MechanismBuilder::set_numbers(Mechanism& m) const {
-    m.gravity = gravity_;
     m.numbers = numbers_;
+    m.gravity_slot = gravity_slot_;
+    const double* g = m.numbers.data() + gravity_slot_;
+    if (gravity_slot_ >= 0) m.gravity = {g[0], g[1], g[2]};
     m.points = points_;
     m.directions = directions_;
     m.joints = joints_;
@@ -299,74 +376,12 @@ void MechanismBuilder::set_numbers(Mechanism& m) const {
     m.fixed_potential = 0;
     for (const auto& [joint, body] : bodies_) {
         if (joint < 0) {
-            m.fixed_potential -= body.mass * dot(gravity_, body.com);
+            m.fixed_potential -= body.mass * dot(m.gravity, body.com);
         } else if (!body.is_empty()) {
             Body& sum = m.bodies[joint];
             sum = sum.is_empty() ? body : merged(sum, body);
         }
     }
-}
-
-void MechanismBuilder::note_coupled_variables(Mechanism& m) const {
-    const auto by_elements = [&](const auto& f) {
-        const auto each = [&](const std::vector<int>& support) {
-            for (const int a : support)
-                for (const int b : support)
-                    if (b < a && a < n_dynamic_) f(a, b);
-        };
-        for (const auto& potential : m.potentials) each(potential->support());
-        for (const auto& force : m.forces) each(force->support());
-    };
-    by_elements([&](int, int) { m.only_tree_couples = false; });
-    if (m.plain && m.only_tree_couples) {
-        // Each variable meets those of the joints above its own: those of the nearest one, and that one itself.
-        std::vector<int> nearest(m.n_massive, -1);  // by joint: its dynamic variable, or that of the next joint above
-        for (int i = 0; i < m.n_massive; ++i) {
-            const Joint& joint = m.joints[i];
-            nearest[i] = joint.parent < 0 ? -1 : nearest[joint.parent];
-            if (joint.variable >= n_dynamic_) continue;
-            if (nearest[i] < 0)
-                m.coupled.add({}, -1);
-            else
-                m.coupled.extend(nearest[i], nearest[i]);
-            nearest[i] = joint.variable;
-        }
-        return;
-    }
-    std::vector<std::vector<int>> earlier(n_dynamic_);
-    const auto meet = [&](int a, int b) {
-        if (a != b && std::max(a, b) < n_dynamic_) earlier[std::max(a, b)].push_back(std::min(a, b));
-    };
-    for (int i = 0; i < m.n_massive; ++i)
-        for (const int j : m.path[i])
-            m.joints[i].each_term([&](int a, double) { m.joints[j].each_term([&](int b, double) { meet(a, b); }); });
-    by_elements(meet);
-    for (std::vector<int>& list : earlier) {
-        std::sort(list.begin(), list.end());
-        list.erase(std::unique(list.begin(), list.end()), list.end());
-    }
-    m.coupled = eliminate(std::move(earlier));
-}
-
-void MechanismBuilder::note_what_elements_see(Mechanism& m) const {
-    std::set<int> by_constraints, by_forces, by_both;
-    for (const auto& constraint : m.constraints)
-        by_constraints.insert(constraint->joints().begin(), constraint->joints().end());
-    for (const auto& force : m.forces) by_forces.insert(force->joints().begin(), force->joints().end());
-    by_both = by_forces;
-    for (const auto& potential : m.potentials) by_both.insert(potential->joints().begin(), potential->joints().end());
-    m.constraint_joints.assign(by_constraints.begin(), by_constraints.end());
-    m.force_joints.assign(by_forces.begin(), by_forces.end());
-    m.element_joints.assign(by_both.begin(), by_both.end());
-    for (const int joint : by_both)
-        if (joint >= m.n_massive) m.massless_joints_seen.push_back(joint);
-    std::vector<char> free(m.joints.size());  // parents come first
-    for (std::size_t j = 0; j < free.size(); ++j) {
-        free[j] = m.joints[j].parent >= 0 && free[m.joints[j].parent];
-        m.joints[j].each_term([&](int variable, double) { free[j] = free[j] || variable < n_dynamic_; });
-    }
-    for (const int joint : m.constraint_joints)
-        (free[joint] ? m.free_constraint_joints : m.prescribed_constraint_joints).push_back(joint);
 }
 
 std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
@@ -403,15 +418,40 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build_like(const Mechanism& o
     const bool alike = other.n_dynamic == n_dynamic_ && other.n_kinematic == n_kinematic_ &&
                        other.n_inputs == n_inputs_ && other.joints.size() == joints_.size() &&
                        other.points.size() == points_.size() && other.directions.size() == directions_.size() &&
-                       other.numbers.size() == numbers_.size() && other.constraints.size() == constraints_.size() &&
+                       other.numbers.size() == numbers_.size() && other.gravity_slot == gravity_slot_ &&
+                       other.constraints.size() == constraints_.size() &&
                        other.potentials.size() == potentials_.size() && other.forces.size() == forces_.size();
+    // Elements hold the factors of the joints that move them.
+    const auto same_factors = [](const Joint& a, const Joint& b) {
+        return a.factor == b.factor && std::ranges::equal(a.more, b.more, {}, &Term::factor, &Term::factor);
+    };
     Mechanism order;  // which joints carry masses, and which coordinates are variables, are structure too
     order.n_massive = count_massive();
     order_variables(order);
-    if (!alike || order.n_massive != other.n_massive || order.external != other.external || order.plain != other.plain)
+    if (!alike || !std::ranges::equal(other.joints, joints_, same_factors) || order.n_massive != other.n_massive ||
+        order.external != other.external || order.plain != other.plain)
         throw std::invalid_argument("the other mechanism is of another structure");
     auto m = std::make_shared<Mechanism>(other);
     set_numbers(*m);
+    return m;
+}
+
+std::shared_ptr<const Mechanism> at_instants(const Mechanism& mechanism, const std::vector<int>& inputs) {
+    const auto late = [&](int input) { return std::ranges::find(inputs, input) != inputs.end(); };
+    auto m = std::make_shared<Mechanism>(mechanism);
+    m->forces.clear();
+    m->joint_forces.clear();
+    for (const auto& force : mechanism.forces) {
+        const std::vector<int>& own = force->inputs();
+        const auto count = std::ranges::count_if(own, late);
+        if (count > 0 && count < std::ssize(own))
+            throw std::invalid_argument("a force has inputs that act at the instants and others");
+        (count > 0 ? m->instant_forces : m->forces).push_back(force);
+    }
+    for (const auto& force : mechanism.joint_forces)
+        (late(force.second) ? m->instant_joint_forces : m->joint_forces).push_back(force);
+    note_coupled_variables(*m);
+    note_what_elements_see(*m);
     return m;
 }
 

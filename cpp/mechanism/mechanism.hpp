@@ -40,6 +40,7 @@ public:
     int n_controls() const { return n_inputs + n_kinematic; }
 
     Vec3<double> gravity;
+    int gravity_slot = -1;  // where its three numbers are; -1: there is none
     int n_massive = 0;
     std::vector<Body> bodies;    // by massive joint
     std::vector<int> external;   // internal variable -> user's
@@ -60,6 +61,9 @@ public:
     std::vector<std::shared_ptr<const GeneralizedForce>> forces;
     std::vector<std::pair<int, int>> damping;       // f_i = -c v_i: variable, slot of c
     std::vector<std::pair<int, int>> joint_forces;  // f_i = u_a: variable, input
+    // Of a mechanism as it was built none of these; see at_instants().
+    std::vector<std::shared_ptr<const GeneralizedForce>> instant_forces;
+    std::vector<std::pair<int, int>> instant_joint_forces;
 
     std::vector<int> massive_joints;  // 0 .. n_massive - 1
     // All joints that constraints look at, ascending; those that a dynamic variable moves, and those that none does.
@@ -67,7 +71,12 @@ public:
     // Massless joints that potentials and forces look at (the others are placed anyway); all that forces look at.
     std::vector<int> massless_joints_seen, force_joints;
     std::vector<int> element_joints;  // all that potentials and forces look at
+    std::vector<int> instant_joints;  // all that forces at the instants look at
 };
+
+// The same mechanism for steps in which the forces of some inputs act at the instants, with none of the velocity, as those
+// of constraints do. Throws std::invalid_argument where a force has such inputs and others.
+std::shared_ptr<const Mechanism> at_instants(const Mechanism& mechanism, const std::vector<int>& inputs);
 
 // The number one, which multiplies at no cost.
 struct One {};
@@ -112,7 +121,7 @@ public:
     void couple_joint(int joint, int variable, double factor);  // one more term of its coordinate
     void add_body(int joint, const Body& body);
     int add_point(int joint, const Vec3<double>& offset);
-    void set_gravity(const Vec3<double>& g);
+    int set_gravity(const Vec3<double>& g);  // slot of its first component
     int add_direction(int joint, const Vec3<double>& direction);
     int add_number(double value);
     void set_number(int slot, double value);
@@ -163,11 +172,9 @@ private:
     void set_numbers(Mechanism& m) const;
     int count_massive() const;
     void order_variables(Mechanism& m) const;
-    void note_coupled_variables(Mechanism& m) const;
-    void note_what_elements_see(Mechanism& m) const;
 
     int n_dynamic_, n_kinematic_, n_inputs_;
-    Vec3<double> gravity_;
+    int gravity_slot_ = -1;
     std::vector<Joint> joints_;
     std::vector<std::pair<int, Body>> bodies_;
     std::vector<Point> points_, directions_;

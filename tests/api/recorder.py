@@ -62,7 +62,11 @@ class Recorder:
         return len(self.points) - 1
 
     def set_gravity(self, g):
+        assert g.shape == (3,)
         self.gravity = g
+        first = len(self.numbers)
+        self.numbers.extend(map(float, g))
+        return first
 
     def add_distance(self, point1, point2, length, variable=-1):
         self.distances.append((point1, point2, length, variable))

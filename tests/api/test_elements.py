@@ -49,21 +49,26 @@ def test_gravity_on_some_frames_is_the_weight_of_their_masses():
     ]
     recorder, values = compiled(la.Gravity((0, -2.0, -9.0), frames=["box", "turned"]), description=description)
     assert values == {
+        "gravity(box, turned).vector.x": 0.0,
+        "gravity(box, turned).vector.y": -2.0,
+        "gravity(box, turned).vector.z": -9.0,
         "gravity(box, turned).mass.box": 3.0,
         "gravity(box, turned).mass.turned": 4.0,
     }
     assert recorder.gravity is None
     box, turned = recorder.elements
     assert box[2] == ("linear", 3.0)
-    for (kind, point, origin, upwards), com in (
+    for (kind, points, directions, variables, tape, vector), com in (
         (box[1], (1.0, 2.0 / 3.0, 0.0)),
         (turned[1], (0.0, 1.0, 0.0)),
     ):
-        assert kind == "component"
+        assert (kind, directions, variables, vector) == ("tape", [], [], (0.0, -2.0, -9.0))
+        (point,) = points
         np.testing.assert_allclose(recorder.points[point][1], com, atol=1e-15)
         assert recorder.points[point][0] == 0
-        assert recorder.points[origin][0] == -1
-        np.testing.assert_array_equal(recorder.directions[upwards][1], [0.0, 2.0, 9.0])
+        value, gradient, _ = tape.evaluate(np.array([0.5, 2.0, 0.1, *vector]), 3)
+        assert value == pytest.approx(2.0 * 2.0 + 9.0 * 0.1)
+        np.testing.assert_array_equal(gradient, [0.0, 2.0, 9.0])
 
 
 def test_partial_gravities_add_up_to_the_whole_one():

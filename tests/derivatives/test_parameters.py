@@ -7,7 +7,8 @@ For a pendulum on a cart the step is written out by hand here, with derivatives 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -17,10 +18,12 @@ import pytest
 from derivatives.differences import extrapolated
 from derivatives.parameter_cases import forces, loops, springs
 from leastaction import mechanics as la
-from leastaction.errors import ArgumentError, StepError
+from leastaction.errors import ArgumentError, DescriptionError, StepError
 from leastaction.mechanics import Mechanism, MidpointVI, State, Trajectory, rx
 from leastaction.mechanics.discrete.midpoint import Split
 from leastaction.mechanics.discrete.sensitivity import momentum_by
+from leastaction.mechanics.elements import kinds
+from leastaction.mechanics.elements.base import Element
 
 DT = 0.1
 MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -124,6 +127,8 @@ def test_what_the_mechanisms_hold() -> None:
         *("damper.coefficient", "air.exponent", "air.wind.y", "tendon.gain"),
         *("body.fx", "body.tz", "hybrid.fy", "spatial.tx"),
         *("rod.length", "rope.length", "gear.offset", "gear.factors.a", "user.slope"),
+        *("gravity.vector.x", "gravity.vector.y", "some.vector.z"),
+        *("hand.factor.e", "hand.factor.d", "hand.offset", "nut.pitch"),  # of joints
     }
     for name in MAKERS:
         c, names = case(name), parameters_of(name)
@@ -141,6 +146,55 @@ def test_what_the_mechanisms_hold() -> None:
             *(f"other.inertia.{e}" for e in MOMENTS if e != "yy"),
             "other.com.y",
         }
+
+
+def elements_of(kind: type[Element]) -> Iterator[type[Element]]:
+    for found in kind.__subclasses__():
+        yield from elements_of(found)
+        yield found
+
+
+def test_the_numbers_that_are_no_parameters() -> None:
+    """Of elements those of which `docs/mechanisms.md` says so, and no others; nor are the axes of joints."""
+    held = {
+        f"{element.__name__}.{field.name}"
+        for element in elements_of(Element)
+        for field in dataclasses.fields(element)
+        if element.__module__.startswith("leastaction.")
+        and isinstance(field.metadata.get("kind"), kinds.Axis | kinds.Rotation | kinds.SmoothCurve)
+    }
+    assert held == {
+        *("TorsionalSpring.axis", "Motor.axis", "HingeLoop.axis", "PointOnLine.direction", "PointOnPlane.normal"),
+        "FixedOrientation.rotation",
+        *("NonlinearSpring.force", "TendonForce.force_length", "TendonForce.force_velocity"),
+    }
+    for make in MAKERS.values():
+        m = make()
+        numbers = {f"{name}.{number}" for name, element in m.elements.items() for number in element.numbers}
+        # The damping of all variables that have none of their own is the parameter of each; a string that pushes too
+        # has nothing to smooth, and a spring without a length another law.
+        assert numbers - set(m.parameters) <= {"damping.default", "both_ways.smoothing", "tie.length"}
+        for placed in m.tree.frames[1:]:
+            frame, own = placed.frame, {p for p in m.parameters if p.startswith(f"{placed.name}.")}
+            if frame.transform == "screw":
+                assert f"{placed.name}.pitch" in own
+            if frame.coordinate is not None and not frame.coordinate.plain:
+                wanted = {f"factor.{name}" for name in frame.variables} | {"offset"} if frame.variables else {"value"}
+                assert {f"{placed.name}.{field}" for field in wanted} <= own
+
+
+def test_factors_that_cannot_be() -> None:
+    m = springs()
+    with pytest.raises(DescriptionError, match="frame 'hand': the factor of 'e' is 0"):
+        m.with_parameters({"hand.factor.e": 0.0})
+    turned = m.with_parameters({"nut.pitch": -0.2, "hand.offset": 0.1})
+    assert (turned.parameters["nut.pitch"], turned.parameters["hand.offset"]) == (pytest.approx(-0.2), 0.1)
+    assert "-0.2 m/rad" in str(turned)
+    plain = Mechanism([rx(2.0 * la.var("a"), name="wheel", mass=1.0, inertia=(1.0, 1.0, 1.0))])
+    once = plain.with_parameters({"wheel.factor.a": 1.0})  # of another structure: a coordinate that is a variable
+    assert once.core.n_joints == 1
+    assert "wheel.factor.a" not in once.parameters
+    assert once.mass_matrix([0.3])[0, 0] == pytest.approx(1.0)
 
 
 def test_bodies_on_one_frame_add_up() -> None:

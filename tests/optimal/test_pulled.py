@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import pickle
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from leastaction import (
+    Damping,
     Distance,
+    ExpressionForce,
     Gravity,
     JointForce,
     Mechanism,
     MidpointSystem,
     MidpointVI,
     TendonForce,
+    optimize,
     rx,
     ry,
     tx,
@@ -20,6 +26,10 @@ from leastaction import (
     tz,
 )  # fmt: skip
 from leastaction.errors import ArgumentError
+from leastaction.mechanics import expressions as ex
+from leastaction.mechanics.discrete.midpoint import Split
+from leastaction.optimal import Parameter, QuadraticCost, Status
+from leastaction.optimal.discrete.system import FINAL_TIME
 from leastaction.systems import PulledSystem
 
 ARM = [
@@ -121,6 +131,163 @@ def test_derivatives(k: int) -> None:
     np.testing.assert_allclose(whole.curvature(weights)[k], H, atol=1e-12)
 
 
+# ---- Parameters and time ------------------------------------------------------------------------------
+
+ANGLE = ex.variable("c")
+GRIP = ex.input_("grip") * (ex.parameter("lever", 0.3) + 0.1 * ANGLE**2) + 0.05 * ex.input_("grip") ** 2
+PUSH = ex.parameter("push", 0.4) * (1.0 + ANGLE**2)
+
+
+def held_by_all_kinds(split: Split) -> PulledSystem:
+    """Forces at the instants of every kind, which depend on numbers, places and inputs; others act in the middle."""
+    arm = Mechanism(
+        ARM,
+        [
+            Gravity((0.0, 0.5, -9.8)),
+            TendonForce(("elbow", "end1"), "T1", 1.3, name="first"),
+            JointForce("a", "shoulder"),
+            JointForce("c", "motor"),
+            ExpressionForce(GRIP, "c", name="hold"),
+            ExpressionForce(PUSH, "b", name="pushing"),
+            Damping(0.1),
+        ],
+        kinematic=ENDS,
+    )
+    steps = 0.01 * (1.0 + 0.2 * np.sin(np.arange(8)))
+    t = 0.5 + np.concatenate([[0.0], np.cumsum(steps)])
+    return PulledSystem(MidpointVI(arm, split=split, threads=1), t, at_instants=["T1", "shoulder", "grip"])
+
+
+def motion(system: PulledSystem) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(3)
+    N, nx, nu, inputs = system.N, system.nx, system.nu, system.integrator.mechanism.n_inputs
+    x0 = np.array([0.3, 0.2, 0.4, 0.0, 0.1, 0.1, 0.3, *rng.normal(size=3, scale=0.1), *np.zeros(4)])
+    u = np.zeros((N, nu))
+    u[:, :inputs] = rng.uniform(1.0, 3.0, size=(N, inputs))
+    u[:, inputs:] = x0[3:7] + 0.05 * np.sin(8.0 * (system.t[1:, None] - 0.5) + np.arange(4))
+    done = system.rollout(x0, np.zeros((N + 1, nx)), u, np.zeros((N, nu, nx)), 0, N)
+    assert done.complete
+    return done.x, u
+
+
+@pytest.mark.parametrize("split", get_args(Split))
+def test_all_kinds_of_forces_at_the_instants(split: Split) -> None:
+    """The step from its own equations: what acts at the start is added to the momentum, and nothing else is."""
+    system = held_by_all_kinds(split)
+    m = system.integrator.mechanism
+    x, u = motion(system)
+    plain = MidpointSystem(MidpointVI(m, split=split, threads=1), system.t)
+    late = [m.inputs.index(name) for name in system.at_instants]
+    still, nothing = np.zeros(m.nq), np.zeros(m.n_inputs)
+    for k in range(system.N):
+        at_start, rest, kicked = nothing.copy(), u[k].copy(), x[k].copy()
+        at_start[late], rest[late] = u[k, late], 0.0
+        q, share = np.ascontiguousarray(x[k, : m.nq]), np.diff(system.t)[k] * (0.5 if k == 0 else 1.0)
+        # Less the force that no input makes, which acts in the middle as ever.
+        force = m.core.force(q, still, at_start) - m.core.force(q, still, nothing)
+        kicked[m.nq : m.nq + m.nd] += share * force[: m.nd]
+        np.testing.assert_allclose(system.f(x[k], u[k], k), plain.f(kicked, rest, k), rtol=1e-12, atol=1e-13)
+
+
+NAMES = ["elbow.mass", "hand.com.y", "elbow.value", "first.gain", "hold.lever", "pushing.push", "damping.b", FINAL_TIME]
+
+
+@pytest.mark.parametrize("split", get_args(Split))
+@pytest.mark.parametrize("start", [0, 3])
+def test_derivatives_by_parameters_and_the_final_time(split: Split, start: int) -> None:
+    system = held_by_all_kinds(split)
+    x, u = motion(system)
+    part = slice(start, None)
+    found = system.differentiate_by(x[part], u[part], NAMES, start)
+    z = np.random.default_rng(1).normal(size=(system.N - start, system.nx))
+    second = system.curvature_by_final_time(x[part], u[part], z, start)
+    for column, name in enumerate(NAMES):
+        value = system.parameters[name]
+        h = 1e-4 * max(abs(value), 0.1)
+
+        def steps(by: float, name: str = name, value: float = value) -> np.ndarray:
+            other = system.with_parameters({name: value + by})
+            return np.array([other.f(x[k], u[k], k) for k in range(start, system.N)])
+
+        wanted = (8.0 * (steps(h) - steps(-h)) - (steps(2.0 * h) - steps(-2.0 * h))) / (12.0 * h)
+        np.testing.assert_allclose(found[:, :, column], wanted, atol=2e-9, err_msg=name)
+    h, end = 1e-4, system.parameters[FINAL_TIME]
+
+    def slopes(by: float) -> np.ndarray:
+        other = system.with_parameters({FINAL_TIME: end + by})
+        rows = []
+        for k in range(start, system.N):
+            A, B = other.derivatives(x[k], u[k], k)
+            pair = np.stack([x[k], other.f(x[k], u[k], k)])
+            by_time = other.differentiate_by(pair, u[k : k + 1], [FINAL_TIME], k)[0, :, 0]
+            rows.append(np.concatenate([z[k - start] @ A, z[k - start] @ B, [z[k - start] @ by_time]]))
+        return np.array(rows)
+
+    wanted = (8.0 * (slopes(h) - slopes(-h)) - (slopes(2.0 * h) - slopes(-2.0 * h))) / (12.0 * h)
+    np.testing.assert_allclose(second, wanted, atol=1e-6 * max(1.0, np.abs(wanted).max()))
+
+
+@pytest.mark.parametrize("split", get_args(Split))
+def test_second_derivatives_of_all_kinds(split: Split) -> None:
+    system = held_by_all_kinds(split)
+    x, u = motion(system)
+    z, h = np.random.default_rng(2).normal(size=system.nx), 1e-4
+    for k in (0, 5):
+        y = np.concatenate([x[k], u[k]])
+
+        def slope(y: np.ndarray, k: int = k) -> np.ndarray:
+            A, B = system.derivatives(y[: system.nx], y[system.nx :], k)
+            return np.concatenate([z @ A, z @ B])
+
+        columns = []
+        for e in h * np.eye(len(y)):
+            near, far = slope(y + e) - slope(y - e), slope(y + 2.0 * e) - slope(y - 2.0 * e)
+            columns.append((8.0 * near - far) / (12.0 * h))
+        wanted = np.stack(columns, axis=1)
+        np.testing.assert_allclose(system.curvature(x[k], u[k], k, z), wanted, atol=1e-8 * np.abs(wanted).max())
+
+
+def test_unknown_numbers_are_found_with_the_forces_at_the_instants() -> None:
+    """What they would be in the middle makes another motion: the mass that made this one is found again."""
+    system, x, u = pulled()
+    cost = QuadraticCost(x, u, Q=np.ones(14), R=np.full(7, 1e-3))
+    guess = system.with_parameters({"elbow.mass": 0.8})
+    assert guess.at_instants == system.at_instants
+    found = optimize(guess, cost, initial=(x, u), unknowns=[Parameter("elbow.mass", 0.1, 2.0)])
+    assert found.status is Status.CONVERGED, found.message
+    assert found.unknowns["elbow.mass"] == pytest.approx(0.5, abs=1e-7)
+
+
+# ---- Systems made of others ---------------------------------------------------------------------------
+
+
+def test_windows_and_copies_keep_what_they_are() -> None:
+    system, x, u = pulled()
+    z = np.random.default_rng(0).normal(size=(30, 14))
+    whole = system.linearize(x, u)
+    for start, stop in ((0, 9), (4, 30)):
+        part = system.window(start, stop)
+        assert type(part) is PulledSystem
+        assert part.time(0) == system.time(start)
+        own = part.linearize(x[start : stop + 1], u[start:stop])
+        np.testing.assert_array_equal(own.A, whole.A[start:stop])
+        np.testing.assert_array_equal(own.B, whole.B[start:stop])
+        np.testing.assert_array_equal(own.curvature(z[start:stop]), whole.curvature(z)[start:stop])
+        np.testing.assert_array_equal(part.f(x[start], u[start], 0), system.f(x[start], u[start], start))
+    again = pickle.loads(pickle.dumps(system))
+    assert (type(again), again.at_instants, again.first_share) == (PulledSystem, ("T1", "T2"), 0.5)
+    np.testing.assert_array_equal(again.linearize(x, u).A, whole.A)
+    # Each step from its own state, as a start with gaps asks for it.
+    made = system.step_each(x, u)
+    np.testing.assert_allclose(made.x, x[1:], atol=1e-11)
+    each = system.linearize_each(x, u, made.x)
+    np.testing.assert_allclose(each.A, whole.A, atol=1e-10)
+    np.testing.assert_allclose(each.curvature(z), whole.curvature(z), atol=1e-10)
+    later = system.with_parameters({FINAL_TIME: 0.6})
+    assert (type(later), later.at_instants, later.first_share) == (PulledSystem, ("T1", "T2"), 0.5)
+    assert later.time(30) == 0.6
+
+
 def test_a_roll_out_is_that_of_single_steps_and_tells_of_failure() -> None:
     system, x, u = pulled()
     K = 0.1 * np.random.default_rng(1).normal(size=(30, 7, 14))
@@ -144,5 +311,10 @@ def test_what_it_refuses() -> None:
     held = arm.with_elements([Distance("elbow", "hand", 0.3, name="rod")])
     with pytest.raises(ArgumentError, match="has 1 constraints, expected none"):
         PulledSystem(MidpointVI(held), T, at_instants=["T1"])
+    both = arm.with_elements([ExpressionForce(ex.input_("T1") * ex.input_("more"), "c", name="mixed")])
+    with pytest.raises(
+        ArgumentError, match=r"at_instants: 'mixed' has the inputs \['T1'\] at the instants and \['more'\]"
+    ):
+        PulledSystem(MidpointVI(both), T, at_instants=["T1"])
     plain = MidpointSystem(MidpointVI(arm), T)
     assert plain.nu == by_tension().nu

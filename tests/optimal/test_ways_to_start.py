@@ -325,9 +325,17 @@ def test_a_window_of_a_mechanism_is_one(rng):
         np.testing.assert_array_equal(mine, theirs[4:15])
 
     class Own(MidpointSystem):
-        pass
+        """One that gives more than it takes."""
 
-    assert type(Own(system.integrator, system.t).window(4, 15)) is WindowSystem
+        def f(self, x, u, k):
+            return 2.0 * super().f(x, u, k) + self.time(k)
+
+    own = Own(system.integrator, system.t)
+    later = own.window(4, 15)
+    assert type(later) is Own
+    np.testing.assert_array_equal(later.f(run.x[6, : own.nx], u[6], 2), own.f(run.x[6, : own.nx], u[6], 6))
+    heavier = own.with_parameters({"final time": 0.8})
+    assert (type(heavier), heavier.time(20)) == (Own, 0.8)
     for start, stop in ((3, 3), (-1, 4), (10, 21)):
         for make in (system.window, CartPendulum(20).window):
             with pytest.raises(ArgumentError, match="window: got the steps"):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -54,6 +56,7 @@ class MidpointSystem(DiscreteSystem):
         self.nx = m.nx + (m.nc if multipliers else 0)
         self.nu = m.n_inputs + m.nrho
         self.N = len(self.t) - 1
+        self.first_share = 1.0
 
     def when(self, k: int) -> str:
         """Return how to speak of step k in messages."""
@@ -66,10 +69,8 @@ class MidpointSystem(DiscreteSystem):
 
     def window(self, start: int, stop: int) -> DiscreteSystem:
         """Return the steps ``start .. stop-1`` as a system of their own."""
-        if type(self) is not MidpointSystem:
-            return super().window(start, stop)
         check_window(start, stop, self.N)
-        return MidpointSystem(self.integrator, self.t[start : stop + 1], multipliers=self.multipliers)
+        return self._remade(self.integrator, self.t[start : stop + 1], self._share(start))
 
     def refined(self, parts: int) -> DiscreteSystem | None:
         """Return the same system with every step made in so many parts."""
@@ -146,7 +147,7 @@ class MidpointSystem(DiscreteSystem):
         """Those of the mechanism, and the final time (s)."""
         return {**self.integrator.mechanism.parameters, FINAL_TIME: float(self.t[-1])}
 
-    def with_parameters(self, values: Mapping[str, float]) -> MidpointSystem:
+    def with_parameters(self, values: Mapping[str, float]) -> Self:
         """Return the same system with other values of some parameters; its time steps grow with the final time.
 
         Raises
@@ -163,17 +164,18 @@ class MidpointSystem(DiscreteSystem):
             t = t[0] + (t - t[0]) * ((end - t[0]) / (t[-1] - t[0]))
         if numbers:
             integrator = integrator.like(integrator.mechanism.with_parameters(numbers))
-        return MidpointSystem(integrator, t, multipliers=self.multipliers)
+        return self._remade(integrator, t, self.first_share)
 
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
         """Return the exact derivatives (n, nx, len(names)) of steps along a trajectory by parameters."""
         bare, t = self._bare(x), self.t[start : start + len(x)]
         out = np.empty((len(u), self.nx, len(names)))
         numbers = [name for name in names if name != FINAL_TIME]
-        found = [(numbers, steps_by(self.integrator, t, bare, u, numbers), 1.0)] if numbers else []
+        vi, share = self.integrator, self._share(start)
+        found = [(numbers, steps_by(vi, t, bare, u, numbers, first_share=share), 1.0)] if numbers else []
         if FINAL_TIME in names:
             growth = np.diff(t)[:, None, None] / (self.t[-1] - self.t[0])
-            found.append(([FINAL_TIME], by_time_step(self.integrator, t, bare, u), growth))
+            found.append(([FINAL_TIME], by_time_step(vi, t, bare, u, first_share=share), growth))
         for of, slopes, factor in found:
             columns = [list(names).index(name) for name in of]
             rows = slopes.x if not self.multipliers else np.concatenate([slopes.x, slopes.lam], axis=1)
@@ -183,7 +185,8 @@ class MidpointSystem(DiscreteSystem):
     def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array:
         """Return the exact second derivatives by the final time; see `DiscreteSystem`."""
         t, m = self.t[start : start + len(x)], self.integrator.mechanism
-        found = self.integrator.core.curvature_by_time_step(t, self._bare(x), u, z, threads=self.integrator.threads)
+        vi, share = self.integrator, self._share(start)
+        found = vi.core.curvature_by_time_step(t, self._bare(x), u, z, threads=vi.threads, first_share=share)
         growth = np.diff(t)[:, None] / (self.t[-1] - self.t[0])
         out = np.zeros((len(u), self.nx + self.nu + 1))
         out[:, : m.nx], out[:, self.nx :] = found[:, : m.nx] * growth, found[:, m.nx :] * growth
@@ -227,7 +230,7 @@ class MidpointSystem(DiscreteSystem):
         """Return the next state (nx,); `StepError` where the step has no solution."""
         m = self.integrator.mechanism
         full, x = x, np.ascontiguousarray(x[: m.nx])
-        out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None)
+        out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None, first_share=self._share(k))
         if out.steps < 1:
             nothing = np.empty((0, m.nc))
             state = self.integrator.trajectory(self.t[k : k + 1], x[None, :], u[None, :][:0], nothing).last
@@ -256,6 +259,7 @@ class MidpointSystem(DiscreteSystem):
             self._bare(xbar[start : stop + 1]),
             ubar[start:stop],
             np.ascontiguousarray(K[start:stop, :, : m.nx]),
+            first_share=self._share(start),
         )
         done = out.steps
         failure = None
@@ -274,15 +278,15 @@ class MidpointSystem(DiscreteSystem):
                 f"out: got a linearization with the memory {type(memory).__name__}, expected one that this "
                 "system returned"
             )
-        d = self._linearize(self.t, x, u, memory)
+        d = self._linearize(self.t, x, u, self.first_share, memory)
         return Linearization(d.A_all, d.B_all, d.curvature_all, d)
 
     def step_each(self, x: Array, u: Array) -> Rollout:
         """Make every step of a curve from its own state; see `DiscreteSystem`."""
-        if type(self) is not MidpointSystem:
+        if type(self).f is not MidpointSystem.f:
             return super().step_each(x, u)
         m = self.integrator.mechanism
-        out = self.integrator.core.step_each(self.t, self._bare(x), u, self.integrator.threads)
+        out = self.integrator.core.step_each(self.t, self._bare(x), u, self.integrator.threads, self.first_share)
         worst = quality_of(m, out, self.t)
         failure = None if out.steps == self.N else self._failure(out.status, worst, out.steps)
         ends = np.hstack([out.x, out.lam]) if self.multipliers else out.x
@@ -291,10 +295,15 @@ class MidpointSystem(DiscreteSystem):
 
     def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
         """Return the derivatives along a curve whose steps lead to `ends`; see `DiscreteSystem`."""
-        if type(self) is not MidpointSystem:
+        if type(self).derivatives is not MidpointSystem.derivatives:
             return super().linearize_each(x, u, ends)
         d = self.integrator.linearize_arrays(
-            self.t, self._bare(x), u, multipliers=self.multipliers, ends=self._bare(ends)
+            self.t,
+            self._bare(x),
+            u,
+            multipliers=self.multipliers,
+            ends=self._bare(ends),
+            first_share=self.first_share,
         )
         return Linearization(d.A_all, d.B_all, d.curvature_all, d)
 
@@ -305,7 +314,7 @@ class MidpointSystem(DiscreteSystem):
     def trajectory(self, x: Array, u: Array) -> Trajectory:
         """Return states (N+1, nx) and inputs (N, nu) of this system as a `Trajectory`, multipliers and all."""
         x = self._bare(x)
-        lam = self.integrator.linearize_arrays(self.t, x, u).lam
+        lam = self._linearize(self.t, x, u, self.first_share).lam
         return self.integrator.trajectory(self.t, x, u, lam)
 
     def _failure(self, status: StepStatus, worst: StepQuality | None, k: int) -> str:
@@ -318,10 +327,28 @@ class MidpointSystem(DiscreteSystem):
         return failure
 
     def _step(self, x: Array, u: Array, k: int) -> StepDerivatives:
-        return self._linearize(self.t[k : k + 2], np.stack([x, self.f(x, u, k)]), u[None, :])
+        return self._linearize(self.t[k : k + 2], np.stack([x, self.f(x, u, k)]), u[None, :], self._share(k))
 
-    def _linearize(self, t: Array, x: Array, u: Array, out: StepDerivatives | None = None) -> StepDerivatives:
-        return self.integrator.linearize_arrays(t, self._bare(x), u, multipliers=self.multipliers, out=out)
+    def _linearize(
+        self, t: Array, x: Array, u: Array, first_share: float, out: StepDerivatives | None = None
+    ) -> StepDerivatives:
+        return self.integrator.linearize_arrays(
+            t, self._bare(x), u, multipliers=self.multipliers, out=out, first_share=first_share
+        )
+
+    def _remade(self, integrator: MidpointVI, t: Array, first_share: float) -> Self:
+        """Return the same system with another integrator or other times.
+
+        A subclass that holds more than those, such as values by step, overrides it.
+        """
+        other = copy(self)
+        other.integrator, other.t, other.N = integrator, t, len(t) - 1
+        other.first_share = first_share
+        return other
+
+    def _share(self, k: int) -> float:
+        """Return the part of step k for which forces at the instants act at its start."""
+        return self.first_share if k == 0 else 1.0
 
     def _bare(self, x: Array) -> Array:
         """Return states without multipliers."""

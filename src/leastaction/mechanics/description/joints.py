@@ -114,9 +114,14 @@ def screw(
     """
     w, p = _unit(axis, "screw"), as_array(point, "screw: point", (3,), error=DescriptionError)
     h = as_number(pitch, "screw: pitch (m per radian)", error=DescriptionError)
-    detail = f"{_line(w, p)}, {h:.6g} m/rad"
+    detail = screw_detail(_line(w, p), h)
     v = _moment(p, w, "screw") + h * w
     return moving("screw", _twist(v, w, "screw"), value, detail=detail, **options)
+
+
+def screw_detail(line: str, pitch: float) -> str:
+    """Return what describes a screw beside its coordinate, with the axis in words (m/rad)."""
+    return f"{line}, {pitch:.6g} m/rad"
 
 
 def prismatic(value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]) -> Frame:

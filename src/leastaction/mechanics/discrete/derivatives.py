@@ -48,6 +48,7 @@ def linearize_arrays(
     multipliers: bool = False,
     out: StepDerivatives | None = None,
     ends: Array | None = None,
+    first_share: float = 1.0,
 ) -> StepDerivatives:
     """Differentiate every step along arrays, in the memory of `out` if there is one.
 
@@ -62,7 +63,7 @@ def linearize_arrays(
             f"out: got derivatives of {out.steps} steps of {out.A_all.shape[1]} states, by {out.mechanism!r}; "
             f"expected such of {N} steps of {m.nx + m.nc * multipliers} states by this integrator itself"
         )
-    k = out.core.along(t, x, u, vi.threads, ends)
+    k = out.core.along(t, x, u, vi.threads, ends, first_share)
     if k < N:
         raise StepError(
             f"linearize: step {k} at t = {t[k]:.6g} s has no solution near the given next state; "

@@ -18,7 +18,14 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction import _core
-from leastaction.errors import ArgumentError, CoarseStepWarning, InconsistentStartError, StepError, worst_first
+from leastaction.errors import (
+    ArgumentError,
+    CoarseStepWarning,
+    InconsistentStartError,
+    StepError,
+    closest,
+    worst_first,
+)
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
@@ -70,11 +77,15 @@ class MidpointVI(Integrator):
         Newton iterations after which a step counts as failed.
     threads : int, optional
         Threads for derivatives over a trajectory; 0: as many as there are cores.
+    at_instants : sequence of str, optional
+        Inputs whose forces act at the instants, as those of constraints do: ``dt f(q_1, 0, u)`` is added to the
+        momentum at the start of a step. See `PulledSystem`.
 
     Raises
     ------
     ArgumentError
-        For an unknown split, or a tolerance or count out of range.
+        For an unknown split, a tolerance or count out of range, an unknown input, or an element of which some inputs
+        act at the instants and others do not.
     """
 
     def __init__(
@@ -85,6 +96,7 @@ class MidpointVI(Integrator):
         tolerance: float = 1e-13,
         max_iterations: int = 50,
         threads: int = 0,
+        at_instants: Sequence[str] = (),
     ) -> None:
         if split not in ("symmetric", "left"):
             raise ArgumentError(f"split: got {split!r}, expected 'symmetric' or 'left'")
@@ -96,23 +108,27 @@ class MidpointVI(Integrator):
         self.threads = as_count(threads, "threads", 0)
         steps = as_count(max_iterations, "max_iterations", 1)
         self.max_iterations = steps
+        self.at_instants = _checked_instants(mechanism, at_instants)
         self._watch = SingularityWatch(mechanism.balls, mechanism.variables)
-        self.core = _core.Midpoint(mechanism.core, _core.Split[split], self.tolerance, steps)
+        late = [mechanism.inputs.index(name) for name in self.at_instants]
+        self.core = _core.Midpoint(mechanism.core, _core.Split[split], self.tolerance, steps, at_instants=late)
 
     def like(self, mechanism: Mechanism) -> MidpointVI:
         """Return an integrator of another mechanism with the same settings."""
-        return MidpointVI(
-            mechanism,
-            split=self.split,
-            tolerance=self.tolerance,
-            max_iterations=self.max_iterations,
-            threads=self.threads,
-        )
+        return MidpointVI(mechanism, **self._settings)
+
+    def with_instants(self, inputs: Sequence[str]) -> MidpointVI:
+        """Return the same integrator with other inputs whose forces act at the instants."""
+        return MidpointVI(self.mechanism, **{**self._settings, "at_instants": inputs})
+
+    @property
+    def _settings(self) -> dict[str, Any]:
+        names = ("split", "tolerance", "max_iterations", "threads", "at_instants")
+        return {name: getattr(self, name) for name in names}
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The core is made again from the settings, in a worker process too.
-        settings = {name: getattr(self, name) for name in ("split", "tolerance", "max_iterations", "threads")}
-        return partial(MidpointVI, self.mechanism, **settings), ()
+        return partial(MidpointVI, self.mechanism, **self._settings), ()
 
     # Starts
 
@@ -176,8 +192,8 @@ class MidpointVI(Integrator):
             check_consistent(m, q)
         h = as_time_step(dt)
         u = self._inputs(inputs)
-        _, p = self.core.momenta(first, second, u, h)
-        return State(as_number(t, "t"), second.copy(), p, (second - first)[m.nd :] / h)
+        _, p = self.core.momenta(first, second, u, h, h)
+        return State(as_number(t, "t"), second.copy(), p[: m.nd], (second - first)[m.nd :] / h)
 
     # Motion
 
@@ -412,13 +428,17 @@ class MidpointVI(Integrator):
         multipliers: bool = False,
         out: StepDerivatives | None = None,
         ends: Array | None = None,
+        first_share: float = 1.0,
     ) -> StepDerivatives:
         """Return the derivatives along states x (N+1, nx) and inputs u (N, n_inputs + nrho) at times t.
 
         The next states may be off; then the derivatives are those of the steps near them, or of those that lead to
-        `ends` (N, nx). See `linearize`.
+        `ends` (N, nx). ``first_share``: the part of the first step for which forces at the instants act at its start.
+        See `linearize`.
         """
-        return differentiate.linearize_arrays(self, t, x, u, multipliers=multipliers, out=out, ends=ends)
+        return differentiate.linearize_arrays(
+            self, t, x, u, multipliers=multipliers, out=out, ends=ends, first_share=first_share
+        )
 
     def curvature(
         self,
@@ -699,3 +719,18 @@ class MidpointVI(Integrator):
                 as_array(state.v_rho, "state.v_rho", (m.nrho,), names=m.kinematic),
             ]
         )
+
+
+def _checked_instants(mechanism: Mechanism, names: Sequence[str]) -> tuple[str, ...]:
+    for name in names:
+        if name not in mechanism.inputs:
+            raise ArgumentError(f"at_instants: got {name!r}; {closest(name, mechanism.inputs, what='inputs')}")
+    late = set(names)
+    for label, element in mechanism.elements.items():
+        own = set(element.uses.inputs)
+        if own & late and own - late:
+            raise ArgumentError(
+                f"at_instants: {label!r} has the inputs {sorted(own & late)} at the instants and {sorted(own - late)} "
+                "not; the force of one element acts in one place, so give all of its inputs or none"
+            )
+    return tuple(dict.fromkeys(names))

@@ -15,7 +15,15 @@ from leastaction.mechanics.discrete.derivatives import linearize, linearize_arra
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.parameters import BodyNumber, ElementNumber, Length, Place, inertia_slope
+from leastaction.mechanics.mechanism.parameters import (
+    BodyNumber,
+    ElementNumber,
+    JointNumber,
+    Length,
+    Place,
+    Prescribed,
+    inertia_slope,
+)
 from leastaction.numerics.arrays import Array, as_array
 
 _ROUNDING = 1e-9  # of a constraint's derivative, relative to its terms
@@ -97,34 +105,37 @@ def sensitivity(
     return Sensitivity(steps.names, x, d.lam_dx @ x[:-1] + steps.lam)
 
 
-def steps_by(vi: Integrator, t: Array, x: Array, u: Array, names: Sequence[str]) -> StepSensitivity:
+def steps_by(
+    vi: Integrator, t: Array, x: Array, u: Array, names: Sequence[str], *, first_share: float = 1.0
+) -> StepSensitivity:
     """Differentiate every step along arrays of a trajectory, which are not checked, by parameters.
 
     Numbers of elements are differentiated by one dual evaluation each, inertias through the linearity of
-    the Lagrangian in them, and lengths as what they are: prescribed variables that do not move.
+    the Lagrangian in them, lengths as what they are: prescribed variables that do not move, and numbers of joints as
+    prescribed motions. ``first_share``: the part of the first step for which forces at the instants act at its start.
     """
     m = vi.mechanism
     places = m.parameter_places(names)
     by_x = np.zeros((len(u), m.nx, len(places)))
     by_lam = np.zeros((len(u), m.nc, len(places)))
-    lengths = {name: place for name, place in places.items() if isinstance(place, Length)}
+    lengths = {name: place for name, place in places.items() if isinstance(place, Prescribed)}
     columns = {name: column for column, name in enumerate(places)}
     if lengths:
         chosen = [columns[name] for name in lengths]
-        by_x[:, :, chosen], by_lam[:, :, chosen] = _by_lengths(vi, t, x, u, lengths)
+        by_x[:, :, chosen], by_lam[:, :, chosen] = _by_lengths(vi, t, x, u, lengths, first_share)
     others = {name: place for name, place in places.items() if name not in lengths}
     if others:
         directions, inertias = _directions(m, others)
-        out = vi.core.by_parameters(t, x, u, directions, inertias, threads=vi.threads)
+        out = vi.core.by_parameters(t, x, u, directions, inertias, threads=vi.threads, first_share=first_share)
         chosen = [columns[name] for name in others]
         by_x[:, :, chosen], by_lam[:, :, chosen] = out.x, out.lam
     return StepSensitivity(tuple(places), by_x, by_lam)
 
 
-def by_time_step(vi: Integrator, t: Array, x: Array, u: Array) -> StepSensitivity:
+def by_time_step(vi: Integrator, t: Array, x: Array, u: Array, *, first_share: float = 1.0) -> StepSensitivity:
     """Differentiate every step along arrays by its length, its start, its inputs and its prescribed end held."""
     nothing = np.zeros((1, len(vi.mechanism.core.numbers)))
-    out = vi.core.by_parameters(t, x, u, nothing, [], time_step=0, threads=vi.threads)
+    out = vi.core.by_parameters(t, x, u, nothing, [], time_step=0, threads=vi.threads, first_share=first_share)
     return StepSensitivity(("dt",), out.x, out.lam)
 
 
@@ -134,8 +145,8 @@ def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str]
     free = free_variables(m, hold or ())
     # A step of a mechanism at rest ends where the constraints are, whatever they depend on.
     dt, none = 1e-2, np.zeros(m.n_inputs)
-    p, _ = vi.core.momenta(q, q, none, dt)
-    still = np.tile(np.concatenate([q, p, np.zeros(m.nrho)]), (2, 1))
+    p, _ = vi.core.momenta(q, q, none, dt, dt)
+    still = np.tile(np.concatenate([q, p[: m.nd], np.zeros(m.nrho)]), (2, 1))
     inputs = np.concatenate([none, q[m.nd :]])[None, :]
     dq = steps_by(vi, np.array([0.0, dt]), still, inputs, names).x[0, : m.nd]
     C = m.constraint_jacobian(q).reshape(m.nc, m.nq)[:, : m.nd]
@@ -250,18 +261,22 @@ def momentum_by(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, names:
     q0 = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
     v0 = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
     out = np.zeros((mechanism.nd, len(places)))
-    lengths = {name: place for name, place in places.items() if isinstance(place, Length)}
+    lengths = {name: place for name, place in places.items() if isinstance(place, Prescribed)}
     if lengths:
+        nq = mechanism.nq
         freed = mechanism.with_free_lengths(_as_variables(mechanism, lengths))
-        values = [mechanism.parameters[name] for name in lengths]
-        _, by_q, _ = freed.core.hessian(np.append(q0, values), np.append(v0, np.zeros(len(lengths))))
+        q, v = np.append(q0, _held(mechanism, lengths)), np.append(v0, np.zeros(len(lengths)))
+        _, by_q, by_v = freed.core.hessian(q, v)
+        factors, constant = _growth(mechanism, lengths)
+        by = by_q[:nq, nq:] * (factors @ q0 + constant) + by_v[:nq, nq:] * (factors @ v0)
+        by += factors.T * freed.momentum(q, v)[nq:]
     for column, (name, place) in enumerate(places.items()):
         if isinstance(place, BodyNumber):
             joint, slope = inertia_slope(mechanism.tree, place)
             if joint != WORLD:
                 out[:, column] = mechanism.core.inertia_slope(q0, v0, joint, list(slope))[1][: mechanism.nd]
-        elif isinstance(place, Length):
-            out[:, column] = by_q[: mechanism.nd, mechanism.nq + list(lengths).index(name)]
+        elif isinstance(place, Prescribed):
+            out[:, column] = by[: mechanism.nd, list(lengths).index(name)]
     return out
 
 
@@ -292,8 +307,8 @@ def _refuse_partial_gravity(m: Mechanism, name: str, place: BodyNumber) -> None:
             )
 
 
-def _as_variables(m: Mechanism, lengths: dict[str, Length]) -> dict[str, Length]:
-    """Return the lengths by names that are no variables of the mechanism yet."""
+def _as_variables(m: Mechanism, lengths: dict[str, Prescribed]) -> dict[str, Prescribed]:
+    """Return the places of numbers by names that are no variables of the mechanism yet."""
     renamed = {}
     for name, place in lengths.items():
         while name in m.variables:
@@ -302,20 +317,67 @@ def _as_variables(m: Mechanism, lengths: dict[str, Length]) -> dict[str, Length]
     return renamed
 
 
-def _by_lengths(vi: Integrator, t: Array, X: Array, U: Array, lengths: dict[str, Length]) -> tuple[Array, Array]:
-    """Derivatives of the steps by lengths: those by both ends of a prescribed variable that stands still."""
+def _by_lengths(
+    vi: Integrator, t: Array, X: Array, U: Array, lengths: dict[str, Prescribed], first_share: float
+) -> tuple[Array, Array]:
+    """Derivatives of the steps by numbers that a prescribed variable w stands for.
+
+    A length is a variable that stands still. What another number changes is a motion w(q) that is zero and grows with
+    the number as c(q) = c_k q_k + c_0: beside what w moves at both ends, its own equation is added to those of the
+    variables, c_k times.
+    """
     m = vi.mechanism
-    freed = m.with_free_lengths(_as_variables(m, lengths))
+    freed = vi.like(m.with_free_lengths(_as_variables(m, lengths)))
     count, steps = len(lengths), len(U)
-    values = np.array([m.parameters[name] for name in lengths])
-    held = np.tile(values, (steps + 1, 1))
+    held = np.tile(_held(m, lengths), (steps + 1, 1))
     x = np.concatenate([X[:, : m.nq], held, X[:, m.nq :], np.zeros_like(held)], axis=1)
     u = np.concatenate([U, held[1:]], axis=1)
-    d = linearize_arrays(vi.like(freed), t, x, u, multipliers=True)
+    d = linearize_arrays(freed, t, x, u, multipliers=True, first_share=first_share)
+    factors, constant = _growth(m, lengths)
+    grown = X[:, : m.nq] @ factors.T + constant
     at_start, at_end = (slice(m.nq, m.nq + count), slice(m.n_inputs + m.nrho, m.n_inputs + m.nrho + count))
-    by_x = d.A[:, :, at_start] + d.B[:, :, at_end]
-    by_lam = d.lam_dx[:, :, at_start] + d.lam_du[:, :, at_end]
+    by = d.A_all[:, :, at_start] * grown[:-1, None] + d.B_all[:, :, at_end] * grown[1:, None]
+    own = factors[:, : m.nd].T  # (nd, count)
+    if own.any():
+        momenta = slice(m.nq + count, m.nq + count + m.nd)
+        at_first, at_second = _momenta_of(freed, t, x, u, d.lam, first_share)
+        by += d.A_all[:, :, momenta] @ (own * at_first[:, None, at_start])
+        by[:, momenta] += own * at_second[:, None, at_start]
     rows = [*range(m.nq), *range(m.nq + count, m.nq + count + m.nq)]
-    out = by_x[:, rows]
+    out = by[:, rows]
     out[:, [*range(m.nd, m.nq), *range(m.nq + m.nd, m.nx)]] = 0.0
-    return out, by_lam
+    return out, by[:, freed.mechanism.nx :]
+
+
+def _held(m: Mechanism, lengths: dict[str, Prescribed]) -> Array:
+    """Return the values (len(lengths),) of the variables that stand for numbers."""
+    return np.array([m.parameters[name] if isinstance(place, Length) else 0.0 for name, place in lengths.items()])
+
+
+def _growth(m: Mechanism, lengths: dict[str, Prescribed]) -> tuple[Array, Array]:
+    """Return how the variables that stand for numbers grow with those: factors (len(lengths), nq), and constants."""
+    column = {name: i for i, name in enumerate(m.variables)}
+    factors, constant = np.zeros((len(lengths), m.nq)), np.ones(len(lengths))
+    for row, place in enumerate(lengths.values()):
+        if isinstance(place, JointNumber):
+            growth = place.growth(m.tree)
+            constant[row] = growth.offset
+            for name, factor in growth.terms:
+                factors[row, column[name]] = factor
+    return factors, constant
+
+
+def _momenta_of(vi: Integrator, t: Array, x: Array, u: Array, lam: Array, first_share: float) -> tuple[Array, Array]:
+    """Return what the equations of all variables have beside the momentum at the start, and the momenta at the end.
+
+    Both (N, nq), of prescribed variables too.
+    """
+    m = vi.mechanism
+    start, end = np.empty((len(u), m.nq)), np.empty((len(u), m.nq))
+    for k in range(len(u)):
+        dt = t[k + 1] - t[k]
+        share = dt * (first_share if k == 0 else 1.0)
+        q = np.ascontiguousarray(x[k, : m.nq])
+        p, end[k] = vi.core.momenta(q, np.ascontiguousarray(x[k + 1, : m.nq]), u[k, : m.n_inputs].copy(), dt, share)
+        start[k] = -p - lam[k] @ m.constraint_jacobian(q).reshape(m.nc, m.nq)
+    return start, end

@@ -30,8 +30,8 @@ from leastaction.mechanics.mechanism.mass_queries import (
     total_momentum_of,
 )
 from leastaction.mechanics.mechanism.parameters import (
-    Length,
     Place,
+    Prescribed,
     check_names,
     checked,
     find,
@@ -258,8 +258,9 @@ class Mechanism:
 
         Those of a frame begin with its name, or where it was given none with that of the variable that moves it:
         ``tx("cart", mass=1.0)`` has ``"cart.mass"``. Of bodies the mass (kg), the centre of mass (m) and the
-        inertia (kg m^2); of constant frames the coordinate or the translation (m or rad); of elements their
-        numbers, in the units of each.
+        inertia (kg m^2); of constant frames the coordinate or the translation (m or rad); of joints that move by more
+        than one plain variable the factors and the offset, of screws the pitch (m/rad); of elements their numbers, in
+        the units of each.
         """
         numbers = self.core.numbers
         return {
@@ -273,6 +274,8 @@ class Mechanism:
 
     def with_parameters(self, values: Mapping[str, float]) -> Mechanism:
         """Return the same mechanism with other numbers; its structure is shared, not compiled again.
+
+        The factors of a joint's coordinate are part of the structure: where one changes, it is compiled again.
 
         Parameters
         ----------
@@ -296,10 +299,11 @@ class Mechanism:
             check_masses(tree, self.variables, result.core, self.core)
         return result
 
-    def with_free_lengths(self, lengths: Mapping[str, Length]) -> Mechanism:
-        """Return the mechanism with constant coordinates as kinematic variables, after all the others.
+    def with_free_lengths(self, lengths: Mapping[str, Prescribed]) -> Mechanism:
+        """Return the mechanism with numbers of frames as kinematic variables, after all the others.
 
-        A derivative by a length is one by a prescribed variable that does not move.
+        A derivative by a length is one by a prescribed variable that does not move; what a number of a joint changes is
+        a prescribed motion, zero where the number has its value.
         """
         result = Mechanism.__new__(Mechanism)
         settled = replace(self._plan, tree=freed(self.tree, lengths), kinematic=(*self.kinematic, *lengths))

@@ -2,7 +2,8 @@
 
 Every number of a description has a name: ``"bob.mass"``, ``"bob.com.x"``, ``"bob.inertia.xx"`` of the body
 on the frame ``bob`` (``"bob.body2.mass"`` of its second one), ``"rod.value"`` of a constant frame such as
-``tx(0.5, name="rod")``, ``"hook.translation.x"`` of a `pose`, and ``"spring.stiffness"`` of an element.
+``tx(0.5, name="rod")``, ``"hook.translation.x"`` of a `pose`, ``"wheel.factor.motor"`` and ``"wheel.offset"`` of a
+frame that moves by more than a variable, ``"nut.pitch"`` of a `screw`, and ``"spring.stiffness"`` of an element.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from leastaction.mechanics.description.affine import Affine
 from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.description.flattening import place_frames
 from leastaction.mechanics.description.frames import PRIMITIVES, Frame
+from leastaction.mechanics.description.joints import screw_detail
 from leastaction.mechanics.description.poses import pose
 from leastaction.mechanics.description.tree import Tree
 from leastaction.numerics.arrays import Array, as_number
@@ -43,13 +45,37 @@ class Length:
 
 
 @dataclass(frozen=True)
+class JointNumber:
+    """A number of a frame that moves: the ``field`` "factor" of a variable, "offset" or "pitch".
+
+    To change it is to add a prescribed motion to the frame's own, which vanishes where the number has its value and
+    grows with it by a linear expression of the variables: `growth`.
+    """
+
+    frame: int
+    field: str
+    variable: str = ""
+
+    def growth(self, tree: Tree) -> Affine:
+        """Return how the added motion grows with the number."""
+        if self.field == "factor":
+            return Affine(((self.variable, 1.0),))
+        coordinate = tree.frames[self.frame].frame.coordinate
+        assert coordinate is not None
+        return Affine((), 1.0) if self.field == "offset" else coordinate
+
+
+@dataclass(frozen=True)
 class ElementNumber:
     """A number of an element: its slot in the core."""
 
     slot: int
 
 
-Place = BodyNumber | Length | ElementNumber
+Prescribed = Length | JointNumber
+"""A number that a prescribed variable can stand for."""
+
+Place = BodyNumber | Prescribed | ElementNumber
 
 
 def parameter_places(tree: Tree, slots: Mapping[str, int]) -> dict[str, Place]:
@@ -111,9 +137,17 @@ def _frame_places(tree: Tree, index: int, frame_stem: str) -> dict[str, Place]:
         stem = frame_stem if number == 0 else f"{frame_stem}.body{number + 1}"
         fields = ["mass", *(f"com.{a}" for a in _AXES), *(f"inertia.{m}" for m in _MOMENTS)]
         places.update({f"{stem}.{field}": BodyNumber(index, number, field) for field in fields})
-    if frame.variables or index == 0:
+    if index == 0:
         return places
-    if frame.matrix is None:
+    if frame.transform == "screw":
+        places[f"{frame_stem}.pitch"] = JointNumber(index, "pitch")
+    if frame.variables:
+        assert frame.coordinate is not None
+        if not frame.coordinate.plain:
+            factors = [(f"factor.{name}", JointNumber(index, "factor", name)) for name in frame.variables]
+            for field, place in (*factors, ("offset", JointNumber(index, "offset"))):
+                places[f"{frame_stem}.{field}"] = place
+    elif frame.matrix is None:
         places[f"{frame_stem}.value"] = Length(index, None)
     else:
         for axis, letter in enumerate(_AXES):
@@ -132,6 +166,11 @@ def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
             return float(frame.matrix[place.axis, 3])
         assert frame.coordinate is not None
         return frame.coordinate.offset
+    if isinstance(place, JointNumber):
+        assert frame.coordinate is not None
+        if place.field == "pitch":
+            return _pitch(frame)
+        return dict(frame.coordinate.terms)[place.variable] if place.field == "factor" else frame.coordinate.offset
     body = frame.bodies[place.body]
     kind, _, which = place.field.partition(".")
     if kind == "mass":
@@ -171,12 +210,15 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
     """
     bodies: dict[tuple[int, int], dict[str, float]] = {}
     lengths: dict[int, dict[int | None, float]] = {}
+    joints: list[tuple[JointNumber, float]] = []
     for place, value in changes.items():
         if isinstance(place, BodyNumber):
             bodies.setdefault((place.frame, place.body), {})[place.field] = value
         elif isinstance(place, Length):
             lengths.setdefault(place.frame, {})[place.axis] = value
-    if not bodies and not lengths:
+        elif isinstance(place, JointNumber):
+            joints.append((place, value))
+    if not bodies and not lengths and not joints:
         return tree
     frames = [placed.frame for placed in tree.frames]
     for (index, number), values in bodies.items():
@@ -190,6 +232,8 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
     for index, coordinates in lengths.items():
         frame = frames[index]
         frames[index] = _resized(frame, coordinates)
+    for place, value in joints:
+        frames[place.frame] = _geared(frames[place.frame], tree.frames[place.frame].name, place, value)
     return place_frames(
         [placed.name for placed in tree.frames], frames[1:], [placed.parent for placed in tree.frames[1:]]
     )
@@ -232,6 +276,29 @@ def _resized(frame: Frame, coordinates: Mapping[int | None, float]) -> Frame:
     return replace(frame, matrix=matrix)
 
 
+def _pitch(frame: Frame) -> float:
+    """Return the pitch of a screw: what its axis, of length one, advances."""
+    assert frame.twist is not None
+    return float(frame.twist[:3] @ frame.twist[3:])
+
+
+def _geared(frame: Frame, name: str, place: JointNumber, value: float) -> Frame:
+    """Return a frame with another number of its joint."""
+    assert frame.coordinate is not None
+    if place.field == "pitch":
+        assert frame.twist is not None
+        axis = frame.twist[3:]
+        twist = np.concatenate([frame.twist[:3] + (value - _pitch(frame)) * axis, axis])
+        twist.setflags(write=False)
+        return replace(frame, twist=twist, detail=screw_detail(frame.detail.rpartition(", ")[0], value))
+    if place.field == "offset":
+        return replace(frame, coordinate=replace(frame.coordinate, offset=value))
+    if value == 0.0:
+        raise DescriptionError(f"frame {name!r}: the factor of {place.variable!r} is 0, by which it would not move it")
+    terms = tuple((variable, value if variable == place.variable else f) for variable, f in frame.coordinate.terms)
+    return replace(frame, coordinate=replace(frame.coordinate, terms=terms))
+
+
 def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
     """Return the joint (-1: the world) whose inertia a body's number changes, and by how much.
 
@@ -261,18 +328,33 @@ def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
     return placed.joint, np.array([mass, *moment, *upper])
 
 
-def freed(tree: Tree, lengths: Mapping[str, Length]) -> Tree:
-    """Return the tree with constant coordinates turned into kinematic variables of the parameters' names.
+def freed(tree: Tree, lengths: Mapping[str, Prescribed]) -> Tree:
+    """Return the tree with numbers turned into kinematic variables of the parameters' names.
 
     What moves with a length then moves with a variable, so that derivatives by the one are derivatives by
-    the other. A `pose` is split into translations and its rotation.
+    the other. A `pose` is split into translations and its rotation. To a joint a variable is added that stands for what
+    a change of its number does, to a screw a slide along its axis.
     """
     names, parents, frames = [tree.frames[0].name], [], []
     moved_to = {0: 0}  # the frame's index in the new tree
     for index, placed in enumerate(tree.frames[1:], start=1):
         frame = placed.frame
         parent = moved_to[placed.parent]
-        own = {p.axis: name for name, p in lengths.items() if p.frame == index}
+        own = {p.axis: name for name, p in lengths.items() if isinstance(p, Length) and p.frame == index}
+        for name, p in lengths.items():
+            if not isinstance(p, JointNumber) or p.frame != index:
+                continue
+            added = Affine(((name, 1.0),))
+            if p.field == "pitch":
+                assert frame.twist is not None
+                along = np.concatenate([frame.twist[3:], np.zeros(3)])
+                names.append(f"{name} (slide)")
+                frames.append(Frame("twist", added, along, kinematic=(name,)))
+                parents.append(parent)
+                parent = len(names) - 1
+            else:
+                assert frame.coordinate is not None
+                frame = replace(frame, coordinate=frame.coordinate + added, kinematic=(*frame.kinematic, name))
         if None in own:
             frame = replace(frame, coordinate=Affine(((own[None], 1.0),)), kinematic=(own[None],))
         elif own:

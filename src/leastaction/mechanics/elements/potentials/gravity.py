@@ -14,7 +14,7 @@ from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.fields import END, VECTOR, not_zero
 from leastaction.mechanics.elements.kinds import Names
-from leastaction.mechanics.expressions.tapes import TapeWriter
+from leastaction.mechanics.expressions.tapes import TapeWriter, dot
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class Gravity(Potential):
 
     Notes
     -----
-    With frames, the mass that gravity sees is a parameter of its own for every frame,
-    ``"gravity.mass.<frame>"`` (kg): the sum over the frame's bodies, at their centre of mass.
+    The vector is a parameter, ``"gravity.vector.z"`` (m/s^2). With frames, the mass that gravity sees is one of its own
+    for every frame, ``"gravity.mass.<frame>"`` (kg): the sum over the frame's bodies, at their centre of mass.
     """
 
     vector: Sequence[float] = field(default=(0.0, 0.0, -9.81), metadata=VECTOR)
@@ -83,18 +83,21 @@ class Gravity(Potential):
                 )
 
     def add_to(self, core: Compiler) -> None:
-        g = np.array(self.vector)
         if self.frames is None:
-            core.builder.set_gravity(g)
+            first = core.builder.set_gravity(np.array(self.vector))
+            for number, axis in enumerate("xyz"):
+                core.record(f"vector.{axis}", first + number)
             return
-        world = core.context.world
-        origin, upwards = core.point(world), core.direction(world, -g)
+        slots = [core.slot(f"vector.{axis}") for axis in "xyz"]
         for frame in self.frames:
             bodies, placed = _bodies(core.context, frame), core.context.placed(frame)
             mass = _mass(bodies)
             com = sum((body.mass * body.com for body in bodies), np.zeros(3)) / mass
             centre = core.builder.add_point(placed.joint, placed.pose[:3, :3] @ com + placed.pose[:3, 3])
-            height = core.builder.component_coordinate(centre, origin, upwards)
+            tape = TapeWriter(6)
+            height = core.builder.tape_coordinate(
+                [centre], [], [], tape.end(-dot(tape.inputs[:3], tape.inputs[3:])), slots
+            )
             slot = core.parameter(f"mass.{frame}", mass)
             core.potential(height, core.builder.law("linear", [slot]))
 
