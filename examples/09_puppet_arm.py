@@ -1,5 +1,4 @@
-"""An arm on one string waves as keyframes say: a plan, its ringing, strings that only pull, and a rig that is not the
-model.
+"""An arm on one string waves as keyframes say: planned, calmed, with a string that pulls, and on another arm.
 
 The arm of two links hangs from a carriage that moves along a rail and reels its string in and out (dissertation
 6.7.2). An animation gives the two angles over eight seconds and knows nothing of strings; the place of the carriage

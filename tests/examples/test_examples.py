@@ -324,3 +324,19 @@ def test_free_start(monkeypatch: pytest.MonkeyPatch) -> None:
         assert free.cost < 0.25 * held.cost
         assert result.off(free) < 0.5 * result.off(held)
     assert np.abs(result.free[1].u).mean() < 0.3 * np.abs(result.held[1].u).mean()
+
+
+def test_extensor_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("16_extensor_network", monkeypatch)
+    result = example.solve()
+    assert result.unbalanced < 1e-6
+    joints = np.degrees(result.rests[:, [result.mechanism.variables.index(name) for name in ("joint1", "joint2")]])
+    slip, band = result.shares.T
+    early = example.PULLS < 2.0
+    # The band first, which stretches the last joint; then the slip, and the finger is straight.
+    assert slip[early].max() < 0.05 < 1.5 < band[early].max()
+    assert np.ptp(joints[early, 0]) < 2.0 < 20.0 < np.ptp(joints[early, 1])
+    assert slip[-1] > band[-1]
+    assert np.abs(joints[-1]).max() < 6.0
+    # Drawn slowly, the motion ends there.
+    assert np.abs(result.run.q[-1] - result.rests[-1]).max() < np.radians(5.0)
