@@ -179,6 +179,7 @@ def small() -> Mechanism:
         tree,
         [
             Gravity((0.0, -9.81, 0.0), name="weight"),
+            JointSpring("a", 1.5, name="other"),
             JointSpring("b", 2.0, name="spring"),
             Damping({"a": 0.3}, name="oil"),
             JointForce("a", "torque", name="motor"),
@@ -198,7 +199,11 @@ def test_the_parts_of_the_lagrangian_have_names() -> None:
     np.testing.assert_allclose(L.by("v"), m.momentum(Q, V))
     np.testing.assert_allclose(L.by("v", "v"), m.mass_matrix(Q))
     np.testing.assert_array_equal(L.by("v", "q"), L.by("q", "v").T)
-    assert m.potential(Q, "weight").value + m.potential(Q, "spring").value == pytest.approx(energy.potential)
+    weight = m.potential(Q, "weight")
+    others = [m.potential(Q, name) for name in ("other", "spring")]
+    assert weight.value + sum(each.value for each in others) == pytest.approx(energy.potential)
+    still = m.lagrangian(Q, np.zeros(3)).by("q", "q")
+    np.testing.assert_allclose(weight.hessian, -still - np.diag([1.5, 2.0, 0.0]), atol=1e-13)
     assert m.potential(Q, "spring").value == pytest.approx(0.5 * 2.0 * Q[1] ** 2)
     np.testing.assert_allclose(m.force(Q, V, [2.0], "oil").value, [-0.3 * V[0], 0.0, 0.0])
     np.testing.assert_allclose(m.force(Q, V, [2.0], "motor").by("u"), [[1.0], [0.0], [0.0]])
@@ -224,7 +229,10 @@ def test_a_tensor_holds_what_contractions_give() -> None:
     ("ask", "message"),
     [
         (lambda m: m.potential(Q, "sprng"), r"element: unknown element 'sprng'; did you mean 'spring'\?"),
-        (lambda m: m.potential(Q, "rope"), "element: 'rope' is a Distance; the potentials are 'weight', 'spring'"),
+        (
+            lambda m: m.potential(Q, "rope"),
+            "element: 'rope' is a Distance; the potentials are 'weight', 'other', 'spring'",
+        ),
         (lambda m: m.force(Q, V, [1.0], "spring"), "'spring' is a JointSpring; the forces are"),
         (lambda m: m.constraint(Q, "oil"), "'oil' is a Damping; the constraints are 'rope'"),
         (lambda m: m.force(Q, V, [1.0, 2.0]), r"u: got shape \(2,\).*torque"),

@@ -71,7 +71,7 @@ def _questions(m: Mechanism, rng: np.random.Generator, q: Any, v: Any, u: Any, f
     d = rng.uniform(-1, 1, m.nq)
     yield "pose derivatives", lambda: m.frame_pose_derivative(q, frame, order=3, along=[d, d])
     yield "velocity derivatives", lambda: m.frame_velocity_derivative(q, v, frame, order=2, along=[d], axes="frame")
-    yield "lagrangian", lambda: dataclasses.astuple(m.lagrangian(q, v).along(q=d, v=d))[-2:]
+    yield "lagrangian", lambda: m.lagrangian(q, v).along(q=d, v=d).hessian
     forces = [name for name, element in m.elements.items() if isinstance(element, Force)]
     yield "forces by element", lambda: [m.force(q, v, u, name).gradients for name in forces]
     yield "total momentum", lambda: m.total_momentum(q, v)
