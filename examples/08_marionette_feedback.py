@@ -53,7 +53,7 @@ class Result:
     seconds: dict[str, float]
 
 
-def best(work: Callable[[], object], repeats: int = 3) -> float:
+def best(work: Callable[[], object], repeats: int = 7) -> float:
     """Return the time that some work takes (s), the shortest of several."""
     seconds = []
     for _ in range(repeats):
@@ -108,7 +108,7 @@ def draw(result: Result) -> Figure:
         for name, x in result.shaken.items():
             axis.plot(T, np.degrees(x[:, i]), color=colors[name], lw=1, label=name)
         axis.set(ylabel=f"{joint}\n(degrees)", xlim=(0.0, T[-1]), xlabel="time (s)")
-    axes[0].legend(frameon=False, ncols=4, fontsize=8, columnspacing=1.0, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    axes[0].legend(frameon=False, ncols=2, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     names = list(DISSERTATION)
     axes[2].barh(names, [DISSERTATION[n] for n in names], 0.4, align="edge", color="0.7", label="dissertation, 2012")
     ours = [1e6 * result.seconds[n] / result.run.steps for n in names]

@@ -3,7 +3,7 @@
 The arm of two links hangs from a carriage that moves along a rail and reels its string in and out (dissertation
 6.7.2). An animation gives the two angles over eight seconds and knows nothing of strings; the place of the carriage
 and the length of the string are found. Then the plan is played on an arm with other masses and damping, with
-sensors that are noisy and late, by the feedback that the optimisation leaves.
+sensors that are noisy and late, by a regulator along the plan.
 
     python examples/09_puppet_arm.py --out pictures
 """
