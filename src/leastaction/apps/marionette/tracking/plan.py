@@ -9,7 +9,9 @@ that of the puppet on strings of prescribed lengths, and `Plan.by_lengths` says 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, unheld
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import LeastActionError, ProjectionError, StepError
+from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import JointForce, MidpointVI
 from leastaction.models.marionette import marionette, strings_of
 from leastaction.numerics.arrays import Array
@@ -36,6 +39,7 @@ SEARCH_STAGES = len(PRICES) + 1
 """Optimisations that a search takes at most, one after the other: one at each price, and one without motors."""
 _RELEASED = 4  # stage from which on it is tried whether the motion goes on without motors
 _JUMP = 2.0  # times the cost with motors may that without be at first
+_CUTOFFS = (1e6, 8.0, 4.0, 2.0, 1.0)  # Hz, of ever smoother motions to begin with; the first leaves it as it is
 _SET_OUT = 5  # steps within which a motion that begins fast is picked up from rest
 _FIRST = ("tension", "joints")
 
@@ -98,14 +102,12 @@ class Plan:
         *,
         stage: int = 0,
         result: OptimizationResult | None = None,
-        first: tuple[Array, Array] | None = None,
         keep: Keep,
     ) -> tuple[Array, Array]:
         """Return a first trajectory found with motors on all joints that become ever more expensive.
 
         ``say``: told what each stage came to. ``stage``, ``result``: the stage to begin with, and what the one before
-        it found. ``first``: a motion with the motors that make it, to begin with; the wanted one if not given.
-        ``keep``: told of both after every stage, and where Ctrl-C ends one, which is the third argument.
+        it found. ``keep``: told of both after every stage, and where Ctrl-C ends one, which is the third argument.
         """
         m, strings = self.mechanism, len(self.strings)
         motors = range(strings, strings + m.nd)
@@ -131,8 +133,8 @@ class Plan:
                 break
             price = PRICES[number]
             # Duals of an earlier stage are those of cheaper motors: each stage finds its own.
-            start = (first or self.driven()) if result is None else (result.x, result.u)
-            found = optimize(by_motors, self.cost(motor=price), initial=start, max_iterations=_ITERATIONS, **options)
+            solve = partial(optimize, by_motors, self.cost(motor=price), max_iterations=_ITERATIONS, **options)
+            found = self._begun(solve) if result is None else solve(initial=(result.x, result.u))
             result = ended(found, number)
             keep(number + 1, result, False)
             effort = float(np.max(np.sqrt(np.mean(result.u[:, motors] ** 2, axis=0))))
@@ -156,14 +158,14 @@ class Plan:
             return
         yield from (K, 0.3 * K)
 
-    def refined(
-        self, coarse: Plan, x: Array, u: Array, say: Callable[[str], object], keep: Keep
-    ) -> tuple[Array, Array]:
-        """Return a trajectory with these steps, from one with longer ones that cannot be followed as it is."""
-        m, strings = self.mechanism, len(self.strings)
-        curve, inputs = self.finer(coarse, x, u)
-        first = self.driven(curve[:, : m.nq], np.maximum(inputs[:, :strings], self.limits.tension))
-        return self.search(say, stage=min(_RELEASED, len(PRICES)) - 1, first=first, keep=keep)
+    def _begun(self, solve: Callable[..., OptimizationResult]) -> OptimizationResult:
+        """Return what the first stage finds from the wanted motion, or a smoother one where steps cannot follow it."""
+        q, tensions = self.x_reference[:, : self.mechanism.nq], self.u_reference[:, : len(self.strings)]
+        for cutoff in _CUTOFFS:
+            smooth = Motion(self.mechanism.variables, self.t, q).low_pass(cutoff).q
+            with suppress(ProjectionError):
+                return solve(initial=self.driven(smooth, tensions))
+        return solve(initial=self.driven(np.tile(q[0], (len(q), 1)), tensions))
 
     def _options(self) -> dict[str, Any]:
         return {
@@ -191,20 +193,16 @@ class Plan:
         except ProjectionError:
             return replace(result, status=Status.STOPPED_BY_CALLBACK)
 
-    def driven(self, q: Array | None = None, tensions: Array | None = None) -> tuple[Array, Array]:
+    def driven(self, q: Array, tensions: Array) -> tuple[Array, Array]:
         """Return a motion q (N+1, nq) from rest with the motors that make it: behind the tensions among the inputs.
 
         Of a motion q, each step of the midpoint rule says what acts in its middle, given what acted in the last one and
-        what pulls at its start: ``p_k + s dt f_pull = -D_1 L_d - dt/2 f``, ``p_k+1 = D_2 L_d + dt/2 f``. Not given, it
-        is the wanted one, with tensions as at rest.
+        what pulls at its start: ``p_k + s dt f_pull = -D_1 L_d - dt/2 f``, ``p_k+1 = D_2 L_d + dt/2 f``. What begins
+        fast is picked up within a few steps.
         """
         m, strings, dt = self.mechanism, len(self.strings), self.dt
-        if q is None:
-            share = np.clip(np.arange(len(self.t)) / _SET_OUT, 0.0, 1.0)[:, None]
-            q = self.x_reference[:, : m.nq]
-            q = q[0] + share**3 * (10.0 - 15.0 * share + 6.0 * share**2) * (q - q[0])
-        if tensions is None:
-            tensions = self.u_reference[:, :strings]
+        share = np.clip(np.arange(len(self.t)) / _SET_OUT, 0.0, 1.0)[:, None]
+        q = q[0] + share**3 * (10.0 - 15.0 * share + 6.0 * share**2) * (q - q[0])
         none, still = np.zeros(strings), np.zeros(m.nq)
         motors, states = np.empty((len(tensions), m.nd)), self._states(q)
         p = self.x_reference[0, m.nq : m.nq + m.nd]

@@ -199,7 +199,7 @@ def track(
     earlier = resume.result if isinstance(resume, TrackingRun) else None
     plan: Plan | None = None
     most = np.inf
-    refine: Callable[[], tuple[Array, Array]] | None = None
+    again: Callable[[], tuple[Array, Array]] | None = None
     if embedded:
         problem = TrackingProblem(mechanism, motion, weights or FORCED, threads)
         plan = Plan(problem, weights or FORCED, bounds)
@@ -215,7 +215,7 @@ def track(
             initial = found if searched is plan else plan.finer(searched, *found)
             if searched is not plan:
                 most = _LOST * searched.cost().value(*found) * plan.system.N / searched.system.N
-                refine = partial(plan.refined, searched, *found, say, keep_search)
+                again = partial(plan.search, say, keep=keep_search)
 
     def run_of(found: OptimizationResult) -> TrackingRun:
         result = found if plan is None else plan.by_lengths(found)
@@ -265,14 +265,14 @@ def track(
                 callback=watch,
             )
         except ProjectionError:
-            if refine is None:
+            if again is None:
                 raise
             lost = True
-        if lost and refine is not None:
-            # What was found with longer steps is too wild for these: they find their own way from there.
+        if lost and again is not None:
+            # What was found with longer steps is too wild for these: they find their own way.
             if progress is not None:
-                progress("the motion found with longer steps cannot be followed: the search goes on with these")
-            start, refine, most, lost = refine(), None, np.inf, False
+                progress("the motion found with longer steps cannot be followed: the search begins again with these")
+            start, again, most, lost = again(), None, np.inf, False
             continue
         # A limit that the motion keeps to anyway need not be stated; one that it breaks is, and the search goes on.
         more = bounds.broken(mechanism_used, problem.t, place, result.x) - kinds
