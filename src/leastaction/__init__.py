@@ -126,7 +126,18 @@ from leastaction.optimal import (
     regulate,
 )
 from leastaction.optimal.continuous import ContinuousQuadraticCost, regulate_continuous, steady_state_regulator
-from leastaction.systems import Ball, Box, HalfSpace, Keep, MechanismSystem, MidpointSystem, embed, warm_start
+from leastaction.systems import (
+    Ball,
+    Box,
+    HalfSpace,
+    Keep,
+    MechanismSystem,
+    MidpointSystem,
+    by_tensions,
+    embed,
+    relax,
+    warm_start,
+)  # fmt: skip
 
 __all__ = [
     "Ball", "Baumgarte", "Body", "BodyWrench", "Bound", "Box", "ContinuousDynamics", "ContinuousQuadraticCost",
@@ -139,11 +150,11 @@ __all__ = [
     "PointOnPlane", "PointToPoint", "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint",
     "PythonForce", "PythonFunction", "PythonPotential", "QuadraticCost", "SimulationStatus", "SpatialWrench",
     "StageRecord", "StageTable", "StartResult", "StartStatus", "State", "Status", "TendonForce", "TorsionalSpring",
-    "Trajectory", "Within", "__version__", "ball", "check_consistent", "check_derivatives", "coarse_to_fine",
-    "continuation", "controllability", "coordinate", "direction", "distance", "embed", "equilibrium", "free",
-    "gain_to_continuous", "gain_to_discrete", "input_", "optimize", "optimize_continuous", "parameter", "point", "pose",
-    "prismatic", "project_configuration", "project_velocity", "rate", "receding_horizon", "regulate",
-    "regulate_continuous", "revolute", "rx", "ry", "rz", "screw", "simulate", "speed", "steady_state_regulator",
-    "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal",
-    "var", "variable", "warm_start", "world",
+    "Trajectory", "Within", "__version__", "ball", "by_tensions", "check_consistent", "check_derivatives",
+    "coarse_to_fine", "continuation", "controllability", "coordinate", "direction", "distance", "embed", "equilibrium",
+    "free", "gain_to_continuous", "gain_to_discrete", "input_", "optimize", "optimize_continuous", "parameter", "point",
+    "pose", "prismatic", "project_configuration", "project_velocity", "rate", "receding_horizon", "regulate",
+    "regulate_continuous", "relax", "revolute", "rx", "ry", "rz", "screw", "simulate", "speed",
+    "steady_state_regulator", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz",
+    "unit_vector", "universal", "var", "variable", "warm_start", "world",
 ]  # fmt: skip

@@ -412,7 +412,7 @@ def test_a_window_that_cannot_be_begun_is_shortened():
     assert found.success
     assert found.x.shape == (13, 1)
     assert [stage.name for stage in found.stages][:2] == ["steps 0 to 8", "steps 0 to 4"]
-    assert found.stages[0].status == "ArgumentError"
+    assert found.stages[0].status == "ProjectionError"
     assert not found.stages[0].accepted
     over = receding_horizon(Cliff(end=6), cost, initial=initial, window=4, keep=2)
     assert over.status is StartStatus.GAVE_UP
@@ -545,7 +545,7 @@ def test_a_stage_that_cannot_be_begun_is_left_out():
     bad = {6}
     found = coarse_to_fine(build, t, initial=initial, factors=(4, 2, 1))
     assert found.success
-    assert [stage.status for stage in found.stages] == ["CONVERGED", "ArgumentError", "CONVERGED"]
+    assert [stage.status for stage in found.stages] == ["CONVERGED", "ProjectionError", "CONVERGED"]
     bad = {12}
     found = coarse_to_fine(build, t, initial=initial, factors=(4, 2, 1))
     assert found.status is StartStatus.GAVE_UP

@@ -7,6 +7,7 @@ from leastaction.systems.embedding import embed
 from leastaction.systems.keep import Ball, Box, HalfSpace, Keep, Region
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
+from leastaction.systems.relaxation import by_tensions, relax
 from leastaction.systems.warm_start import warm_start
 
 __all__ = [
@@ -18,6 +19,8 @@ __all__ = [
     "MidpointSystem",
     "PulledSystem",
     "Region",
+    "by_tensions",
     "embed",
+    "relax",
     "warm_start",
 ]

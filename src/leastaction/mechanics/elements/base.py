@@ -261,3 +261,14 @@ class Constraint(Element):
     def equations(self) -> tuple[str, ...]:
         """One equation, with the name of the element."""
         return ("",)
+
+    def as_spring(self, stiffness: float) -> Element | None:
+        """Return a spring (N/m) that pulls back where the constraint would hold; None if there is none.
+
+        It has the constraint's name, and the same variables.
+        """
+        return None
+
+    def as_force(self, tension: str) -> Element | None:
+        """Return the force of a string whose tension (N) is an input of this name; None if the element is no string."""
+        return None

@@ -252,6 +252,43 @@ class Mechanism:
         )
         return result
 
+    def with_exchanged(self, elements: Mapping[str, Sequence[Element]]) -> Mechanism:
+        """Return the same mechanism with others in the place of some elements; orders stay, new names come last.
+
+        Parameters
+        ----------
+        elements : mapping of str to sequence of Element
+            What comes in the place of elements, by their names; nothing in that of an empty sequence.
+
+        Raises
+        ------
+        ArgumentError
+            For a name that no element has.
+        DescriptionError
+            If they do not fit, as when they are given with the description.
+        """
+        for name in elements:
+            if name not in self.elements:
+                raise ArgumentError(f"elements: unknown name {name!r}; {closest(name, self.elements, what='elements')}")
+        kept = [(elements.get(name, (each,))) for name, each in self._plan.elements.items()]
+        flat = [each for group in kept for each in group]
+        used = [name for each in flat for name in (*each.uses.kinematic, *each.uses.either)]
+        kinematic = [name for name in self.kinematic if name in self.tree.kinematic or name in used]
+        inputs = [name for each in flat for name in each.uses.inputs]
+        gone = tuple(f"{name}." for name in elements)
+        result = Mechanism.__new__(Mechanism)
+        result._compile(
+            plan(
+                self.tree,
+                flat,
+                dynamic=self.dynamic,
+                kinematic=kinematic,
+                inputs=list(dict.fromkeys([*(n for n in self.inputs if n in inputs), *inputs])),
+                numbers={n: value for n, value in self._plan.numbers.items() if not n.startswith(gone)},
+            )
+        )
+        return result
+
     @property
     def parameters(self) -> dict[str, float]:
         """Every number of the description by name, such as ``"bob.mass"`` or ``"spring.stiffness"``.

@@ -12,10 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from leastaction.errors import DescriptionError
-from leastaction.mechanics.elements.base import Constraint
+from leastaction.mechanics.elements.base import Constraint, Element
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import END, FACTORS, FRAME, PATH, number, positive
+from leastaction.mechanics.elements.forces.tendons import TendonForce
 from leastaction.mechanics.elements.kinds import Kind
+from leastaction.mechanics.elements.potentials.springs import ElasticString, LinearSpring
 from leastaction.numerics.arrays import Array
 
 _LENGTH = positive("as a string of zero length has no direction to pull in", unit="m", variable="kinematic")
@@ -54,6 +56,12 @@ class Distance(Constraint):
     def tension(self, impulse: Array, dt: Array, start: Mapping[str, Array]) -> Array:
         length = start[self.length] if isinstance(self.length, str) else self.length
         return 2.0 * length * impulse / dt
+
+    def as_spring(self, stiffness: float) -> Element:
+        return LinearSpring(self.frame1, self.frame2, stiffness, self.length, name=self.name)
+
+    def as_force(self, tension: str) -> Element:
+        return TendonForce((self.frame1, self.frame2), tension, name=self.name)
 
     def add_to(self, core: Compiler) -> None:
         ends = core.point(self.frame1), core.point(self.frame2)
@@ -109,6 +117,9 @@ class PointToPoint(Constraint):
     def equations(self) -> tuple[str, ...]:
         return tuple(f".{axis}" for axis in self.axes)
 
+    def as_spring(self, stiffness: float) -> Element:
+        return LinearSpring(self.frame1, self.frame2, stiffness, name=self.name)
+
     def add_to(self, core: Compiler) -> None:
         first, second = core.point(self.frame1), core.point(self.frame2)
         for axis in self.axes:
@@ -150,6 +161,12 @@ class PathLength(Constraint):
 
     def tension(self, impulse: Array, dt: Array, start: Mapping[str, Array]) -> Array:
         return impulse / dt
+
+    def as_spring(self, stiffness: float) -> Element:
+        return ElasticString(self.frames, stiffness, self.length, tension_only=False, name=self.name)
+
+    def as_force(self, tension: str) -> Element:
+        return TendonForce(self.frames, tension, name=self.name)
 
     def add_to(self, core: Compiler) -> None:
         core.constraint(core.path(self.frames), "length", self.length)

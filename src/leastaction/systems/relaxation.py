@@ -1,0 +1,332 @@
+"""Starts for mechanisms whose constraints stand in the way: soft at first, or forces that are chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import lsq_linear
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.elements.base import Constraint
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.optimal.discrete.cost import Cost, QuadraticCost
+from leastaction.optimal.limits.limit import Bound
+from leastaction.optimal.loop import both
+from leastaction.optimal.optimize import optimize
+from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.starts import StartResult, StartStatus, continuation
+from leastaction.optimal.starts.stages import StageCallback, Stages
+from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.pulled import PulledSystem
+from leastaction.systems.warm_start import warm_start
+
+__all__ = ["by_tensions", "relax"]
+
+_ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE, Status.ITERATION_LIMIT
+
+
+def relax(
+    system: MidpointSystem,
+    cost: Cost,
+    *,
+    initial: tuple[ArrayLike, ArrayLike],
+    constraints: Sequence[str] | None = None,
+    stiffness: tuple[float, float] = (10.0, 1e5),
+    tolerance: float = 1e-3,
+    stage_iterations: int = 60,
+    stage_tolerance: float = 1e-3,
+    max_stages: int = 40,
+    callback: StageCallback | None = None,
+    **options: Any,
+) -> StartResult:
+    """Find a motion with springs in the place of constraints, make them ever stiffer, and project it back.
+
+    A spring costs energy ``k/2 |h|^2`` where a constraint holds ``h = 0``: a penalty that grows with its stiffness k.
+    With soft springs a motion is there that violates the constraints, and dynamics that lose no rank; it leads from one
+    stiffness to the next, by factors that grow where that was easy, until what is left of ``h`` is below the tolerance.
+    Then the configurations are brought onto the constraints (`warm_start`) and optimised with them.
+
+    Parameters
+    ----------
+    system : MidpointSystem
+        What is steered, with its constraints and without multipliers in its state.
+    cost : Cost
+        Of its motions.
+    initial : (x, u)
+        Where to start, as of `optimize`; x need not keep to the constraints.
+    constraints : sequence of str, optional
+        Names of those that are relaxed; all for which there is a spring if left out.
+    stiffness : (float, float)
+        The first stiffness, and the last one (N/m).
+    tolerance : float
+        The largest residual of the constraints with which they are put back, in the units of `constraint_values`.
+    stage_iterations, stage_tolerance : int, float
+        ``max_iterations`` and ``tolerance`` of the optimisations with springs.
+    max_stages : int
+        Limit on their number.
+    callback : callable, optional
+        Called with a `StageRecord` after every stage, whose value is the stiffness (infinite for the last one); a true
+        answer ends the search.
+    **options
+        Of `optimize`, for the last optimisation.
+
+    Returns
+    -------
+    StartResult
+        A trajectory of `system`, if the status is COMPLETED; else the last one with springs.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, unknown names, a constraint without a spring; or from `optimize`, where not even the first motion
+        with springs is found.
+
+    Notes
+    -----
+    Dissertation 6.6.1: internal constraints that are relaxed to a penalty, with an adaptive one.
+    """
+    _check(system, cost, options)
+    m = system.integrator.mechanism
+    names = _chosen(m, constraints)
+    least, most = (as_number(each, "stiffness", above=0.0) for each in stiffness)
+    limit = as_number(tolerance, "tolerance", above=0.0)
+    softer: dict[float, MidpointSystem] = {}
+
+    def solve(value: float, earlier: OptimizationResult | None) -> OptimizationResult:
+        soft = softer[value] = MidpointSystem(system.integrator.like(_soft(m, names, value)), system.t)
+        start = initial if earlier is None else (earlier.x, earlier.u)
+        return optimize(
+            soft, cost, initial=start, max_iterations=stage_iterations, tolerance=stage_tolerance,
+            limits=options.get("limits", ()),
+        )  # fmt: skip
+
+    def residual(result: OptimizationResult) -> float:
+        return float(np.abs([m.constraint_values(q) for q in result.x[1:, : m.nq]]).max())
+
+    found = continuation(
+        solve,
+        np.geomspace(least, most, max(2, round(np.log10(most / least)) + 1)),
+        scale="log",
+        name="stiffness",
+        accept=lambda result: result.status in _ENOUGH,
+        done=lambda result: residual(result) <= limit,
+        note=lambda result: f"residual of the constraints {residual(result):.2g}",
+        max_stages=max_stages,
+        callback=callback,
+    )
+    if found.result is None or found.status not in (StartStatus.COMPLETED, StartStatus.GAVE_UP):
+        return found
+    soft = next(each for value, each in softer.items() if np.isclose(value, found.value))
+    return _put_back("with its constraints", found, soft, system, cost, callback, options)
+
+
+def by_tensions(
+    system: MidpointSystem,
+    cost: QuadraticCost,
+    *,
+    initial: tuple[ArrayLike, ArrayLike],
+    price: float = 1e-4,
+    least: float | None = None,
+    stage_iterations: int = 200,
+    stage_tolerance: float = 1e-6,
+    callback: StageCallback | None = None,
+    **options: Any,
+) -> StartResult:
+    """Find a motion with the tensions of strings as inputs, and turn them back into strings of prescribed lengths.
+
+    Strings whose lengths are prescribed brace against each other, push, and lose their grip where they cannot act on
+    what they hold. With tensions as inputs (`PulledSystem`) nothing loses rank, and a string that pulls is an input
+    with a bound. Both make the same motions: the lengths are the distances that the motion has.
+
+    Parameters
+    ----------
+    system : MidpointSystem
+        A mechanism whose constraints are all strings (`Distance`, `PathLength`), with lengths that are variables of
+        their own.
+    cost : QuadraticCost
+        Of its motions. By tensions, what it says of lengths does not count.
+    initial : (x, u)
+        Where to start, as of `optimize`. The strings carry what they can of the weight there.
+    price : float
+        Weight of the square of each tension (1/N^2).
+    least : float, optional
+        Least tension (N); strings may push if left out.
+    stage_iterations, stage_tolerance : int, float
+        ``max_iterations`` and ``tolerance`` of the optimisation by tensions.
+    callback : callable, optional
+        Called with a `StageRecord` after either stage; a true answer ends the search.
+    **options
+        Of `optimize`, for the last optimisation.
+
+    Returns
+    -------
+    StartResult
+        A trajectory of `system`, if the status is COMPLETED; else that by tensions.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, constraints that are no such strings, a cost that is no `QuadraticCost`; or from `optimize`, where
+        no motion by tensions is found.
+
+    Notes
+    -----
+    Dissertation 6.6.2: strings that are replaced by forces, solved, and turned back into strings.
+    """
+    _check(system, cost, options)
+    if type(cost) is not QuadraticCost:
+        raise ArgumentError(f"cost: got {type(cost).__name__}, expected a QuadraticCost: lengths are left out of it")
+    whole = system.integrator.mechanism
+    strings = _strings(whole)
+    m = whole.with_exchanged({name: [force] for name, force in strings.items()})
+    late = [name for name in m.inputs if name not in whole.inputs]
+    pulled = PulledSystem(system.integrator.like(m), system.t, at_instants=late)
+    states = [*(whole.variables.index(n) for n in m.variables)]
+    states += [whole.nq + i for i in range(whole.nd)]
+    states += [whole.nq + whole.nd + whole.kinematic.index(n) for n in m.kinematic]
+    inputs = [*range(whole.n_inputs), *(whole.n_inputs + whole.kinematic.index(n) for n in m.kinematic)]
+    N, free = system.N, whole.n_inputs
+
+    x, u = both(initial)
+    x = as_array(x, "initial x", (N + 1, system.nx), (system.nx,), meaning="(N+1, nx) or (nx,)")[..., states]
+    u = as_array(u, "initial u", (N, system.nu), meaning="(N, nu)")[:, inputs]
+    tension = _at_rest(m, late, np.atleast_2d(x)[0, : m.nq], least)
+    with_tensions = np.insert(u, [free] * len(late), tension, axis=1)
+    weight = as_number(price, "price", above=0.0)
+    easier = QuadraticCost(
+        cost.x_wanted[:, states],
+        np.insert(cost.u_wanted[:, inputs], [free] * len(late), 0.0, axis=1),
+        Q=_part(cost.Q, states),
+        R=_widened(_part(cost.R, inputs), free, np.full(len(late), weight)),
+        Q_final=_part(cost.Q_final, states),
+    )
+    limits = [] if least is None else [Bound(late, min=least, of="input")]
+    stages = Stages(callback)
+    solve = partial(
+        optimize, pulled, easier, initial=(x, with_tensions), limits=limits, max_iterations=stage_iterations,
+        tolerance=stage_tolerance,
+    )  # fmt: skip
+    result, accepted = stages.make("by tensions", 0.0, solve, accept=lambda found: found.status in _ENOUGH)
+    if result is None:
+        if stages.error is not None:
+            raise stages.error
+        raise KeyboardInterrupt
+    if not accepted or stages.ended is not None:
+        status = stages.ended or StartStatus.GAVE_UP
+        return stages.result(status, result.x, result.u, result.cost, 0.0, result, result.message)
+    found = stages.result(StartStatus.COMPLETED, result.x, result.u, result.cost, 0.0, result)
+    return _put_back("by lengths", found, pulled, system, cost, callback, options)
+
+
+def _put_back(
+    name: str,
+    found: StartResult,
+    other: MidpointSystem,
+    system: MidpointSystem,
+    cost: Cost,
+    callback: StageCallback | None,
+    options: dict[str, Any],
+) -> StartResult:
+    """Return what a motion of another system leads to in the system itself, brought onto its constraints."""
+    stages = Stages(callback, found.stages)
+
+    def solve() -> OptimizationResult:
+        start = warm_start((found.x, found.u), other, system)
+        return optimize(system, cost, initial=start, **options)
+
+    result, accepted = stages.make(name, np.inf, solve, accept=lambda _: True)
+    if result is not None and (accepted or stages.ended is not None):
+        status = stages.ended or StartStatus.COMPLETED
+        return stages.result(status, result.x, result.u, result.cost, np.inf, result)
+    why = "" if stages.error is None else f"It could not be brought back: {stages.error}"
+    status = stages.ended or StartStatus.GAVE_UP
+    return stages.result(status, found.x, found.u, found.cost, found.value, found.result, why)
+
+
+def _check(system: MidpointSystem, cost: Cost, options: dict[str, Any]) -> None:
+    if not isinstance(system, MidpointSystem):
+        raise ArgumentError(f"system: got {type(system).__name__}, expected a MidpointSystem")
+    if system.multipliers:
+        raise ArgumentError("system: got one with multipliers in its state, expected one without them")
+    if not isinstance(cost, Cost):
+        raise ArgumentError(f"cost: got {type(cost).__name__}, expected a Cost")
+    for name in ("initial", "horizon"):
+        if name in options:
+            raise ArgumentError(f"{name}: cannot be an option for the last stage, which starts from the one before")
+
+
+def _chosen(m: Mechanism, names: Sequence[str] | None) -> list[str]:
+    """Return the names of the constraints that are relaxed, checked."""
+    springs = {n: each.as_spring(1.0) for n, each in m.elements.items() if isinstance(each, Constraint)}
+    if not springs:
+        raise ArgumentError("system: got a mechanism without constraints, expected one that has some")
+    chosen = [n for n, spring in springs.items() if spring is not None] if names is None else list(names)
+    for name in chosen:
+        if name not in springs:
+            raise ArgumentError(f"constraints: unknown name {name!r}; {closest(name, springs, what='constraints')}")
+        if springs[name] is None:
+            raise ArgumentError(f"constraints: no spring can take the place of {m.elements[name].label}; leave it out")
+    if not chosen:
+        raise ArgumentError("constraints: no spring can take the place of any of them")
+    return chosen
+
+
+def _soft(m: Mechanism, names: Sequence[str], stiffness: float) -> Mechanism:
+    """Return the mechanism with springs in the place of constraints."""
+    found = {name: m.elements[name] for name in names}
+    springs = {name: each.as_spring(stiffness) for name, each in found.items() if isinstance(each, Constraint)}
+    return m.with_exchanged({name: [spring] for name, spring in springs.items() if spring is not None})
+
+
+def _strings(m: Mechanism) -> dict[str, Any]:
+    """Return the forces of all strings by their names, or complain about a constraint that is none."""
+    found = {}
+    for name, each in m.elements.items():
+        if not isinstance(each, Constraint):
+            continue
+        force = each.as_force(f"tension of {name}")
+        if force is None or each.length_variable is None or each.length_variable in m.tree.kinematic:
+            raise ArgumentError(
+                f"system: {each.label} is no string whose length is a variable of its own, expected such strings only"
+            )
+        found[name] = force
+    if not found:
+        raise ArgumentError("system: got a mechanism without strings, expected one that has some")
+    return found
+
+
+def _at_rest(m: Mechanism, late: Sequence[str], q: Array, least: float | None) -> Array:
+    """Return the tensions with which strings carry a configuration as well as they can."""
+    rest = np.zeros(m.nq)
+    slope = m.core.gradient(np.ascontiguousarray(q), rest)[0][: m.nd]
+    _, _, by_input = m.core.force_jacobians(np.ascontiguousarray(q), rest, np.zeros(m.n_inputs))
+    columns = by_input[: m.nd, [m.inputs.index(name) for name in late]]
+    return np.asarray(lsq_linear(columns, -slope, bounds=(0.0 if least is None else least, np.inf)).x)
+
+
+def _part(weight: Array, places: Sequence[int]) -> Array:
+    """Return the weight of some entries."""
+    if weight.ndim == 1:
+        return weight[places]
+    if weight.ndim == 3 and weight.shape[2] == 1:
+        return weight[:, places]
+    return weight[..., places, :][..., places]
+
+
+def _widened(weight: Array, at: int, more: Array) -> Array:
+    """Return a weight with further entries of their own weights at a place."""
+    if weight.ndim == 1:
+        return np.insert(weight, at, more)
+    if weight.ndim == 3 and weight.shape[2] == 1:
+        return np.insert(weight, [at] * len(more), more[:, None], axis=1)
+    n = weight.shape[-1] + len(more)
+    places = np.delete(np.arange(n), np.arange(at, at + len(more)))
+    result = np.zeros((*weight.shape[:-2], n, n))
+    result[..., places[:, None], places] = weight
+    result[..., np.arange(at, at + len(more)), np.arange(at, at + len(more))] = more
+    return result
