@@ -23,7 +23,8 @@ import json
 import numpy as np
 
 from leastaction import *
-from leastaction.models import MODELS, andrews, four_bars, marionette
+from leastaction.systems import PulledSystem
+from leastaction.models import MODELS, andrews, four_bars, marionette, puppet_arm, scissor_lift
 
 memory = ctypes.CDLL(None)
 memory.blocks_taken.restype = ctypes.c_long
@@ -41,6 +42,10 @@ def started(name, integrator):
             return integrator.start(*four_bars.at_angle(mechanism, 1.0, 0.5))
         case "marionette":
             return integrator.start(marionette.rest_pose(mechanism))
+        case "puppet_arm":
+            return integrator.start(puppet_arm.hang(mechanism, [0.3, 0.2]))
+        case "scissor_lift":
+            return integrator.start(*scissor_lift.at_angle(mechanism, 0.8, 0.2))
         case "bricard":
             return integrator.start(np.zeros(mechanism.nq))
         case _:

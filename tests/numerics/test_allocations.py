@@ -48,6 +48,18 @@ for name, build in MODELS.items():
         memory = system.linearize(x, u)
         return lambda: system.linearize(x, u, out=memory).curvature(z)
 
+    def at_instants(steps):
+        # Without inputs the same motion, wherever their forces act.
+        plain, x, u = systems[steps]
+        system = PulledSystem(integrator, plain.t, at_instants=mechanism.inputs)
+        memory, K, z = system.linearize(x, u), np.zeros((steps, system.nu, system.nx)), np.ones((steps, system.nx))
+
+        def once():
+            system.rollout(x[0], x, u, K, 0, steps)
+            system.linearize(x, u, out=memory).curvature(z)
+
+        return once
+
     dynamics = ContinuousDynamics(mechanism, threads=1)
 
     def samples(question, steps):
@@ -64,6 +76,8 @@ for name, build in MODELS.items():
         "accelerations' derivatives": lambda steps: samples(dynamics.linearize, steps),
     }.items():
         counts[name][what] = (blocks_of(call(400)) - blocks_of(call(200))) / 200
+    if mechanism.inputs and not mechanism.nc:
+        counts[name]["at instants"] = (blocks_of(at_instants(400)) - blocks_of(at_instants(200))) / 200
 print(json.dumps(counts))
 """
 
@@ -71,4 +85,5 @@ print(json.dumps(counts))
 def test_no_step_allocates() -> None:
     counts = run(PROGRAM)
     assert "bricard" in counts
+    assert any("at instants" in calls for calls in counts.values())
     assert counts == {name: dict.fromkeys(calls, 0) for name, calls in counts.items()}
