@@ -121,3 +121,20 @@ def test_an_unknown_group_is_refused():
     )
     assert done.returncode == 2
     assert "marionette" in done.stderr
+
+
+def test_captures_that_are_absent_are_skipped(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks.captures", "--dt", "0.05", "--iterations", "1", str(tmp_path / "none.bvh")],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("none.bvh: skipped") == 1
+    walk = done.stdout.splitlines()[-1]
+    assert walk.startswith("made-up walk")
+    assert "MISSED: converges" in walk
+    assert "no string pushes" not in walk
