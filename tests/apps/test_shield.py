@@ -155,7 +155,8 @@ def test_a_signal_while_a_first_trajectory_is_sought(tmp_path: Path) -> None:
     again = ["optimize", "marionette", "--resume", path, "--max-iterations", "1", *words[3:]]
     code, out, errors = run(again)
     assert (code, errors) == (0, "")
-    assert "motors at price 10:" in out
+    assert "motors at price 1:" in out
+    assert "without motors:" in out
     assert load_run(tmp_path / "trajectory.npz").embedded
     assert not path.exists()
 

@@ -36,6 +36,7 @@ from leastaction.viz.tracking import TrackingErrors, tracking_errors
 
 _CHECKPOINTS_SHARE = 0.05  # of the time may go into checkpoints
 _LOST = 2.0  # times the cost with longer steps may the motion cost that begins with these
+_LONGEST = 0.021  # s, of the steps with which a captured motion can be searched
 _FEW = 100  # steps, for which a search with longer ones is not worth it
 
 
@@ -301,9 +302,9 @@ def track(
 
 
 def _coarser(plan: Plan, motion: Motion) -> Plan:
-    """Return a plan with steps of twice the length, for the search; the plan itself where it has few."""
+    """Return a plan with steps of twice the length, for the search; the plan itself where it has few, or long ones."""
     steps = len(motion.t) - 1
-    if steps < _FEW:
+    if steps < _FEW or 2.0 * plan.dt > _LONGEST:
         return plan
     slow = motion.resample(motion.duration / (steps // 2), duration=motion.duration)
     problem = plan.problem
