@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import lsq_linear
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.elements.base import Constraint
@@ -306,6 +305,8 @@ def _at_rest(m: Mechanism, late: Sequence[str], q: Array, least: float | None) -
     slope = m.core.gradient(np.ascontiguousarray(q), rest)[0][: m.nd]
     _, _, by_input = m.core.force_jacobians(np.ascontiguousarray(q), rest, np.zeros(m.n_inputs))
     columns = by_input[: m.nd, [m.inputs.index(name) for name in late]]
+    from scipy.optimize import lsq_linear  # slow to import, and not needed by most
+
     return np.asarray(lsq_linear(columns, -slope, bounds=(0.0 if least is None else least, np.inf)).x)
 
 
