@@ -32,7 +32,7 @@ from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.io import Motion
 from leastaction.io.results.record import load_record, save_record
 from leastaction.mechanics import JointForce
-from leastaction.models.marionette import JOINT_LIMITS, REST, STRINGS, UNHELD, marionette
+from leastaction.models.marionette import JOINT_LIMITS, PLANE_HEIGHT, REST, STRINGS, UNHELD, marionette
 from leastaction.optimal import Status
 from leastaction.systems import PulledSystem
 
@@ -343,3 +343,15 @@ def test_the_kinds_of_limits_are_kept(tmp_path: Path) -> None:
     save_record(path, replace(record.content, kinds=("speed", "weather")), provenance=record.provenance)
     with pytest.raises(ResultFileError, match="kinds weather are none"):
         load_run(path)
+
+
+def test_who_climbs_is_followed_as_high_as_strings_go() -> None:
+    walk = walk_in_place(0.6, 0.02)
+    q = walk.q.copy()
+    q[:, walk.names.index("torso_tz")] += 2.0 * walk.t / walk.t[-1]
+    said: list[str] = []
+    run = track(PUPPET, replace(walk, q=q), max_iterations=2, progress=said.append)
+    assert any("above the plane of the strings" in line for line in said)
+    hooks = PUPPET.positions(run.reference, [string.hook for string in STRINGS])[..., 2]
+    assert hooks.max() == pytest.approx(PLANE_HEIGHT - 0.1, abs=1e-9)
+    assert np.isfinite(run.trajectory.q).all()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from leastaction.apps.marionette.tracking.cost import TrackingCost
@@ -9,7 +11,7 @@ from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus
-from leastaction.models.marionette import STRINGS, UNHELD, hang_strings, strings_of
+from leastaction.models.marionette import PLANE_HEIGHT, STRINGS, UNHELD, hang_strings, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.systems import MidpointSystem
 
@@ -18,12 +20,29 @@ MOST_STEPS = 100_000
 """More steps than these would want tens of gigabytes."""
 
 _GOOD_START_ANGLE = np.deg2rad(15.0)  # largest rms error of a held joint in a first trajectory
+_LEAST_LENGTH = 0.1  # m, of a string above its hook
 _GOOD_START_DISTANCE = 0.15  # m, the same for the pelvis
 
 
 def unheld(mechanism: Mechanism) -> tuple[str, ...]:
     """Return the joints behind which no string is tied: with a string at each foot there is none."""
     return UNHELD if len(strings_of(mechanism)) == len(STRINGS) else ()
+
+
+def below_strings(mechanism: Mechanism, motion: Motion) -> tuple[Motion, float]:
+    """Return a motion lowered where a hook would come too near to the plane of the strings, and by how much (m).
+
+    Who climbs is followed as high as strings go; a motion that stays below comes back as it is.
+    """
+    q = np.zeros((len(motion.t), mechanism.nq))
+    q[:, : mechanism.nd] = _columns(mechanism, motion)
+    hooks = mechanism.positions(q, [string.hook for string in strings_of(mechanism)])[..., 2]
+    above = np.maximum(hooks.max(axis=1) - (PLANE_HEIGHT - _LEAST_LENGTH), 0.0)
+    if not above.any():
+        return motion, 0.0
+    lowered = motion.q.copy()
+    lowered[:, motion.names.index("torso_tz")] -= above
+    return replace(motion, q=lowered), float(above.max())
 
 
 class TrackingProblem:

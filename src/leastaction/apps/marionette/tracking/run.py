@@ -23,7 +23,7 @@ import numpy as np
 
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
-from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem
+from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, below_strings
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
 from leastaction.errors import ProjectionError
 from leastaction.io.motion.motion import Motion
@@ -194,6 +194,9 @@ def track(
         kept(lambda: TrackingSearch(mechanism=mechanism, motion=motion, stage=stage, result=found), at_once=at_once)
 
     bounds = limits or PuppetLimits()
+    motion, lowered = below_strings(mechanism, motion)
+    if lowered > 0.0 and progress is not None:
+        progress(f"the motion rises above the plane of the strings: lowered there, by up to {lowered:.2g} m")
     problem = TrackingProblem(mechanism, motion, weights or GENTLE, threads)
     initial = problem.hang() if resume is None and not planned else None
     embedded = resume.embedded if isinstance(resume, TrackingRun) else initial is None
