@@ -540,3 +540,15 @@ def test_nothing_asked_for() -> None:
     d = MidpointVI(c.mechanism).sensitivity(c.step(c.mechanism, "symmetric"), [], v=c.v)
     assert d.names == ()
     assert d.x.shape == (2, c.mechanism.nx, 0)
+
+
+def test_an_element_called_like_a_frame_has_the_name_of_what_both_have() -> None:
+    m = Mechanism(
+        [
+            la.rx({"a": 1.0}, offset=-1.0, name="g", mass=0.2, inertia=(0.2, 0.2, 0.2)),
+            la.rx("b", mass=1.0, inertia=(1.0, 1.0, 1.0)),
+        ],
+        [la.Coupling({"a": -0.2, "b": 1.0}, offset=-0.5, name="g")],
+    )
+    assert m.parameters["g.offset"] == -0.5
+    assert m.with_parameters({"g.offset": 0.3}).elements["g"].offset == 0.3

@@ -351,6 +351,9 @@ class Loop(Generic[M, D, I]):
             return True
         if outcome.status in _ENDS:
             return False
+        # Stages that end at steps of time that are too coarse lead there again, however they are made.
+        if stuck and self.schedule.again and self._begin_finer():
+            return True
         if stuck and problem.retry_stage():
             self._set_out(
                 NewtonSchedule(again=True, finer=self.schedule.finer),

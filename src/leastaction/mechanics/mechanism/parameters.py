@@ -79,7 +79,10 @@ Place = BodyNumber | Prescribed | ElementNumber
 
 
 def parameter_places(tree: Tree, slots: Mapping[str, int]) -> dict[str, Place]:
-    """Return where every named parameter is: those of bodies and frames, then those of elements."""
+    """Return where every named parameter is: those of bodies and frames, then those of elements.
+
+    An element that is called like a frame has the name of a number that both have, such as "g.offset".
+    """
     places = _tree_places(tree)
     places.update({name: ElementNumber(slot) for name, slot in slots.items()})
     return places
@@ -100,7 +103,8 @@ def check_names(tree: Tree, slots: Mapping[str, int]) -> None:
     for name in slots:
         dots = [at for at, letter in enumerate(name) if letter == "."]
         for index in (frames[name[:at]] for at in dots if name[:at] in frames):
-            if name in _frame_places(tree, index, stems[index]):
+            # Of a joint's number and an element's, the element's has the name: see `parameter_places`.
+            if not isinstance(_frame_places(tree, index, stems[index]).get(name), JointNumber | None):
                 raise DescriptionError(
                     f"duplicate parameter {name!r}: a number of the frame {tree.frames[index].name!r} and "
                     "of an element; give the element another name"
