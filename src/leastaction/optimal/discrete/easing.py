@@ -133,6 +133,9 @@ class EasedProblem(DiscreteProblem):
         """Go back to the last stage that ended well, and on from there by a shorter stride."""
         if self.sound is None or self.retries == 0:
             return False
+        now = self._place()
+        if self.earlier is None or self._asked_at(now) < self._asked_at(self.earlier):
+            self.earlier = now._replace(ease=1.0)
         self.retries -= 1
         self.stride = float(np.sqrt(self.stride))
         self._go_to(self.sound._replace(ease=max(1.0, self.sound.ease / self.stride)))
@@ -141,7 +144,7 @@ class EasedProblem(DiscreteProblem):
     def fall_back(self) -> bool:
         """Return to where it stood before it began again, if that is better."""
         earlier, self.earlier = self.earlier, None
-        if earlier is None or self.asked.value(earlier.iterate.x, earlier.iterate.u) >= self.shown:
+        if earlier is None or self._asked_at(earlier) >= self.shown:
             return False
         self._go_to(earlier)
         return True
@@ -174,8 +177,13 @@ class EasedProblem(DiscreteProblem):
             if isinstance(error, LeastActionError):
                 return False
             raise
-        self.earlier = now
+        if self.earlier is None or self._asked_at(now) < self._asked_at(self.earlier):
+            self.earlier = now._replace(ease=1.0)
         return True
+
+    def _asked_at(self, place: _Place) -> float:
+        """Return the cost that was asked for, somewhere else."""
+        return self.asked.value(place.iterate.x, place.iterate.u)
 
     def _place(self) -> _Place:
         # The gains lie in memory that is used again.
