@@ -1,10 +1,11 @@
-"""Exact first and second derivatives of the steps of a trajectory."""
+"""Exact first and second derivatives of the steps of a trajectory: methods of `MidpointVI`, which is ``vi`` here."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, StepError
@@ -12,15 +13,38 @@ from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
 from leastaction.mechanics.discrete.trajectory import Trajectory, state_of
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.memory import check_memory
+from leastaction.numerics.memory import MAX_BYTES, check_memory
 
 _TRAJECTORY_TOLERANCE = 1e-6  # (m or rad) of a step's end, for what counts as a trajectory
 
 
 def linearize(
-    vi: Integrator, trajectory: Trajectory, *, multipliers: bool, out: StepDerivatives | None = None
+    vi: Integrator, trajectory: Trajectory, *, multipliers: bool = False, out: StepDerivatives | None = None
 ) -> StepDerivatives:
-    """Differentiate every step of what must be a trajectory; see `MidpointVI.linearize`."""
+    """Return the exact derivatives of every step of a trajectory, in parallel over time.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Of this mechanism.
+    multipliers : bool, optional
+        Also the derivatives of the multipliers.
+    out : StepDerivatives, optional
+        Derivatives of as many steps that this integrator returned earlier and that are not needed any
+        more: they are written over and returned, and no memory is asked for.
+
+    Returns
+    -------
+    StepDerivatives
+        First derivatives, and by its `curvature` second ones.
+
+    Raises
+    ------
+    ArgumentError
+        For a trajectory of a mechanism with other variables, or an `out` that does not fit.
+    StepError
+        Where the arrays are not a trajectory of the mechanism; `out` then holds nothing of use.
+    """
     check_trajectory(vi, trajectory)
     t = trajectory.t
     d = linearize_arrays(vi, t, trajectory.x, trajectory.u, multipliers=multipliers, out=out)
@@ -50,9 +74,11 @@ def linearize_arrays(
     ends: Array | None = None,
     first_share: float = 1.0,
 ) -> StepDerivatives:
-    """Differentiate every step along arrays, in the memory of `out` if there is one.
+    """Return the derivatives along states x (N+1, nx) and inputs u (N, n_inputs + nrho) at times t.
 
-    ``ends`` (N, nx): where the steps of a curve lead to whose next states are others.
+    The next states may be off; then the derivatives are those of the steps near them, or of those that lead to
+    `ends` (N, nx). ``first_share``: the part of the first step for which forces at the instants act at its start.
+    See `linearize`.
     """
     m, N = vi.mechanism, len(t) - 1
     if out is None:
@@ -76,8 +102,52 @@ def linearize_arrays(
     return out
 
 
-def tensors(vi: Integrator, trajectory: Trajectory, k: int | np.integer[Any], max_bytes: float) -> StepTensors:
-    """Return all second derivatives of one step; see `MidpointVI.tensors`."""
+def curvature(
+    vi: Integrator,
+    trajectory: Trajectory,
+    derivatives: StepDerivatives,
+    z: npt.ArrayLike,
+    *,
+    z_lam: npt.ArrayLike | None = None,
+) -> Array:
+    """Return the contracted second derivatives of a trajectory's steps, `StepDerivatives.curvature`.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    derivatives : StepDerivatives
+        Of the same trajectory.
+    z, z_lam : array_like, shapes (N, nx) and (N, nc)
+        Weights on the next state of each step, and on its multipliers (optional).
+
+    Raises
+    ------
+    ArgumentError
+        For wrong shapes, or derivatives of something else.
+    """
+    check_trajectory(vi, trajectory)
+    if (derivatives.steps, derivatives.mechanism.nx) != (trajectory.steps, vi.mechanism.nx):
+        raise ArgumentError(
+            f"derivatives: got those of {derivatives.steps} steps of {derivatives.mechanism.nx} states, "
+            f"expected {trajectory.steps} steps of {vi.mechanism.nx}; give the result of linearize() "
+            "for the same trajectory"
+        )
+    return derivatives.curvature(z, z_lam=z_lam)
+
+
+def tensors(
+    vi: Integrator, trajectory: Trajectory, k: int | np.integer[Any], *, max_bytes: float = MAX_BYTES
+) -> StepTensors:
+    """Return the full second derivatives of step k of a trajectory (for analysis).
+
+    They take ``8 (nx + nc) (nx + n_inputs + nrho)^2`` bytes.
+
+    Raises
+    ------
+    ArgumentError
+        For a k that is no step, a trajectory of another mechanism, or, before anything is made, where they would
+        take more than `max_bytes`.
+    """
     m = vi.mechanism
     check_trajectory(vi, trajectory)
     if k not in range(trajectory.steps):

@@ -11,12 +11,14 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 class Integrator(ABC):
     """Steps of one mechanism in discrete time. Holds settings and no state, so that threads may share it.
 
-    ``threads``: threads for derivatives over a trajectory; 0: as many as there are cores.
+    ``threads``: threads for derivatives over a trajectory; 0: as many as there are cores. ``shares``: how much of a
+    force acts at the start and at the end of a step.
     """
 
     mechanism: Mechanism
     core: _core.Midpoint
     threads: int
+    shares: tuple[float, float]
 
     @abstractmethod
     def like(self, mechanism: Mechanism) -> Integrator:

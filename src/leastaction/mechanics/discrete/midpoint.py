@@ -33,16 +33,12 @@ from leastaction.mechanics.discrete import functions
 from leastaction.mechanics.discrete import sensitivity as parameters
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
-from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
 from leastaction.mechanics.discrete.quality import quality_of
-from leastaction.mechanics.discrete.sensitivity import Sensitivity, StepSensitivity
 from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory, check_state, state_of
-from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_time_step, as_times, read_only
-from leastaction.numerics.memory import MAX_BYTES
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.numerics.step_quality import StepQuality, coarsest
 
@@ -104,6 +100,7 @@ class MidpointVI(Integrator):
             raise ArgumentError(f"tolerance: got {tolerance}, expected a number between 0 and 0.01")
         self.mechanism = mechanism
         self.split: Split = split
+        self.shares = (0.5, 0.5) if split == "symmetric" else (1.0, 0.0)
         self.tolerance = float(tolerance)
         self.threads = as_count(threads, "threads", 0)
         steps = as_count(max_iterations, "max_iterations", 1)
@@ -388,254 +385,18 @@ class MidpointVI(Integrator):
             singularities=singularities,
         )
 
-    # Derivatives
+    # Derivatives and functions of steps: each is explained where it is
 
-    def linearize(
-        self, trajectory: Trajectory, *, multipliers: bool = False, out: StepDerivatives | None = None
-    ) -> StepDerivatives:
-        """Return the exact derivatives of every step of a trajectory, in parallel over time.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Of this mechanism.
-        multipliers : bool, optional
-            Also the derivatives of the multipliers.
-        out : StepDerivatives, optional
-            Derivatives of as many steps that this integrator returned earlier and that are not needed any
-            more: they are written over and returned, and no memory is asked for.
-
-        Returns
-        -------
-        StepDerivatives
-            First derivatives, and by its `curvature` second ones.
-
-        Raises
-        ------
-        ArgumentError
-            For a trajectory of a mechanism with other variables, or an `out` that does not fit.
-        StepError
-            Where the arrays are not a trajectory of the mechanism; `out` then holds nothing of use.
-        """
-        return differentiate.linearize(self, trajectory, multipliers=multipliers, out=out)
-
-    def linearize_arrays(
-        self,
-        t: Array,
-        x: Array,
-        u: Array,
-        *,
-        multipliers: bool = False,
-        out: StepDerivatives | None = None,
-        ends: Array | None = None,
-        first_share: float = 1.0,
-    ) -> StepDerivatives:
-        """Return the derivatives along states x (N+1, nx) and inputs u (N, n_inputs + nrho) at times t.
-
-        The next states may be off; then the derivatives are those of the steps near them, or of those that lead to
-        `ends` (N, nx). ``first_share``: the part of the first step for which forces at the instants act at its start.
-        See `linearize`.
-        """
-        return differentiate.linearize_arrays(
-            self, t, x, u, multipliers=multipliers, out=out, ends=ends, first_share=first_share
-        )
-
-    def curvature(
-        self,
-        trajectory: Trajectory,
-        derivatives: StepDerivatives,
-        z: npt.ArrayLike,
-        *,
-        z_lam: npt.ArrayLike | None = None,
-    ) -> Array:
-        """Return the contracted second derivatives of a trajectory's steps, `StepDerivatives.curvature`.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-        derivatives : StepDerivatives
-            Of the same trajectory.
-        z, z_lam : array_like, shapes (N, nx) and (N, nc)
-            Weights on the next state of each step, and on its multipliers (optional).
-
-        Raises
-        ------
-        ArgumentError
-            For wrong shapes, or derivatives of something else.
-        """
-        differentiate.check_trajectory(self, trajectory)
-        if (derivatives.steps, derivatives.mechanism.nx) != (trajectory.steps, self.mechanism.nx):
-            raise ArgumentError(
-                f"derivatives: got those of {derivatives.steps} steps of {derivatives.mechanism.nx} states, "
-                f"expected {trajectory.steps} steps of {self.mechanism.nx}; give the result of linearize() "
-                "for the same trajectory"
-            )
-        return derivatives.curvature(z, z_lam=z_lam)
-
-    def tensors(self, trajectory: Trajectory, k: int | np.integer[Any], *, max_bytes: float = MAX_BYTES) -> StepTensors:
-        """Return the full second derivatives of step k of a trajectory (for analysis).
-
-        They take ``8 (nx + nc) (nx + n_inputs + nrho)^2`` bytes.
-
-        Raises
-        ------
-        ArgumentError
-            For a k that is no step, a trajectory of another mechanism, or, before anything is made, where they would
-            take more than `max_bytes`.
-        """
-        return differentiate.tensors(self, trajectory, k, max_bytes)
-
-    # Functions of a step
-
-    def discrete_lagrangian(self, q1: npt.ArrayLike, q2: npt.ArrayLike, dt: float) -> FunctionDerivatives:
-        """Return ``Ld = dt L((q1 + q2)/2, (q2 - q1)/dt)`` (J s), by ``q1`` and ``q2``, to the fourth order.
-
-        Parameters
-        ----------
-        q1, q2 : array_like, shape (nq,)
-            Configurations at the start and the end of a step.
-        dt : float
-            Time step (s).
-
-        Returns
-        -------
-        FunctionDerivatives
-            ``Ld.by("q1")`` is D1Ld, ``Ld.by("q1", "q2")`` is D2D1Ld.
-
-        Raises
-        ------
-        ArgumentError
-            For wrong shapes, values that are not finite, or a time step that is not positive.
-        """
-        return functions.discrete_lagrangian(self.mechanism, q1, q2, dt)
-
-    def discrete_potential(
-        self, q1: npt.ArrayLike, q2: npt.ArrayLike, dt: float, element: str | None = None
-    ) -> FunctionDerivatives:
-        """Return what one potential, or all, take from `discrete_lagrangian`: ``dt V((q1 + q2)/2)`` (J s).
-
-        Parameters
-        ----------
-        q1, q2, dt
-            As of `discrete_lagrangian`, errors too.
-        element : str, optional
-            As of `Mechanism.potential`.
-        """
-        return functions.discrete_potential(self.mechanism, q1, q2, dt, element)
-
-    def discrete_force(
-        self,
-        q1: npt.ArrayLike,
-        q2: npt.ArrayLike,
-        u: npt.ArrayLike | None,
-        dt: float,
-        element: str | None = None,
-    ) -> tuple[FunctionDerivatives, FunctionDerivatives]:
-        """Return the discrete forces fd- and fd+ of one element, or of all, by ``q1``, ``q2`` and ``u``.
-
-        Parameters
-        ----------
-        q1, q2, dt
-            As of `discrete_lagrangian`, errors too.
-        u : array_like, shape (n_inputs,), or None
-            Inputs; zero if None.
-        element : str, optional
-            As of `Mechanism.force`.
-
-        Returns
-        -------
-        fd_minus, fd_plus : FunctionDerivatives
-            Impulses (N s or N m s) on all nq variables at the start and at the end of the step, as `split` shares them.
-        """
-        return functions.discrete_force(self.mechanism, self._shares, q1, q2, u, dt, element)
-
-    def driving_force(self, trajectory: Trajectory) -> Array:
-        """Return the forces that make the prescribed variables move as they do in a run (dissertation 4.42).
-
-        A prescribed variable is moved by whatever force that takes. At an instant between two steps it is the impulse
-        that its own equation of motion lacks, ``-(D2Ld + fd+ of the step before + D1Ld + fd- of the step after -
-        Dh^T lam)``, here over the time that it stands for, half of both steps. In continuous time
-        `ContinuousDynamics.inverse_dynamics` has it.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Of this mechanism.
-
-        Returns
-        -------
-        ndarray, shape (N-1, nrho)
-            At the instants ``t[1:-1]``, in the order of `Mechanism.kinematic` (N or N m). Besides the forces of
-            elements, and positive where it drives the variable up.
-
-        Raises
-        ------
-        ArgumentError
-            For a trajectory of a mechanism with other variables.
-        """
-        differentiate.check_trajectory(self, trajectory)
-        return functions.driving_force(self.mechanism, self._shares, trajectory)
-
-    @property
-    def _shares(self) -> tuple[float, float]:
-        """How much of a force acts at the start and at the end of a step."""
-        return (0.5, 0.5) if self.split == "symmetric" else (1.0, 0.0)
-
-    # Derivatives by parameters
-
-    def differentiate_by(self, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
-        """Return the exact first derivatives of every step by some parameters.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Of this mechanism.
-        names : sequence of str
-            Parameters, among the names of `Mechanism.parameters`.
-
-        Raises
-        ------
-        ArgumentError
-            For an unknown parameter, or a trajectory of a mechanism with other variables.
-        StepError
-            Where the arrays are not a trajectory of the mechanism.
-        """
-        return parameters.differentiate_by(self, trajectory, names)
-
-    def sensitivity(
-        self,
-        trajectory: Trajectory,
-        names: Sequence[str],
-        *,
-        v: npt.ArrayLike | None = None,
-        dx0: npt.ArrayLike | None = None,
-        hold: Sequence[str] | None = None,
-    ) -> Sensitivity:
-        """Return the exact derivatives of a trajectory by some parameters, its inputs held.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Of this mechanism.
-        names : sequence of str
-            Parameters, among the names of `Mechanism.parameters`.
-        v : array_like, shape (nq,), optional
-            The velocity that the trajectory started from: the momentum there depends on the masses. Without
-            it (and without `dx0`) the start is a state of its own, which depends on nothing.
-        dx0 : array_like, shape (nx, len(names)), optional
-            Derivatives of the initial state, instead of `v` and `hold`.
-        hold : sequence of str, optional
-            Variables that keep their values and velocities at the start where a parameter changes the constraints
-            there, such as the length of a rod in a closed loop. The others follow, as `project_configuration` and
-            `project_velocity` would have them: by the least change that is needed.
-
-        Raises
-        ------
-        ArgumentError, StepError
-            As in `differentiate_by`; if both dx0 and v or hold are given; or if a parameter changes the
-            constraints at the start and nothing says how that follows.
-        """
-        return parameters.sensitivity(self, trajectory, names, v=v, dx0=dx0, hold=hold)
+    linearize = differentiate.linearize
+    linearize_arrays = differentiate.linearize_arrays
+    curvature = differentiate.curvature
+    tensors = differentiate.tensors
+    differentiate_by = parameters.differentiate_by
+    sensitivity = parameters.sensitivity
+    discrete_lagrangian = functions.discrete_lagrangian
+    discrete_potential = functions.discrete_potential
+    discrete_force = functions.discrete_force
+    driving_force = functions.driving_force
 
     # Errors
 

@@ -1,4 +1,7 @@
-"""Exact derivatives of the discrete step by the named parameters of the mechanism."""
+"""Exact derivatives of the discrete step by the named parameters of the mechanism.
+
+`differentiate_by` and `sensitivity` are methods of `MidpointVI`, which is ``vi`` here.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +73,22 @@ class Sensitivity:
 
 
 def differentiate_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
-    """Differentiate every step by parameters; see `MidpointVI.differentiate_by`."""
+    """Return the exact first derivatives of every step by some parameters.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Of this mechanism.
+    names : sequence of str
+        Parameters, among the names of `Mechanism.parameters`.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown parameter, or a trajectory of a mechanism with other variables.
+    StepError
+        Where the arrays are not a trajectory of the mechanism.
+    """
     linearize(vi, trajectory, multipliers=False)  # its checks
     return steps_by(vi, trajectory.t, trajectory.x, trajectory.u, names)
 
@@ -80,11 +98,34 @@ def sensitivity(
     trajectory: Trajectory,
     names: Sequence[str],
     *,
-    v: npt.ArrayLike | None,
-    dx0: npt.ArrayLike | None,
-    hold: Sequence[str] | None,
+    v: npt.ArrayLike | None = None,
+    dx0: npt.ArrayLike | None = None,
+    hold: Sequence[str] | None = None,
 ) -> Sensitivity:
-    """Differentiate a trajectory by parameters; see `MidpointVI.sensitivity`."""
+    """Return the exact derivatives of a trajectory by some parameters, its inputs held.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Of this mechanism.
+    names : sequence of str
+        Parameters, among the names of `Mechanism.parameters`.
+    v : array_like, shape (nq,), optional
+        The velocity that the trajectory started from: the momentum there depends on the masses. Without
+        it (and without `dx0`) the start is a state of its own, which depends on nothing.
+    dx0 : array_like, shape (nx, len(names)), optional
+        Derivatives of the initial state, instead of `v` and `hold`.
+    hold : sequence of str, optional
+        Variables that keep their values and velocities at the start where a parameter changes the constraints
+        there, such as the length of a rod in a closed loop. The others follow, as `project_configuration` and
+        `project_velocity` would have them: by the least change that is needed.
+
+    Raises
+    ------
+    ArgumentError, StepError
+        As in `differentiate_by`; if both dx0 and v or hold are given; or if a parameter changes the
+        constraints at the start and nothing says how that follows.
+    """
     m = vi.mechanism
     if dx0 is not None and (v is not None or hold is not None):
         raise ArgumentError(f"sensitivity: got both {'hold' if v is None else 'v'} and dx0; give one of them")
