@@ -16,7 +16,7 @@ _DT = 2e-3
 def rows(settings: Settings) -> list[Row | Absent]:
     """Measure both with the same motion: the motors get the torques that the tendons give."""
     N = max(50, settings.steps // 5)
-    drawn, driven = hand(), hand(tendons=False)
+    drawn, driven = hand(joints=25), hand(joints=25, tendons=False)
     t = _DT * np.arange(N + 1)
     rng = np.random.default_rng(1)
     # Slow tensions around what holds the fingers; the extensors balance the flexors.

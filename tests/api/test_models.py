@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 from leastaction.apps.marionette.retargeting.skeleton import VARIABLES, Proportions
 from leastaction.errors import ArgumentError
@@ -11,6 +12,7 @@ from leastaction.mechanics import check_consistent
 from leastaction.models import MODELS, build
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.chain import pendulum_chain
+from leastaction.models.hand import FINGERS, TENDONS, TRAVEL, hand, posture, tendon_lengths
 from leastaction.models.marionette import STRINGS, hang_strings, marionette, rest_pose
 from leastaction.models.puppet_arm import STRING, hang, puppet_arm
 from leastaction.models.scissor_lift import at_angle, scissor_lift
@@ -146,3 +148,72 @@ def test_the_arm_hangs_from_its_string():
     np.testing.assert_allclose(mechanism.positions(q[1], ["carriage"])[0, 0], mechanism.positions(q[1], ["hand"])[0, 0])
     with pytest.raises(ArgumentError, match="above the carriage"):
         hang(puppet_arm(height=0.1), [np.pi, 0.0])
+
+
+def levers(mechanism, q):
+    """Return what the tendons do to the joints, (16, 25): how their lengths fall, by differences."""
+    rows = []
+    for step in 1e-6 * np.eye(mechanism.nq):
+        more, less = (np.array(list(tendon_lengths(mechanism, q + sign * step).values())) for sign in (1.0, -1.0))
+        rows.append((less - more) / 2e-6)
+    return np.array(rows)
+
+
+def test_the_hand_has_the_joints_and_tendons_of_the_dissertation_or_25_of_each():
+    mechanism = hand()
+    assert (mechanism.nd, mechanism.nu, mechanism.nc) == (16, 25, 0)
+    assert mechanism.inputs == tuple(f"{finger}.{tendon}" for finger in FINGERS for tendon in TENDONS)
+    assert mechanism.variables[-3:] == ("little.mcp", "little.pip", "little.dip")
+    assert sum(1 for _ in mechanism.tree.bodies()) == 15
+    assert hand(tendons=False).inputs == mechanism.variables
+    wide = hand(joints=25)
+    assert (wide.nd, wide.nu) == (25, 25)
+    assert wide.inputs == mechanism.inputs
+    assert {"index.cmc", "index.mcp.side", "thumb.dip"} < set(wide.variables)
+    assert hand(joints=25, tendons=False).nu == 25
+    with pytest.raises(ArgumentError, match="joints: got 15, expected 16 or 25"):
+        hand(joints=15)
+
+
+@pytest.mark.parametrize("closed", [0.0, 0.5, 1.0])
+def test_tendons_that_only_pull_can_turn_every_joint_of_a_finger_by_itself_and_hold_the_hand(closed):
+    mechanism = hand()
+    q = posture(mechanism, closed)
+    arms = levers(mechanism, q)
+    # What a tendon of a newton does is its lever times the factor of its muscle, which is 1 in the half-closed hand.
+    forces = mechanism.force(q, np.zeros(16), np.zeros(25)).value
+    for name, arm in zip(mechanism.inputs, arms.T, strict=True):
+        pulled = mechanism.force(q, np.zeros(16), np.eye(25)[mechanism.inputs.index(name)]).value - forces
+        factor = arm @ pulled / (arm @ arm)
+        np.testing.assert_allclose(pulled, factor * arm, atol=1e-8)
+        assert factor == pytest.approx(1.0, abs=1e-6) if closed == 0.5 else 0.5 < factor < 1.0
+    index = [mechanism.variables.index(f"index.{joint}") for joint in ("mcp", "pip", "dip")]
+    for joint in np.eye(3):
+        for way in (1.0, -1.0):
+            assert nnls(arms[index], 1e-3 * way * joint)[1] < 1e-9
+    weight = mechanism.potential(q).gradient
+    assert nnls(arms, weight)[1] < 1e-9
+    # With the same lever at every joint, as in the hand of 25 joints, a straight finger cannot be held level.
+    wide = hand(joints=25)
+    straight = np.zeros(25)
+    pull = np.array(
+        [
+            wide.force(straight, straight, unit).value - wide.force(straight, straight, 0.0 * unit).value
+            for unit in np.eye(25)
+        ]
+    ).T
+    assert nnls(pull, wide.potential(straight).gradient)[1] > 1e-3
+
+
+def test_the_joints_of_the_hand_have_stops():
+    mechanism = hand(tendons=False)
+    for name, (low, high) in TRAVEL.items():
+        i = mechanism.variables.index(name if name in mechanism.variables else f"ring.{name}")
+        for end, way in ((low, -1.0), (high, 1.0)):
+            inside, at, beyond = (
+                way * mechanism.potential(np.eye(16)[i] * (end + way * room), element=f"{mechanism.variables[i]} flesh")
+                .gradient[i]
+                for room in (-0.3, 0.0, 0.25)
+            )  # fmt: skip
+            assert abs(inside) < 0.05 < 0.5 < beyond
+            assert inside < at < beyond

@@ -265,6 +265,23 @@ def test_puppet_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     assert held < 0.75 * alone
 
 
+def test_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("17_hand", monkeypatch)
+    result = example.solve()
+    free, pulled = result.free, result.pulled
+    assert free.status is Status.CONVERGED
+    assert pulled.status is Status.CONVERGED
+    assert np.mean(free.u < 0.0) > 0.5
+    assert pulled.u.min() >= 0.0
+    assert free.cost < pulled.cost
+    third = result.mechanism.variables.index("middle.dip")
+    off = result.off(pulled)
+    assert np.sqrt(np.mean(off**2)) < 0.3
+    assert np.abs(off[:, third]).max() < 1.0
+    # It is a fist in between.
+    assert pulled.x[100, third] > np.radians(50.0)
+
+
 # What the author's own examples show beyond
 
 
