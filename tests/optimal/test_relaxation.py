@@ -27,6 +27,7 @@ from leastaction import (
 from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics import ElasticString, LinearSpring, PathLength, PointToPoint, TendonForce
 from leastaction.models.bricard import bricard
+from leastaction.models.marionette import STRINGS, marionette, rest_pose
 from optimal.systems import CartPendulum
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -207,3 +208,19 @@ def test_a_constraint_without_a_spring_is_named():
         relax(system, cost, initial=start, constraints=["hinge"])
     with pytest.raises(ArgumentError, match="no spring can take the place of any of them"):
         relax(system, cost, initial=start)
+
+
+def test_strings_that_were_tensions_come_back_with_lengths_that_are_positive():
+    """The equation of a string is that of the square of its length, so that the mirrored length solves it too."""
+    m = marionette()
+    vi = MidpointVI(m)
+    q, t = rest_pose(m), np.linspace(0.0, 0.05, 6)
+    x, u = vi.start(q).x, np.tile(q[m.nd :], (5, 1))
+    wanted = np.tile(np.r_[q, np.zeros(m.nx - m.nq)], (6, 1))
+    Q = np.full(m.nx, 0.01)
+    Q[: m.nd] = 100.0
+    cost = QuadraticCost(wanted, u, Q=Q, R=np.full(m.nrho, 0.01))
+    found = by_tensions(MidpointSystem(vi, t), cost, initial=(x, u), price=1e-6)
+    assert found.status is StartStatus.COMPLETED
+    lengths = [m.variables.index(string.length) for string in STRINGS]
+    np.testing.assert_allclose(found.x[0, lengths], q[lengths], rtol=1e-9)

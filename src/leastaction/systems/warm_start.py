@@ -13,6 +13,7 @@ from leastaction.errors import ArgumentError, InconsistentStartError, closest
 from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
 from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
 from leastaction.mechanics.discrete.trajectory import State
+from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.result import OptimizationResult
@@ -178,9 +179,13 @@ def _onto_constraints(m: Mechanism, q: Array, v: Array, known: npt.NDArray[np.bo
                 continue
         return function(*given, **ways[-1], **options)
 
+    strings = {element.length_variable for element in m.elements.values() if isinstance(element, Constraint)}
+    lengths = [i for i, name in enumerate(m.variables) if name in strings and not known[i]]
     for k in range(len(q)):
         if k > 0:
             q[k, ~known], v[k, ~known] = q[k - 1, ~known], v[k - 1, ~known]
         if k > 0 or start is None:
             q[k] = project(project_configuration, m, q[k], attempts=_ATTEMPTS if k == 0 else 1).q
+        if k == 0 and start is None:
+            q[k, lengths] = np.abs(q[k, lengths])  # the square of a distance is met by its mirrored length too
         v[k] = project(project_velocity, m, q[k], v[k]).v
