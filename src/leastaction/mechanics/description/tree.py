@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -108,6 +109,11 @@ class Tree:
     kinematic: tuple[str, ...]
     compositions: tuple[tuple[Group, tuple[int, ...]], ...]
     balls: tuple[Ball, ...]
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """The index of each frame by its name."""
+        return {placed.name: index for index, placed in enumerate(self.frames)}
 
     def coupling(self, joints: Sequence[int], variables: Sequence[str]) -> tuple[Array, Array]:
         """Return E (len(joints), len(variables)) and s0 of the joint coordinates ``s = E q + s0``.

@@ -1,12 +1,15 @@
-"""Which constraints are redundant, from their gradients; `Mechanism` asks."""
+"""Constraint functions, and which of them are redundant: methods of `Mechanism`, which is ``m`` here."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, shaped, single
 from leastaction.numerics.arrays import Array
 
 # Length of what is left of a gradient, as a fraction of it, below which an equation counts as dependent.
@@ -15,7 +18,64 @@ RANK_TOLERANCE = 1e-9
 WEIGHT_TOLERANCE = 1e-6
 
 
-def dependent_rows(jacobian: Array, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def constraint_values(m: Compiled, q: npt.ArrayLike) -> Array:
+    """Return h(q), shape (nc,), or (N, nc) for a batch."""
+    values, one = batch(m, q)
+    result = np.empty((len(values), m.nc))
+    for row, configuration in zip(result, values, strict=True):
+        row[:] = m.core.constraints(configuration)
+    return shaped(result, one)
+
+
+def constraint_residuals(m: Compiled, q: npt.ArrayLike) -> dict[str, Any]:
+    """Return h(q) by constraint name: floats, or arrays (N,) for a batch."""
+    values = constraint_values(m, q)
+    if values.ndim == 1:
+        return {n: float(h) for n, h in zip(m.constraints, values, strict=True)}
+    return dict(zip(m.constraints, values.T, strict=True))
+
+
+def constraint_jacobian(m: Compiled, q: npt.ArrayLike) -> Array:
+    """Return Dh(q), shape (nc, nq), at q of shape (nq,)."""
+    jacobian = m.core.constraint_jacobian(single(m, q))
+    return np.asarray(jacobian).reshape(m.nc, m.nq)
+
+
+def constraint_rank(m: Compiled, q: npt.ArrayLike) -> int:
+    """Return the rank of the constraints on the dynamic variables at q of shape (nq,)."""
+    return m.nc - len(redundancy(m, q))
+
+
+def degrees_of_freedom(m: Compiled, q: npt.ArrayLike) -> int:
+    """Return nd less the rank of the constraints on the dynamic variables at q of shape (nq,)."""
+    return m.nd - constraint_rank(m, q)
+
+
+def redundancy(m: Compiled, q: npt.ArrayLike) -> dict[str, tuple[str, ...]]:
+    """Return the constraint equations that ask for nothing new at a configuration.
+
+    Parameters
+    ----------
+    q : array_like, shape (nq,)
+        The configuration.
+
+    Returns
+    -------
+    dict of str to tuple of str
+        Every equation whose gradient by the dynamic variables is a linear combination of those of
+        equations listed before it in `constraints`, and which these are; none for a gradient of zero.
+        Empty where all equations are independent. At a singular configuration, as a four-bar linkage
+        in one line, equations are dependent that are independent elsewhere.
+
+    Raises
+    ------
+    ArgumentError
+        If a gradient is not finite there, as that of a path two points of which meet.
+    """
+    return _dependent_rows(constraint_jacobian(m, q)[:, : m.nd], m.constraints)
+
+
+def _dependent_rows(jacobian: Array, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return the names of rows that are linear combinations of rows before them, and of which ones.
 
     Raises `ArgumentError` if a row is not finite.

@@ -18,7 +18,7 @@ from itertools import product
 
 import numpy as np
 
-from leastaction.mechanics.mechanism.frame_queries import PathMotion, inverted
+from leastaction.mechanics.mechanism.path_motion import PathMotion, inverted
 from leastaction.numerics.arrays import Array
 
 Slots = Sequence[Array]
@@ -26,9 +26,9 @@ Slots = Sequence[Array]
 along a direction."""
 
 
-def pose_derivative(motion: PathMotion, poses: Array, slots: Slots, *, inverse: bool) -> Array:
-    """Return the derivative (N, 4, 4, ...) of poses (N, 4, 4), or of their inverses, by the slots."""
-    hats = _hats(motion.twists)
+def pose_derivative(motion: PathMotion, slots: Slots, *, inverse: bool) -> Array:
+    """Return the derivative (N, 4, 4, ...) of the poses of a frame, or of their inverses, by the slots."""
+    hats, poses = _hats(motion.twists), motion.poses
     if inverse:
         total = _ordered_products(-hats[:, ::-1], [slot[:, ::-1] for slot in slots])
         found = inverted(poses).reshape(len(poses), *[1] * len(slots), 4, 4) @ total
@@ -37,17 +37,17 @@ def pose_derivative(motion: PathMotion, poses: Array, slots: Slots, *, inverse: 
     return np.moveaxis(found, (-2, -1), (1, 2))
 
 
-def jacobian_derivative(motion: PathMotion, poses: Array, point: Array, slots: Slots) -> Array:
+def jacobian_derivative(motion: PathMotion, slots: Slots) -> Array:
     """Return the derivative (N, 6, ...) of velocities by those of the variables, slot 0, and by the others.
 
-    In the axes that `motion` says; ``point`` (3,) is the one of the frame whose velocity is meant.
+    Of the point and in the axes that `motion` says.
     """
     by, more = slots[0], slots[1:]
     if motion.turn is None:
         angular = motion.twists[:, :, 3:]
         turned = _ordered_vectors(_cross(angular), angular, by, more)
-        moved = pose_derivative(motion, poses, slots, inverse=False)
-        linear = np.einsum("nab...,b->na...", moved, np.append(point, 1.0))[:, :3]
+        moved = pose_derivative(motion, slots, inverse=False)
+        linear = np.einsum("nab...,b->na...", moved, np.append(motion.point, 1.0))[:, :3]
         return np.concatenate([linear, np.moveaxis(turned, -1, 1)], axis=1)
     own = motion.in_axes().swapaxes(1, 2)
     carried = _ordered_vectors(-_brackets(own)[:, ::-1], own[:, ::-1], by[:, ::-1], [slot[:, ::-1] for slot in more])

@@ -1,116 +1,264 @@
-"""Where the frames of a mechanism are and how they move; `Mechanism` asks these questions."""
+"""Where the frames of a mechanism are and how they move: methods of `Mechanism`, which is ``m`` here."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
-import numpy as np
+import numpy.typing as npt
 
-from leastaction import _core
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.description.tree import WORLD, Tree
-from leastaction.numerics.arrays import Array
-
-Axes = Literal["world", "frame"]
-
-
-def poses_of(tree: Tree, frame: int, joints: Array) -> Array:
-    """Return the poses (N, 4, 4) of a frame from those of all joints (N, nj, 4, 4)."""
-    placed = tree.frames[frame]
-    if placed.joint == WORLD:
-        return np.broadcast_to(placed.pose, (len(joints), 4, 4)).copy()
-    return joints[:, placed.joint] @ placed.pose
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, frame_index, shaped
+from leastaction.mechanics.mechanism.frame_derivatives import Slots, jacobian_derivative, pose_derivative
+from leastaction.mechanics.mechanism.path_motion import Axes, PathMotion, inverted, origins_of, poses_of
+from leastaction.numerics.arrays import Array, as_array, as_count
+from leastaction.numerics.memory import MAX_BYTES, check_memory
 
 
-def inverted(poses: Array) -> Array:
-    """Return the inverses of poses (N, 4, 4)."""
-    result = np.zeros_like(poses)
-    back = poses[:, :3, :3].swapaxes(1, 2)
-    result[:, :3, :3], result[:, :3, 3:], result[:, 3, 3] = back, -back @ poses[:, :3, 3:], 1.0
-    return result
+def frame_pose(m: Compiled, q: npt.ArrayLike, name: str, *, inverse: bool = False) -> Array:
+    """Return the pose of a frame in the world.
 
+    Parameters
+    ----------
+    q : array_like, shape (nq,) or (N, nq)
+    name : str
+        The frame.
+    inverse : bool, optional
+        Return its inverse: the pose of the world in the frame.
 
-def origins_of(tree: Tree, frames: Sequence[int], joints: Array) -> Array:
-    """Return the origins (N, len(frames), 3) of frames from the poses of all joints."""
-    points = np.empty((len(joints), len(frames), 3))
-    for column, frame in enumerate(frames):
-        points[:, column] = poses_of(tree, frame, joints)[:, :3, 3]
-    return points
-
-
-@dataclass(frozen=True)
-class PathMotion:
-    """How the joints on the way from the world to a frame move a point of it, at N configurations.
-
-    ``twists`` (N, n, 6): of these joints, in the world. ``by_joints`` (N, 6, n): velocity of the point, and angular
-    velocity, by the joints' coordinates, in world axes. ``E`` (n, nq): the coordinates by the variables. ``turn`` (N,
-    3, 3): rotation of the frame, if the velocities are wanted in its axes.
+    Returns
+    -------
+    ndarray, shape (4, 4) or (N, 4, 4)
+        Takes coordinates in the frame to coordinates in the world; the inverse takes them back.
     """
-
-    twists: Array
-    by_joints: Array
-    E: Array
-    turn: Array | None
-
-    @classmethod
-    def of(
-        cls, tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, frame: int, point: Array, axes: Axes
-    ) -> PathMotion:
-        """Look at a point (3,) of a frame at configurations q (N, nq)."""
-        if axes not in ("world", "frame"):
-            raise ArgumentError(f"axes: got {axes!r}, expected 'world' or 'frame'")
-        path = tree.ancestors(tree.frames[frame].joint)[::-1]
-        poses = poses_of(tree, frame, core.joint_poses(q))
-        place = poses[:, :3, :3] @ point + poses[:, :3, 3]
-        twists = core.joint_twists(q)[:, list(path)]
-        linear = twists[:, :, :3] + np.cross(twists[:, :, 3:], place[:, None, :])
-        by_joints = np.concatenate([linear, twists[:, :, 3:]], axis=2).swapaxes(1, 2)
-        E, _ = tree.coupling(path, variables)
-        return cls(twists, by_joints, E, poses[:, :3, :3] if axes == "frame" else None)
-
-    def in_axes(self) -> Array:
-        """Return the velocities by the joints' coordinates (N, 6, n), in the axes that are wanted."""
-        return _turned(self.turn, self.by_joints)
-
-    def jacobian(self) -> Array:
-        """Return the Jacobian (N, 6, nq)."""
-        return self.in_axes() @ self.E
-
-    def velocity(self, v: Array) -> Array:
-        """Return the velocities (N, 6) for those of the variables (N, nq)."""
-        velocity: Array = np.einsum("nai,ni->na", self.in_axes(), v @ self.E.T)
-        return velocity
-
-    def jacobian_derivative(self) -> Array:
-        """Return the derivative (N, 6, nq, nq) of the Jacobian by the variables."""
-        linear, w = self.by_joints[:, :3].swapaxes(1, 2), self.twists[:, :, 3:]
-        count, n = linear.shape[:2]
-        # Of the joints i and j, the one nearer to the world turns what the other one moves.
-        nearer = np.minimum.outer(np.arange(n), np.arange(n))
-        farther = np.maximum.outer(np.arange(n), np.arange(n))
-        result = np.empty((count, 6, n, n))
-        result[:, :3] = np.moveaxis(np.cross(w[:, nearer], linear[:, farther]), 3, 1)
-        # The axis of i is turned by the joints j nearer to the world than i.
-        turned = np.cross(w[:, None, :], w[:, :, None])
-        before = np.tri(n, k=-1)[:, :, None]
-        result[:, 3:] = np.moveaxis(turned * before, 3, 1)
-        if self.turn is not None:
-            # The axes turn with the frame: d(R^T x) = R^T (dx - w_j x x).
-            angular = self.by_joints[:, 3:].swapaxes(1, 2)
-            for half, moved in ((slice(0, 3), linear), (slice(3, 6), angular)):
-                along = np.cross(w[:, None, :], moved[:, :, None])
-                result[:, half] -= np.moveaxis(along, 3, 1)
-            flat = result.reshape(count, 6, n * n)
-            result = _turned(self.turn, flat).reshape(result.shape)
-        derivative: Array = self.E.T @ result @ self.E
-        return derivative
+    values, one = batch(m, q)
+    poses = poses_of(m.tree, frame_index(m, name), m.core.joint_poses(values))
+    return shaped(inverted(poses) if inverse else poses, one)
 
 
-def _turned(turn: Array | None, velocities: Array) -> Array:
-    """Return velocities (N, 6, n) in the axes of a frame whose rotation is (N, 3, 3)."""
-    if turn is None:
-        return velocities
-    back = turn.swapaxes(1, 2)
-    return np.concatenate([back @ velocities[:, :3], back @ velocities[:, 3:]], axis=1)
+def frame_pose_derivative(
+    m: Compiled,
+    q: npt.ArrayLike,
+    frame: str,
+    *,
+    order: int = 1,
+    along: Sequence[npt.ArrayLike] = (),
+    inverse: bool = False,
+    max_bytes: float = MAX_BYTES,
+) -> Array:
+    """Return the derivative of `frame_pose` by the configuration, of any order (dissertation 2.11, 2.12).
+
+    Parameters
+    ----------
+    q : array_like, shape (nq,) or (N, nq)
+    frame : str
+        The frame.
+    order : int, optional
+        How often it is differentiated.
+    along : sequence of array_like, shape (nq,), optional
+        Directions that the last of these derivatives are taken along, `order` of them at most.
+    inverse : bool, optional
+        Differentiate the inverse of the pose.
+    max_bytes : float, optional
+        What the result may take: ``128 N nq^(order - len(along))`` bytes.
+
+    Returns
+    -------
+    ndarray, shape (4, 4, nq, ...) or (N, 4, 4, nq, ...)
+        With one axis of nq for every derivative that is along no direction; symmetric in them.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown frame, an order below one, a wrong shape, or, before anything is made, for a result that
+        takes more.
+    """
+    values, one = batch(m, q)
+    motion = PathMotion.of(m, values, frame, (0.0, 0.0, 0.0), "world")
+    slots = _slots(m, motion, order, along, (len(values), 4, 4), max_bytes, "frame_pose_derivative")
+    return shaped(_without(along, pose_derivative(motion, slots, inverse=inverse)), one)
+
+
+def positions(m: Compiled, q: npt.ArrayLike, names: Sequence[str] | None = None) -> Array:
+    """Return the origins of frames in the world.
+
+    Parameters
+    ----------
+    q : array_like, shape (nq,) or (N, nq)
+    names : sequence of str, optional
+        The frames; all of them, in the order of `frames`, if not given.
+
+    Returns
+    -------
+    ndarray, shape (len(names), 3) or (N, len(names), 3)
+        Metres.
+    """
+    values, one = batch(m, q)
+    if isinstance(names, str):
+        raise ArgumentError(f"names: expected a list of frames, got the string {names!r}")
+    indices = [frame_index(m, name) for name in (m.tree.index if names is None else names)]
+    return shaped(origins_of(m.tree, indices, m.core.joint_poses(values)), one)
+
+
+def frame_jacobian(
+    m: Compiled, q: npt.ArrayLike, frame: str, *, point: npt.ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
+) -> Array:
+    """Return the Jacobian of a frame: its velocity is ``J v``.
+
+    Parameters
+    ----------
+    q : array_like, shape (nq,) or (N, nq)
+    frame : str
+        The frame.
+    point : array_like, shape (3,), optional
+        The point whose velocity is meant, in the frame (m); its origin if not given.
+    axes : {"world", "frame"}, optional
+        The axes in which the velocities are resolved.
+
+    Returns
+    -------
+    ndarray, shape (6, nq) or (N, 6, nq)
+        Linear velocity of the point, then angular velocity, by the velocity of every variable.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown frame, other axes or a wrong shape.
+    """
+    values, one = batch(m, q)
+    return shaped(PathMotion.of(m, values, frame, point, axes).jacobian(), one)
+
+
+def frame_velocity(
+    m: Compiled,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    frame: str,
+    *,
+    point: npt.ArrayLike = (0.0, 0.0, 0.0),
+    axes: Axes = "world",
+) -> Array:
+    """Return the velocity of a frame.
+
+    Parameters
+    ----------
+    q, v : array_like, shape (nq,) or (N, nq)
+    frame, point, axes
+        As in `frame_jacobian`.
+
+    Returns
+    -------
+    ndarray, shape (6,) or (N, 6)
+        Linear velocity of the point (m/s), then angular velocity (rad/s).
+    """
+    values, speeds, one = batch_of_states(m, q, v)
+    return shaped(PathMotion.of(m, values, frame, point, axes).velocity(speeds), one)
+
+
+def frame_jacobian_derivative(
+    m: Compiled,
+    q: npt.ArrayLike,
+    frame: str,
+    *,
+    point: npt.ArrayLike = (0.0, 0.0, 0.0),
+    axes: Axes = "world",
+    order: int = 1,
+    along: Sequence[npt.ArrayLike] = (),
+    max_bytes: float = MAX_BYTES,
+) -> Array:
+    """Return the derivative of `frame_jacobian` by the configuration, of any order.
+
+    With ``axes="frame"`` these are the derivatives of the body velocity by one velocity and `order` configuration
+    variables (dissertation 2.14, 2.15).
+
+    Parameters
+    ----------
+    q : array_like, shape (nq,) or (N, nq)
+    frame, point, axes
+        As in `frame_jacobian`.
+    order, along, max_bytes
+        As in `frame_pose_derivative`; the result takes ``48 N nq^(1 + order - len(along))`` bytes.
+
+    Returns
+    -------
+    ndarray, shape (6, nq, nq, ...) or (N, 6, nq, nq, ...)
+        Entry ``[a, i, j]`` is ``dJ[a, i] / dq_j``. The linear half in world axes is symmetric in i and j,
+        being the second derivative of a position; the angular one is not, since an angular velocity is
+        no derivative of anything.
+
+    Raises
+    ------
+    ArgumentError
+        As `frame_jacobian` and `frame_pose_derivative`.
+    """
+    values, one = batch(m, q)
+    motion = PathMotion.of(m, values, frame, point, axes)
+    slots = _slots(m, motion, order, along, (len(values), 6, m.nq), max_bytes, "frame_jacobian_derivative")
+    if order == 1 and not len(along):
+        return shaped(motion.jacobian_derivative(), one)
+    return shaped(_without(along, jacobian_derivative(motion, [motion.E[None], *slots])), one)
+
+
+def frame_velocity_derivative(
+    m: Compiled,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    frame: str,
+    *,
+    point: npt.ArrayLike = (0.0, 0.0, 0.0),
+    axes: Axes = "world",
+    order: int = 1,
+    along: Sequence[npt.ArrayLike] = (),
+    max_bytes: float = MAX_BYTES,
+) -> Array:
+    """Return the derivative of `frame_velocity` by the configuration, of any order.
+
+    By the velocity it is linear: `frame_jacobian` and its derivatives. With ``axes="frame"`` it is the derivative
+    of the body velocity (dissertation 2.13).
+
+    Parameters
+    ----------
+    q, v : array_like, shape (nq,) or (N, nq)
+    frame, point, axes
+        As in `frame_jacobian`.
+    order, along, max_bytes
+        As in `frame_pose_derivative`; the result takes ``48 N nq^(order - len(along))`` bytes.
+
+    Returns
+    -------
+    ndarray, shape (6, nq, ...) or (N, 6, nq, ...)
+        With one axis of nq for every derivative that is along no direction; symmetric in them.
+
+    Raises
+    ------
+    ArgumentError
+        As `frame_jacobian` and `frame_pose_derivative`.
+    """
+    values, speeds, one = batch_of_states(m, q, v)
+    motion = PathMotion.of(m, values, frame, point, axes)
+    slots = _slots(m, motion, order, along, (len(values), 6), max_bytes, "frame_velocity_derivative")
+    found = jacobian_derivative(motion, [(speeds @ motion.E.T)[:, :, None], *slots])[:, :, 0]
+    return shaped(_without(along, found), one)
+
+
+def _slots(
+    m: Compiled,
+    motion: PathMotion,
+    order: int,
+    along: Sequence[npt.ArrayLike],
+    lead: tuple[int, ...],
+    max_bytes: float,
+    what: str,
+) -> Slots:
+    """Return by what to differentiate: so often by all variables, and along directions; check the result's size."""
+    count = as_count(order, f"{what}: order", 1)
+    directions = as_array(along, f"{what}: along", (None, m.nq), names=m.variables) if len(along) else ()
+    if len(directions) > count:
+        raise ArgumentError(f"{what}: got {len(directions)} directions for derivatives of order {count}")
+    free = count - len(directions)
+    check_memory((*lead, *[m.nq] * free), max_bytes, what, "give directions, along=[...]")
+    return [motion.E[None]] * free + [(motion.E @ direction)[None, :, None] for direction in directions]
+
+
+def _without(along: Sequence[npt.ArrayLike], result: Array) -> Array:
+    """Return a result without its last axes, of length one, for directions."""
+    return result.reshape(result.shape[: result.ndim - len(along)])

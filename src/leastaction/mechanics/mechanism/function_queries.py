@@ -1,26 +1,157 @@
-"""The functions that a mechanism is made of, of the whole or of one element alone; `Mechanism` asks for them.
+"""The functions that a mechanism is made of, of the whole or of one element alone.
 
-What is here evaluates them; see `leastaction.mechanics.mechanism.function_derivatives.Evaluate`.
+Functions are methods of `Mechanism`, which is ``m`` here; classes evaluate what they return, see
+`leastaction.mechanics.mechanism.function_derivatives.Evaluate`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from leastaction import _core
-from leastaction.mechanics.elements import Parts
-from leastaction.numerics.arrays import Array
+from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.elements import Constraint, Force, Parts, Potential
+from leastaction.mechanics.mechanism.arguments import Compiled, single
+from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
+from leastaction.numerics.arrays import Array, as_array
 
 
-class Compiled(Protocol):
-    """A mechanism, as far as it is asked here."""
+def lagrangian(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> FunctionDerivatives:
+    """Return the Lagrangian ``L = T - V`` (J) at a state, by ``q`` and ``v``, to the fourth order.
 
-    core: _core.Mechanism
-    nq: int
-    n_inputs: int
+    Parameters
+    ----------
+    q, v : array_like, shape (nq,)
+        Configuration and velocity.
+
+    Returns
+    -------
+    FunctionDerivatives
+        ``L.by("v", "q")`` is `L_vq`, ``L.along(q=dq, v=dv).hessian`` the third order contracted with a direction.
+        To the third order where there is a `PythonPotential`.
+
+    Raises
+    ------
+    ArgumentError
+        For wrong shapes or values that are not finite.
+    """
+    at, speed = single(m, q).copy(), single(m, v, "v").copy()
+    evaluate = LagrangianAt(m, _parts_of(m, None, Potential), at, speed)
+    arguments = {"q": m.nq, "v": m.nq}
+    return FunctionDerivatives.of("L", arguments, evaluate, highest_order=_highest_order(m, None, Potential))
+
+
+def potential(m: Compiled, q: npt.ArrayLike, element: str | None = None) -> FunctionDerivatives:
+    """Return the potential energy (J) at a configuration, by ``q``, to the fourth order.
+
+    Parameters
+    ----------
+    q : array_like, shape (nq,)
+        Configuration.
+    element : str, optional
+        The potential whose energy is meant; that of all together if not given.
+
+    Returns
+    -------
+    FunctionDerivatives
+        To the third order where there is a `PythonPotential`.
+
+    Raises
+    ------
+    ArgumentError
+        For a wrong shape, an unknown element or one that is no potential.
+    """
+    evaluate = PotentialAt(m, _parts_of(m, element, Potential), single(m, q).copy())
+    order = _highest_order(m, element, Potential)
+    return FunctionDerivatives.of(_called("V", element), {"q": m.nq}, evaluate, highest_order=order)
+
+
+def force(
+    m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike, u: npt.ArrayLike | None = None, element: str | None = None
+) -> FunctionDerivatives:
+    """Return the generalised forces (N or N m) on all variables, by ``q``, ``v`` and ``u``, to the second order.
+
+    Parameters
+    ----------
+    q, v : array_like, shape (nq,)
+        Configuration and velocity.
+    u : array_like, shape (n_inputs,), optional
+        Inputs; zero if not given.
+    element : str, optional
+        The force that is meant; all together if not given.
+
+    Returns
+    -------
+    FunctionDerivatives
+        Of nq functions, one for each variable, kinematic ones too; `FunctionDerivatives.weighed` contracts them.
+
+    Raises
+    ------
+    ArgumentError
+        For wrong shapes, an unknown element or one that is no force.
+    """
+    at, speed = single(m, q).copy(), single(m, v, "v").copy()
+    given = np.zeros(m.n_inputs) if u is None else as_array(u, "u", (m.n_inputs,), names=m.inputs).copy()
+    evaluate = ForceAt(m, _parts_of(m, element, Force), at, speed, given)
+    arguments = {"q": m.nq, "v": m.nq, "u": m.n_inputs}
+    return FunctionDerivatives.of(_called("f", element), arguments, evaluate, rows=m.variables, highest_order=2)
+
+
+def constraint(m: Compiled, q: npt.ArrayLike, element: str | None = None) -> FunctionDerivatives:
+    """Return the constraint functions h(q) at a configuration, by ``q``, to the fourth order.
+
+    Parameters
+    ----------
+    q : array_like, shape (nq,)
+        Configuration; the constraints need not hold there.
+    element : str, optional
+        The constraint that is meant; all of them if not given.
+
+    Returns
+    -------
+    FunctionDerivatives
+        Of as many functions as there are equations; `FunctionDerivatives.weighed` contracts them, with
+        multipliers for example. To the third order where there is a `PythonConstraint`.
+
+    Raises
+    ------
+    ArgumentError
+        For a wrong shape, an unknown element or one that is no constraint.
+    """
+    parts = _parts_of(m, element, Constraint)
+    rows = m.constraints[parts.first.constraints : parts.last.constraints]
+    evaluate = ConstraintsAt(m, parts, single(m, q).copy())
+    order = _highest_order(m, element, Constraint)
+    return FunctionDerivatives.of(_called("h", element), {"q": m.nq}, evaluate, rows=rows, highest_order=order)
+
+
+def _parts_of(m: Compiled, element: str | None, kind: type[Any]) -> Parts:
+    """Return the parts of an element of a kind, or of all elements."""
+    if element is None:
+        return m.parts[None]
+    found = m.elements.get(element)
+    known = [name for name, each in m.elements.items() if isinstance(each, kind)]
+    if not isinstance(found, kind):
+        what = f"{kind.__name__.lower()}s"
+        given = f"unknown element {element!r}" if found is None else f"{element!r} is a {type(found).__name__}"
+        raise ArgumentError(f"element: {given}; {closest(element, known, what=what)}")
+    return m.parts[element]
+
+
+def _highest_order(m: Compiled, element: str | None, kind: type[Any]) -> int:
+    """Return to which order the core differentiates an element of a kind, or all of that kind."""
+    elements = m.elements
+    asked = elements.values() if element is None else [elements[element]]
+    return min((each.highest_order for each in asked if isinstance(each, kind)), default=4)
+
+
+def _called(symbol: str, element: str | None) -> str:
+    """Return how messages call a function of the mechanism, or of one element."""
+    return symbol if element is None else f"{symbol} of {element!r}"
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,16 @@
-"""What moves in a mechanism as a whole: mass, energy, momentum; `Mechanism` asks these questions."""
+"""What moves in a mechanism as a whole, mass, energy, momentum: methods of `Mechanism`, which is ``m`` here."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from leastaction import _core
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.description.tree import WORLD, Tree
+from leastaction.mechanics.description.tree import WORLD
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, shaped, single
 from leastaction.numerics.arrays import Array
 
 
@@ -27,36 +27,78 @@ class Energy:
         return self.kinetic + self.potential
 
 
-def energy_of(core: _core.Mechanism, q: Array, v: Array) -> Energy:
-    """Return the energies at states q, v (N, nq)."""
-    kinetic = np.array([core.kinetic_energy(*state) for state in zip(q, v, strict=True)])
-    return Energy(kinetic, np.array([core.potential_energy(row) for row in q]))
+def energy(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> Energy:
+    """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch."""
+    values, speeds, one = batch_of_states(m, q, v)
+    kinetic = np.array([m.core.kinetic_energy(*state) for state in zip(values, speeds, strict=True)])
+    potential = np.array([m.core.potential_energy(row) for row in values])
+    return Energy(float(kinetic[0]), float(potential[0])) if one else Energy(kinetic, potential)
 
 
-def mass_of(tree: Tree) -> float:
-    """Return the mass of all bodies (kg), those fixed in the world too."""
-    return float(sum(body.mass for _, body, _ in tree.bodies()))
+def momentum(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+    """Return dL/dv at q, v of shape (nq,): the momentum of every variable, kinematic ones too."""
+    found: Array = m.core.gradient(single(m, q), single(m, v, "v"))[1]
+    return found
 
 
-def center_of_mass_of(tree: Tree, joints: Array) -> Array:
-    """Return the centres of mass (N, 3) from the poses of all joints (N, nj, 4, 4)."""
-    total = mass_of(tree)
+def mass_matrix(m: Compiled, q: npt.ArrayLike) -> Array:
+    """Return the inertia matrix (nq, nq) of all variables at q of shape (nq,)."""
+    # L is quadratic in v, so its second derivative by v is the same at any velocity.
+    inertia: Array = m.core.hessian(single(m, q), np.zeros(m.nq))[2]
+    return inertia
+
+
+def mass(m: Compiled) -> float:
+    """Mass of all bodies (kg), those fixed in the world too."""
+    return float(sum(body.mass for _, body, _ in m.tree.bodies()))
+
+
+def center_of_mass(m: Compiled, q: npt.ArrayLike) -> Array:
+    """Return the centre of mass of all bodies, those fixed in the world too.
+
+    Parameters
+    ----------
+    q : array_like, shape (nq,) or (N, nq)
+
+    Returns
+    -------
+    ndarray, shape (3,) or (N, 3)
+        In the world (m).
+
+    Raises
+    ------
+    ArgumentError
+        If the mechanism has no mass.
+    """
+    values, one = batch(m, q)
+    joints, total = m.core.joint_poses(values), mass(m)
     if total == 0.0:
         raise ArgumentError(
             "center_of_mass: the mechanism has no mass, so it has no centre of mass; give a frame mass="
         )
-    moment = np.zeros((len(joints), 3))
-    for joint, body, pose in tree.bodies():
+    moment = np.zeros((len(values), 3))
+    for joint, body, pose in m.tree.bodies():
         moment += body.mass * _placed(joints, joint, pose[:3, :3] @ body.com + pose[:3, 3])
-    return moment / total
+    return shaped(moment / total, one)
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def total_momentum_of(tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, v: Array) -> Array:
-    """Return linear and angular momentum about the world origin (N, 6) at states q, v (N, nq)."""
-    poses, velocities = core.joint_poses(q), _joint_velocities(tree, core, variables, q, v)
-    result = np.zeros((len(q), 6))
-    for joint, body, pose in tree.bodies():
+def total_momentum(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+    """Return the linear and angular momentum of all bodies.
+
+    Parameters
+    ----------
+    q, v : array_like, shape (nq,) or (N, nq)
+
+    Returns
+    -------
+    ndarray, shape (6,) or (N, 6)
+        Linear momentum (kg m/s), then angular momentum about the world origin (kg m^2/s), world axes.
+    """
+    values, speeds, one = batch_of_states(m, q, v)
+    poses, velocities = m.core.joint_poses(values), _joint_velocities(m, values, speeds)
+    result = np.zeros((len(values), 6))
+    for joint, body, pose in m.tree.bodies():
         if joint == WORLD:
             continue
         turn = poses[:, joint, :3, :3] @ pose[:3, :3]
@@ -66,15 +108,15 @@ def total_momentum_of(tree: Tree, core: _core.Mechanism, variables: Sequence[str
         local = np.einsum("nji,nj->ni", turn, angular) @ body.inertia
         result[:, :3] += p
         result[:, 3:] += np.cross(centre, p) + np.einsum("nij,nj->ni", turn, local)
-    return result
+    return shaped(result, one)
 
 
-def _joint_velocities(tree: Tree, core: _core.Mechanism, variables: Sequence[str], q: Array, v: Array) -> Array:
+def _joint_velocities(m: Compiled, q: Array, v: Array) -> Array:
     """Return the velocities [v; w] (N, nj, 6), at the world origin, of what each joint moves."""
-    column = {name: index for index, name in enumerate(variables)}
-    result = np.array(core.joint_twists(q))
+    column = {name: index for index, name in enumerate(m.variables)}
+    result = np.array(m.core.joint_twists(q))
     # Joints come after their parents.
-    for index, joint in enumerate(tree.joints):
+    for index, joint in enumerate(m.tree.joints):
         rate = sum(factor * v[:, column[name]] for name, factor in joint.coordinate.terms)
         result[:, index] *= np.asarray(rate)[:, None]
         if joint.parent != WORLD:

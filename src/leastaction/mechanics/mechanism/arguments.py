@@ -1,0 +1,80 @@
+"""What is asked of a mechanism, as arrays: the functions that are its methods read their arguments here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy.typing as npt
+
+from leastaction import _core
+from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.description.tree import Tree
+from leastaction.mechanics.elements import Element, Parts
+from leastaction.numerics.arrays import Array, as_array, shape_of
+
+
+class Compiled(Protocol):
+    """A `Mechanism`, as far as its queries ask it."""
+
+    core: _core.Mechanism
+    nd: int
+    nrho: int
+    nq: int
+    n_inputs: int
+    nc: int
+
+    @property
+    def tree(self) -> Tree:
+        """Its frames and joints."""
+
+    @property
+    def elements(self) -> Mapping[str, Element]:
+        """Its elements by name."""
+
+    @property
+    def parts(self) -> Mapping[str | None, Parts]:
+        """Where the parts of each element stand in the core, and under None those of all."""
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of its configuration variables."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of its inputs."""
+
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of its constraint equations."""
+
+
+def single(m: Compiled, q: npt.ArrayLike, what: str = "q") -> Array:
+    """Return one configuration, velocity or the like (nq,)."""
+    return as_array(q, what, (m.nq,), names=m.variables)
+
+
+def batch(m: Compiled, q: npt.ArrayLike, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
+    """Return q as (N, nq), and whether it was a single configuration."""
+    if len(shape_of(q) or ()) == 2:
+        return as_array(q, what, (rows, m.nq), names=m.variables), False
+    return single(m, q, what)[None, :], True
+
+
+def batch_of_states(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> tuple[Array, Array, bool]:
+    """Return q and v as (N, nq), and whether it was a single state."""
+    values, one = batch(m, q)
+    return values, batch(m, v, "v", rows=None if one else len(values))[0], one
+
+
+def shaped(result: Array, one: bool) -> Array:
+    """Return the result for a single configuration, or for the batch that it was asked for."""
+    return result[0] if one else result
+
+
+def frame_index(m: Compiled, name: str) -> int:
+    """Return the index of a frame by name."""
+    index = m.tree.index.get(name)
+    if index is None:
+        raise ArgumentError(f"unknown frame {name!r}; {closest(name, m.tree.index, what='frames')}")
+    return index
