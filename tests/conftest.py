@@ -7,6 +7,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+# What JAX compiles is most of the oracles' time: the processes of a run, and the next run, share it.
+_COMPILED = Path(__file__).resolve().parents[1] / ".pytest_cache" / "jax"
+
 # Before NumPy, JAX and Matplotlib are imported: tests share their cores with each other, oracles
 # compute in double precision, and figures need no screen.
 for _name, _value in {
@@ -14,6 +17,8 @@ for _name, _value in {
     "OMP_NUM_THREADS": "1",
     "JAX_ENABLE_X64": "1",
     "JAX_PLATFORMS": "cpu",
+    "JAX_COMPILATION_CACHE_DIR": str(_COMPILED),
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1",
     "MPLBACKEND": "Agg",
 }.items():
     os.environ.setdefault(_name, _value)

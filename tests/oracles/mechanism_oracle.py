@@ -31,8 +31,22 @@ Orders = Callable[[np.ndarray], list[np.ndarray]]
 # variables that move nothing to this many.
 ROOM = 11
 
+
+def _understood(options: dict[str, object]) -> dict[str, object]:
+    """Return those options of the compiler that the installed version knows."""
+
+    def known(name: str) -> bool:
+        try:
+            jax.jit(lambda x: x, compiler_options={name: options[name]})(0.0)
+        except jax.errors.JaxRuntimeError:
+            return False
+        return True
+
+    return {name: value for name, value in options.items() if known(name)}
+
+
 # The graph of an element is run a few times only: how fast it is compiled counts, not how fast it runs.
-OPTIONS = {"xla_backend_optimization_level": 0}
+OPTIONS = _understood({"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False})
 
 
 class Near(NamedTuple):
