@@ -12,11 +12,14 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from apps.puppet_bvh import write_puppet
+
 pytest.importorskip("matplotlib")
 
 from matplotlib.image import imread
 
 from leastaction import Status
+from leastaction.apps.marionette import walk_in_place
 from leastaction.mechanics import Stability
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -52,7 +55,13 @@ def test_the_gallery_shows_it(script: str) -> None:
     assert (docs / "images" / f"gallery_{script}.png").is_file()
 
 
-LONG = {"05_scissor_lift", "06_cart_pendulum", "07_actuated_arm", "12_radial_engine"}  # more than a few seconds
+LONG = {
+    "05_scissor_lift",
+    "06_cart_pendulum",
+    "07_actuated_arm",
+    "12_radial_engine",
+    "18_marionette",
+}  # more than a few seconds
 
 
 @pytest.mark.parametrize(
@@ -263,6 +272,36 @@ def test_puppet_arm(monkeypatch: pytest.MonkeyPatch) -> None:
         for x in (result.rig["plan alone"], result.rig["with feedback"])
     )
     assert held < 0.75 * alone
+
+
+def test_marionette_follows_a_simulated_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("18_marionette", monkeypatch)
+    monkeypatch.setattr(example, "T", np.linspace(0.0, 1.0, 101))
+    monkeypatch.setattr(example, "SHORT", 0.2)
+    part = example.follow_simulated()
+    assert all(run.success for run in (part.held, part.forces, part.continuous))
+    # Both ways lead to one motion, and forces first begin next to it.
+    np.testing.assert_allclose(part.forces.x, part.held.x, atol=1e-4)
+    assert part.forces.cost == pytest.approx(part.held.cost, rel=1e-8)
+    first = [run.history.cost[0] - run.cost for run in (part.forces, part.held)]
+    assert first[0] < 0.01 * first[1]
+    assert max(part.followed.values()) < 1.0
+    assert part.followed["held strings"] < 0.05
+
+
+def test_marionette_follows_what_no_puppet_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("18_marionette", monkeypatch)
+    monkeypatch.setattr(example, "walk_in_place", lambda _: walk_in_place(1.5))
+    run = example.follow_captured(None)
+    assert run.result.success
+    assert run.tension.min() > 0.4
+    assert run.errors.joint_rms < 2.0
+    # A file takes the place of the walk.
+    monkeypatch.setattr(example, "track", lambda _, motion: motion)
+    walk = walk_in_place(1.5, 0.01)
+    motion = example.follow_captured(write_puppet(tmp_path / "mine.bvh", walk.q))
+    assert "mine.bvh" in motion.source
+    assert np.abs(motion.q[-1] - walk.q[-1]).max() < 0.05
 
 
 def test_hand(monkeypatch: pytest.MonkeyPatch) -> None:
