@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
-from leastaction.mechanics import Distance, Gravity, Mechanism, MidpointVI, PathLength, tx, ty, tz
+from leastaction.mechanics import Distance, Gravity, JointForce, Mechanism, MidpointVI, PathLength, tx, ty, tz
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import (
     Bound,
@@ -384,3 +384,20 @@ def test_a_window_limits_what_reaches_over_two_steps(of: str, rng: np.random.Gen
     part.add_hessian(x[2:], u[2:], part.jacobian(x[2:], u[2:]), y, np.abs(y), bends, None)
     total = np.abs(bends.of_steps()).sum() + np.abs(bends.of_states()).sum() + np.abs(bends.state).sum()
     assert total > 0.0
+
+
+def test_a_limit_on_a_start_that_costs_nothing_is_enforced(rng):
+    """The wanted motion is one that the system can make, so that prices in proportion to its cost would be nothing."""
+    t = np.linspace(0.0, 1.0, 51)
+    system = MidpointSystem(MidpointVI(Mechanism([tx("x", mass=1.0)], [JointForce("x", input="push")])), t)
+    u = 5.0 * np.cos(2.0 * np.pi * t[:-1])[:, None]
+    x = system.rollout(np.zeros(2), np.zeros((51, 2)), u, np.zeros((50, 1, 2)), 0, 50).x
+    wanted = x + 1e-13 * rng.standard_normal(x.shape)
+    cost = QuadraticCost(wanted, u, Q=[1e3, 0.0], R=[1e-3])
+    free = optimize(system, cost, initial=(x, u))
+    assert 0.0 < free.cost < 1e-20
+    bounded = optimize(system, cost, initial=free, limits=[Bound("push", -3.0, 3.0)])
+    assert bounded.status is Status.CONVERGED
+    assert np.abs(bounded.u).max() <= 3.0 * (1.0 + 1e-9)
+    zero = QuadraticCost(x, u, Q=[1e3, 0.0], R=[1e-3])
+    assert optimize(system, zero, initial=(x, u), limits=[Bound("push", -3.0, 3.0)]).cost == pytest.approx(bounded.cost)

@@ -8,7 +8,7 @@ the horizon's length, so that the parameter mu is in units of the cost for all s
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -33,6 +33,7 @@ _FIRST, _LESS, _POWER = 0.1, 0.1, 1.5
 _FIRST_AGAIN = 1e-4  # where duals are known
 _LAST = 0.1  # of the tolerated change of the cost is the barriers' part in the end
 _LOOSE = 10.0  # times mu: the expected decrease with which a stage but the last is over
+_LITTLE, _NOTHING = 1e-6, 1e-12  # a start that costs less than the first, and that part of doing nothing, costs nothing
 _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
 _MET = 1e-6  # of its scale a limit may be off where the problem cannot be met otherwise
 
@@ -247,9 +248,17 @@ class Stages:
         self.duals, self.tolerance, self.count, self.digits = duals, tolerance, count, digits
         self.size = self.first_mu = self.last = np.nan
 
-    def begin(self, value: float, c: Sequence[Array]) -> None:
-        """Begin at a trajectory, given its cost and the values of its limits."""
-        self.size = abs(value) if value else 1.0
+    def begin(self, value: float, c: Sequence[Array], otherwise: Callable[[], float]) -> None:
+        """Begin at a trajectory, given its cost and the values of its limits.
+
+        ``otherwise``: gives the cost of doing nothing. Beside that the cost of a start which is all that is wanted is a
+        matter of rounding: prices in proportion to it would enforce no limit.
+        """
+        self.size = abs(value)
+        if self.size < _LITTLE:
+            idle = abs(otherwise())
+            if self.size <= _NOTHING * idle or self.size == 0.0:
+                self.size = idle if 0.0 < idle < np.inf else 1.0
         self.first_mu = _FIRST * self.size / max(self.count, 1)
         self.last = self._last(self.size)
         self.duals.begin(c, self.first_mu, self.size)

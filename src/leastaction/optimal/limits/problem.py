@@ -78,7 +78,9 @@ class LimitedProblem(DiscreteProblem):
 
     def _begin(self, *, resumed: bool = False) -> None:
         """Put the limits in, at the trajectory to start from."""
-        self.stages.begin(self.value, self._limits())
+        self.stages.begin(
+            self.value, self._limits(), lambda: self.cost.value(np.zeros_like(self.x), np.zeros_like(self.u))
+        )
         for rows in self.limited.rows:
             rows.check(self.x, self.u)
         self.stages.take(self.given, resumed=resumed)
