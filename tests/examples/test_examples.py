@@ -53,6 +53,7 @@ def test_the_gallery_shows_it(script: str) -> None:
     assert re.search(rf"^## {int(script[:2])} ", text, re.MULTILINE)
     assert f"](images/gallery_{script}.png)" in text
     assert (docs / "images" / f"gallery_{script}.png").is_file()
+    assert f"](docs/images/gallery_{script}.png)" in (docs.parent / "README.md").read_text(encoding="utf-8")
 
 
 LONG = {
