@@ -13,6 +13,7 @@ from leastaction.mechanics import Mechanism
 from leastaction.models import (
     andrews,
     bricard,
+    broad_hand,
     cart_pendulum,
     chain,
     four_bars,
@@ -23,7 +24,7 @@ from leastaction.models import (
 )
 
 __all__ = [
-    "MODELS", "andrews", "bricard", "build", "cart_pendulum", "chain", "four_bars", "hand", "marionette",
+    "MODELS", "andrews", "bricard", "broad_hand", "build", "cart_pendulum", "chain", "four_bars", "hand", "marionette",
     "puppet_arm", "scissor_lift",
 ]  # fmt: skip
 
