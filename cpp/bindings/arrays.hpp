@@ -82,4 +82,14 @@ inline std::vector<double> to_internal(const Mechanism& m, const In<1>& values, 
     return to_internal(m, values.data());
 }
 
+// Some of the entries of a list, those of the parts of one element, or all.
+template <class List>
+List some_of(const List& all, const std::optional<ElementParts>& parts, int ElementCounts::* kind) {
+    if (!parts) return all;
+    const int first = parts->first.*kind, last = parts->last.*kind;
+    if (first < 0 || first > last || last > static_cast<int>(all.size()))
+        throw std::invalid_argument("the element is none of this mechanism");
+    return List(all.begin() + first, all.begin() + last);
+}
+
 }  // namespace leastaction

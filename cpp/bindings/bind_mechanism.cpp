@@ -152,16 +152,6 @@ Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
     return out;
 }
 
-// Some of the entries of a list, those of the parts of one element, or all.
-template <class List>
-List some_of(const List& all, const std::optional<ElementParts>& parts, int ElementCounts::* kind) {
-    if (!parts) return all;
-    const int first = parts->first.*kind, last = parts->last.*kind;
-    if (first < 0 || first > last || last > static_cast<int>(all.size()))
-        throw std::invalid_argument("the element is none of this mechanism");
-    return List(all.begin() + first, all.begin() + last);
-}
-
 // Forces at one point: f (nq), of kinematic variables too; by_q and by_v (nq x nq), by_u (nq x inputs).
 struct Forces {
     Forces(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, Order order,

@@ -61,7 +61,24 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
             [](const Mechanism& m, int first, int last, const In<1>& mu, const In<1>& q, const In<2>& dq) {
                 return functions_at(m, m.constraints, first, last, mu, q, dq);
             },
-            "first"_a, "last"_a, "mu"_a, "q"_a, "dq"_a, "The same of constraints first .. last-1.");
+            "first"_a, "last"_a, "mu"_a, "q"_a, "dq"_a, "The same of constraints first .. last-1.")
+        .def(
+            "forces_along",
+            [](const Mechanism& m, const In<1>& mu, const In<1>& q, const In<1>& v, const In<1>& u, const In<1>& dq,
+               const In<1>& dv, const In<1>& du, const ElementParts& parts) {
+                expect(mu.size(), m.n_variables(), "mu");
+                const auto given = [&](const In<1>& inputs, const char* what) {
+                    expect(inputs.size(), m.n_inputs, what);
+                    return std::vector<double>(inputs.data(), inputs.data() + inputs.size());
+                };
+                return arrays_of(forces_along(m, some_of(m.forces, parts, &ElementCounts::forces),
+                                              {mu.data(), mu.data() + mu.size()},
+                                              {to_internal(m, q, "q"), to_internal(m, v, "v"), given(u, "u")},
+                                              {to_internal(m, dq, "dq"), to_internal(m, dv, "dv"), given(du, "du")}));
+            },
+            "mu"_a, "q"_a, "v"_a, "u"_a, "dq"_a, "dv"_a, "du"_a, "parts"_a,
+            "Derivatives of forces by [q; v; u] along a direction, without joint damping and joint forces, which are "
+            "linear: values (nq,), gradients (nq, n) and the Hessian (n * n,) of mu.f.");
 }
 
 }  // namespace leastaction

@@ -96,6 +96,7 @@ public:
     PythonMagnitude(nb::object function, int gain_slot) : function_(std::move(function)), gain_slot_(gain_slot) {}
     void evaluate(const MagnitudeCall<double>& call) const override { on(call); }
     void evaluate(const MagnitudeCall<Dual<double>>& call) const override { on(call); }
+    void evaluate(const MagnitudeCall<HyperDual>& call) const override { on(call); }
 
 private:
     template <class T>

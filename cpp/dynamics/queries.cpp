@@ -89,6 +89,29 @@ FunctionDerivatives functions_on(const Mechanism& m, const Functions& functions,
     return out;
 }
 
+// Sums of forces along directions: values (n), and their Jacobians (n x n, n x n and n x inputs) side by side.
+template <class T>
+void forces_on(const Mechanism& m, const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
+               const std::vector<T>& q, const std::vector<T>& v, const std::vector<T>& u, std::vector<double>& value,
+               std::vector<double>& jacobian) {
+    const std::size_t n = m.n_variables(), size = 2 * n + m.n_inputs;
+    Placement<T> at(m);
+    place(m.force_joints, q.data(), at);
+    LocalForce<T> local;
+    const ForcePoint<T> point{at, q.data(), v.data(), u.data()};
+    value.assign(n, 0.0);
+    jacobian.assign(n * size, 0.0);
+    for_each_entry(forces, point, local, [&](int i, const T& f) { value[m.external[i]] += along_all(f); });
+    for_each_entry(
+        forces, point, local,
+        [&](int i, int j, const T& f_q, const T& f_v) {
+            double* row = jacobian.data() + m.external[i] * size;
+            row[m.external[j]] += along_all(f_q);
+            row[n + m.external[j]] += along_all(f_v);
+        },
+        [&](int i, int a, const T& f_u) { jacobian[m.external[i] * size + 2 * n + a] += along_all(f_u); });
+}
+
 // Calls f with a scalar of as many directions.
 template <class F>
 FunctionDerivatives on_scalar(std::size_t directions, const F& f) {
@@ -109,6 +132,35 @@ FunctionDerivatives on_scalar(std::size_t directions, const F& f) {
 FunctionDerivatives lagrangian_of_bodies(const Mechanism& m, const std::vector<double>& q, const std::vector<double>& v,
                                          const Directions& along) {
     return on_scalar(along.dq.size(), [&](auto scalar) { return bodies_on<decltype(scalar)>(m, q, v, along); });
+}
+
+FunctionDerivatives forces_along(const Mechanism& m, const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
+                                 const std::vector<double>& weights, const StateAndInputs& point,
+                                 const StateAndInputs& along) {
+    const std::size_t n = m.n_variables(), r = m.n_inputs, size = 2 * n + r;
+    FunctionDerivatives out{{}, {}, std::vector<double>(size * size)};
+    const auto once = [](const std::vector<double>& x, const std::vector<double>& dx) {
+        return moving<Dual<double>>(x, {dx});
+    };
+    forces_on(m, forces, once(point.q, along.q), once(point.v, along.v), once(point.u, along.u), out.value,
+              out.gradient);
+    std::vector<double> unit(size), value, jacobian;
+    for (std::size_t j = 0; j < size; ++j) {
+        // [q; v; u] with q and v in internal order, which the unit vector is in too
+        unit.assign(size, 0.0);
+        unit[j] = 1.0;
+        const auto twice = [&](const std::vector<double>& x, const std::vector<double>& dx, std::size_t start) {
+            const auto from = unit.begin() + static_cast<std::ptrdiff_t>(start);
+            return moving<HyperDual>(x, {dx, {from, from + static_cast<std::ptrdiff_t>(x.size())}});
+        };
+        forces_on(m, forces, twice(point.q, along.q, 0), twice(point.v, along.v, n), twice(point.u, along.u, 2 * n),
+                  value, jacobian);
+        const std::size_t column = j < n ? m.external[j] : j < 2 * n ? n + m.external[j - n] : j;
+        for (std::size_t i = 0; i < n; ++i)
+            for (std::size_t a = 0; a < size; ++a)
+                out.hessian[a * size + column] += weights[i] * jacobian[i * size + a];
+    }
+    return out;
 }
 
 FunctionDerivatives functions_of_configuration(const Mechanism& m, const Functions& functions, int first, int last,

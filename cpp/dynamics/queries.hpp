@@ -31,4 +31,14 @@ FunctionDerivatives functions_of_configuration(const Mechanism& m, const Functio
                                                const double* weights, const std::vector<double>& q,
                                                const Directions& along);
 
+// A state with inputs, or a direction of one.
+struct StateAndInputs {
+    std::vector<double> q, v, u;
+};
+// The derivatives of forces by [q; v; u], one for each variable, along a direction: by dual numbers values and Jacobians, by
+// hyper-dual ones, along the direction and each unit vector, the Hessian of their sum with weights.
+FunctionDerivatives forces_along(const Mechanism& m, const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
+                                 const std::vector<double>& weights, const StateAndInputs& point,
+                                 const StateAndInputs& along);
+
 }  // namespace leastaction

@@ -104,8 +104,8 @@ struct LocalForce {
     std::vector<T> work;
 };
 
-// Generalized force f_i(q, v, u) on configuration variables. Orders: value f, gradient its Jacobians too. On duals only
-// values are asked for: derivatives by the numbers of the element.
+// Generalized force f_i(q, v, u) on configuration variables. Orders: value f, gradient its Jacobians too. On duals they come
+// along a direction, of the state or of the numbers of the element; on hyper-duals along two.
 class GeneralizedForce {
 public:
     virtual ~GeneralizedForce() = default;
@@ -115,7 +115,8 @@ public:
     const std::vector<int>& inputs() const { return inputs_; }
 
     virtual void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const = 0;
-    virtual void evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const = 0;
+    virtual void evaluate(const ForcePoint<Dual<double>>& point, Order order, LocalForce<Dual<double>>& out) const = 0;
+    virtual void evaluate(const ForcePoint<HyperDual>& point, Order order, LocalForce<HyperDual>& out) const = 0;
     // `second` of mu.f.
     virtual void curvature(const ForcePoint<double>& point, const ForceDirections& directions,
                            LocalForce<double>& out) const = 0;
@@ -129,16 +130,13 @@ template <class T, class Sink>
 void for_each_entry(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces, const ForcePoint<T>& point,
                     LocalForce<T>& local, const Sink& sink) {
     for (const auto& force : forces) {
-        if constexpr (std::is_same_v<T, double>)
-            force->evaluate(point, Order::value, local);
-        else
-            force->evaluate(point, local);
+        force->evaluate(point, Order::value, local);
         for (std::size_t i = 0; i < force->support().size(); ++i) sink(force->support()[i], local.f[i]);
     }
 }
-template <class ByVariable, class ByInput>
-void for_each_entry(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces, const ForcePoint<double>& point,
-                    LocalForce<double>& local, const ByVariable& by_variable, const ByInput& by_input) {
+template <class T, class ByVariable, class ByInput>
+void for_each_entry(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces, const ForcePoint<T>& point,
+                    LocalForce<T>& local, const ByVariable& by_variable, const ByInput& by_input) {
     for (const auto& force : forces) {
         const std::vector<int>&support = force->support(), &inputs = force->inputs();
         const std::size_t n = support.size(), r = inputs.size();

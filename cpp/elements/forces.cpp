@@ -15,6 +15,7 @@ public:
     explicit OnAnyCall(Function function) : function_(std::move(function)) {}
     void evaluate(const MagnitudeCall<double>& call) const override { function_.on(call); }
     void evaluate(const MagnitudeCall<Dual<double>>& call) const override { function_.on(call); }
+    void evaluate(const MagnitudeCall<HyperDual>& call) const override { function_.on(call); }
 
 private:
     Function function_;
@@ -126,49 +127,40 @@ void CoordinateForce::measure(const ForcePoint<T>& point, Order order, LocalForc
     for (std::size_t a = 0; a < inputs_.size(); ++a) y[2 * n + a] = point.u[inputs_[a]];
 }
 
-void CoordinateForce::evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const {
-    const int m = static_cast<int>(support_.size());
-    const Workspace<Dual<double>> room(out.work, static_cast<int>(coordinates_.size()), m,
-                                       static_cast<int>(inputs_.size()), false);
-    measure(point, Order::value, out);
-    Dual<double> F;
-    magnitude_->evaluate({point.at, room.y, room.size, Order::value, F, room.gradient, room.hessian});
-    out.f.assign(m, Dual<double>{});
-    for (std::size_t i = 0; i < index_[0].size(); ++i) out.f[index_[0][i]] = F * out.coordinates[0].gradient[i];
-}
-
-void CoordinateForce::evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const {
+template <class T>
+void CoordinateForce::evaluate_on(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const {
     const int n = static_cast<int>(coordinates_.size()), m = static_cast<int>(support_.size());
     const int r = static_cast<int>(inputs_.size());
-    const Workspace<double> room(out.work, n, m, r, false);
+    const Workspace<T> room(out.work, n, m, r, false);
     measure(point, order, out);
-    double F;
+    T F;
     magnitude_->evaluate({point.at, room.y, room.size, order, F, room.gradient, room.hessian});
     const auto& along = index_[0];
-    const LocalTaylor<double>& s = out.coordinates[0];
-    out.f.assign(m, 0.0);
+    const LocalTaylor<T>& s = out.coordinates[0];
+    out.f.assign(m, T{});
     for (std::size_t i = 0; i < along.size(); ++i) out.f[along[i]] = F * s.gradient[i];
     if (order == Order::value) return;
 
-    std::fill_n(room.by_q, 2 * m, 0.0);
+    std::fill_n(room.by_q, 2 * m, T{});
     for (int k = 0; k < n; ++k) {
-        const LocalTaylor<double>& c = out.coordinates[k];
+        const LocalTaylor<T>& c = out.coordinates[k];
         const auto& support = coordinates_[k]->support();
         const std::size_t size = support.size();
-        const double by_place = room.gradient[k], by_rate = room.gradient[n + k];
+        const T by_place = room.gradient[k], by_rate = room.gradient[n + k];
         for (std::size_t j = 0; j < size; ++j) {
             const int to = index_[k][j];
             room.by_q[to] += by_place * c.gradient[j];
             room.by_v[to] += by_rate * c.gradient[j];
-            if (by_rate == 0.0) continue;
-            double rate_by_q = 0;
+            if constexpr (std::is_same_v<T, double>)
+                if (by_rate == 0.0) continue;
+            T rate_by_q{};
             for (std::size_t i = 0; i < size; ++i) rate_by_q += c.hessian[j * size + i] * point.v[support[i]];
             room.by_q[to] += by_rate * rate_by_q;
         }
     }
-    out.f_q.assign(m * m, 0.0);
-    out.f_v.assign(m * m, 0.0);
-    out.f_u.assign(m * r, 0.0);
+    out.f_q.assign(m * m, T{});
+    out.f_v.assign(m * m, T{});
+    out.f_u.assign(m * r, T{});
     for (std::size_t i = 0; i < along.size(); ++i) {
         const int row = along[i];
         for (int j = 0; j < m; ++j) {
@@ -255,5 +247,9 @@ void CoordinateForce::curvature(const ForcePoint<double>& point, const ForceDire
             P[along[i] * size_z + along[j]] += F * along_mu.hessian[i * along.size() + j].d;
     }
 }
+
+template void CoordinateForce::evaluate_on(const ForcePoint<double>&, Order, LocalForce<double>&) const;
+template void CoordinateForce::evaluate_on(const ForcePoint<Dual<double>>&, Order, LocalForce<Dual<double>>&) const;
+template void CoordinateForce::evaluate_on(const ForcePoint<HyperDual>&, Order, LocalForce<HyperDual>&) const;
 
 }  // namespace leastaction

@@ -26,6 +26,7 @@ public:
     virtual ~Magnitude() = default;
     virtual void evaluate(const MagnitudeCall<double>& call) const = 0;
     virtual void evaluate(const MagnitudeCall<Dual<double>>& call) const = 0;
+    virtual void evaluate(const MagnitudeCall<HyperDual>& call) const = 0;
 };
 
 // F = gain * u * by_place(c) * by_rate(rate of c) of one coordinate; without an input, or a law, its factor is 1.
@@ -38,12 +39,21 @@ class CoordinateForce final : public GeneralizedForce {
 public:
     CoordinateForce(std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates, std::vector<int> inputs,
                     std::shared_ptr<const Magnitude> magnitude);
-    void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const override;
-    void evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const override;
+    void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const override {
+        evaluate_on(point, order, out);
+    }
+    void evaluate(const ForcePoint<Dual<double>>& point, Order order, LocalForce<Dual<double>>& out) const override {
+        evaluate_on(point, order, out);
+    }
+    void evaluate(const ForcePoint<HyperDual>& point, Order order, LocalForce<HyperDual>& out) const override {
+        evaluate_on(point, order, out);
+    }
     void curvature(const ForcePoint<double>& point, const ForceDirections& directions,
                    LocalForce<double>& out) const override;
 
 private:
+    template <class T>
+    void evaluate_on(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const;
     // Coordinates and their rates at the point, into out.coordinates and the y of the magnitude.
     template <class T>
     void measure(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const;

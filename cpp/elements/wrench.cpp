@@ -65,9 +65,10 @@ void Wrench::add_force(const Placement<T>& at, const T* components, std::vector<
 }
 
 // df_i/dq_j by joints.
-double Wrench::slope(const Placement<double>& at, const Force<double>& phi, const Vec3<double>& F, int i, int j) const {
-    const Motion<double>&S_i = at.twist[support_joints_.joint(i)], &S_j = at.twist[support_joints_.joint(j)];
-    double out = 0;
+template <class T>
+T Wrench::slope(const Placement<T>& at, const Force<T>& phi, const Vec3<T>& F, int i, int j) const {
+    const Motion<T>&S_i = at.twist[support_joints_.joint(i)], &S_j = at.twist[support_joints_.joint(j)];
+    T out{};
     switch (kind_) {
         case Kind::spatial:
             if (j < i) out = dot(phi, cross(S_j, S_i));
@@ -83,38 +84,32 @@ double Wrench::slope(const Placement<double>& at, const Force<double>& phi, cons
     return out;
 }
 
-void Wrench::evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const {
-    Dual<double> w[6];
-    components(point, w);
-    out.f.assign(support_.size(), Dual<double>{});
-    add_force(point.at, w, out.f);
-}
-
-void Wrench::evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const {
+template <class T>
+void Wrench::evaluate_on(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const {
     const std::size_t m = support_.size(), r = inputs_.size();
-    double w[6];
+    T w[6];
     components(point, w);
-    out.f.assign(m, 0.0);
+    out.f.assign(m, T{});
     add_force(point.at, w, out.f);
     if (order == Order::value) return;
 
-    out.f_q.assign(m * m, 0.0);
-    out.f_v.assign(m * m, 0.0);
-    out.f_u.assign(m * r, 0.0);
-    const Force<double> phi = about_origin(point.at, w);
-    const Vec3<double> F = vector_of(w);
+    out.f_q.assign(m * m, T{});
+    out.f_v.assign(m * m, T{});
+    out.f_u.assign(m * r, T{});
+    const Force<T> phi = about_origin(point.at, w);
+    const Vec3<T> F = vector_of(w);
     for (int i = 0; i < support_joints_.count(); ++i)
         for (int j = 0; j < support_joints_.count(); ++j) {
-            const double value = slope(point.at, phi, F, i, j);
+            const T value = slope(point.at, phi, F, i, j);
             for (const Term& a : support_joints_.terms(i))
                 for (const Term& b : support_joints_.terms(j))
                     out.f_q[a.variable * m + b.variable] += a.factor * b.factor * value;
         }
     for (int c = 0; c < 6; ++c) {
         if (local_inputs_[c] < 0) continue;
-        double unit[6] = {};
+        T unit[6] = {};
         unit[c] = 1.0;
-        out.work.assign(m, 0.0);
+        out.work.assign(m, T{});
         add_force(point.at, unit, out.work);
         for (std::size_t i = 0; i < m; ++i) out.f_u[i * r + local_inputs_[c]] += out.work[i];
     }
@@ -204,5 +199,9 @@ void Wrench::curvature(const ForcePoint<double>& point, const ForceDirections& d
             }
     }
 }
+
+template void Wrench::evaluate_on(const ForcePoint<double>&, Order, LocalForce<double>&) const;
+template void Wrench::evaluate_on(const ForcePoint<Dual<double>>&, Order, LocalForce<Dual<double>>&) const;
+template void Wrench::evaluate_on(const ForcePoint<HyperDual>&, Order, LocalForce<HyperDual>&) const;
 
 }  // namespace leastaction

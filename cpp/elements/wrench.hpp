@@ -22,12 +22,21 @@ public:
     Wrench(const Constants& constants, Kind kind, int joint, int point, const std::array<int, 3>& axes,
            const std::array<int, 6>& slots, const std::array<int, 6>& inputs);
 
-    void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const override;
-    void evaluate(const ForcePoint<Dual<double>>& point, LocalForce<Dual<double>>& out) const override;
+    void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const override {
+        evaluate_on(point, order, out);
+    }
+    void evaluate(const ForcePoint<Dual<double>>& point, Order order, LocalForce<Dual<double>>& out) const override {
+        evaluate_on(point, order, out);
+    }
+    void evaluate(const ForcePoint<HyperDual>& point, Order order, LocalForce<HyperDual>& out) const override {
+        evaluate_on(point, order, out);
+    }
     void curvature(const ForcePoint<double>& point, const ForceDirections& directions,
                    LocalForce<double>& out) const override;
 
 private:
+    template <class T>
+    void evaluate_on(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const;
     // Phi of the wrench with the given components; hybrid moments about the frame's own origin are kept apart.
     template <class T>
     Force<T> about_origin(const Placement<T>& at, const T* components) const;
@@ -40,7 +49,8 @@ private:
     // Derivative of mu.f by each joint.
     void first_by_place(const Placement<double>& at, const double* components, const std::vector<double>& mu,
                         std::vector<double>& P) const;
-    double slope(const Placement<double>& at, const Force<double>& phi, const Vec3<double>& F, int i, int j) const;
+    template <class T>
+    T slope(const Placement<T>& at, const Force<T>& phi, const Vec3<T>& F, int i, int j) const;
 
     Kind kind_;
     SupportJoints support_joints_;

@@ -132,8 +132,37 @@ def test_forces(case: Case, seed: int) -> None:
             assert_near(sum_of(each, of), wanted, tolerance, flat=of == "hessian" and 2 in case.flat)
         mu = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0, m.nq)
         assert_near(whole.weighed(mu).hessian, np.tensordot(mu, f_zz, 1), SECOND, flat=2 in case.flat)
+        if whole.highest_order < 3:
+            with pytest.raises(ArgumentError, match=r"f: .*order 3.*up to order 2"):
+                whole.along(q=q)
+
+
+@every("force")
+def test_the_third_order_of_forces(case: Case, seed: int) -> None:
+    m = problem(case.name, seed).mechanism
+    q, v, u, *_ = points(case, seed)[0]
+    z, rng = np.concatenate([q, v, u]), np.random.default_rng([seed, 6])
+    d, mu = rng.uniform(-1.0, 1.0, len(z)), rng.uniform(-1.0, 1.0, m.nq)
+
+    def at(y: np.ndarray, element: str | None = None) -> FunctionDerivatives:
+        return m.force(*np.split(y, [m.nq, 2 * m.nq]), element)
+
+    def along(direction: np.ndarray, element: str | None = None) -> FunctionDerivatives:
+        return at(z, element).along(**dict(zip("qvu", np.split(direction, [m.nq, 2 * m.nq]), strict=True)))
+
+    if at(z).highest_order < 3:
         with pytest.raises(ArgumentError, match=r"f: .*order 3.*up to order 2"):
-            whole.along(q=q)
+            along(d)
+        return
+    third = along(d)
+    assert_near(third.value, at(z).gradient @ d, FIRST)
+    assert_near(third.gradient, at(z).hessian @ d, SECOND, flat=2 in case.flat)
+    hessian = third.weighed(mu).hessian
+    np.testing.assert_allclose(hessian, hessian.T, rtol=0, atol=1e-12 * np.abs(hessian).max(initial=1.0))
+    np.testing.assert_allclose(np.tensordot(mu, third.hessian, 1), hessian, rtol=0, atol=1e-12 * np.abs(hessian).max())
+    each = [along(d, name).weighed(mu) for name, e in m.elements.items() if isinstance(e, Force)]
+    assert_near(sum_of(each, "hessian"), hessian, SECOND, flat=not hessian.any())
+    check_against_the_order_below(hessian, z, d, lambda y: at(y).weighed(mu).hessian)
 
 
 @pytest.mark.parametrize("kind", range(3))

@@ -251,6 +251,8 @@ class Potential(Element):
 class Force(Element):
     """Base of the elements that exert a force."""
 
+    highest_order = 3
+
 
 class Constraint(Element):
     """Base of the elements that add constraint equations; adds a single one unless it says otherwise."""

@@ -73,7 +73,7 @@ def potential(m: Compiled, q: npt.ArrayLike, element: str | None = None) -> Func
 def force(
     m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike, u: npt.ArrayLike | None = None, element: str | None = None
 ) -> FunctionDerivatives:
-    """Return the generalised forces (N or N m) on all variables, by ``q``, ``v`` and ``u``, to the second order.
+    """Return the generalised forces (N or N m) on all variables, by ``q``, ``v`` and ``u``, to the third order.
 
     Parameters
     ----------
@@ -88,6 +88,7 @@ def force(
     -------
     FunctionDerivatives
         Of nq functions, one for each variable, kinematic ones too; `FunctionDerivatives.weighed` contracts them.
+        To the second order where there is a `PythonForce`.
 
     Raises
     ------
@@ -97,8 +98,8 @@ def force(
     at, speed = single(m, q).copy(), single(m, v, "v").copy()
     given = np.zeros(m.n_inputs) if u is None else as_array(u, "u", (m.n_inputs,), names=m.inputs).copy()
     evaluate = ForceAt(m, _parts_of(m, element, Force), at, speed, given)
-    arguments = {"q": m.nq, "v": m.nq, "u": m.n_inputs}
-    return FunctionDerivatives.of(_called("f", element), arguments, evaluate, rows=m.variables, highest_order=2)
+    arguments, order = {"q": m.nq, "v": m.nq, "u": m.n_inputs}, _highest_order(m, element, Force)
+    return FunctionDerivatives.of(_called("f", element), arguments, evaluate, rows=m.variables, highest_order=order)
 
 
 def constraint(m: Compiled, q: npt.ArrayLike, element: str | None = None) -> FunctionDerivatives:
@@ -146,7 +147,7 @@ def _highest_order(m: Compiled, element: str | None, kind: type[Any]) -> int:
     """Return to which order the core differentiates an element of a kind, or all of that kind."""
     elements = m.elements
     asked = elements.values() if element is None else [elements[element]]
-    return min((each.highest_order for each in asked if isinstance(each, kind)), default=4)
+    return min((each.highest_order for each in asked if isinstance(each, kind)), default=kind.highest_order)
 
 
 def _called(symbol: str, element: str | None) -> str:
@@ -218,7 +219,7 @@ class ConstraintsAt:
 
 @dataclass(frozen=True)
 class ForceAt:
-    """Generalised forces (nq,) by [q; v; u] at a state and inputs; without derivatives along directions."""
+    """Generalised forces (nq,) by [q; v; u] at a state and inputs."""
 
     mechanism: Compiled
     parts: Parts
@@ -228,8 +229,12 @@ class ForceAt:
 
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
-        assert not len(directions), "forces have a highest order of two"
-        core, at = self.mechanism.core, (self.q, self.v, self.u)
+        core, at, n = self.mechanism.core, (self.q, self.v, self.u), self.mechanism.nq
         parts = _core.ElementParts(self.parts.first, self.parts.last)
-        gradients = np.hstack(core.force_jacobians(*at, parts))
-        return core.force(*at, parts), gradients, core.force_curvature(*at, weights, parts)
+        values, gradients = core.force(*at, parts), np.hstack(core.force_jacobians(*at, parts))
+        if not len(directions):
+            return values, gradients, core.force_curvature(*at, weights, parts)
+        (direction,) = directions
+        dq, dv, du = np.split(np.ascontiguousarray(direction), [n, 2 * n])
+        _, bent, third = core.forces_along(weights, *at, dq, dv, du, parts)
+        return gradients @ direction, bent, third.reshape(len(direction), -1)

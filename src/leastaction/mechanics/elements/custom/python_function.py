@@ -269,6 +269,7 @@ class PythonForce(Force):
 
     called = "force"
     needs_dynamic = True
+    highest_order = 2
 
     def __post_init__(self) -> None:
         super().__post_init__()
