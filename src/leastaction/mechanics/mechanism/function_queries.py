@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.elements import Constraint, Force, Parts, Potential
+from leastaction.mechanics.elements import Constraint, Element, Force, Parts, Potential
 from leastaction.mechanics.mechanism.arguments import Compiled, single
 from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
 from leastaction.numerics.arrays import Array, as_array
@@ -143,7 +143,7 @@ def _parts_of(m: Compiled, element: str | None, kind: type[Any]) -> Parts:
     return m.parts[element]
 
 
-def _highest_order(m: Compiled, element: str | None, kind: type[Any]) -> int:
+def _highest_order(m: Compiled, element: str | None, kind: type[Element]) -> int:
     """Return to which order the core differentiates an element of a kind, or all of that kind."""
     elements = m.elements
     asked = elements.values() if element is None else [elements[element]]
