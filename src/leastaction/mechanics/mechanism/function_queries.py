@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.elements import Constraint, Element, Force, Parts, Potential
+from leastaction.mechanics.elements import Constraint, Force, Parts, Potential
 from leastaction.mechanics.mechanism.arguments import Compiled, single
 from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
 from leastaction.numerics.arrays import Array, as_array
@@ -143,11 +143,11 @@ def _parts_of(m: Compiled, element: str | None, kind: type[Any]) -> Parts:
     return m.parts[element]
 
 
-def _highest_order(m: Compiled, element: str | None, kind: type[Element]) -> int:
+def _highest_order(m: Compiled, element: str | None, kind: type[Any]) -> int:
     """Return to which order the core differentiates an element of a kind, or all of that kind."""
-    elements = m.elements
+    elements, highest = m.elements, int(kind.highest_order)
     asked = elements.values() if element is None else [elements[element]]
-    return min((each.highest_order for each in asked if isinstance(each, kind)), default=kind.highest_order)
+    return min((each.highest_order for each in asked if isinstance(each, kind)), default=highest)
 
 
 def _called(symbol: str, element: str | None) -> str:
