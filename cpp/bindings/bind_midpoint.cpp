@@ -220,7 +220,8 @@ void bind_midpoint(nb::module_& module) {
     nb::enum_<Solver>(module, "Solver", "What eliminates the Newton matrix of a step.")
         .value("automatic", Solver::automatic)
         .value("dense", Solver::dense)
-        .value("tree", Solver::tree);
+        .value("tree", Solver::tree)
+        .value("loops", Solver::loops);
     nb::enum_<StepStatus>(module, "StepStatus", "How the solution of a step ended.")
         .value("converged", StepStatus::converged)
         .value("no_convergence", StepStatus::no_convergence)

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 namespace leastaction {
 
@@ -35,7 +36,6 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     sized(u, mechanism_->n_inputs);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
     for (auto* a : {&residual, &residual_kept_, &residual_scale, &first_scale_, &correction_}) sized(*a, ny);
-    for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
     for (auto* a : {&mobility_, &pivots_, &path_v_, &path_slope_}) sized(*a, nd);
     sized(rho2_, mechanism_->n_kinematic);
     sized(turn_, nq);
@@ -48,6 +48,17 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     if (fits && (settings.solver == Solver::tree ||
                  (settings.solver == Solver::automatic && TreeNewton::is_faster(*mechanism_))))
         tree_ = std::make_unique<TreeNewton>(*mechanism_);
+    if ((settings.solver == Solver::loops || settings.solver == Solver::automatic) && LoopNewton::fits(*mechanism_)) {
+        loops_ = std::make_unique<LoopNewton>(*mechanism_);
+        if (settings.solver == Solver::automatic && !loops_->is_faster()) loops_.reset();
+    }
+    if (loops_) {
+        if (!tree_) tree_ = std::make_unique<TreeNewton>(*mechanism_);
+        start_ = end_ = loops_->make_constraints();
+    } else {
+        for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
+        have_C1_ = have_C2_ = true;
+    }
 }
 
 void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
@@ -59,9 +70,22 @@ void MidpointStep::constraint_gradients(const Placement<double>& at, const doubl
     }
 }
 
+void MidpointStep::make_gradients() {
+    if (have_C1_ && have_C2_) return;
+    for (auto* C : {&C1_, &C2_}) C->resize(static_cast<std::size_t>(nc_) * nq_);
+    if (!have_C1_) constraint_gradients(at1_, q1.data(), C1_.data());
+    constraint_gradients(at2_, q2.data(), C2_.data());
+    have_C1_ = have_C2_ = true;
+}
+
 void MidpointStep::place_start() {
     place(mechanism_->constraint_joints, q1.data(), at1_);
-    constraint_gradients(at1_, q1.data(), C1_.data());
+    if (loops_) {
+        loops_->evaluate(at1_, start_);
+        have_C1_ = have_C2_ = false;
+    } else {
+        constraint_gradients(at1_, q1.data(), C1_.data());
+    }
     have_factors_ = have_pivots_ = have_limit_ = false;
     old_rate_ = no_contraction;
     std::fill(root_inertia_.begin(), root_inertia_.end(), 0.0);
@@ -105,6 +129,10 @@ void MidpointStep::advance() {
     p1.swap(p2);
     std::swap(at1_, at2_);
     C1_.swap(C2_);
+    if (loops_) {
+        std::swap(start_, end_);
+        have_C1_ = std::exchange(have_C2_, false);
+    }
     have_limit_ = false;
 }
 
@@ -116,7 +144,12 @@ void MidpointStep::evaluate(double dt) {
     lagrangian_.gradient(q_mid_.data(), v_.data());
     add_elements();
     place(mechanism_->free_constraint_joints, q2.data(), at2_);
-    constraint_gradients(at2_, q2.data(), C2_.data());
+    if (loops_) {
+        loops_->evaluate(at2_, end_);
+        have_C2_ = false;
+    } else {
+        constraint_gradients(at2_, q2.data(), C2_.data());
+    }
 
     const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
     double size = 0.5 * dt * potential_size_;
@@ -126,15 +159,21 @@ void MidpointStep::evaluate(double dt) {
         p2[i] = half_slope + momentum + kp * f_[i];
         size = std::max({size, std::abs(p1[i]), std::abs(half_slope), std::abs(momentum), std::abs(km * f_[i])});
     }
-    for (int c = 0; c < nc_; ++c) {
-        const double* row = &C1_[c * nq_];
-        for (int i = 0; i < nd_; ++i) {
-            const double term = row[i] * lam[c];
-            residual[i] -= term;
-            size = std::max(size, std::abs(term));
+    if (loops_) {
+        size = std::max(size, loops_->subtract_forces(start_, lam.data(), residual.data()));
+        std::copy(end_.value.begin(), end_.value.end(), residual.begin() + nd_);
+        std::copy(end_.scale.begin(), end_.scale.end(), residual_scale.begin() + nd_);
+    } else {
+        for (int c = 0; c < nc_; ++c) {
+            const double* row = &C1_[c * nq_];
+            for (int i = 0; i < nd_; ++i) {
+                const double term = row[i] * lam[c];
+                residual[i] -= term;
+                size = std::max(size, std::abs(term));
+            }
+            residual[nd_ + c] = h_[c];
+            residual_scale[nd_ + c] = h_scale_[c];
         }
-        residual[nd_ + c] = h_[c];
-        residual_scale[nd_ + c] = h_scale_[c];
     }
     // Nor can a momentum be met better than the rounding of q2 allows, which near rest is more than the tolerance: an
     // error e in q2_j is one of L_vv[i, j] e / dt, and L_vv[i, j]^2 <= L_vv[i, i] L_vv[j, j].
@@ -207,7 +246,16 @@ bool MidpointStep::factor_tree(double dt) {
     }
     std::fill(diagonal_.begin(), diagonal_.end(), 0.0);
     element_matrix(dt, [&](int i, int, double value) { diagonal_[i] += value; });
-    return tree_->factor(lagrangian_, dt, diagonal_.data()) && newton_.factor(*tree_, C1_.data(), C2_.data(), nq_);
+    if (!tree_->factor(lagrangian_, dt, diagonal_.data())) return false;
+    if (loops_ && !loops_fail_) {
+        if (loops_->factor(lagrangian_, dt, diagonal_.data(), start_, end_)) {
+            newton_.take(*tree_, *loops_);
+            return true;
+        }
+        loops_fail_ = true;
+    }
+    make_gradients();
+    return newton_.factor(*tree_, C1_.data(), C2_.data(), nq_);
 }
 
 void MidpointStep::list_entries() {
@@ -238,6 +286,7 @@ bool MidpointStep::factor_dense(double dt) {
     }
     for (int i = 0; i < nd_; ++i) note_inertia(i, diagonal_[i]);
     element_matrix(dt, [&](int i, int j, double value) { M[i * newton_.stride + j] += value; });
+    make_gradients();
     return newton_.factor(C1_.data(), C2_.data(), nq_);
 }
 
@@ -298,6 +347,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
         fresh = !have_factors_ || wants_refresh(report, merit, previous);
         if (fresh) {
             ++report.factorizations;
+            if (report.residual < rounding_floor) ++report.idle;
             if (!refresh(dt, !known)) {
                 report.status = StepStatus::singular;
                 return report;

@@ -23,8 +23,9 @@
 namespace leastaction {
 
 enum class Split { symmetric, left };
-// What eliminates the Newton matrix: NewtonMatrix, or TreeNewton where nothing couples variables but the tree.
-enum class Solver { automatic, dense, tree };
+// What eliminates the Newton matrix: NewtonMatrix, or TreeNewton where nothing couples variables but the tree, or
+// LoopNewton where constraints besides are of two points each.
+enum class Solver { automatic, dense, tree, loops };
 enum class StepStatus { converged = 0, no_convergence = 1, not_finite = 2, singular = 3, too_coarse = 4 };
 
 struct MidpointSettings {
@@ -38,6 +39,7 @@ struct StepReport {
     StepStatus status = StepStatus::converged;
     int iterations = 0;
     int factorizations = 0;
+    int idle = 0;                 // factorizations where little more than rounding was left to correct
     double residual = 0;          // largest relative residual
     bool rank_deficient = false;  // constraints were redundant: least-norm multiplier
     int setbacks = 0;             // corrections that were taken back, wholly or in part
@@ -109,6 +111,7 @@ private:
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
+    void make_gradients();  // C1_ and C2_, where loops_ made do without
     void list_entries();
     void add_elements();  // forces into f_, potentials into L_q
     // Calls add(i, j, value) for all that potentials and forces add to the Newton matrix.
@@ -140,7 +143,11 @@ private:
         double weight;
     };
     std::vector<Entry> own_entries_, mirrored_entries_;
-    std::unique_ptr<TreeNewton> tree_;  // null: not for this mechanism
+    std::unique_ptr<TreeNewton> tree_;     // null: not for this mechanism
+    std::unique_ptr<LoopNewton> loops_;    // null: not for this mechanism, or nothing gained; else tree_ is there too
+    LoopNewton::Constraints start_, end_;  // for loops_
+    bool have_C1_ = false, have_C2_ = false;
+    bool loops_fail_ = false;  // at the limit of the path that is followed
     Placement<double> at1_, at2_;
     LocalTaylor<double> local_;
     LocalForce<double> force_;

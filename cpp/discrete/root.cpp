@@ -59,6 +59,7 @@ int MidpointStep::most_turned() const {
 }
 
 bool MidpointStep::keeps_constraint_directions() const {
+    if (loops_) return loops_->keeps_directions(start_, end_, mobility_.data(), direction_change);
     for (int c = 0; c < nc_; ++c) {
         const double *C1 = &C1_[c * nq_], *C2 = &C2_[c * nq_];
         double size = 0, change = 0;
@@ -82,7 +83,7 @@ void MidpointStep::keep_pivots(double dt) {
 }
 
 bool MidpointStep::is_trusted(double dt, const StepReport& report) {
-    if (report.factorizations > 1 || report.setbacks > 0 || !(largest_turn() <= small_turn)) return false;
+    if (report.factorizations - report.idle > 1 || report.setbacks > 0 || !(largest_turn() <= small_turn)) return false;
     if (!have_pivots_) return false;
     if (report.factorizations > 0) {
         if (!newton_.schur_keeps_sign()) return false;
@@ -106,11 +107,17 @@ bool MidpointStep::guess_limit(double dt) {
     evaluate(tau);
     // The constraints' gradients at q1 at both ends, and their rates instead of their values.
     C2_ = C1_;
+    if (loops_) {
+        end_ = start_;
+        have_C2_ = have_C1_;
+    }
+    loops_fail_ = false;
     const bool regular = refresh(tau, true);
     if (regular) {
         for (int i = 0; i < nd_; ++i) correction_[i] = -residual[i];
         for (int c = 0; c < nc_; ++c) {
             correction_[nd_ + c] = 0;
+            if (loops_) continue;  // prescribed variables move none of their points
             for (int i = nd_; i < nq_; ++i) correction_[nd_ + c] -= C1_[c * nq_ + i] * (q2[i] - q1[i]);
         }
         newton_.solve(correction_.data(), correction_.data() + nd_);
@@ -228,6 +235,7 @@ StepReport MidpointStep::follow_from_limit(double dt, const StepReport& first) {
 }
 
 StepReport MidpointStep::find(double dt) {
+    loops_fail_ = false;
     const StepReport report = solve(dt);
     if (report.status == StepStatus::converged && is_trusted(dt, report)) return report;
     if (report.status == StepStatus::not_finite) return report;

@@ -55,14 +55,11 @@ NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
       nc_(mechanism.n_constraints()),
       nc_padded_(padded(nc_)),
       reciprocal_(n_),
-      M_inv_C1t_(Matrix::Zero(n_, nc_padded_)),
-      C2_(nc_, n_),
-      schur_(nc_, nc_padded_ + lanes),
-      unfactored_(nc_, nc_),
-      reduced_(nc_, nc_),
       pivots_(nc_),
       padded_(n_ + lanes),
-      column_(nc_) {}
+      column_(nc_) {
+    independent_.reserve(nc_);
+}
 
 void NewtonMatrix::clear() {
     L_t_.resize(static_cast<std::size_t>(n_) * stride);
@@ -71,13 +68,25 @@ void NewtonMatrix::clear() {
 
 bool NewtonMatrix::factor(const double* C1, const double* C2, int ld) {
     tree_ = nullptr;
+    loops_ = nullptr;
     return eliminate() && factor_schur(C1, C2, ld);
 }
 
 bool NewtonMatrix::factor(TreeNewton& tree, const double* C1, const double* C2, int ld) {
     tree_ = &tree;
+    loops_ = nullptr;
     tree.copy_reciprocals(reciprocal_.data());
     return factor_schur(C1, C2, ld);
+}
+
+void NewtonMatrix::take(const TreeNewton& tree, LoopNewton& loops) {
+    loops_ = &loops;
+    tree.copy_reciprocals(reciprocal_.data());
+    rank_deficient_ = false;
+    // S of C1 = C2 and a definite -M is negative definite.
+    const auto positive = std::ranges::count_if(reciprocal_, [](double x) { return x > 0; });
+    const int sign_of_M = (n_ - positive) % 2 == 0 ? 1 : -1;
+    schur_keeps_sign_ = loops.sign() * sign_of_M == (nc_ % 2 == 0 ? 1 : -1);
 }
 
 bool NewtonMatrix::eliminate() {
@@ -104,6 +113,13 @@ bool NewtonMatrix::factor_schur(const double* C1, const double* C2, int ld) {
     rank_deficient_ = false;
     if (nc_ == 0) return true;
 
+    if (schur_.rows() == 0) {
+        M_inv_C1t_ = Matrix::Zero(n_, nc_padded_);
+        C2_.resize(nc_, n_);
+        schur_.resize(nc_, nc_padded_ + lanes);
+        unfactored_.resize(nc_, nc_);
+        reduced_.resize(nc_, nc_);
+    }
     for (int c = 0; c < nc_; ++c)
         for (int i = 0; i < n_; ++i) {
             M_inv_C1t_(i, c) = C1[c * ld + i];
@@ -141,6 +157,10 @@ bool NewtonMatrix::factor_schur(const double* C1, const double* C2, int ld) {
 void NewtonMatrix::choose_independent() {
     // C1 = C2: the Schur complement is symmetric and definite but for redundancy, and pivots stand on its diagonal.
     independent_.clear();
+    if (loops_) {
+        for (int c = 0; c < nc_; ++c) independent_.push_back(c);
+        return;
+    }
     reduced_ = unfactored_;
     double largest = 0;
     for (int k = 0; k < nc_; ++k) {
@@ -169,6 +189,7 @@ NewtonMatrix::Determinant NewtonMatrix::determinant() {
     };
     for (const double reciprocal : reciprocal_) take(1.0 / reciprocal);
     out.sign_of_M = out.sign;
+    if (loops_) return {loops_->log2_determinant(), loops_->sign(), out.sign_of_M};
     const int n = static_cast<int>(independent_.size());
     for (int i = 0; i < n; ++i)
         for (int j = 0; j < n; ++j) reduced_(i, j) = unfactored_(independent_[i], independent_[j]);
@@ -247,6 +268,7 @@ void NewtonMatrix::solve_M(double* b) const {
 }
 
 void NewtonMatrix::solve(double* f, double* g) {
+    if (loops_) return loops_->solve(f, g);
     // Whole lanes run past the end of a column: never in the caller's memory.
     std::copy(f, f + n_, padded_.begin());
     solve_M(padded_.data());

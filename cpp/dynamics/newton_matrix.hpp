@@ -6,12 +6,13 @@
 // M is eliminated from the leaves to the root without pivoting (nothing fills in, and for a step that resolves the
 // motion the inertia -L_vv / dt dominates it), here or, for large trees, by TreeNewton; the constraints by their Schur
 // complement S = C2 M^-1 C1', pivoted. Where S has lost rank, because constraints are redundant, the multiplier of
-// least norm is taken.
+// least norm is taken. Where loops are many and short, LoopNewton eliminates both at once.
 #pragma once
 
 #include <Eigen/Dense>
 #include <vector>
 
+#include "dynamics/loop_newton.hpp"
 #include "dynamics/tree_newton.hpp"
 #include "mechanism/mechanism.hpp"
 
@@ -50,6 +51,8 @@ public:
     bool factor(const double* C1, const double* C2, int ld);
     // The same where `tree`, which must outlive the factors, has factored M.
     bool factor(TreeNewton& tree, const double* C1, const double* C2, int ld);
+    // Where both have factored their parts and must outlive the factors: `tree` M, `loops` the whole.
+    void take(const TreeNewton& tree, LoopNewton& loops);
     bool rank_deficient() const { return rank_deficient_; }
     // Reciprocals of the pivots of M, of the last factor(): all negative where -M is near an inertia.
     const std::vector<double>& reciprocal_pivots() const { return reciprocal_; }
@@ -85,7 +88,8 @@ private:
     void solve_schur(double* g);
 
     const SharedLists& coupled_;
-    TreeNewton* tree_ = nullptr;  // has the factors of M; null: they are here
+    TreeNewton* tree_ = nullptr;   // has the factors of M; null: they are here
+    LoopNewton* loops_ = nullptr;  // has those of the whole; null: they are here
     int n_, nc_, nc_padded_;
     std::vector<double> L_t_;         // the lower factors once more, by rows, for one right-hand side
     std::vector<double> reciprocal_;  // of the pivots

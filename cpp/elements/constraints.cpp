@@ -94,6 +94,23 @@ void Distance::evaluate_on(const Placement<T>& at, const T* q, Order order, Loca
     support_joints_.fold(order, out);
 }
 
+std::optional<std::pair<int, int>> Distance::points() const {
+    return length_variable_ < 0 ? std::optional(pair_.points()) : std::nullopt;
+}
+
+SlopeByPoints Distance::by_points(const Placement<double>& at) const {
+    const auto [point1, point2] = pair_.points();
+    const Vec3<double> d = at.position(point1) - at.position(point2);
+    const double d2 = dot(d, d), length = at.number(length_slot_), l2 = length * length;
+    return {d2 - l2, d2 + l2, 2.0 * d};
+}
+
+SlopeByPoints Coincidence::by_points(const Placement<double>& at) const {
+    const auto [point1, point2] = pair_.points();
+    const Vec3<double> p1 = at.position(point1), p2 = at.position(point2);
+    return {dot(direction_, p1 - p2), size_of(p1) + size_of(p2), direction_};
+}
+
 Coincidence::Coincidence(const Constants& constants, int point1, int point2, const Vec3<double>& direction)
     : support_joints_(constants.joints, either(above_point(constants, point1), above_point(constants, point2))),
       pair_(constants.joints, constants.points[point1].joint, constants.points[point2].joint, point1, point2,

@@ -28,6 +28,7 @@ public:
     };
     template <class T>
     void difference(const Placement<T>& at, Order order, Difference<T>& out) const;
+    std::pair<int, int> points() const { return {point1_, point2_}; }
 
 private:
     struct PairJoint {
@@ -49,6 +50,8 @@ public:
 
     template <class T>
     void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+    std::optional<std::pair<int, int>> points() const override;
+    SlopeByPoints by_points(const Placement<double>& at) const override;
 
 private:
     SupportJoints support_joints_;
@@ -66,6 +69,8 @@ public:
 
     template <class T>
     void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+    std::optional<std::pair<int, int>> points() const override { return pair_.points(); }
+    SlopeByPoints by_points(const Placement<double>& at) const override;
 
 private:
     SupportJoints support_joints_;

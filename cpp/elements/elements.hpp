@@ -7,13 +7,21 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "kinematics/points.hpp"
 #include "numerics/taylor.hpp"
 
 namespace leastaction {
+
+// A function of the difference of two points' places: its value, the size of its terms, and its slope by the difference.
+struct SlopeByPoints {
+    double value, scale;
+    Vec3<double> slope;
+};
 
 class ConfigurationFunction {
 public:
@@ -29,6 +37,10 @@ public:
                           LocalTaylor<Dual<double>>& out) const = 0;
     virtual void evaluate(const Placement<HyperDual>& at, const HyperDual* q, Order order,
                           LocalTaylor<HyperDual>& out) const = 0;
+
+    // Of a function of two points' places alone the points, and the function of them; else none.
+    virtual std::optional<std::pair<int, int>> points() const { return std::nullopt; }
+    virtual SlopeByPoints by_points(const Placement<double>&) const { return {}; }
 
 protected:
     std::vector<int> support_, joints_;
