@@ -15,32 +15,18 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from benchmarks import unit
 from benchmarks.timing import Timing
 from leastaction.apps.marionette import load_motion, track, walk_in_place
-from leastaction.apps.marionette.tracking import TrackingRun
 from leastaction.errors import LeastActionError
 from leastaction.io import Motion
-from leastaction.models.marionette import UNHELD, marionette
+from leastaction.models.marionette import marionette
 
 _SECONDS = 60.0  # for ten seconds of capture
 _WALK = 0.8  # degrees, for the made-up walk
 # Degrees that the held joints may be off on nine strings: at full speed, and at half of it.
 _GOALS = {"cmu_02_01_walk": {1.0: 6.0, 0.5: 4.0}, "wave_hello": {1.0: 8.0, 0.5: 4.0}}
 _PUSHES = -1e-6  # N
-
-
-def held_rms(run: TrackingRun) -> float:
-    """Return the root mean square error (degrees) of the angles behind which a string is tied."""
-    errors = run.errors
-    free = UNHELD if run.mechanism.nc == 6 else ()
-    rms = [
-        rms for name, kind, rms in zip(errors.names, errors.units, errors.rms, strict=True)
-        if kind == "deg" and name not in free
-    ]  # fmt: skip
-    return float(np.sqrt(np.mean(np.square(rms))))
 
 
 def row(name: str, motion: Motion, strings: int, goal: float | None, one: float | None, iterations: int) -> str:
@@ -51,7 +37,7 @@ def row(name: str, motion: Motion, strings: int, goal: float | None, one: float 
     except LeastActionError as error:
         return f"{name:32s} {strings:7d}  ended in an error: {error}"
     seconds = time.perf_counter() - began
-    off, least = held_rms(run), float(run.tension.min())
+    off, least = run.held_error, float(run.tension.min())
     missed = [
         text
         for text, met in (
@@ -89,7 +75,7 @@ def main() -> int:
     parser.add_argument("--strings", nargs="+", type=int, choices=(6, 9), default=[9])
     parser.add_argument("--speed", nargs="+", type=float, default=[1.0])
     parser.add_argument("--dt", type=float, default=0.01)
-    parser.add_argument("--iterations", type=int, default=100)
+    parser.add_argument("--iterations", type=int, default=500)
     words = parser.parse_args()
     files = words.files or [Path(name) for name in os.environ.get("CAPTURES", "").split(os.pathsep) if name]
     before = unit.measure(0.5)

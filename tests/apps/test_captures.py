@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from apps.puppet_bvh import CMU_NAMES, Z_UP, Convention, waving, write_puppet
 from leastaction.apps.cli import main
-from leastaction.apps.marionette import VARIABLES, load_motion, load_run, retarget
+from leastaction.apps.marionette import VARIABLES, load_motion, load_run, retarget, walk_in_place
 from leastaction.apps.marionette.retargeting.geometry import euler_zyx, rotation_zyx
-from leastaction.apps.marionette.retargeting.spins import without_spins
-from leastaction.io import read_bvh
+from leastaction.apps.marionette.retargeting.spins import FURTHEST, beside, without_spins
+from leastaction.apps.marionette.speeds import fastest
+from leastaction.errors import ArgumentError
+from leastaction.io import Motion, read_bvh
 from leastaction.io.motion.capture import axis_rotation
 from leastaction.models.marionette import JOINT_LIMITS
 
@@ -125,6 +128,25 @@ def test_angles_do_not_spin_beside_a_singularity(degrees: float) -> None:
     np.testing.assert_array_equal(slow, turns)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_limb_that_swings_through_its_singularity_passes_beside_it(sign: float) -> None:
+    t = np.linspace(0.0, 4.0, 401)
+    turns = np.stack([0.3 + 0.0 * t, sign * (1.2 - 1.2 * np.cos(0.5 * np.pi * t)), 0.2 * t], axis=1)
+    made = beside(t, turns)
+    assert np.abs(made[:, 1]).max() <= FURTHEST
+    assert np.abs(np.diff(made, axis=0)).max() * 100.0 < 15.0
+    miss = np.arccos(np.clip(np.sum(rotation_zyx(made)[:, :, 2] * rotation_zyx(turns)[:, :, 2], axis=1), -1.0, 1.0))
+    assert np.rad2deg(miss.max()) < 30.0
+    # On either side of it the same rotations, and what never comes near is left as it is.
+    far = np.abs(np.abs(turns[:, 1]) - 0.5 * np.pi) > 0.6
+    np.testing.assert_allclose(rotation_zyx(made[far]), rotation_zyx(turns[far]), atol=1e-9)
+    near = turns * [1.0, 0.5, 1.0]
+    assert beside(t, near) is near
+    # One that is on the other side all the time is told by the other angles.
+    whole = np.column_stack([t, np.full_like(t, sign * 2.5), -t])
+    np.testing.assert_allclose(rotation_zyx(beside(t, whole)), rotation_zyx(whole), atol=1e-9)
+
+
 def test_part_of_a_capture_at_another_speed(tmp_path: Path) -> None:
     path = write_puppet(tmp_path / "a.bvh", waving(100), frame_time=0.02)
     options = {"start": "moving", "cutoff": None, "dt": 0.02}
@@ -159,6 +181,42 @@ def test_a_lively_capture_in_one_command(tmp_path: Path, capsys: pytest.CaptureF
     assert numbers["run"]["status"] in ("CONVERGED", "STALLED")
     assert {entry["limit"] for entry in numbers["limits_reached"]}
     check(tmp_path / "out")
+
+
+def test_as_fast_as_an_error_allows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_puppet(tmp_path / "a.bvh", waving(40), frame_time=0.02)
+    out = tmp_path / "out"
+    words = ("--motion", path, "--dt", 0.02, "--trim", 0, 0.3, "--speed", "auto", "--max-iterations", 6)
+    with pytest.raises(SystemExit) as ended:
+        main(["optimize", "marionette", "--out", str(out), "--no-animation", "--error", "60", *map(str, words)])
+    assert ended.value.code == 0
+    said = capsys.readouterr().out
+    assert "Error over speed: at most 60" in said
+    assert (out / "speeds.png").stat().st_size > 10_000
+    check(out)
+
+
+def test_speeds_are_tried_until_one_is_slow_enough() -> None:
+    walk = walk_in_place(0.4, 0.02)
+    asked: list[float] = []
+
+    def motion_at(speed: float) -> Motion:
+        asked.append(speed)
+        return walk
+
+    def follow(motion: Motion) -> object:
+        assert motion is walk
+        return SimpleNamespace(held_error=10.0 * asked[-1], ended_early=False)
+
+    tried = fastest(follow, motion_at, 6.0)  # type: ignore[arg-type]
+    assert [each.speed for each in tried] == asked == [1.0, 0.8, 0.65, 0.5]
+    assert tried[-1].error == 5.0
+    # Where none is, the best is last.
+    assert fastest(follow, motion_at, 1.0, speeds=(0.5, 0.2, 0.4))[-1].speed == 0.2  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="error is 0"):
+        fastest(follow, motion_at, 0.0)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="speeds: got none"):
+        fastest(follow, motion_at, 1.0, speeds=())  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

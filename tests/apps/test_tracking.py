@@ -27,6 +27,7 @@ from leastaction.apps.marionette.tracking import (
     save_search,
     track,
 )
+from leastaction.apps.marionette.tracking import run as run_module
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.io import Motion
@@ -291,6 +292,37 @@ def test_whatever_was_found_ends_with_strings_that_pull() -> None:
         assert np.isfinite(kept.x).all()
         for k in (0, 7, wanted.system.N - 1):
             np.testing.assert_array_equal(wanted.system.f(kept.x[k], kept.u[k], k), kept.x[k + 1])
+
+
+@pytest.mark.parametrize("iterations", [0, 1])
+def test_no_string_pushes_where_a_hanging_run_is_cut_short(iterations: int, tmp_path: Path) -> None:
+    """Its strings push until their tensions are limited, which it does not live to see."""
+    run = track(PUPPET, walk_in_place(1.0, 0.02), max_iterations=iterations)
+    assert run.result.status is Status.ITERATION_LIMIT
+    assert run.tension.min() >= 0.5 - 1e-6
+    check_is_a_motion_of_the_puppet(run)
+    stopped = track(PUPPET, walk_in_place(1.0, 0.02), callback=lambda record: True)
+    assert stopped.result.status is Status.STOPPED_BY_CALLBACK
+    assert stopped.tension.min() >= 0.5 - 1e-6
+    # It is gone on with as a plan.
+    again = track(PUPPET, run.motion, resume=load_run(save_run(tmp_path / "run.npz", run)), max_iterations=3)
+    assert again.result.iterations == iterations + 3
+    assert again.tension.min() >= 0.5 - 1e-6
+
+
+def test_a_run_that_is_stuck_goes_on_from_inside_of_its_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    real, starts = run_module.optimize, []
+
+    def stuck(*args: object, **kwargs: object) -> object:
+        starts.append(kwargs["initial"])
+        result = real(*args, **{**kwargs, "max_iterations": 2})  # type: ignore[arg-type]
+        return replace(result, status=Status.LINE_SEARCH_FAILED) if len(starts) == 1 else result
+
+    monkeypatch.setattr(run_module, "optimize", stuck)
+    run = track(PUPPET, leap(0.3), max_iterations=30)
+    assert len(starts) > 1
+    assert starts[1][1][:, : len(STRINGS)].min() >= 0.5 * (1.0 - 1e-9)
+    assert run.result.status is Status.ITERATION_LIMIT
 
 
 def test_a_wrong_option_is_no_wild_motion() -> None:

@@ -154,6 +154,20 @@ def test_limits_on_a_cart_are_kept_at_an_optimum(name: str, cart: MidpointSystem
     assert str(result.limits).count("\n") == len(result.limits.labels)
 
 
+def test_a_rough_tolerance_is_met_roughly(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    """All the barriers together leave a tenth of the tolerated change: the motion need not be nearer to their end."""
+    limits = [Bound("x-force", -60.0, 60.0)]
+    exact = optimize(cart, cost, limits=limits, initial=REST, tolerance=1e-11)
+    rough = optimize(cart, cost, limits=limits, initial=REST, tolerance=1e-2)
+    assert rough.success
+    assert rough.limits is not None
+    assert rough.limits.excess <= 1e-6
+    assert exact.cost <= rough.cost <= 1.01 * exact.cost
+    # Of one row alone the part would be that much smaller.
+    assert rough.expected_decrease > 10.0 * rough.limits.mu
+    assert rough.iterations < exact.iterations
+
+
 def test_the_duals_tell_what_more_room_is_worth(cart: MidpointSystem, cost: QuadraticCost) -> None:
     def solve(bound: float) -> OptimizationResult:
         return optimize(cart, cost, limits=[Bound("x-force", max=bound)], initial=REST, tolerance=1e-11)

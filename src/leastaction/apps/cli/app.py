@@ -20,6 +20,7 @@ from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
 
 if TYPE_CHECKING:
+    from leastaction.apps.cli.session import AtSpeeds
     from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch
     from leastaction.io.motion.motion import Motion
 
@@ -85,7 +86,8 @@ def optimize(
     start: Annotated[Literal["rest", "moving"], Parameter(group=MOTION)] = "rest",
     in_place: Annotated[bool, Parameter(group=MOTION, negative=())] = False,
     trim: Annotated[tuple[float, float] | None, Parameter(group=MOTION)] = None,
-    speed: Annotated[float, Parameter(group=MOTION)] = 1.0,
+    speed: Annotated[float | Literal["auto"], Parameter(group=MOTION)] = 1.0,
+    error: Annotated[float, Parameter(group=MOTION)] = 5.0,
     up: Annotated[Axis | None, Parameter(group=MOTION)] = None,
     forward: Annotated[Axis | None, Parameter(group=MOTION)] = None,
     heading: Annotated[Heading, Parameter(group=MOTION)] = "facing",
@@ -124,7 +126,10 @@ def optimize(
     trim
         Part of the capture to use: from and to, s.
     speed
-        Speed of the motion relative to the capture: 0.5 is half as fast.
+        Speed of the motion relative to the capture: 0.5 is half as fast. auto: as fast as the error allows; other
+        speeds are tried, the fastest first, and their errors are shown.
+    error
+        With --speed auto: largest root mean square error of the joints that strings hold, degrees.
     up
         The capture's axis that points up, such as y or -z; found from the poses if not given.
     forward
@@ -173,15 +178,22 @@ def optimize(
     from leastaction.apps.marionette.retargeting import load_motion
 
     folder, console = _prepare(output), Console(highlight=False)
-    with console.status(f"reading {motion.name}"):
-        loaded = load_motion(
-            motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place, trim=trim, speed=speed,
-            up=up, forward=forward, heading=heading,
-        )  # fmt: skip
-    console.print(loaded.summary(), markup=False)
-    # The name is enough for titles, and where a file lies is nobody's business but its owner's.
-    followed = replace(loaded.motion, source=motion.name)
-    return _run(followed, optimiser, output, folder, limits=limits, strings=strings)
+
+    def motion_at(speed: float) -> Motion:
+        with console.status(f"reading {motion.name}"):
+            loaded = load_motion(
+                motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place, trim=trim,
+                speed=speed, up=up, forward=forward, heading=heading,
+            )  # fmt: skip
+        console.print(loaded.summary(), markup=False)
+        # The name is enough for titles, and where a file lies is nobody's business but its owner's.
+        return replace(loaded.motion, source=motion.name)
+
+    if speed == "auto":
+        from leastaction.apps.cli.session import AtSpeeds
+
+        return _run(AtSpeeds(motion_at, error), optimiser, output, folder, limits=limits, strings=strings)
+    return _run(motion_at(speed), optimiser, output, folder, limits=limits, strings=strings)
 
 
 @app.command
@@ -270,7 +282,7 @@ def _prepare(output: OutputOptions) -> Path:
 
 
 def _run(
-    motion: Motion | TrackingRun | TrackingSearch,
+    motion: Motion | TrackingRun | TrackingSearch | AtSpeeds,
     optimiser: OptimiserOptions | None,
     output: OutputOptions,
     folder: Path,

@@ -37,7 +37,7 @@ class OptimiserOptions:
     """
 
     method: Annotated[Method, Parameter(group=OPTIMISER)] = "auto"
-    max_iterations: Annotated[int, Parameter(group=OPTIMISER)] = 100
+    max_iterations: Annotated[int, Parameter(group=OPTIMISER)] = 500
     tolerance: Annotated[float | None, Parameter(group=OPTIMISER)] = None
     checkpoint: Annotated[float, Parameter(group=OPTIMISER)] = 10.0
 

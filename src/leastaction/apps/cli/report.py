@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -15,6 +15,7 @@ from rich.text import Text
 
 from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
 from leastaction.apps.marionette.scene import GROUPS, marionette_scene, string_label, string_lengths
+from leastaction.apps.marionette.speeds import AtSpeed, plot_speeds
 from leastaction.apps.marionette.tracking import TrackingRun, load_run
 from leastaction.apps.marionette.tracking.problem import ROOT
 from leastaction.errors import ArgumentError, OutputError
@@ -33,6 +34,7 @@ _FILES: Final = {
     "tracking.png": "reference and achieved motion",
     "strings.png": "string tensions and lengths",
     "snapshots.png": "poses over time",
+    "speeds.png": "error over speed",
     "animation.html": "open it in a browser",
 }
 
@@ -71,12 +73,15 @@ def write_report(
     plots: bool = True,
     animation: bool = True,
     progress: Callable[[str], object] = lambda _: None,
+    tried: Sequence[AtSpeed] = (),
+    error: float = np.inf,
 ) -> RenderableType:
     """Write summary, plots and animation of a run into a folder.
 
     ``run``: the run. ``folder``: an existing folder; files of the same names are replaced, each in one step. ``plots``,
-    ``animation``: which of them to write. ``progress``: called with the name of each file before it is made. Returns
-    the run's files in the folder with their sizes, to print. Raises `OutputError`: a file could not be written.
+    ``animation``: which of them to write. ``progress``: called with the name of each file before it is made. ``tried``,
+    ``error``: at which speeds it was followed, for which error (degrees). Returns the run's files in the folder with
+    their sizes, to print. Raises `OutputError`: a file could not be written.
     """
     summary = run_summary(run)
     scene = marionette_scene(run) if plots or animation else None
@@ -96,6 +101,8 @@ def write_report(
             ),
             "snapshots.png": lambda: plot_snapshots(scene, title=scene.title),
         }
+        if tried:
+            figures["speeds.png"] = lambda: plot_speeds(tried, goal=error)
         for name, figure in figures.items():
             makers[name] = lambda path, figure=figure: save_png(figure(), path)  # type: ignore[misc]
     if animation and scene is not None:

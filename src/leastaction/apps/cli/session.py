@@ -7,15 +7,19 @@ import os
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from rich.console import Console
 
 from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
 from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
-from leastaction.apps.cli.summary import run_summary, summary_tables
+from leastaction.apps.cli.summary import run_summary, speed_table, summary_tables
+from leastaction.apps.marionette.speeds import AtSpeed, fastest
 from leastaction.apps.marionette.tracking import (
     PuppetLimits,
     TrackingRun,
@@ -38,8 +42,16 @@ STUCK = 1
 Complain = Callable[[str], object]
 
 
+@dataclass(frozen=True)
+class AtSpeeds:
+    """A motion at any speed, and the error (degrees) within which its fastest is wanted."""
+
+    motion_at: Callable[[float], Motion]
+    error: float
+
+
 def run(
-    motion: Motion | TrackingRun | TrackingSearch,
+    motion: Motion | TrackingRun | TrackingSearch | AtSpeeds,
     *,
     optimiser: OptimiserOptions,
     output: OutputOptions,
@@ -58,13 +70,25 @@ def run(
     began = time.perf_counter()
     kept: list[Path] = []
     try:
-        found = _optimise(motion, optimiser, folder, console, kept, limits, strings)
+        tried: list[AtSpeed] = []
+        error = np.inf
+        follow = partial(
+            _optimise, optimiser=optimiser, folder=folder, console=console, kept=kept, limits=limits, strings=strings
+        )
+        if isinstance(motion, AtSpeeds):
+            tried, error = fastest(follow, motion.motion_at, motion.error), motion.error
+            found = tried[-1].run
+        else:
+            found = follow(motion)
         optimised = time.perf_counter()
         with uninterrupted():
             kept.append(_keep(found, folder, complain))
         console.print()
         console.print(summary_tables(run_summary(found)))
         console.print()
+        if tried:
+            console.print(speed_table(tried, error))
+            console.print()
         if kept[-1].parent != folder:
             return STUCK
         with console.status("") as status:
@@ -74,6 +98,8 @@ def run(
                 plots=output.plots,
                 animation=output.animation,
                 progress=lambda name: status.update(f"writing {name}"),
+                tried=tried,
+                error=error,
             )
     except KeyboardInterrupt:
         if not kept:

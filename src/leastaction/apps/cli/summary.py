@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from leastaction.apps.marionette.scene import GROUPS, string_label, string_lengths
+from leastaction.apps.marionette.speeds import AtSpeed
 from leastaction.apps.marionette.tracking import TrackingRun
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Status
@@ -123,6 +124,17 @@ def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
     parts = (_headline(summary), _tracking_table(summary["tracking"]), _string_table(summary["strings"]))
     lines = _not_followed_lines(summary)
     return Group(parts[0], "", *([lines, ""] if lines else []), parts[1], "", parts[2])
+
+
+def speed_table(tried: Sequence[AtSpeed], goal: float) -> RenderableType:
+    """Return the errors at all speeds that were tried, the fastest first, as a table for a terminal."""
+    table = _table("speed", "held joints", "status", left=1)
+    for each in sorted(tried, key=lambda one: -one.speed):
+        met = Text(f"{each.error:.2f}°", style="" if each.error <= goal else "red")
+        table.add_row(f"{each.speed:g}", met, each.run.result.status.name)
+    least = min(each.error for each in tried)
+    title = f"Error over speed: at most {goal:g}° rms asked for"
+    return _titled(title if least <= goal else f"{title}, at none of these speeds", table)
 
 
 def as_text(renderable: RenderableType) -> str:

@@ -34,6 +34,7 @@ _FIRST_AGAIN = 1e-4  # where duals are known
 _LAST = 0.1  # of the tolerated change of the cost is the barriers' part in the end
 _LOOSE = 10.0  # times mu: the expected decrease with which a stage but the last is over
 _LITTLE, _NOTHING = 1e-6, 1e-12  # a start that costs less than the first, and that part of doing nothing, costs nothing
+_ROUGH = 1e-4  # a tolerance from which on duals need not be exact
 _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
 _MET = 1e-6  # of its scale a limit may be off where the problem cannot be met otherwise
 
@@ -155,16 +156,19 @@ class Duals:
         )
         return max(parts, default=0.0)
 
-    def price(self, c: Sequence[Array], dearest: float) -> bool:
+    def price(self, c: Sequence[Array], dearest: float, *, all_met: bool = False) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
 
         ``c``: at the minimum at these prices and this mu. ``dearest``: what an excess of a limit's scale may cost at
-        most.
+        most. ``all_met``: whether what is not met needs a higher price, whatever its dual, which may be a rough one.
         """
         unmet = False
         for i, (net, side) in enumerate(zip(self.net(), self.sides, strict=True)):
             rho, most = self.rho[i], side.weight * dearest / self.scale[i]
-            binding = (np.max(np.abs(net), axis=0, initial=0.0) > _BINDING * rho) & (rho < most)
+            binding = np.max(np.abs(net), axis=0, initial=0.0) > _BINDING * rho
+            if all_met:
+                binding |= np.min(c[i], axis=0, initial=0.0) < -_MET * self.scale[i]
+            binding &= rho < most
             new = np.where(
                 binding,
                 np.minimum(_DEARER * rho, most),
@@ -298,6 +302,11 @@ class Stages:
         return LimitReport(own.states(k, c, duals), own.mu, own.excess(c), barrier)
 
     @property
+    def _rough(self) -> bool:
+        """Whether few digits are asked for."""
+        return self.tolerance >= _ROUGH
+
+    @property
     def is_last(self) -> bool:
         """Whether the barrier does not get smaller any more, or there is none."""
         return not self.duals.sides or self.duals.mu <= self.last
@@ -307,8 +316,10 @@ class Stages:
         mu = self.duals.mu
         if mu > self.last:
             return max(goal, _LOOSE * mu)
-        # The duals are worth no more than the motion is near the barrier's minimum.
-        return max(min(goal, _LOOSE * mu), 10.0 * noise)
+        # The duals are worth no more than the motion is near the barrier's minimum. Who asks for few digits of the cost
+        # asks for no more of them than the barriers leave, all rows together.
+        rows = max(self.count, _LOOSE) if self._rough else _LOOSE
+        return max(min(goal, rows * mu), 10.0 * noise)
 
     def advance(self, cost: float, c: Sequence[Array]) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more."""
@@ -316,7 +327,7 @@ class Stages:
         was_last = self.is_last
         # The cost of the start may be far from that of the end.
         self.last = max(self._last(abs(cost)), duals.least_mu(self.digits))
-        dearer = duals.price(c, _DEAREST * self.size)
+        dearer = duals.price(c, _DEAREST * self.size, all_met=was_last and self._rough)
         if not dearer:
             if was_last or duals.hopeless():
                 return False

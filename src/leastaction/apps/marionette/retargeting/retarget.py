@@ -47,7 +47,7 @@ from leastaction.apps.marionette.retargeting.skeleton import (
     limb_variables,
     puppet_points,
 )
-from leastaction.apps.marionette.retargeting.spins import without_spins
+from leastaction.apps.marionette.retargeting.spins import beside, without_spins
 from leastaction.errors import MotionFileError
 from leastaction.io.motion.capture import Capture, axis_rotation, forward_kinematics
 from leastaction.io.motion.motion import Motion
@@ -301,6 +301,6 @@ def _limb(
     angle = bend * np.maximum(bend * np.arctan2(forth, down), 0.0)
     turns = euler_zyx(np.swapaxes(torso, 1, 2) @ upper)
     wanted = np.einsum("fji,fbj->fbi", torso, np.stack([a, b], axis=1))
-    angles = without_spins(t, np.column_stack([turns, angle]), _bone_directions, wanted)
+    angles = beside(t, without_spins(t, np.column_stack([turns, angle]), _bone_directions, wanted))
     angles[:, 3] = bend * np.maximum(bend * angles[:, 3], 0.0)
     return angles

@@ -23,6 +23,11 @@ Directions = Callable[[Array], Array]
 FASTEST: Final = 15.0
 """Angles that turn faster (rad/s) are fitted anew."""
 
+FURTHEST: Final = 1.3
+"""What the second of three angles may be at most (rad): beyond, the other two get too hard to tell apart."""
+
+_SWITCH: Final = np.deg2rad(100.0)  # of the second angle: there the other triple of angles is taken
+_SWING: Final = 0.25  # s, in which the first and the third angle go over to it
 _AROUND: Final = 0.15  # s, before and after what is too fast
 # What a rate, and an acceleration, costs beside the square of an error: 30 rad/s and 400 rad/s^2 as much as 10 degrees.
 _RATE, _ACCELERATION = (0.17 / 30.0) ** 2, (0.17 / 400.0) ** 2
@@ -62,6 +67,49 @@ def without_spins(t: Array, angles: Array, directions: Directions, wanted: Array
         ]
         result = min(fits, key=lambda fit: fit[0])[1]
         done = end
+
+
+def beside(t: Array, angles: Array) -> Array:
+    """Return angles whose second stays within `FURTHEST`; those given where it does.
+
+    Two triples stand for every rotation, and the second angle of one of them is within 90 degrees. A limb that swings
+    through its singularity goes over from one to the other: it waits beside it, at most 20 degrees off, while the first
+    and the third angle turn by half a turn about nearly the same axis, which turns the limb hardly at all.
+
+    Parameters
+    ----------
+    t : (F,) array
+        Times in seconds, in equal steps.
+    angles : (F, n) array
+        Radians, continuous; the first three turn about z, y and x.
+    """
+    second = angles[:, 1]
+    if np.abs(second).max(initial=0.0) <= FURTHEST:
+        return angles
+    # Which triple: by half turns of the second angle, with room for one that lingers about a singularity.
+    side = np.empty(len(second))
+    now = np.round(second[0] / np.pi)
+    for i, value in enumerate(second):
+        if abs(value - now * np.pi) > _SWITCH:
+            now = np.round(value / np.pi)
+        side[i] = now
+    dt = float(t[-1] - t[0]) / max(len(t) - 1, 1)
+    ramp = np.ones(max(1, round(_SWING / dt))) / max(1, round(_SWING / dt))
+    padded = np.concatenate([np.full(len(ramp), side[0]), side, np.full(len(ramp), side[-1])])
+    swung = np.convolve(padded, ramp, mode="same")[len(ramp) : -len(ramp)]
+    result = angles.copy()
+    folded = np.where(side % 2.0 == 0.0, 1.0, -1.0) * (second - side * np.pi)
+    result[:, 1] = np.clip(folded, -FURTHEST, FURTHEST)
+    # About the axis that they share, the first and the third angle turn against each other, by the sign of the second.
+    turns = np.zeros((len(second), 2))
+    turns[0] = side[0]
+    for i in range(1, len(second)):
+        change = swung[i] - swung[i - 1]
+        turns[i] = turns[i - 1] + change * np.array([1.0, np.sign(result[i, 1])])
+    result[:, 0] += np.pi * turns[:, 0]
+    result[:, 2] += np.pi * turns[:, 1]
+    result[:, [0, 2]] -= 2.0 * np.pi * np.round(result[:, [0, 2]].mean(axis=0) / (2.0 * np.pi))
+    return result
 
 
 def _through(angles: Array, first: int, last: int) -> Array:

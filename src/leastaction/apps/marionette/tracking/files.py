@@ -40,6 +40,7 @@ class MarionetteRun:
     plan: OptimizationResult | None = None
     strings: int = 6
     kinds: tuple[str, ...] | None = None
+    unfinished: OptimizationResult | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +87,7 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
         plan=run.plan,
         strings=run.mechanism.nc,
         kinds=tuple(sorted(run.kinds)),
+        unfinished=run.unfinished,
     )
     arrays = {name: getattr(trajectory, name) for name in ("q", "p", "lam")}
     return save_record(path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension})
@@ -181,6 +183,7 @@ def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Prov
             result=saved.result,
             plan=saved.plan,
             kinds=_kinds_of(saved, mechanism),
+            unfinished=saved.unfinished,
             provenance=provenance,
         )
     except LeastActionError as error:

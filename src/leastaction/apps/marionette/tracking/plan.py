@@ -24,7 +24,7 @@ from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, 
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import LeastActionError, ProjectionError, StepError
 from leastaction.io.motion.motion import Motion
-from leastaction.mechanics import JointForce, MidpointVI
+from leastaction.mechanics import JointForce, MidpointVI, Trajectory
 from leastaction.models.marionette import marionette, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
@@ -42,6 +42,9 @@ _JUMP = 2.0  # times the cost with motors may that without be at first
 _CUTOFFS = (1e6, 8.0, 4.0, 2.0, 1.0)  # Hz, of ever smoother motions to begin with; the first leaves it as it is
 _SET_OUT = 5  # steps within which a motion that begins fast is picked up from rest
 _FIRST = ("tension", "joints")
+_INSIDE = 0.1  # of the mean tension at rest, by which tensions are above their least to begin with
+_OFF, _LITTLE = 0.02, 1.1  # the same where motors cannot make up for it, and times the cost that may take
+_ROUGHLY = 0.1  # tolerance of the search: where barriers stay high, each stage leaves room for the next
 
 Keep = Callable[[int, OptimizationResult, bool], None]
 
@@ -160,7 +163,10 @@ class Plan:
 
     def _begun(self, solve: Callable[..., OptimizationResult]) -> OptimizationResult:
         """Return what the first stage finds from the wanted motion, or a smoother one where steps cannot follow it."""
-        q, tensions = self.x_reference[:, : self.mechanism.nq], self.u_reference[:, : len(self.strings)]
+        # On its limit a tension has a barrier like a wall, from which no direction leads away.
+        inside = self.limits.tension + _INSIDE * self.tension.mean()
+        q = self.x_reference[:, : self.mechanism.nq]
+        tensions = np.maximum(self.u_reference[:, : len(self.strings)], inside)
         for cutoff in _CUTOFFS:
             smooth = Motion(self.mechanism.variables, self.t, q).low_pass(cutoff).q
             with suppress(ProjectionError):
@@ -171,7 +177,7 @@ class Plan:
         return {
             "limits": self.limits.of(self.mechanism, self.problem.reference[:, :2], _FIRST),
             "free_start": self.free_start,
-            "tolerance": 1e-2,
+            "tolerance": _ROUGHLY,
         }
 
     def _release(self, result: OptimizationResult, motors: range) -> OptimizationResult:
@@ -237,6 +243,15 @@ class Plan:
         pulls = [np.interp(self.t[:-1], coarse.t[:-1], column) for column in u.T[:strings]]
         return fine, np.hstack([np.stack(pulls, axis=1), fine[1:, m.nd : m.nq]])
 
+    def inside(self, x: Array, u: Array, cost: float) -> tuple[Array, Array]:
+        """Return a motion near a curve whose tensions keep off their limit; the curve where that costs much more."""
+        least = self.limits.tension + _OFF * self.tension.mean()
+        for gains in self._regulators(x, u):
+            xs, us = self._clipped(x, u, gains, least)
+            if len(us) == self.system.N and self.cost().value(xs, us) < _LITTLE * cost:
+                return xs, us
+        return x, u
+
     def pulling(self, result: OptimizationResult) -> OptimizationResult:
         """Return a result whose strings pull, also where the search ended before they all did.
 
@@ -256,9 +271,10 @@ class Plan:
         x, u = self._clipped(*self._hanging(), none)
         return replace(result, x=x, u=u, cost=self.cost().value(x, u)) if len(u) == self.system.N else result
 
-    def _clipped(self, xbar: Array, ubar: Array, K: Array) -> tuple[Array, Array]:
+    def _clipped(self, xbar: Array, ubar: Array, K: Array, least: float | None = None) -> tuple[Array, Array]:
         """Return a roll-out under feedback, no tension below its least; up to the step that failed."""
-        strings, least = len(self.strings), self.limits.tension
+        strings = len(self.strings)
+        least = self.limits.tension if least is None else least
         x, u = np.array(xbar), np.array(ubar)
         for k in range(self.system.N):
             u[k] = ubar[k] - K[k] @ (x[k] - xbar[k])
@@ -307,6 +323,17 @@ class Plan:
         if done.complete:
             x, u = done.x, done.u
         return replace(result, x=x, u=u, K=K, projection_gain=K)
+
+    def by_tensions(self, trajectory: Trajectory, tension: Array, result: OptimizationResult) -> OptimizationResult:
+        """Return a motion on strings of prescribed lengths, and its result, as one of this system: the same motion."""
+        m = self.mechanism
+        x = np.zeros((len(self.t), m.nx))
+        x[:, : m.nq] = trajectory.q[:, self._columns]
+        x[:, m.nq : m.nq + m.nd] = trajectory.p
+        x[1:, m.nq + m.nd :] = np.diff(x[:, m.nd : m.nq], axis=0) / self.dt
+        u = np.hstack([tension, x[1:, m.nd : m.nq]])
+        K = next(self._regulators(x, u), np.zeros((self.system.N, self.system.nu, self.system.nx)))
+        return replace(result, x=x, u=u, K=K, projection_gain=K, limits=None)
 
     def _tension_at_rest(self, least: float) -> Array:
         """Return the tensions with which the strings carry the puppet as well as they can where the motion starts."""

@@ -16,14 +16,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
-from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, below_strings
+from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, below_strings, unheld
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
 from leastaction.errors import ProjectionError
 from leastaction.io.motion.motion import Motion
@@ -37,6 +37,8 @@ from leastaction.viz.tracking import TrackingErrors, tracking_errors
 _CHECKPOINTS_SHARE = 0.05  # of the time may go into checkpoints
 _LOST = 2.0  # times the cost with longer steps may the motion cost that begins with these
 _LONGEST = 0.021  # s, of the steps with which a captured motion can be searched
+_STUCK = (Status.LINE_SEARCH_FAILED, Status.NO_DIRECTION, Status.SADDLE)
+_GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
 _FEW = 100  # steps, for which a search with longer ones is not worth it
 
 
@@ -62,6 +64,9 @@ class TrackingRun:
         Its states are ``[q; rho; p; v_rho]``, its inputs the tensions and the next places of the upper ends.
     kinds : frozenset of str
         The kinds of limits that were stated, of those that `PuppetLimits` has; the motion keeps to the others anyway.
+    unfinished : OptimizationResult or None
+        Of a run that was cut short before its strings were told to pull: where it goes on. What the rest says is a
+        motion near that one, in which they do.
     provenance : Provenance
     """
 
@@ -73,6 +78,7 @@ class TrackingRun:
     result: OptimizationResult = field(repr=False)
     plan: OptimizationResult | None = field(default=None, repr=False)
     kinds: frozenset[str] = frozenset()
+    unfinished: OptimizationResult | None = field(default=None, repr=False)
     provenance: Provenance = field(default_factory=Provenance.now)
 
     @property
@@ -95,6 +101,19 @@ class TrackingRun:
         names = self.mechanism.dynamic
         nd = len(names)
         return tracking_errors(self.reference[:, :nd], self.trajectory.q[:, :nd], names, lengths=ROOT)
+
+    @property
+    def held_error(self) -> float:
+        """Root mean square error (degrees) of the angles behind which a string is tied."""
+        errors, free = self.errors, unheld(self.mechanism)
+        columns = zip(errors.names, errors.units, errors.rms, strict=True)
+        rms = [value for name, unit, value in columns if unit == "deg" and name not in free]
+        return float(np.sqrt(np.mean(np.square(rms))))
+
+    @property
+    def ended_early(self) -> bool:
+        """Whether Ctrl-C or a callback ended it."""
+        return self.result.status in (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +147,7 @@ def track(
     limits: PuppetLimits | None = None,
     planned: bool = False,
     method: Method = "auto",
-    max_iterations: int = 100,
+    max_iterations: int = 500,
     tolerance: float | None = None,
     callback: Callback | None = None,
     progress: Callable[[str], object] | None = None,
@@ -199,8 +218,10 @@ def track(
         progress(f"the motion rises above the plane of the strings: lowered there, by up to {lowered:.2g} m")
     problem = TrackingProblem(mechanism, motion, weights or GENTLE, threads)
     initial = problem.hang() if resume is None and not planned else None
-    embedded = resume.embedded if isinstance(resume, TrackingRun) else initial is None
-    earlier = resume.result if isinstance(resume, TrackingRun) else None
+    embedded, earlier = initial is None, None
+    if isinstance(resume, TrackingRun):
+        embedded = resume.embedded and resume.unfinished is None
+        earlier = resume.unfinished or resume.result
     plan: Plan | None = None
     most = np.inf
     again: Callable[[], tuple[Array, Array]] | None = None
@@ -216,9 +237,11 @@ def track(
             searched = plan if before is not None and len(before.u) == plan.system.N else coarse
             say = progress or (lambda _: None)
             found = searched.search(say, stage=stage, result=before, keep=keep_search)
-            initial = found if searched is plan else plan.finer(searched, *found)
+            initial = found
             if searched is not plan:
-                most = _LOST * searched.cost().value(*found) * plan.system.N / searched.system.N
+                expected = searched.cost().value(*found) * plan.system.N / searched.system.N
+                initial = plan.inside(*plan.finer(searched, *found), expected)
+                most = _LOST * expected
                 again = partial(plan.search, say, keep=keep_search)
 
     def run_of(found: OptimizationResult) -> TrackingRun:
@@ -245,14 +268,18 @@ def track(
         return callback(record) if callback is not None else None
 
     if tolerance is None:
-        tolerance = 1e-3 if embedded else 1e-6
+        tolerance = 1e-2 if embedded else 1e-6
     system, cost = (plan.system, plan.cost()) if plan else (problem.system, problem.cost(problem.weights.tension))
     mechanism_used, place = system.integrator.mechanism, problem.reference[:, :2]
     if isinstance(resume, TrackingRun):
         kinds = resume.kinds
     else:
-        kinds = frozenset({"tension", "joints"}) if embedded else frozenset()
-    left = max_iterations
+        kinds = frozenset()
+        if embedded:
+            kinds = frozenset({"tension", "joints"})
+            if initial is not None:
+                kinds |= bounds.broken(mechanism_used, problem.t, place, initial[0])
+    left, best = max_iterations, np.inf
     start: tuple[Array, Array] | OptimizationResult | None = initial
     while True:
         try:
@@ -278,11 +305,16 @@ def track(
                 progress("the motion found with longer steps cannot be followed: the search begins again with these")
             start, again, most, lost = again(), None, np.inf, False
             continue
+        again, most = None, np.inf
+        left -= result.iterations - (0 if earlier is None else earlier.iterations)
+        if plan is not None and result.status in _STUCK and left > 0 and result.cost < _GAINED * best:
+            # Walls of low barriers are close together: with higher ones, and inside of them, there is a way on.
+            best, start, earlier = result.cost, plan.inside(result.x, result.u, result.cost), None
+            continue
         # A limit that the motion keeps to anyway need not be stated; one that it breaks is, and the search goes on.
         more = bounds.broken(mechanism_used, problem.t, place, result.x) - kinds
         if "tension" not in kinds and run_of(result).tension.min() < bounds.tension:
             more |= {"tension"}
-        left = max_iterations - result.iterations
         if not more or left < 1 or result.status in (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK):
             break
         kinds, start, earlier = kinds | more, result, None
@@ -292,8 +324,13 @@ def track(
         run = run_of(result)
     except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
         run = run_of(result)
-    ended = result.status in (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
-    if plan is None and not ended and "tension" in kinds and run.tension.min() < 0.0:
+    ended = run.ended_early
+    if plan is None and run.tension.min() < 0.0 and (ended or left < 1):
+        # It ended before its strings were told to pull.
+        plan, embedded = Plan(TrackingProblem(mechanism, motion, FORCED, threads), weights or FORCED, bounds), True
+        pulling = run_of(plan.pulling(plan.by_tensions(run.trajectory, run.tension, result)))
+        return replace(pulling, unfinished=result)
+    if plan is None and run.tension.min() < 0.0:
         if progress is not None:
             progress("hanging strings end up pushing: the motion is planned by tensions")
         return track(

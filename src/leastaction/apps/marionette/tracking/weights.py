@@ -52,5 +52,5 @@ class TrackingWeights:
 GENTLE = TrackingWeights()
 """For a motion that the puppet nearly makes by itself: all joints count, the strings go where they like."""
 
-FORCED = TrackingWeights(unheld=0.01, string=0.01, string_acceleration=1e-5, tension=1e-5)
+FORCED = TrackingWeights(unheld=0.01, string=0.001, string_acceleration=3e-6, tension=1e-5)
 """For a motion that it must be made to do: what no string holds may swing."""

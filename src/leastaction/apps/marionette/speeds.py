@@ -1,0 +1,128 @@
+"""At which speed a captured motion can be made: error over speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from leastaction.apps.marionette.scene import marionette_scene
+from leastaction.apps.marionette.tracking import TrackingRun
+from leastaction.errors import ArgumentError
+from leastaction.io.motion.motion import Motion
+from leastaction.viz.figures import new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SPEEDS: Final = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2)
+"""Speeds that are tried, relative to the capture, the fastest first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AtSpeed:
+    """A motion as it is followed at some speed.
+
+    Attributes
+    ----------
+    speed : float
+        Relative to the capture.
+    error : float
+        Root mean square error (degrees) of the joints behind which a string is tied.
+    run : TrackingRun
+    """
+
+    speed: float
+    error: float
+    run: TrackingRun = field(repr=False)
+
+
+def fastest(
+    follow: Callable[[Motion], TrackingRun],
+    motion_at: Callable[[float], Motion],
+    error: float,
+    *,
+    speeds: Iterable[float] = SPEEDS,
+) -> list[AtSpeed]:
+    """Follow a motion ever more slowly, until the joints that strings hold stay within an error.
+
+    Parameters
+    ----------
+    follow : callable
+        Follows a motion, as `track` does.
+    motion_at : callable
+        The motion at a speed, such as ``lambda speed: load_motion(file, speed=speed).motion``.
+    error : float
+        Largest root mean square error of the held joints (degrees).
+    speeds : iterable of float, optional
+        What is tried, the fastest first.
+
+    Returns
+    -------
+    list of AtSpeed
+        All that was tried. The last is within the error; if not even the slowest is, the one with the least error is
+        last. A run that was interrupted, or stopped by a callback, is the last one too.
+
+    Raises
+    ------
+    ArgumentError
+        An error that is not positive, no speeds; what `follow` and `motion_at` raise.
+    """
+    if not error > 0.0:
+        raise ArgumentError(f"error is {error}, expected a number > 0 (degrees)")
+    tried: list[AtSpeed] = []
+    for speed in speeds:
+        run = follow(motion_at(speed))
+        tried.append(AtSpeed(speed=speed, error=run.held_error, run=run))
+        if run.held_error <= error or run.ended_early:
+            return tried
+    if not tried:
+        raise ArgumentError("speeds: got none, expected at least one to try")
+    return sorted(tried, key=lambda each: -each.error)
+
+
+@styled
+def plot_speeds(tried: Sequence[AtSpeed], *, goal: float, poses: int = 6) -> Figure:
+    """Draw poses at every speed that was tried, the reference behind them, and the error over speed.
+
+    ``tried``: from `fastest`. ``goal``: the error (degrees) that was asked for. ``poses``: how many, at the same places
+    of the motion.
+    """
+    rows = sorted(tried, key=lambda each: -each.speed)
+    figure = new_figure(1.25 * (poses + 1) + 0.6, 1.6 * len(rows) + 0.5)
+    panels = figure.subplots(len(rows), poses + 1, squeeze=False)
+    figure.suptitle("The same motion at other speeds", x=0.012, ha="left", fontsize=12)
+    for each, cells in zip(rows, panels, strict=True):
+        _draw_row(each.run, cells[:-1])
+        cells[0].text(-0.05, 0.5, f"{each.speed:g}x", transform=cells[0].transAxes, ha="right", va="center")
+        bar = cells[-1]
+        bar.barh([0.0], [each.error], height=0.5, color="#0072B2" if each.error <= goal else "#D55E00")
+        bar.axvline(goal, color="0.4", linewidth=0.8)
+        bar.text(each.error, 0.0, f" {each.error:.1f} deg", va="center", fontsize=8.0)
+        bar.set(xlim=(0.0, 1.6 * max(goal, *(one.error for one in rows))), ylim=(-1.0, 1.0), yticks=[], xticks=[])
+        bar.set_axis_off()
+    panels[-1][-1].text(0.0, -0.9, f"rms of held joints; line: {goal:g} deg", fontsize=7.0)
+    return figure
+
+
+def _draw_row(run: TrackingRun, cells: Iterable[Axes]) -> None:
+    """Draw poses of a run from the side, evenly over its time, with the reference in grey."""
+    cells = list(cells)
+    mechanism = run.mechanism
+    scene = marionette_scene(run)
+    names = sorted({name for bone in scene.bones for name in (bone.start, bone.end)})
+    places = np.linspace(0, len(run.trajectory.t) - 1, len(cells)).astype(int)
+    for k, cell in zip(places, cells, strict=True):
+        for q, colour, width in ((run.reference[k], "0.8", 2.5), (run.trajectory.q[k], "#0072B2", 1.2)):
+            at = dict(zip(names, mechanism.positions(q, names), strict=True))
+            middle = run.reference[k][:2]
+            for bone in scene.bones:
+                a, b = at[bone.start], at[bone.end]
+                # From ahead and to the right, so that both legs and arms are seen.
+                across = [0.6 * (p[0] - middle[0]) + 0.8 * (p[1] - middle[1]) for p in (a, b)]
+                cell.plot(across, [a[2], b[2]], color=colour, linewidth=width)
+        cell.set(xlim=(-0.75, 0.75), ylim=(-1.05, 0.95), aspect="equal")
+        cell.set_axis_off()
