@@ -21,6 +21,7 @@ from leastaction.mechanics import (
     ty,
     tz,
 )
+from leastaction.models.scissor_lift import at_angle, scissor_lift
 from leastaction.systems import MidpointSystem
 from oracles.root_oracle import follow
 
@@ -225,3 +226,20 @@ def test_a_step_that_is_too_coarse_fails_and_says_so(issue) -> None:
     assert out.steps_done == 3
     assert "too coarse" in out.failure
     assert out.worst_step == run.worst_step
+
+
+def test_a_long_lift_passes_upright_with_half_the_step() -> None:
+    """At 20 segments no step of 10 ms can be followed through; with 5 ms it passes, and shorter ones agree."""
+    lift = scissor_lift(20)
+    vi, highest = MidpointVI(lift), {}
+    for dt in (0.01, 0.005, 0.0025, 0.00125):
+        run = vi.simulate(vi.start(*at_angle(lift, 0.9)), dt * np.arange(round(1.6 / dt) + 1))
+        highest[dt] = run["L0"].max()
+        if dt == 0.01:
+            assert run.status is SimulationStatus.STEP_FAILED
+            assert "too coarse" in run.message
+            assert highest[dt] < np.pi / 2
+        else:
+            assert run.status is SimulationStatus.COMPLETED, run.message
+            assert highest[dt] > 2.0
+    assert abs(highest[0.0025] - highest[0.00125]) < 0.25 * abs(highest[0.005] - highest[0.00125])
