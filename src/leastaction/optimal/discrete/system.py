@@ -107,19 +107,20 @@ class DiscreteSystem(System):
         states, inputs = read_only(x), read_only(u)
         for i, k in enumerate(range(start, stop)):
             u[i] = ubar[k] - K[k] @ self.difference(states[i], xbar[k])
-            failure = None
-            try:
-                # A diverging trial leaves the range of doubles; that is an outcome here.
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    x[i + 1] = self.f(states[i], inputs[i], k)
-            except (StepError, ArithmeticError) as error:
-                failure = f"step {k}: {error}"
-            else:
-                if not np.isfinite(x[i + 1]).all():
-                    failure = f"step {k}: the state is not finite"
+            failure = self._make_step(states[i], inputs[i], k, x[i + 1])
             if failure is not None:
                 return Rollout(x[: i + 1], u[:i], i, failure)
         return Rollout(x, u, stop - start)
+
+    def _make_step(self, x: Array, u: Array, k: int, end: Array) -> str | None:
+        """Write the next state to `end`; return why there is none, an outcome and no exception here."""
+        try:
+            # A diverging trial leaves the range of doubles.
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                end[:] = self.f(x, u, k)
+        except (StepError, ArithmeticError) as error:
+            return f"step {k}: {error}"
+        return None if np.isfinite(end).all() else f"step {k}: the state is not finite"
 
     def when(self, k: int) -> str:
         """Return how to speak of step k in messages; one that knows the time says it."""
@@ -227,15 +228,7 @@ class DiscreteSystem(System):
         ends = np.empty((self.N, self.nx))
         states, inputs = read_only(x), read_only(u)
         for k in range(self.N):
-            failure = None
-            try:
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    ends[k] = self.f(states[k], inputs[k], k)
-            except (StepError, ArithmeticError) as error:
-                failure = f"step {k}: {error}"
-            else:
-                if not np.isfinite(ends[k]).all():
-                    failure = f"step {k}: the state is not finite"
+            failure = self._make_step(states[k], inputs[k], k, ends[k])
             if failure is not None:
                 return Rollout(ends[:k], u[:k], k, failure)
         return Rollout(ends, u, self.N)
