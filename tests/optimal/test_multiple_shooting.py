@@ -32,7 +32,7 @@ from optimal.systems import CartPendulum
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.robustness import certify
 from benchmarks.robustness_further import FURTHER
-from benchmarks.robustness_problems import PROBLEMS, cart, constant, posed
+from benchmarks.robustness_problems import PROBLEMS, cart, constant, double_pendulum, posed, waves
 
 BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
 
@@ -106,7 +106,7 @@ def test_poles_are_balanced_from_where_they_are_to_be(N):
     """An unstable motion over a long time: the projection of the wanted one leads far away."""
     given = balancing(N)
     start = given.x, given.u
-    alone = optimize(given.system, given.cost, initial=start, max_iterations=60)
+    alone = optimize(given.system, given.cost, initial=start, shooting="single", max_iterations=60)
     assert alone.status is Status.ITERATION_LIMIT
     result = optimize(given.system, given.cost, initial=start, shooting="multiple", max_iterations=10)
     assert result.status is Status.CONVERGED
@@ -148,6 +148,83 @@ def test_steps_of_a_curve_are_those_of_f(rng):
     z = rng.normal(size=(system.N, system.nx))
     for mine, theirs in zip((*ours, ours.curvature(z)), (*other, other.curvature(z)), strict=True):
         np.testing.assert_allclose(mine, theirs, rtol=1e-6, atol=1e-6 * np.abs(theirs).max())
+
+
+def test_the_automatic_choice_takes_gaps_where_a_projection_loses_the_start():
+    given = balancing(150)
+    records = []
+    result = optimize(given.system, given.cost, initial=(given.x, given.u), callback=records.append)
+    assert result.status is Status.CONVERGED
+    assert result.iterations < 30
+    assert certify(given, result.x, result.u).minimum
+    (began,) = [record.iteration for record in records if "began again, with gaps" in record.note]
+    assert began == 15
+    assert [record.iteration for record in records if record.gap > 1e-6] == list(range(15, result.iterations))
+    alone = optimize(
+        given.system, given.cost, initial=(given.x, given.u), method="quasi-newton", max_iterations=30
+    )  # fmt: skip
+    assert alone.history.gap.max() == 0.0
+
+
+@pytest.mark.parametrize("stops", [[14], [15], [17], [15, 1, 1]])
+def test_a_run_that_takes_gaps_by_itself_goes_on_as_if_never_stopped(stops, tmp_path):
+    given = balancing(150)
+    start = given.x, given.u
+    whole = optimize(given.system, given.cost, initial=start)
+    part = optimize(given.system, given.cost, initial=start, max_iterations=stops[0])
+    for more in stops[1:]:
+        part = optimize(given.system, given.cost, resume=part, max_iterations=more)
+    # Until the gaps are closed, what is returned is what was there before.
+    assert part.status is Status.ITERATION_LIMIT
+    assert part.gap == 0.0
+    assert "Gaps are still open" in part.message
+    assert is_trajectory(given.system, part.x, part.u)
+    assert part.cost == given.cost.value(part.x, part.u)
+    part = load_result(save_result(tmp_path / "part.npz", part))
+    rest = optimize(given.system, given.cost, resume=part)
+    np.testing.assert_array_equal(rest.x, whole.x)
+    np.testing.assert_array_equal(rest.history.cost, whole.history.cost)
+    kept = []
+
+    def keep(record):
+        kept.append(record.snapshot())
+        return record.iteration == stops[0]
+
+    optimize(given.system, given.cost, initial=start, callback=keep)
+    rest = optimize(given.system, given.cost, resume=kept[-1])
+    np.testing.assert_array_equal(rest.x, whole.x)
+
+
+def test_a_start_that_cannot_be_simulated_is_begun_with_gaps():
+    """Random inputs throw it about until no step can be made any more."""
+    given = posed(
+        double_pendulum("elbow"), {}, waves(2.0, shoulder=1.0), N=200, dt=0.02, Q=1.0, final=1e4, R=1e-2,
+        kind="random", seed=3, size=40.0,
+    )  # fmt: skip
+    start = given.x, given.u
+    with pytest.raises(ArgumentError, match="roll-out failed"):
+        optimize(given.system, given.cost, initial=start, shooting="single")
+    records = []
+    result = optimize(given.system, given.cost, initial=start, callback=records.append)
+    assert "begins with gaps" in records[0].note
+    assert records[0].gap > 0.0
+    assert result.status is Status.CONVERGED
+    assert certify(given, result.x, result.u).minimum
+    assert is_trajectory(given.system, result.x, result.u)
+
+
+def test_gaps_that_do_not_close_are_left_for_where_it_stood():
+    given = BY_NAME["chain of 3, swing-up, R 0.001, final 10000, random 5"].build()
+    records = []
+    optimize(
+        given.system, given.cost, initial=(given.x, given.u), callback=records.append, max_iterations=60
+    )  # fmt: skip
+    opened = [record.iteration for record in records if record.gap > 0.0]
+    assert opened[0] == 15
+    assert opened[-1] < 60
+    after = records[opened[-1] + 1]
+    assert after.gap == 0.0
+    assert "times as dear as asked for" in after.note
 
 
 def pendulum(N=50, dt=0.02):
@@ -196,7 +273,7 @@ def test_an_end_with_gaps_says_so_and_can_be_resumed(tmp_path):
     assert "at t = " in part.message
     assert load_result(save_result(tmp_path / "part.npz", part)).gap == part.gap
     with pytest.raises(ArgumentError, match="resume: got a result with open gaps"):
-        optimize(given.system, given.cost, resume=part)
+        optimize(given.system, given.cost, resume=part, shooting="single")
     rest = optimize(given.system, given.cost, resume=part, shooting="multiple")
     assert rest.status is Status.CONVERGED
     assert rest.cost == pytest.approx(whole.cost, rel=1e-9)
@@ -226,7 +303,7 @@ def test_the_table_shows_gaps(capsys):
 @pytest.mark.parametrize(
     ("changed", "match"),
     [
-        ({"shooting": "single shooting"}, "shooting: got 'single shooting', expected 'single' or 'multiple'"),
+        ({"shooting": "single shooting"}, "shooting: got 'single shooting', expected 'auto', 'single' or 'multiple'"),
         (
             {"shooting": "multiple", "limits": [Bound("u[0]", -1.0, 1.0)]},
             "shooting: got 'multiple' together with limits",

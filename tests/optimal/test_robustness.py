@@ -285,7 +285,7 @@ LOST = "acrobot, swing-up, R 0.001, final 1e+06, random 2"
 def test_a_run_that_would_get_lost_begins_again():
     given = BY_NAME[LOST].build()
     records = []
-    result = optimize(given.system, given.cost, initial=(given.x, given.u), callback=records.append)
+    result = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="single", callback=records.append)
     assert result.status is Status.CONVERGED
     assert certify(given, result.x, result.u).minimum
     assert result.cost == pytest.approx(111.96, rel=1e-3)
@@ -303,13 +303,13 @@ def test_a_run_that_would_get_lost_begins_again():
 
 def test_a_run_that_began_again_is_resumed_within_its_stages():
     given = BY_NAME[LOST].build()
-    whole = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=60)
-    part = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=23)
+    whole = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="single", max_iterations=60)
+    part = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="single", max_iterations=23)
     assert part.status is Status.ITERATION_LIMIT
     assert part.schedule.ease > 1.0
     assert "times as dear as asked for" in part.message
     for more in (14, 23):
-        part = optimize(given.system, given.cost, resume=part, max_iterations=more)
+        part = optimize(given.system, given.cost, resume=part, shooting="single", max_iterations=more)
     np.testing.assert_array_equal(part.x, whole.x)
     np.testing.assert_array_equal(part.history.cost, whole.history.cost)
 

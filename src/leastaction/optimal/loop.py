@@ -51,7 +51,7 @@ _LESS_CURVATURE = 0.3
 _LEAST_CURVATURE = 1.0 / 128.0
 
 # A search begins with a step that is longer by this than the last one, if that had to be cut so much.
-_LONGER = 4.0
+_LONGER = float(__import__("os").environ.get("XL", "4"))
 
 # A quadratic tail is foretold to be over where this part of what is small enough is left, from a step whose model was
 # right to the second part of the decrease.
@@ -203,6 +203,28 @@ class Problem(ABC, Generic[M, D, I]):
         """Iterations after which a stage is over wherever it stands; None: not before its minimum."""
         return None
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the iterate is a curve with gaps."""
+        return False
+
+    @property
+    def long_run(self) -> int | None:
+        """Iterations after which gaps may be the shorter way; None where they are none."""
+        return None
+
+    @property
+    def prefers_gaps(self) -> bool:
+        """Whether gaps are more promising than an easier stage, where a run gets lost."""
+        return False
+
+    def begin_with_gaps(self, *, brief: bool) -> bool:  # noqa: ARG002
+        """Begin again with gaps between the steps, and return whether that can be done.
+
+        If `brief`, they have to close soon: there are other ways.
+        """
+        return False
+
     def begin_again(self) -> bool:
         """Begin again with an easier stage, and return whether there is one."""
         return False
@@ -329,11 +351,14 @@ class Loop(Generic[M, D, I]):
             if not self.history.cost:
                 outcome = self._tell(None, None, np.nan, self.problem.note)
             while outcome is None or self._goes_on(outcome):
-                outcome = self._advance()
-                if outcome is None and self._is_violent():
-                    self._begin_again()
-                elif outcome is None and self.schedule.spent >= (self.problem.longest_stage or np.inf):
+                # Looked at before each iteration, so that one which is resumed does as well.
+                if self.schedule.spent >= (self.problem.longest_stage or np.inf):
                     self._next_stage()
+                elif self.history.iterations == _FIRST_STEPS and self._was_violent():
+                    _ = self._begin_with_gaps() or self._begin_again()
+                elif self.schedule.spent == self.problem.long_run and not self.schedule.again:
+                    self._begin_with_gaps()
+                outcome = self._advance()
             verdict = self.problem.verdict() if outcome.status in _ENDS else None
             if verdict is not None:
                 outcome = _Outcome(*verdict, expected=outcome.expected)
@@ -360,7 +385,7 @@ class Loop(Generic[M, D, I]):
                 "led nowhere, back to the last stage that ended well",
             )
             return True
-        if stuck and self._begin_again():
+        if stuck and ((problem.prefers_gaps and self._begin_with_gaps()) or self._begin_again()):
             return True
         if stuck and problem.fall_back():
             self._set_out(
@@ -372,15 +397,29 @@ class Loop(Generic[M, D, I]):
 
     def _next_stage(self) -> bool:
         """Go on to the problem's next stage, if it has one."""
-        if not self.problem.next_stage():
+        was_open = self.problem.is_open
+        if self.problem.next_stage():
+            self._set_out(replace(self.schedule, expected=np.nan, full=False))
+            return True
+        if not was_open:
             return False
-        self._set_out(replace(self.schedule, expected=np.nan, full=False))
+        again = NewtonSchedule(again=self.schedule.again, finer=self.schedule.finer)
+        self._set_out(again, "the gaps did not close, back to where it stood")
+        if self._was_violent():
+            self._begin_again()
         return True
 
-    def _is_violent(self) -> bool:
+    def _was_violent(self) -> bool:
         """Return whether most of the first steps had to be cut short: the run is likely to get lost."""
-        lengths = self.history.step_lengths
-        return len(lengths) == _FIRST_STEPS and sum(length < _CUT for length in lengths) >= _MOST
+        return sum(length < _CUT for length in self.history.step_lengths[:_FIRST_STEPS]) >= _MOST
+
+    def _begin_with_gaps(self) -> bool:
+        """Begin again with gaps between the steps, for the automatic choice only."""
+        if self.settings.method != "auto" or not self.problem.begin_with_gaps(brief=self._was_violent()):
+            return False
+        schedule = NewtonSchedule(again=self.schedule.again, finer=self.schedule.finer)
+        self._set_out(schedule, "began again, with gaps between the steps")
+        return True
 
     def _begin_again(self) -> bool:
         """Begin again with an easier stage, once and for the automatic choice only."""

@@ -40,7 +40,7 @@ __all__ = ["Callback", "optimize", "optimize_continuous"]
 
 Method = Literal["auto", "steepest", "quasi-newton", "newton"]
 Regulator = Literal["descent", "lqr"]
-Shooting = Literal["single", "multiple"]
+Shooting = Literal["auto", "single", "multiple"]
 
 
 @overload
@@ -100,7 +100,7 @@ def optimize(
     limits: Sequence[Limit] = (),
     free_start: bool | Sequence[str] = False,
     unknowns: Sequence[Unknown] = (),
-    shooting: Shooting = "single",
+    shooting: Shooting = "auto",
     method: Method = "auto",
     regulator: Regulator = "descent",
     max_iterations: int = 500,
@@ -143,12 +143,15 @@ def optimize(
     unknowns : sequence of Parameter or FinalTime, optional
         Numbers of a discrete system that are found too: parameters of a mechanism, the final time. What is found is in
         ``result.unknowns``, and the motion is one of ``system.with_parameters(result.unknowns)``.
-    shooting : {"single", "multiple"}
+    shooting : {"auto", "single", "multiple"}
         "single": every iterate is a trajectory, a start that is none is projected. "multiple": the start is a curve
         whose steps need not meet, the states are unknowns too, and the gaps close on the way, before a minimum over
         trajectories is looked for as ever. It is for starts that are known but no trajectories, such as the wanted
         motion with no inputs, and for motions that are unstable over a long time: there a projection leads far away.
         For discrete systems without limits. A run that ends before the gaps are closed says so (`gap` of the result).
+        "auto": as "single", but with `method` "auto" of a discrete system without limits and unknowns, gaps are tried
+        once, from the start, where that cannot be projected, where most of the first steps had to be cut short, or
+        where it takes long. Where they do not close soon, it goes on from where it stood; meanwhile that is the result.
     method : {"auto", "steepest", "quasi-newton", "newton"}
         The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it foretells the cost
         well, and goes to Newton otherwise. A Newton model without a minimum is damped; a method whose direction cannot
@@ -209,8 +212,8 @@ def optimize(
         max_backtracks=max_backtracks,
         chunk=chunk,
     )
-    if shooting not in ("single", "multiple"):
-        raise ArgumentError(f"shooting: got {shooting!r}, expected 'single' or 'multiple'.")
+    if shooting not in ("auto", "single", "multiple"):
+        raise ArgumentError(f"shooting: got {shooting!r}, expected 'auto', 'single' or 'multiple'.")
     if (initial is None) == (resume is None):
         raise ArgumentError(f"initial, resume: got {'neither' if initial is None else 'both'}, expected one of them.")
     kind = Cost if isinstance(system, DiscreteSystem) else ContinuousCost
@@ -247,12 +250,16 @@ def optimize(
         if rows:
             problem = LimitedProblem(system, stages, rows, settings, free)
         else:
-            problem = (ShootingProblem if shooting == "multiple" else EasedProblem)(system, stages, settings, free)
+            own_way = method == "auto" and regulator == "descent" and extension is None
+            if shooting == "multiple" or (shooting == "auto" and own_way):
+                problem = ShootingProblem(system, stages, settings, free, at_once=shooting == "multiple")
+            else:
+                problem = EasedProblem(system, stages, settings, free)
             if isinstance(initial, OptimizationResult):
                 initial = initial.x, initial.u
     else:
         limits, free = _checked(limits), _checked_start(free_start, system)
-        if shooting != "single":
+        if shooting == "multiple":
             raise ArgumentError(f"shooting: got {shooting!r} for a continuous system, expected 'single'")
         if unknowns:
             raise ArgumentError(

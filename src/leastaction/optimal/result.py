@@ -14,6 +14,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
+from leastaction.optimal.memory import Memory
 
 __all__ = [
     "HistoryBuilder", "IterationRecord", "NewtonSchedule", "OptimizationHistory", "OptimizationResult", "Settings",
@@ -404,6 +405,8 @@ class OptimizationResult:
         (x, u) is no trajectory yet.
     unknowns : Mapping[str, float]
         What was found beside the inputs, by name. The trajectory is one of ``system.with_parameters(result.unknowns)``.
+    memory : Memory or None
+        What resuming needs of a run that may begin again; None of others.
     """
 
     status: Status
@@ -423,6 +426,7 @@ class OptimizationResult:
     worst_step: StepQuality | None = field(default=None, kw_only=True)
     gap: float = field(default=0.0, kw_only=True)
     unknowns: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), kw_only=True)
+    memory: Memory | None = field(default=None, kw_only=True)
 
     __getstate__, __setstate__ = saved_state, restore_state
 

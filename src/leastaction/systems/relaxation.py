@@ -101,7 +101,7 @@ def relax(
         start = initial if earlier is None else (earlier.x, earlier.u)
         return optimize(
             soft, cost, initial=start, max_iterations=stage_iterations, tolerance=stage_tolerance,
-            limits=options.get("limits", ()),
+            limits=options.get("limits", ()), shooting="single",
         )  # fmt: skip
 
     def residual(result: OptimizationResult) -> float:

@@ -12,16 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from leastaction.errors import LeastActionError
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.arrays import read_only
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.problem import COARSE, DiscreteProblem, Iterate
+from leastaction.optimal.discrete.problem import COARSE, DiscreteProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.loop import Loop
+from leastaction.optimal.memory import Memory, Place
 from leastaction.optimal.result import OptimizationResult, Settings, Status
 
 __all__ = ["EasedProblem"]
@@ -37,14 +38,6 @@ _PARTS = 2
 _LOOSE, _LONGEST = 1e-2, 20
 
 
-class _Place(NamedTuple):
-    """An iterate, the gains by which it was reached, and the ease of its stage."""
-
-    iterate: Iterate
-    gain: Array
-    ease: float
-
-
 class EasedProblem(DiscreteProblem):
     """A discrete system and its cost, with a way to begin again by an easier cost, where that offers one.
 
@@ -58,13 +51,25 @@ class EasedProblem(DiscreteProblem):
         self.asked = cost
         self.settings = settings
         self.stride, self.retries = _STRIDE, _RETRIES
-        self.earlier: _Place | None = None
-        self.sound: _Place | None = None
+        self.earlier: Place | None = None
+        self.sound: Place | None = None
 
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended, in the stage that it had come to."""
         self._set_stage(result.schedule.ease)
         super().resume(result)
+        memory = result.memory
+        if memory is not None:
+            self.stride, self.retries = memory.stride, memory.retries
+            self.earlier, self.sound = memory.earlier, memory.sound
+
+    def memory(self) -> Memory:
+        """Return what resuming needs beside the iterate."""
+        return Memory(self.stride, self.retries, self.earlier, self.sound)
+
+    def result(self, summary: dict[str, Any]) -> OptimizationResult:
+        """Return the result at the current iterate."""
+        return replace(super().result(summary), memory=self.memory())
 
     # ---- What the loop knows of a stage ---------------------------------------------------------
 
@@ -115,7 +120,7 @@ class EasedProblem(DiscreteProblem):
             if isinstance(error, LeastActionError):
                 return False
             raise
-        self.earlier = now
+        self._remember(now)
         return True
 
     def next_stage(self) -> bool:
@@ -134,11 +139,10 @@ class EasedProblem(DiscreteProblem):
         if self.sound is None or self.retries == 0:
             return False
         now = self._place()
-        if self.earlier is None or self._asked_at(now) < self._asked_at(self.earlier):
-            self.earlier = now._replace(ease=1.0)
+        self._remember(now)
         self.retries -= 1
         self.stride = float(np.sqrt(self.stride))
-        self._go_to(self.sound._replace(ease=max(1.0, self.sound.ease / self.stride)))
+        self._go_to(replace(self.sound, ease=max(1.0, self.sound.ease / self.stride)))
         return True
 
     def fall_back(self) -> bool:
@@ -177,21 +181,25 @@ class EasedProblem(DiscreteProblem):
             if isinstance(error, LeastActionError):
                 return False
             raise
-        if self.earlier is None or self._asked_at(now) < self._asked_at(self.earlier):
-            self.earlier = now._replace(ease=1.0)
+        self._remember(now)
         return True
 
-    def _asked_at(self, place: _Place) -> float:
+    def _asked_at(self, place: Place) -> float:
         """Return the cost that was asked for, somewhere else."""
-        return self.asked.value(place.iterate.x, place.iterate.u)
+        return self.asked.value(place.x, place.u)
 
-    def _place(self) -> _Place:
+    def _remember(self, place: Place) -> None:
+        """Take a place for where it stood before, unless there was a better one."""
+        if self.earlier is None or self._asked_at(place) < self._asked_at(self.earlier):
+            self.earlier = replace(place, ease=1.0)
+
+    def _place(self) -> Place:
         # The gains lie in memory that is used again.
-        return _Place(Iterate(self.x, self.u, self.worst_step), self.gain.copy(), self.ease)
+        return Place(self.x, self.u, self.gain.copy(), self.ease, self.worst_step)
 
-    def _go_to(self, place: _Place) -> None:
+    def _go_to(self, place: Place) -> None:
         self._set_stage(place.ease)
-        (self.x, self.u, self.worst_step), self.gain = place.iterate, place.gain.copy()
+        self.x, self.u, self.worst_step, self.gain = place.x, place.u, place.worst_step, place.gain.copy()
         self.value = self.cost.value(self.x, self.u)
         self.forget()
 

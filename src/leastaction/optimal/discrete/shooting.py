@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import LeastActionError
+from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.cost import Cost, CostGradient
@@ -36,6 +36,7 @@ from leastaction.optimal.discrete.problem import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import both
+from leastaction.optimal.memory import Gaps, Memory, Start
 from leastaction.optimal.result import OptimizationResult, Settings
 from leastaction.optimal.system import Linearization
 
@@ -43,6 +44,13 @@ __all__ = ["ShootingProblem"]
 
 # Gaps below this part of the states' sizes are closed, after a full step; so many iterations are made with gaps.
 _CLOSED, _LONGEST = 1e-6, 300
+
+# A curve is lost by a projection that costs so much more. A search over trajectories is a long one after so many
+# iterations, and after the second number if it began with such a projection; one with gaps that takes its place is over
+# after so many, and after the second number where there are other ways.
+_DEAR = 10.0
+_LONG, _LONG_IF_LOST = 200, 100
+_LONGEST_INSTEAD, _BRIEF = 100, 40
 
 # A stage with gaps is over where no more than this part of the cost is to be gained.
 _LOOSE = 1e-6
@@ -91,54 +99,120 @@ class ShootingDirection(DiscreteDirection):
 class ShootingProblem(EasedProblem):
     """A discrete system and its cost, begun with a curve whose gaps close on the way.
 
-    ``curve``: the iterate; None once it is a trajectory, from when on all is as without gaps.
+    ``at_once``: begin so; otherwise only where the start cannot be projected, or where the loop asks for it. ``curve``:
+    the iterate; None where it is a trajectory, when all is as without gaps.
     """
 
     def __init__(
-        self, system: DiscreteSystem, cost: Cost, settings: Settings, free_start: bool | Sequence[str] = False
+        self,
+        system: DiscreteSystem,
+        cost: Cost,
+        settings: Settings,
+        free_start: bool | Sequence[str] = False,
+        *,
+        at_once: bool = True,
     ) -> None:
         super().__init__(system, cost, settings, free_start)
+        self.at_once = at_once
         self.curve: Curve | None = None
-        self.given: tuple[Array, Array]
+        # The start, until gaps were tried from there.
+        self.given: Start | None = None
         self.size: Array
         self.costates: Array | None = None
         self.penalty = 0.0  # of the gaps, in the cost that the loop is told
         # What no later iterate may be worse than in both: sums of gaps, with costs.
         self.filter: list[tuple[float, float]] = []
         self.first = 1.0
+        self.longest = _LONGEST  # iterations with gaps
         self.spare = Workspace(system.N, system.nx, system.nu)
 
     # ---- Where to start -------------------------------------------------------------------------
 
     def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
-        """Begin with a curve, or an initial state and inputs; by projection where a step of it cannot be made."""
+        """Begin with a curve, or an initial state and inputs; by projection where a step of it cannot be made.
+
+        If not `at_once`, it is the other way round.
+        """
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         x, u = both(initial)
         u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
         x = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
-        self.given = x, u
+        self.given = Start(x.copy(), u.copy())
+        failure: ProjectionError | None = None
+        if not self.at_once:
+            try:
+                super().start((x, u))
+                lost = x.ndim == 2 and self.value > _DEAR * self.cost.value(x, u)
+                self.given = replace(self.given, is_lost=lost)
+                return
+            except ProjectionError as error:
+                failure = error
+            self.forget()
+        refusal = self._open(self.given)
+        if refusal is not None:
+            if failure is not None:
+                raise failure
+            self.note = f"projected at once, as {refusal.reason}"
+            super().start((x, u))
+        elif failure is not None:
+            self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
+
+    def _open(self, start: Start) -> Refusal | None:
+        """Stand at a curve with its gaps, or return why that is not possible."""
+        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        x, u = start.x, start.u
         if x.ndim == 1:
             run = self.system.rollout(x, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)), 0, N)
             self.rollouts += 1
-            # From where the motion fails on, it stands still: the gaps are for that.
-            x = np.vstack([run.x, np.tile(run.x[-1], (N - run.steps_done, 1))])
+            # What leads to a step that cannot be made is too violent to begin with: it stands still instead.
+            x = run.x if run.complete else np.tile(x, (N + 1, 1))
         self.size = 1.0 + np.abs(x).max(axis=0)
         curve = self._evaluate(x, u)
         if isinstance(curve, Refusal):
-            self.note = f"projected at once, as {curve.reason}"
-            super().start(self.given)
-            return
-        self.first = max(1.0, curve.theta)
+            return curve
+        self.first, self.penalty, self.filter, self.costates = max(1.0, curve.theta), 0.0, [], None
         self.gain = np.zeros((N, nu, nx))
         self.tells_saddles = False
         self._take(curve)
+        return None
 
     def resume(self, result: OptimizationResult) -> None:
-        """Begin where an earlier run ended; where gaps are open still, with a new filter."""
-        if result.gap == 0.0:
+        """Begin where an earlier run ended."""
+        memory = result.memory
+        if memory is None or memory.gaps is None:
             super().resume(result)
-        else:
-            self.start((result.x, result.u))
+            self.given = None if memory is None else memory.start
+            return
+        gaps, self.given = memory.gaps, memory.start
+        super().resume(replace(result, x=gaps.x, u=gaps.u, projection_gain=gaps.gain, gap=0.0))
+        self.size, self.first, self.penalty, self.longest = gaps.size, gaps.first, gaps.penalty, gaps.longest
+        self.filter = [(float(theta), float(cost)) for theta, cost in gaps.filter]
+        self.costates = gaps.costates if len(gaps.costates) else None
+        curve = self._evaluate(self.x, self.u)
+        if isinstance(curve, Refusal):
+            raise ArgumentError(f"resume: {curve.reason}; expected the result of a run with this system")
+        self.tells_saddles = False
+        self._take(curve._replace(length=gaps.length))
+
+    def memory(self) -> Memory:
+        """Return what resuming needs beside the iterate."""
+        gaps = None
+        if self.curve is not None:
+            costates = np.zeros((0, self.system.nx)) if self.costates is None else self.costates
+            pairs = np.array(self.filter).reshape(-1, 2)
+            gaps = Gaps(
+                self.x,
+                self.u,
+                self.gain.copy(),
+                self.size,
+                costates,
+                pairs,
+                self.first,
+                self.penalty,
+                self.curve.length,
+                self.longest,
+            )
+        return replace(super().memory(), start=self.given, gaps=gaps)
 
     def _take(self, curve: Curve) -> None:
         self.curve = curve
@@ -169,6 +243,11 @@ class ShootingProblem(EasedProblem):
         return 0.0 if self.curve is None else float((np.abs(self.curve.gaps) / self.size).max())
 
     @property
+    def is_open(self) -> bool:
+        """Whether the iterate is a curve with gaps."""
+        return self.curve is not None
+
+    @property
     def shown(self) -> float:
         """The cost without the gaps' penalty."""
         return super().shown if self.curve is None else self.curve.cost
@@ -178,7 +257,9 @@ class ShootingProblem(EasedProblem):
         """Iterations after which the stage is over: at once where the gaps are closed."""
         if self.curve is None:
             return super().longest_stage
-        return 1 if self.curve.length == 1.0 and self.gap <= _CLOSED else _LONGEST
+        if self.curve.length == 1.0 and self._are_closed():
+            return 1
+        return self.longest
 
     @property
     def longest_step(self) -> float:
@@ -196,9 +277,10 @@ class ShootingProblem(EasedProblem):
         if self.curve is None:
             return super().unfinished
         k = int((np.abs(self.curve.gaps) / self.size).max(axis=1).argmax())
+        returned = "no trajectory yet" if self.earlier is None else "the trajectory that it had come to before them"
         return (
             f"Gaps are still open, the largest of {self.gap:.2g} of the states' size at {self.system.when(k)}: what is "
-            "returned is no trajectory yet."
+            f"returned is {returned}."
         )
 
     def tolerated(self, goal: float) -> float:
@@ -209,19 +291,64 @@ class ShootingProblem(EasedProblem):
         """Go on over trajectories, where the gaps are closed or cannot be; then as without them."""
         if self.curve is None:
             return super().next_stage()
-        self._close()
+        closed = self._are_closed()
+        self.curve = self.costates = None
+        self.tells_saddles = self.system.has_curvature
+        self.forget()
         try:
             self._project_curve()
             self.value = self.cost.value(self.x, self.u)
         except LeastActionError:
-            super().start(self.given)
+            if self.earlier is not None:
+                self.value = np.inf
+            elif self.given is not None:
+                super().start((self.given.x, self.given.u))
+            else:
+                raise
         self.forget()
-        return True
+        self.given = None
+        # Only closed gaps are worth leaving a place that costs less.
+        if closed or self.earlier is None or self.value < self._asked_at(self.earlier):
+            return True
+        earlier, self.earlier = self.earlier, None
+        self._go_to(earlier)
+        return False
 
-    def _close(self) -> None:
-        self.curve = self.costates = None
-        self.tells_saddles = self.system.has_curvature
+    def _are_closed(self) -> bool:
+        return self.gap <= _CLOSED
+
+    @property
+    def long_run(self) -> int | None:
+        """Iterations after which gaps may be the shorter way; None where they are none."""
+        if self.given is None or self.curve is not None or self.ease != 1.0:
+            return None
+        return _LONG_IF_LOST if self.given.is_lost else _LONG
+
+    @property
+    def prefers_gaps(self) -> bool:
+        """Whether gaps are more promising than an easier stage: where the start was lost when it was projected."""
+        return self.given is not None and self.given.is_lost
+
+    def begin_with_gaps(self, *, brief: bool) -> bool:
+        """Begin again with gaps from the given start, once; return whether that can be done."""
+        if self.curve is not None or self.given is None or self.ease != 1.0:
+            return False
+        now, given = self._place(), self.given
+        try:
+            refusal = self._open(given)
+        except BaseException as error:  # an interruption too leaves it where it stood
+            self._go_to(now)
+            if isinstance(error, LeastActionError):
+                return False
+            raise
         self.forget()
+        if refusal is not None:
+            self.given = None
+            self._go_to(now)
+            return False
+        self._remember(now)
+        self.longest = _BRIEF if brief and not given.is_lost else _LONGEST_INSTEAD
+        return True
 
     def begin_again(self) -> bool:
         """Begin again with an easier stage, though not while there are gaps."""
@@ -372,4 +499,14 @@ class ShootingProblem(EasedProblem):
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate."""
-        return replace(super().result(summary), gap=self.gap)
+        result = super().result(summary)
+        if self.curve is None:
+            return result
+        before = self.earlier
+        if before is None:
+            return replace(result, gap=self.gap)
+        cost = self._asked_at(before)
+        return replace(
+            result, x=before.x, u=before.u, K=before.gain, projection_gain=before.gain, cost=cost,
+            worst_step=before.worst_step,
+        )  # fmt: skip

@@ -96,6 +96,8 @@ def receding_horizon(
         if name in options:
             raise ArgumentError(f"{name}: cannot be an option for the windows, each begins where the last one ends")
     options.setdefault("max_iterations", 50)
+    # A window that cannot be begun is a shorter one.
+    options.setdefault("shooting", "single")
     stages = Stages(callback, () if resume is None else resume.stages)
     k = 0
     if resume is not None:

@@ -1,0 +1,95 @@
+"""What a run in discrete time needs beside its iterate, to go on as one that was never stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+from leastaction.numerics.step_quality import StepQuality
+
+__all__ = ["Gaps", "Memory", "Place", "Start"]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A trajectory that a run may go back to.
+
+    ``x`` (N+1, nx), ``u`` (N, nu): the trajectory. ``gain`` (N, nu, nx): by which it was reached. ``ease``: of its
+    stage. ``worst_step``: its coarsest step.
+    """
+
+    x: Array
+    u: Array
+    gain: Array
+    ease: float
+    worst_step: StepQuality | None
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+
+@dataclass(frozen=True)
+class Start:
+    """What a run began with: ``x`` (N+1, nx) or an initial state (nx,), and ``u`` (N, nu).
+
+    ``is_lost``: whether x is a curve that its projection lost.
+    """
+
+    x: Array
+    u: Array
+    is_lost: bool = False
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Where a search among curves with gaps stands.
+
+    ``x`` (N+1, nx), ``u`` (N, nu): the curve. ``gain`` (N, nu, nx): of the model that led to it. ``size`` (nx,): of the
+    states, in which gaps are measured. ``costates`` (N+1, nx): multipliers of the dynamics; no rows where nothing is
+    known of them yet. ``filter`` (n, 2): sums of gaps, with costs, that no later curve may be worse than in both.
+    ``first``: the sum of gaps it began with. ``penalty``: of the gaps. ``length``: of the last step. ``longest``:
+    iterations after which the search is over.
+    """
+
+    x: Array
+    u: Array
+    gain: Array
+    size: Array
+    costates: Array
+    filter: Array
+    first: float
+    penalty: float
+    length: float
+    longest: int
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What a run remembers of its way.
+
+    ``stride``, ``retries``: how much less ease the next stage has, and how often one may be made again. ``earlier``:
+    where it stood before it began again. ``sound``: where the last stage ended that ended well. ``start``: what it
+    began with, until another way is looked for from there. ``gaps``: None of a trajectory.
+    """
+
+    stride: float
+    retries: int
+    earlier: Place | None = None
+    sound: Place | None = None
+    start: Start | None = None
+    gaps: Gaps | None = None
+
+    __getstate__, __setstate__ = saved_state, restore_state
