@@ -18,7 +18,7 @@ from optimal.systems import CartPendulum
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.robustness import certify, solve, summary
 from benchmarks.robustness_further import FURTHER
-from benchmarks.robustness_problems import PROBLEMS, Given, chain, constant, posed
+from benchmarks.robustness_problems import PROBLEMS, Given, arm, chain, constant, posed
 
 BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
 N = 20
@@ -396,7 +396,10 @@ def test_the_certificate_knows_a_saddle():
 
 
 def test_a_run_whose_steps_are_too_coarse_begins_again_from_shorter_ones():
-    given = BY_NAME["7-joint arm, raising, R 0.01, final 10000, random 8"].build()
+    given = posed(
+        arm("zyzyzyz"), {"joint1": 0.3}, constant(joint1=2.6, joint3=0.5), kind="random", seed=5, size=3.0,
+        N=100, dt=0.02, Q=0.1, R=1e-2, final=1e4,
+    )  # fmt: skip
     notes = []
     result = optimize(
         given.system, given.cost, initial=(given.x, given.u), callback=lambda r: notes.append(r.note)

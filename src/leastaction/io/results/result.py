@@ -9,6 +9,7 @@ import numpy as np
 
 from leastaction.errors import ResultFileError
 from leastaction.io.results.record import load_record, save_record
+from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult
 
 
@@ -63,14 +64,33 @@ def check_result(result: OptimizationResult, source: str) -> None:
     least = nx + len(result.unknowns)
     most = least if result.limits is None else least + nx
     gains = min(max(result.projection_gain.shape[-1], least), most)
-    shapes: dict[str, tuple[int, ...]] = {
-        "x": (steps + 1, nx),
-        "u": (steps, nu),
-        "K": (steps, nu, nx),
-        "projection_gain": (steps, nu, gains),
+    shapes: dict[str, tuple[Array, tuple[int, ...]]] = {
+        "x": (result.x, (steps + 1, nx)),
+        "u": (result.u, (steps, nu)),
+        "K": (result.K, (steps, nu, nx)),
+        "projection_gain": (result.projection_gain, (steps, nu, gains)),
     }
-    for name, shape in shapes.items():
-        array = getattr(result, name)
+    memory = result.memory
+    if memory is not None:
+        places = {"earlier": memory.earlier, "sound": memory.sound, "gaps": memory.gaps}
+        for where, place in places.items():
+            if place is not None:
+                # With unknowns the states of a run are longer than those of its result.
+                shapes |= {
+                    f"memory.{where}.x": (place.x, (steps + 1, least)),
+                    f"memory.{where}.u": (place.u, (steps, nu)),
+                    f"memory.{where}.gain": (place.gain, (steps, nu, least)),
+                }
+        if memory.start is not None:
+            start = memory.start.x
+            shapes["memory.start.x"] = start, (least,) if start.ndim == 1 else (steps + 1, least)
+            shapes["memory.start.u"] = memory.start.u, (steps, nu)
+        if memory.gaps is not None:
+            gaps = memory.gaps
+            shapes["memory.gaps.size"] = gaps.size, (least,)
+            shapes["memory.gaps.costates"] = gaps.costates, (steps + 1 if len(gaps.costates) else 0, least)
+            shapes["memory.gaps.filter"] = gaps.filter, (len(gaps.filter), 2)
+    for name, (array, shape) in shapes.items():
         if array.shape != shape:
             raise ResultFileError(
                 f"{source} contradicts itself: {name} has shape {array.shape}, expected {shape} for {steps} "
