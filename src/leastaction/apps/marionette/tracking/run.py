@@ -290,6 +290,7 @@ def track(
                 resume=earlier,
                 limits=bounds.of(mechanism_used, place, kinds),
                 free_start=plan.free_start if plan else False,
+                shooting="single",
                 method=method,
                 max_iterations=left,
                 tolerance=tolerance,
