@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, read_only
 
-__all__ = ["as_weight", "check_weight", "final_of", "is_diagonal", "owned", "weigh"]
+__all__ = ["as_weight", "check_weight", "final_of", "is_diagonal", "matrix_of", "owned", "weigh"]
 
 
 def owned(value: ArrayLike, what: str) -> Array:
@@ -75,6 +75,13 @@ def weigh(weight: Array, d: Array) -> Array:
     else:
         result = np.einsum("kij,kj->ki", weight, d)
     return result
+
+
+def matrix_of(weight: Array) -> Array:
+    """Return a weight as matrices: (n, n), or (N, n, n) with one for each stage."""
+    if not is_diagonal(weight):
+        return weight
+    return np.diag(weight) if weight.ndim == 1 else weight * np.eye(weight.shape[1])
 
 
 def final_of(weight: Array) -> Array:

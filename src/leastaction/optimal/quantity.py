@@ -145,7 +145,7 @@ class Entries(Quantity):
 
 
 class QuantityView(Quantity):
-    """Another quantity, but for what a subclass changes."""
+    """Another quantity, asked in another place; that is for a subclass to say, and what else it changes."""
 
     def __init__(self, whole: Quantity) -> None:
         self.whole = whole
@@ -155,6 +155,22 @@ class QuantityView(Quantity):
     def columns(self, nx: int, nu: int) -> Instants | None:
         """Return the places on which it depends."""
         return self.whole.columns(nx, nu)
+
+    def seen(self, at: Samples) -> Samples:
+        """Return where the other quantity is asked; at the same place by default."""
+        return at
+
+    def values(self, at: Samples) -> Array:
+        """Return the values (n, m)."""
+        return self.whole.values(self.seen(at))
+
+    def jacobian(self, at: Samples) -> Array:
+        """Return the derivatives."""
+        return self.whole.jacobian(self.seen(at))
+
+    def curvature(self, at: Samples, y: Array) -> Array | None:
+        """Return the second derivative of ``y . values``."""
+        return self.whole.curvature(self.seen(at), y)
 
 
 class _Selected(QuantityView):
@@ -184,19 +200,8 @@ class Later(QuantityView):
         super().__init__(whole)
         self.start = start
 
-    def values(self, at: Samples) -> Array:
-        """Return the values (n, m)."""
-        return self.whole.values(self._later(at))
-
-    def jacobian(self, at: Samples) -> Array:
-        """Return the derivatives."""
-        return self.whole.jacobian(self._later(at))
-
-    def curvature(self, at: Samples, y: Array) -> Array | None:
-        """Return the second derivative of ``y . values``."""
-        return self.whole.curvature(self._later(at), y)
-
-    def _later(self, at: Samples) -> Samples:
+    def seen(self, at: Samples) -> Samples:
+        """Return the same instants as the whole numbers them."""
         return at._replace(k=at.k + self.start)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.collocation.mesh import STAGES, WEIGHTS, RadauMesh
+from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import Layout
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
@@ -22,7 +22,7 @@ class CollocationCost(Cost):
     def __init__(self, cost: ContinuousCost, mesh: RadauMesh, layout: Layout) -> None:
         self.cost, self.mesh, self.layout = cost, mesh, layout
         self.nonnegative = cost.nonnegative
-        self.weights: Array = mesh.h[:, None] * WEIGHTS
+        self.weights: Array = mesh.weights
         self.tf = float(mesh.t[-1, -1])
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:  # noqa: ARG002 - inputs are part of the state

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, read_only
-from leastaction.optimal.collocation.mesh import STAGES, WEIGHTS, RadauMesh
+from leastaction.numerics.arrays import read_only
+from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import Layout
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.limit_report import LimitState
@@ -72,6 +72,11 @@ class Stated:
     points: tuple[Instants, ...]
     along: bool
 
+    @property
+    def is_second(self) -> bool:
+        """Whether it is the other side of an equation, which goes with the first."""
+        return self.rows[0].equal and self.rows[0].sign < 0.0
+
 
 def stated(limits: Sequence[Limit], system: ContinuousSystem, mesh: RadauMesh, first: int) -> list[Stated]:
     """Return the sides of limits on a mesh. ``first``: the first point at which states are limited."""
@@ -125,19 +130,8 @@ class AtStage(QuantityView):
         own = self.whole.columns(n, m)
         return np.asarray(self.places[np.arange(n if self.whole.of_state else n + m) if own is None else own])
 
-    def values(self, at: Samples) -> Array:
-        """Return the values (n, m)."""
-        return self.whole.values(self._own(at))
-
-    def jacobian(self, at: Samples) -> Array:
-        """Return the derivatives."""
-        return self.whole.jacobian(self._own(at))
-
-    def curvature(self, at: Samples, y: Array) -> Array | None:
-        """Return the second derivative of ``y . values``."""
-        return self.whole.curvature(self._own(at), y)
-
-    def _own(self, at: Samples) -> Samples:
+    def seen(self, at: Samples) -> Samples:
+        """Return the points, with states and inputs of the continuous system."""
         both, n, nothing = at.x[:, self.places], self.layout.nx, np.empty((len(at.k), 0))
         points = (at.k - 1) * STAGES + 1 + self.stage
         inputs = nothing if self.whole.of_state else np.ascontiguousarray(both[:, n:])
@@ -150,10 +144,10 @@ def told(sides: Sequence[Stated], states: Sequence[LimitState], mesh: RadauMesh)
     Of limits that hold all along duals are densities: by how much the cost would fall for a unit more of room over a
     second.
     """
-    weights = np.concatenate([[1.0], (mesh.h[:, None] * WEIGHTS).ravel()])
+    weights = mesh.weights_of_points
     found, rest = [], iter(states)
     for side in sides:
-        if side.rows[0].equal and side.rows[0].sign < 0.0:
+        if side.is_second:
             continue
         parts = [next(rest) for _ in side.rows]
         points = np.concatenate(side.points)

@@ -40,7 +40,8 @@ class RadauMesh:
 
     ``breaks`` (N+1,): ends of the pieces (s). ``h`` (N,): their lengths. ``t`` (N, STAGES): times of the points, the
     last one just before the end of the piece, so that what jumps there is taken from before. ``points``
-    (1 + N STAGES,): all of them, the start first, as they are told.
+    (1 + N STAGES,): all of them, the start first, as they are told. ``weights`` (N, STAGES): of the quadrature over
+    them.
     """
 
     def __init__(self, breaks: Array) -> None:
@@ -51,7 +52,13 @@ class RadauMesh:
         self.points: Array = np.concatenate([breaks[:1], at.ravel()])
         self.t: Array = at.copy()
         self.t[:, -1] = np.nextafter(breaks[1:], -np.inf)
+        self.weights: Array = self.h[:, None] * WEIGHTS
         self.N = len(self.h)
+
+    @property
+    def weights_of_points(self) -> Array:
+        """The weights (1 + N STAGES,) of all points, the start first, where there is 1."""
+        return np.concatenate([[1.0], self.weights.ravel()])
 
     @classmethod
     def first(cls, t0: float, tf: float, inner: Sequence[float], pieces: int) -> RadauMesh:

@@ -12,7 +12,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.collocation.cost import CollocationCost
 from leastaction.optimal.collocation.limits import Stated, stated, told
-from leastaction.optimal.collocation.mesh import STAGES, WEIGHTS, RadauMesh
+from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
@@ -200,18 +200,18 @@ class CollocationProblem(LimitedProblem):
         """Take the duals of the mesh before, as functions of time."""
         densities, self.densities = self.densities, []
         duals, stages = self.duals, self.stages
-        if len(densities) != sum(1 for side in self.sides if not _is_second(side)):
+        if len(densities) != sum(1 for side in self.sides if not side.is_second):
             return
         i = 0
         own = iter(densities)
         for side in self.sides:
-            if _is_second(side):
+            if side.is_second:
                 continue
             times, values, price = next(own)
             if values.shape[1] != len(side.rows[0].labels):
                 return
             for rows, points in zip(side.rows, side.points, strict=True):
-                weight = self._weights()[points][:, None] if side.along else 1.0
+                weight = self.mesh.weights_of_points[points][:, None] if side.along else 1.0
                 at = self.mesh.points[points]
                 duals.rho[i] = price.copy()
                 net = weight * np.stack([np.interp(at, times, column) for column in values.T], axis=1)
@@ -245,9 +245,6 @@ class CollocationProblem(LimitedProblem):
         self.duals.restore(given.mu, barrier)
         self._set_out()
 
-    def _weights(self) -> Array:
-        return np.concatenate([[1.0], (self.mesh.h[:, None] * WEIGHTS).ravel()])
-
     # ---- What is told ---------------------------------------------------------------------------
 
     def arrays(self) -> tuple[Array, Array]:
@@ -270,14 +267,10 @@ class CollocationProblem(LimitedProblem):
         return replace(report, sides=told(self.sides, report.sides, self.mesh))
 
 
-def _is_second(side: Stated) -> bool:
-    return side.rows[0].equal and side.rows[0].sign < 0.0
-
-
 def _rows(sides: Sequence[Stated]) -> Iterator[Rows]:
     """Return the rows of the discrete system; both sides of equations one after the other."""
     for i, side in enumerate(sides):
-        if _is_second(side):
+        if side.is_second:
             continue
         for j, rows in enumerate(side.rows):
             yield rows

@@ -13,7 +13,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.continuous.time_functions import TimeFunction, TimeFunctionLike
-from leastaction.optimal.cost import check_weight, owned, weigh
+from leastaction.optimal.cost import check_weight, matrix_of, owned, weigh
 from leastaction.optimal.system import difference
 
 __all__ = ["ContinuousCost", "ContinuousQuadraticCost", "RateGradient", "RateHessian"]
@@ -174,7 +174,8 @@ class ContinuousQuadraticCost(ContinuousCost):
 
     def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:  # noqa: ARG002
         """Return the weights."""
-        return RateHessian(_matrices(self.Q.samples(t)), _matrices(self.R.samples(t)), None)
+        Q, R = (matrix_of(_as_stages(weight.samples(t))) for weight in (self.Q, self.R))
+        return RateHessian(Q, R, None)
 
     def final_value(self, x: Array, t: float) -> float:
         """Return the cost of the last state."""
@@ -189,7 +190,7 @@ class ContinuousQuadraticCost(ContinuousCost):
         """Return the final weight."""
         if self.Q_final is None:
             return np.zeros((x.size, x.size))
-        return np.diag(self.Q_final) if self.Q_final.ndim == 1 else self.Q_final
+        return matrix_of(self.Q_final)
 
     def _wanted_last(self, t: float) -> Array:
         if self.x_final is not None:
@@ -201,11 +202,6 @@ class ContinuousQuadraticCost(ContinuousCost):
 def _as_stages(weight: Array) -> Array:
     """Return weights (n, size) or (n, size, size) with one for each row: (n, size, 1) or (n, size, size)."""
     return weight if weight.ndim == 3 else weight[:, :, None]
-
-
-def _matrices(weight: Array) -> Array:
-    """Return weights (n, size) or (n, size, size) as matrices."""
-    return weight if weight.ndim == 3 else weight[..., None] * np.eye(weight.shape[1])
 
 
 def _check(weight: Array, what: str, *, definite: bool) -> None:

@@ -14,7 +14,17 @@ from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 
-__all__ = ["FunctionContinuousSystem", "LinearContinuousSystem"]
+__all__ = ["FunctionContinuousSystem", "LinearContinuousSystem", "as_dynamics"]
+
+
+def as_dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
+    """Return matrices A (nx, nx) and B (nx, nu) of finite numbers, or raise an `ArgumentError`."""
+    by_state, by_input = as_array(A, "A"), as_array(B, "B")
+    if by_state.ndim != 2 or by_state.shape[0] != by_state.shape[1] or by_state.size == 0:
+        raise ArgumentError(f"A: got shape {by_state.shape}, expected (nx, nx).")
+    if by_input.ndim != 2 or by_input.shape[0] != len(by_state) or by_input.size == 0:
+        raise ArgumentError(f"B: got shape {by_input.shape}, expected ({len(by_state)}, nu).")
+    return by_state, by_input
 
 
 class LinearContinuousSystem(ContinuousSystem):
@@ -36,13 +46,8 @@ class LinearContinuousSystem(ContinuousSystem):
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None) -> None:
-        self.A, self.B = as_array(A, "A"), as_array(B, "B")
-        if self.A.ndim != 2 or self.A.shape[0] != self.A.shape[1] or self.A.size == 0:
-            raise ArgumentError(f"A: got shape {self.A.shape}, expected (nx, nx).")
-        self.nx = self.A.shape[0]
-        if self.B.ndim != 2 or self.B.shape[0] != self.nx or self.B.size == 0:
-            raise ArgumentError(f"B: got shape {self.B.shape}, expected ({self.nx}, nu).")
-        self.nu = self.B.shape[1]
+        self.A, self.B = as_dynamics(A, B)
+        self.nx, self.nu = self.B.shape
         self.c = np.zeros(self.nx) if c is None else as_array(c, "c", (self.nx,))
 
     def f(self, x: Array, u: Array, t: float) -> Array:  # noqa: ARG002

@@ -23,9 +23,11 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
+from leastaction.optimal.continuous.function_system import as_dynamics
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, Samples, solve_samples
 from leastaction.optimal.continuous.time_functions import TimeFunction, TimeFunctionLike, as_horizon, first_mesh
+from leastaction.optimal.cost import matrix_of
 
 __all__ = ["regulate_continuous", "solve_continuous_linear_quadratic", "steady_state_regulator"]
 
@@ -97,7 +99,6 @@ def solve_continuous_linear_quadratic(
         allowed = (shape, shape[:1]) if name in ("Q", "R") else (shape,)
         signal.check(t0, tf, *allowed, what=" or ".join(map(str, allowed)))
     final = np.zeros((nx, nx)) if Q_final is None else as_array(Q_final, "Q_final", (nx,), (nx, nx))
-    final = np.diag(final) if final.ndim == 1 else final
     gradient = np.zeros(nx) if q_final is None else as_array(q_final, "q_final", (nx,))
     every = sorted({*jumps, *(t for signal in signals.values() for t in signal.jumps)})
 
@@ -119,7 +120,9 @@ def solve_continuous_linear_quadratic(
             f"A, B, Q, R, S, q, r, c: got a value that is not finite at t = {time:.6g} s, expected "
             "finite numbers. Look at the functions that were given."
         )
-    return solve_samples(mesh, Samples.unpack(packed, nx, nu), final, gradient, accuracy=accuracy, jumps=every)
+    return solve_samples(
+        mesh, Samples.unpack(packed, nx, nu), matrix_of(final), gradient, accuracy=accuracy, jumps=every
+    )
 
 
 def regulate_continuous(
@@ -186,17 +189,10 @@ def steady_state_regulator(
         Wrong shapes, values that are not finite, or a system that cannot be stabilised, or whose
         instability the weights do not see.
     """
-    A = as_array(A, "A")
-    if A.ndim != 2 or A.shape[0] != A.shape[1]:
-        raise ArgumentError(f"A: got shape {A.shape}, expected (nx, nx).")
-    nx = A.shape[0]
-    B = as_array(B, "B")
-    if B.ndim != 2 or B.shape[0] != nx:
-        raise ArgumentError(f"B: got shape {B.shape}, expected ({nx}, nu).")
-    nu = B.shape[1]
-    Q = np.ones(nx) if Q is None else as_array(Q, "Q", (nx,), (nx, nx))
-    R = np.ones(nu) if R is None else as_array(R, "R", (nu,), (nu, nu))
-    Q, R = (np.diag(W) if W.ndim == 1 else W for W in (Q, R))
+    A, B = as_dynamics(A, B)
+    nx, nu = B.shape
+    Q = matrix_of(np.ones(nx) if Q is None else as_array(Q, "Q", (nx,), (nx, nx)))
+    R = matrix_of(np.ones(nu) if R is None else as_array(R, "R", (nu,), (nu, nu)))
     S = np.zeros((nx, nu)) if S is None else as_array(S, "S", (nx, nu))
     from scipy.linalg import solve_continuous_are
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.cost import is_diagonal
+from leastaction.optimal.cost import is_diagonal, matrix_of
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.limits.duals import Duals, Side
 from leastaction.optimal.limits.entries import EntryRows
@@ -104,16 +104,18 @@ class LimitedCost:
         self.of_inputs.add_hessian(sigmas, weights.input)
         for i, jacobian in jacobians.items():
             self.rows[i].add_hessian(x, u, jacobian, self.duals.y[i], sigmas[i], weights, dynamics)
-        final = _matrix(Q_final) + np.diag(weights.state[-1])
+        final = matrix_of(Q_final) + np.diag(weights.state[-1])
         if weights.state_matrix is not None:
             final = final + weights.state_matrix[-1]
-            Q = _matrix(Q) + weights.state_matrix[:-1]
+            Q = matrix_of(Q) + weights.state_matrix[:-1]
         Q, R = _with(Q, weights.state[:-1]), _with(R, weights.input)
         H = weights.matrix
         if H is None:
             return CostHessian(Q, R, S, final)
         cross = H[:, :nx, nx:] if S is None else S + H[:, :nx, nx:]
-        return CostHessian(_matrix(Q) + H[:, :nx, :nx], _matrix(R) + H[:, nx:, nx:], np.ascontiguousarray(cross), final)
+        return CostHessian(
+            matrix_of(Q) + H[:, :nx, :nx], matrix_of(R) + H[:, nx:, nx:], np.ascontiguousarray(cross), final
+        )
 
     def along(self, dx: Array, du: Array, jacobians: Jacobians) -> list[Array]:
         """Return the changes of the limits along a direction."""
@@ -123,13 +125,6 @@ class LimitedCost:
         for i, jacobian in jacobians.items():
             found[i] = self.rows[i].along(jacobian, dx, du)
         return found
-
-
-def _matrix(weight: Array) -> Array:
-    """Return a weight of any of the shapes of a `CostHessian` as matrices."""
-    if not is_diagonal(weight):
-        return weight
-    return np.diag(weight) if weight.ndim == 1 else weight * np.eye(weight.shape[1])
 
 
 def _with(weight: Array, diagonal: Array) -> Array:
