@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
 from leastaction import (
     Gravity,
@@ -21,9 +21,6 @@ from leastaction import (
 )
 from leastaction.optimal import IterationRecord
 
-mpl.use("Agg")
-import matplotlib.pyplot as plt
-
 N = 30
 mechanism = Mechanism(
     [ty("cart", mass=1.0), [rx("pole"), [tz(-1.0, mass=1.0)]]], [Gravity(), JointForce("cart", input="push")]
@@ -37,7 +34,8 @@ cost = QuadraticCost(wanted, np.zeros((N, 1)), Q=[0.1, 0.1, 0.0, 0.0], R=[1e-3],
 records: list[IterationRecord] = []
 optimize(system, cost, initial=(x, u), shooting="multiple", callback=records.append)
 
-figure, axes = plt.subplots(1, 3, figsize=(11.0, 3.2), sharey=True, layout="constrained")
+figure = Figure(figsize=(11.0, 3.2), layout="constrained")
+axes = figure.subplots(1, 3, sharey=True)
 for axis, record in zip(axes, (records[0], records[2], records[-1]), strict=True):
     ends = system.step_each(record.x, record.u).x
     for k in range(N):

@@ -16,7 +16,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous import ContinuousSystem
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
-from leastaction.systems.solved import KINDS, quantity_of
+from leastaction.systems.solved import KINDS, points_of, quantity_of
 
 
 class MechanismSystem(ContinuousSystem):
@@ -50,7 +50,7 @@ class MechanismSystem(ContinuousSystem):
         """Return the rate of the state (nx,); `DynamicsError` where the mechanism has none."""
         m = self.mechanism
         nq, nd = m.nq, m.nd
-        points = self._split(x[None, :], u[None, :])
+        points = points_of(self.mechanism, x[None, :], u[None, :])
         out = self.dynamics.core.accelerations(*points, 1)
         if out.solved != 1:
             self._explain(points, t)
@@ -73,7 +73,7 @@ class MechanismSystem(ContinuousSystem):
         """Return the derivatives at samples; see `ContinuousSystem`."""
         m = self.mechanism
         nq, nd = m.nq, m.nd
-        slopes = self.dynamics.linearize(*self._split(x, u), t).all
+        slopes = self.dynamics.linearize(*points_of(self.mechanism, x, u), t).all
         J = np.zeros((len(x), self.nx, self.nx + self.nu))
         rows = np.arange(nq)
         J[:, rows, nq + rows] = 1.0
@@ -87,7 +87,7 @@ class MechanismSystem(ContinuousSystem):
         """Return ``z . D2f`` (n, nx + nu, nx + nu) at samples."""
         m = self.mechanism
         z_a = np.ascontiguousarray(z[:, m.nq : m.nq + m.nd])
-        return self.dynamics.curvature(*self._split(x, u), t, z_a=z_a)
+        return self.dynamics.curvature(*points_of(self.mechanism, x, u), t, z_a=z_a)
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -131,13 +131,6 @@ class MechanismSystem(ContinuousSystem):
             q = project_configuration(m, q, hold=still, move_kinematic=True).q
             moved = np.concatenate([q, project_velocity(m, q, moved[m.nq :]).v])
         return moved
-
-    def _split(self, x: Array, u: Array) -> tuple[Array, Array, Array, Array]:
-        """Return q, v, inputs and accelerations of the kinematic variables."""
-        m = self.mechanism
-        parts = (x[:, : m.nq], x[:, m.nq :], u[:, : m.n_inputs], u[:, m.n_inputs :])
-        q, v, inputs, rho_a = (np.ascontiguousarray(part) for part in parts)
-        return q, v, inputs, rho_a
 
     def _explain(self, points: tuple[Array, Array, Array, Array], t: float) -> None:
         """Raise the error that says why there are no accelerations."""

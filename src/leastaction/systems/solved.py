@@ -8,12 +8,20 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 
-__all__ = ["KINDS", "Solved", "quantity_of"]
+__all__ = ["KINDS", "Solved", "points_of", "quantity_of"]
 
 KINDS = ("input", "variable", "rate", "acceleration", "multiplier", "tension", "state")
+
+
+def points_of(m: Mechanism, x: Array, u: Array) -> tuple[Array, Array, Array, Array]:
+    """Return q, v, inputs and accelerations of the kinematic variables, of states (n, nx) and inputs (n, nu)."""
+    parts = (x[:, : m.nq], x[:, m.nq :], u[:, : m.n_inputs], u[:, m.n_inputs :])
+    q, v, inputs, rho_a = (np.ascontiguousarray(part) for part in parts)
+    return q, v, inputs, rho_a
 
 
 def quantity_of(dynamics: ContinuousDynamics, kind: str, t: Array) -> Quantity:
@@ -123,10 +131,7 @@ class Solved(Quantity):
         )  # fmt: skip
 
     def _points(self, at: Samples) -> tuple[Array, Array, Array, Array]:
-        m = self.dynamics.mechanism
-        parts = (at.x[:, : m.nq], at.x[:, m.nq :], at.u[:, : m.n_inputs], at.u[:, m.n_inputs :])
-        q, v, inputs, rho_a = (np.ascontiguousarray(part) for part in parts)
-        return q, v, inputs, rho_a
+        return points_of(self.dynamics.mechanism, at.x, at.u)
 
     def _times(self, at: Samples) -> Array:
         return np.asarray(self.t[at.k])
