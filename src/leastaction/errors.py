@@ -220,6 +220,30 @@ def closest(name: object, known: Iterable[str], *, what: str) -> str:
     return f"the {what} are {shown}{rest}"
 
 
+def unknown(kind: str, name: object, known: Iterable[str], what: str = "") -> ArgumentError:
+    """Return the error of a name that nothing has.
+
+    Parameters
+    ----------
+    kind : str
+        What it would be the name of, such as ``"frame"``.
+    name : object
+        The name that was given.
+    known : iterable of str
+        The names that exist.
+    what : str, optional
+        The argument that it was given as, where that has to be said.
+    """
+    given = f"{what}: " if what else ""
+    return ArgumentError(f"{given}unknown {kind} {name!r}; {closest(name, known, what=f'{kind}s')}")
+
+
+def brief(value: object) -> str:
+    """Return something as text for a message, cut off where it becomes long."""
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 def worst_first(residuals: Mapping[str, float]) -> dict[str, float]:
     """Return the residuals by name with the largest magnitude (or NaN) first.
 

@@ -155,7 +155,7 @@ def test_trajectories_of_samples_and_of_functions():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: PiecewisePolynomial.through([0.0, 0.0], [1.0, 2.0]), "increasing"),
+        (lambda: PiecewisePolynomial.through([0.0, 0.0], [1.0, 2.0]), "t: times must increase"),
         (lambda: PiecewisePolynomial.through([0.0, 1.0], [1.0]), r"values: got shape \(1,\)"),
         (lambda: PiecewisePolynomial.through([0.0, 1.0], [1.0, np.nan]), "values: got nan"),
         (lambda: PiecewisePolynomial.through([0.0, 1.0], [1.0, 2.0], kind="wild"), "kind: got"),

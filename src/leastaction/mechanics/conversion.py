@@ -30,6 +30,7 @@ from leastaction.mechanics.continuous.stabilisation import Drift, rates
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajectory
+from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_time_step, as_times
 
@@ -71,7 +72,7 @@ def to_discrete(
         For a trajectory of another mechanism, or times that it does not cover.
     """
     m, nd = integrator.mechanism, integrator.mechanism.nd
-    _check_same(trajectory.mechanism, m, "trajectory")
+    check_same_names(trajectory.mechanism, m, "trajectory")
     times = trajectory.t if t is None else as_times(t)
     dt = np.diff(times)
     x = trajectory.x if trajectory.dense is None and t is None else trajectory(times)
@@ -122,7 +123,7 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
     if run.steps < 1:
         raise ArgumentError("run: got a trajectory without steps, expected at least one")
     dynamics = ContinuousDynamics(m) if dynamics is None else dynamics
-    _check_same(dynamics.mechanism, m, "dynamics")
+    check_same_names(dynamics.mechanism, m, "dynamics")
     rho_v, rho_a = _slopes(run.rho, run.t)
     v = to_velocity(m, run.q, run.p, rho_v, keep_constraints=True)
     inputs = _at_instants(run.inputs, run.t)
@@ -248,8 +249,3 @@ def _at_instants(values: Array, t: Array) -> Array:
     k = np.clip(np.searchsorted(middle, t) - 1, 0, len(middle) - 2)
     part = ((t - middle[k]) / (middle[k + 1] - middle[k]))[:, None]
     return np.asarray((1.0 - part) * values[k] + part * values[k + 1])
-
-
-def _check_same(theirs: Mechanism, ours: Mechanism, what: str) -> None:
-    if (theirs.variables, theirs.inputs, theirs.constraints) != (ours.variables, ours.inputs, ours.constraints):
-        raise ArgumentError(f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import unknown
 from leastaction.mechanics import Mechanism
 from leastaction.models import (
     andrews,
@@ -56,5 +56,5 @@ def build(name: str) -> Mechanism:
         For an unknown name.
     """
     if name not in MODELS:
-        raise ArgumentError(f"unknown model {name!r}; {closest(name, MODELS, what='models')}")
+        raise unknown("model", name, MODELS)
     return MODELS[name]()

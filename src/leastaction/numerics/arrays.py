@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.errors import ArgumentError, LeastActionError, brief
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def as_array(
     except (TypeError, ValueError):
         wanted = f" of shape {_shapes(shapes, meaning)}" if shapes or meaning else ""
         raise error(
-            f"{what}: got {_brief(value)}, expected real numbers{wanted}; give a list or an array of numbers"
+            f"{what}: got {_given(value)}, expected real numbers{wanted}; give a list or an array of numbers"
         ) from None
     # ascontiguousarray turns a scalar into a one-element vector; keep the shape that was given.
     array = array.reshape(given.shape)
@@ -100,7 +100,7 @@ def as_number(
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]  # an array of one number and no axis is a number
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise error(f"{what}: got {_brief(value)}, expected a number")
+        raise error(f"{what}: got {_given(value)}, expected a number")
     try:
         number = float(value)
     except OverflowError:
@@ -147,13 +147,20 @@ def as_times(t: object, what: str = "t") -> Array:
     return times
 
 
+def as_choice(value: str, what: str, choices: Sequence[str]) -> None:
+    """Raise an `ArgumentError` unless a value is one of some words, such as those of a `Literal` by `get_args`."""
+    if value not in choices:
+        *others, last = map(repr, choices)
+        raise ArgumentError(f"{what}: got {value!r}, expected {', '.join(others)} or {last}")
+
+
 def as_flag(value: object, what: str, *, error: type[LeastActionError] = ArgumentError) -> bool:
     """Return True or False, or raise an error: anything else is more likely a slip than meant.
 
     ``what``: what it is, for messages.
     """
     if not isinstance(value, (bool, np.bool_)):
-        raise error(f"{what}: got {_brief(value)}, expected True or False")
+        raise error(f"{what}: got {_given(value)}, expected True or False")
     return bool(value)
 
 
@@ -169,6 +176,5 @@ def _shapes(shapes: Sequence[tuple[int | None, ...]], meaning: str) -> str:
     return ", that is ".join(part for part in (text, meaning) if part)
 
 
-def _brief(value: object) -> str:
-    text = repr(value)
-    return f"{text if len(text) <= 60 else text[:57] + '...'} ({type(value).__name__})"
+def _given(value: object) -> str:
+    return f"{brief(repr(value))} ({type(value).__name__})"

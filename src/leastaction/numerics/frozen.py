@@ -25,10 +25,11 @@ class _Mapping:
 
 
 def freeze_arrays(self: Any) -> None:
-    """Make the fields of a frozen dataclass that are declared as arrays arrays that cannot be written to."""
+    """Make arrays of the fields of a frozen dataclass that are declared so, which like its others cannot be written."""
     for entry in fields(self):
-        if entry.type in ("Array", Array):
-            object.__setattr__(self, entry.name, read_only(np.asarray(getattr(self, entry.name))))
+        value = getattr(self, entry.name)
+        if entry.type in ("Array", Array) or isinstance(value, np.ndarray):
+            object.__setattr__(self, entry.name, read_only(np.asarray(value)))
 
 
 def saved_state(self: object) -> dict[str, Any]:

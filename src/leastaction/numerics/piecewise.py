@@ -11,16 +11,19 @@ import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_times
 
 __all__ = ["Mesh", "PiecewisePolynomial", "approximate"]
+
+Through = Literal["linear", "hold", "cubic"]
+"""How a function goes from one sample to the next."""
 
 POINTS = 8
 """Coefficients of a piece; the interpolants of the integrators have no higher degree than 7."""
@@ -71,9 +74,7 @@ class PiecewisePolynomial:
         return cls(np.array([t0, tf]), array.reshape(1, 1, -1).copy(), array.shape)
 
     @classmethod
-    def through(
-        cls, t: ArrayLike, values: ArrayLike, *, kind: Literal["linear", "hold", "cubic"] = "cubic"
-    ) -> PiecewisePolynomial:
+    def through(cls, t: ArrayLike, values: ArrayLike, *, kind: Through = "cubic") -> PiecewisePolynomial:
         """Return a function through samples.
 
         Parameters
@@ -91,11 +92,8 @@ class PiecewisePolynomial:
         ArgumentError
             Times that do not increase, or values that do not fit them or are not finite.
         """
-        times = as_array(t, "t")
-        if times.ndim != 1 or times.size < 2 or not (np.diff(times) > 0.0).all():
-            raise ArgumentError(f"t: got shape {times.shape}, expected at least two increasing times.")
-        if kind not in ("linear", "hold", "cubic"):
-            raise ArgumentError(f"kind: got {kind!r}, expected 'linear', 'hold' or 'cubic'.")
+        times = as_times(t)
+        as_choice(kind, "kind", get_args(Through))
         samples = as_array(values, "values")
         wanted = times.size - (kind == "hold")
         if samples.ndim < 1 or samples.shape[0] != wanted:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import as_count, as_number
+from leastaction.numerics.arrays import as_choice, as_count, as_number
 from leastaction.optimal.result import Settings
 
 __all__ = ["check_settings"]
@@ -32,9 +32,8 @@ def check_settings(
     ``max_iterations``, ``tolerance``, ``absolute_tolerance``, ``alpha``, ``beta``, ``max_backtracks``, ``chunk``: as in
     `leastaction.optimal.optimize`. Raises `ArgumentError`: a setting that does not exist or is out of range.
     """
-    for name, value, allowed in (("method", method, METHODS), ("regulator", regulator, REGULATORS)):
-        if value not in allowed:
-            raise ArgumentError(f"{name}: got {value!r}, expected one of {', '.join(allowed)}.")
+    as_choice(method, "method", METHODS)
+    as_choice(regulator, "regulator", REGULATORS)
     if method == "newton" and not has_curvature:
         raise ArgumentError(
             f"method: got 'newton', but {system} has no second derivative. Give it a "

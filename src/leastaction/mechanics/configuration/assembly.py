@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError, InconsistentStartError
+from leastaction.errors import ArgumentError, InconsistentStartError, worst_first
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
 from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
 from leastaction.mechanics.configuration.null_space import Indices, free_variables, restoring, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_array, as_count
+
+_VELOCITY_TOLERANCE = 1e-6  # of the rate of a constraint, relative to its terms (at least 1)
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,23 @@ def check_consistent(mechanism: Mechanism, q: npt.ArrayLike, *, tolerance: float
         )
 
 
+def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "") -> None:
+    """Raise an `InconsistentStartError` unless a velocity keeps the constraints; ``instead``: what else may be done."""
+    if mechanism.nc == 0:
+        return
+    jacobian = mechanism.constraint_jacobian(q)
+    rate = jacobian @ v
+    size = np.abs(jacobian) @ np.abs(v)
+    if not np.all(np.abs(rate) <= _VELOCITY_TOLERANCE * np.maximum(1.0, size)):
+        residuals = worst_first(dict(zip(mechanism.constraints, rate, strict=True)))
+        name, value = next(iter(residuals.items()))
+        raise InconsistentStartError(
+            f"the velocity does not keep the constraints: the rate of {name!r} is {value:.3g}. Use "
+            f"project_velocity to bring it onto them{instead}",
+            residuals=residuals,
+        )
+
+
 def project_configuration(
     mechanism: Mechanism,
     q: npt.ArrayLike,
@@ -139,8 +158,7 @@ def project_configuration(
     """
     start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
     free = free_variables(mechanism, hold, move_kinematic)
-    if attempts is True or not hasattr(attempts, "__index__") or attempts < 1:
-        raise ArgumentError(f"attempts: got {attempts!r}; expected a whole number, one or more")
+    as_count(attempts, "attempts", 1)
     root = np.sqrt(_weights(mechanism, weights)[free])
     problem = ConstraintProjection(mechanism, start, free, root)
     q_near, iterations = problem.solve(tolerance, max_iterations, attempts)

@@ -16,12 +16,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError, EquilibriumError, worst_first
+from leastaction.errors import EquilibriumError, worst_first
 from leastaction.mechanics.configuration.assembly import project_configuration
 from leastaction.mechanics.configuration.null_space import (
     Indices,
@@ -31,9 +31,12 @@ from leastaction.mechanics.configuration.null_space import (
     restoring,
     row_scales,
 )
+from leastaction.mechanics.mechanism.arguments import inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number, read_only
-from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_number
+from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+
+Kind = Literal["minimum", "any"]
 
 _ON_CONSTRAINTS = 1e-12  # relative residual of the constraints at every iterate
 _FLAT = 1e-9  # eigenvalues below this part of the largest count as zero
@@ -90,8 +93,7 @@ class Equilibrium:
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
-        for name in ("q", "eigenvalues", "modes"):
-            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name))))
+        freeze_arrays(self)
 
     @property
     def frequencies(self) -> Array:
@@ -108,7 +110,7 @@ def equilibrium(
     *,
     hold: Sequence[str] = (),
     inputs: npt.ArrayLike | None = None,
-    kind: Literal["minimum", "any"] = "minimum",
+    kind: Kind = "minimum",
     tolerance: float = 1e-12,
     max_iterations: int = 200,
 ) -> Equilibrium:
@@ -141,13 +143,9 @@ def equilibrium(
         If none is found, with the net forces by name and what was reached: the potential has no minimum
         or is not smooth there, or the iterations were too few.
     """
-    if kind not in ("minimum", "any"):
-        raise ArgumentError(f"kind: got {kind!r}, expected 'minimum' or 'any'")
-    if not 0.0 < as_number(tolerance, "tolerance") < 1.0:
-        raise ArgumentError(f"tolerance: got {tolerance}, expected a number between 0 and 1")
-    u = np.zeros(mechanism.n_inputs)
-    if inputs is not None:
-        u = as_array(inputs, "inputs", (mechanism.n_inputs,), names=mechanism.inputs)
+    as_choice(kind, "kind", get_args(Kind))
+    as_number(tolerance, "tolerance", above=0.0, below=1.0)
+    u = inputs_of(mechanism, inputs)
     start = as_array(q_guess, "q_guess", (mechanism.nq,), names=mechanism.variables)
     search = _Search(mechanism, free_variables(mechanism, hold), u)
     if mechanism.nc:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 
@@ -52,9 +52,7 @@ def free_variables(mechanism: Mechanism, hold: Sequence[str], move_kinematic: bo
         raise ArgumentError(f"hold: expected a list of variables, got the string {hold!r}")
     for name in hold:
         if name not in mechanism.variables:
-            raise ArgumentError(
-                f"hold: unknown variable {name!r}; {closest(name, mechanism.variables, what='variables')}"
-            )
+            raise unknown("variable", name, mechanism.variables, "hold")
     count = mechanism.nq if move_kinematic else mechanism.nd
     held = set(hold)
     return np.array([i for i, name in enumerate(mechanism.variables[:count]) if name not in held], dtype=np.intp)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number
 
@@ -140,9 +140,7 @@ def _watched(name: str, event: Any, mechanism: Mechanism) -> Watched:
     function = event.function
     if isinstance(function, str):
         if function not in mechanism.variables:
-            raise ArgumentError(
-                f"{what}: unknown variable {function!r}; {closest(function, mechanism.variables, what='variables')}"
-            )
+            raise unknown("variable", function, mechanism.variables, what)
         function = _crossing(mechanism.variables.index(function), as_number(event.value, f"{what}: value"))
     elif not callable(function):
         raise ArgumentError(

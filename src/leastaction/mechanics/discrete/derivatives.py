@@ -12,6 +12,7 @@ from leastaction.errors import ArgumentError, StepError
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
 from leastaction.mechanics.discrete.trajectory import Trajectory, state_of
+from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.memory import MAX_BYTES, check_memory
 
@@ -165,9 +166,5 @@ def tensors(
 
 def check_trajectory(vi: Integrator, trajectory: Trajectory) -> None:
     """Raise unless a trajectory has the variables, inputs and constraints of an integrator's mechanism."""
-    theirs, ours = trajectory.mechanism, vi.mechanism
-    if (theirs.variables, theirs.inputs, theirs.constraints) != (ours.variables, ours.inputs, ours.constraints):
-        raise ArgumentError(
-            f"trajectory: it is of {theirs!r} with other names, expected one of {ours!r}; use the "
-            "integrator of the mechanism that made it"
-        )
+    advice = "; use the integrator of the mechanism that made it"
+    check_same_names(trajectory.mechanism, vi.mechanism, "trajectory", advice)

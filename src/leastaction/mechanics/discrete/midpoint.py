@@ -12,7 +12,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Literal, cast, final
+from typing import Any, Literal, cast, final, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +21,11 @@ from leastaction import _core
 from leastaction.errors import (
     ArgumentError,
     CoarseStepWarning,
-    InconsistentStartError,
     StepError,
     closest,
     worst_first,
 )
-from leastaction.mechanics.configuration.assembly import check_consistent
+from leastaction.mechanics.configuration.assembly import check_consistent, check_velocity
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
 from leastaction.mechanics.discrete import functions
@@ -36,9 +35,19 @@ from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory, check_state, state_of
+from leastaction.mechanics.mechanism.arguments import inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_time_step, as_times, read_only
+from leastaction.numerics.arrays import (
+    Array,
+    as_array,
+    as_choice,
+    as_count,
+    as_number,
+    as_time_step,
+    as_times,
+    read_only,
+)
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.numerics.step_quality import StepQuality, coarsest
 
@@ -51,7 +60,6 @@ _REASONS = {
     _core.StepStatus.singular: "the equations of the step are singular",
     _core.StepStatus.too_coarse: "the time step is too coarse",
 }
-_VELOCITY_TOLERANCE = 1e-6
 _CHUNK = 2000  # steps between looks at Ctrl-C
 
 
@@ -94,14 +102,11 @@ class MidpointVI(Integrator):
         threads: int = 0,
         at_instants: Sequence[str] = (),
     ) -> None:
-        if split not in ("symmetric", "left"):
-            raise ArgumentError(f"split: got {split!r}, expected 'symmetric' or 'left'")
-        if not 0.0 < as_number(tolerance, "tolerance") < 1e-2:
-            raise ArgumentError(f"tolerance: got {tolerance}, expected a number between 0 and 0.01")
+        as_choice(split, "split", get_args(Split))
         self.mechanism = mechanism
         self.split: Split = split
         self.shares = (0.5, 0.5) if split == "symmetric" else (1.0, 0.0)
-        self.tolerance = float(tolerance)
+        self.tolerance = as_number(tolerance, "tolerance", above=0.0, below=1e-2)
         self.threads = as_count(threads, "threads", 0)
         steps = as_count(max_iterations, "max_iterations", 1)
         self.max_iterations = steps
@@ -162,7 +167,7 @@ class MidpointVI(Integrator):
             momentum = as_array(p, "p", (m.nd,), names=m.dynamic)
             return State(as_number(t, "t"), q0.copy(), momentum.copy(), np.zeros(m.nrho))
         v0 = np.zeros(m.nq) if v is None else as_array(v, "v", (m.nq,), names=m.variables)
-        self._check_velocity(q0, v0)
+        check_velocity(m, q0, v0)
         momentum = as_array(m.momentum(q0, v0)[: m.nd], "momentum", (m.nd,), names=m.dynamic)
         return State(as_number(t, "t"), q0.copy(), momentum, v0[m.nd :].copy())
 
@@ -188,7 +193,7 @@ class MidpointVI(Integrator):
         for q in (first, second):
             check_consistent(m, q)
         h = as_time_step(dt)
-        u = self._inputs(inputs)
+        u = inputs_of(m, inputs)
         _, p = self.core.momenta(first, second, u, h, h)
         return State(as_number(t, "t"), second.copy(), p[: m.nd], (second - first)[m.nd :] / h)
 
@@ -226,7 +231,7 @@ class MidpointVI(Integrator):
         m = self.mechanism
         check_state(state)
         h = as_time_step(dt)
-        u = self._inputs(inputs)
+        u = inputs_of(m, inputs)
         rho = state.q[m.nd :] if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
         t = np.array([as_number(state.t, "state.t"), state.t + h])
         self._check_lengths(np.concatenate([state.q[: m.nd], rho])[None, :], t[1:])
@@ -299,8 +304,7 @@ class MidpointVI(Integrator):
         rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nd :], extra_row=True)
         self._check_lengths(np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
         law = inputs if takes_state(inputs) else None
-        if law_at not in ("start", "midpoint"):
-            raise ArgumentError(f"law_at: got {law_at!r}, expected 'start' or 'midpoint'")
+        as_choice(law_at, "law_at", get_args(LawAt))
         inside = MidpointLaw(self, law) if law is not None and law_at == "midpoint" else None
         forces = None if law is not None else cast(Signal, inputs)
         u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
@@ -433,13 +437,6 @@ class MidpointVI(Integrator):
             quality=quality,
         )
 
-    def _inputs(self, inputs: npt.ArrayLike | None) -> Array:
-        """Return the inputs of one step (n_inputs,), zero if not given."""
-        m = self.mechanism
-        if inputs is None:
-            return np.zeros(m.n_inputs)
-        return as_array(inputs, "inputs", (m.n_inputs,), names=m.inputs)
-
     def _check_lengths(self, q: Array, t: Array) -> None:
         """Complain about a prescribed distance that is not positive: it has no direction to pull in."""
         m = self.mechanism
@@ -454,22 +451,6 @@ class MidpointVI(Integrator):
                     f"{name}: its length {variable!r} is {lengths[k]:.6g} m at t = {t[k]:.6g} s, "
                     "expected a positive one, as a string of zero length has no direction to pull in"
                 )
-
-    def _check_velocity(self, q: Array, v: Array) -> None:
-        m = self.mechanism
-        if m.nc == 0:
-            return
-        jacobian = m.constraint_jacobian(q)
-        rate = jacobian @ v
-        size = np.abs(jacobian) @ np.abs(v)
-        if not np.all(np.abs(rate) <= _VELOCITY_TOLERANCE * np.maximum(1.0, size)):
-            residuals = worst_first(dict(zip(m.constraints, rate, strict=True)))
-            name, value = next(iter(residuals.items()))
-            raise InconsistentStartError(
-                f"the velocity does not keep the constraints: the rate of {name!r} is {value:.3g}. "
-                "Use project_velocity to bring it onto them",
-                residuals=residuals,
-            )
 
     def _vector(self, state: State) -> Array:
         m = self.mechanism

@@ -190,7 +190,7 @@ def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str]
     still = np.tile(np.concatenate([q, p[: m.nd], np.zeros(m.nrho)]), (2, 1))
     inputs = np.concatenate([none, q[m.nd :]])[None, :]
     dq = steps_by(vi, np.array([0.0, dt]), still, inputs, names).x[0, : m.nd]
-    C = m.constraint_jacobian(q).reshape(m.nc, m.nq)[:, : m.nd]
+    C = m.constraint_jacobian(q)[:, : m.nd]
     needed, size = C @ dq, np.abs(C) @ np.abs(dq)
     moved = np.abs(needed) > _ROUNDING * np.maximum(1.0, size)
     if not moved.any():
@@ -225,7 +225,7 @@ def _velocity_by(
     dv = np.zeros_like(dq)
     if not names or not m.nc or not np.any(v):
         return dv
-    C = m.constraint_jacobian(q).reshape(m.nc, m.nq)
+    C = m.constraint_jacobian(q)
     bends = np.stack([m.core.constraint_hessian(q, row) for row in np.eye(m.nc)])
     turned = np.einsum("cij,i->cj", bends, v)[:, : m.nd] @ dq
     turned += np.stack([_rates_by(m, q, v, name) for name in names], axis=1)
@@ -260,7 +260,7 @@ def _rates_by(m: Mechanism, q: Array, v: Array, name: str) -> Array:
 
     def rates(by: float) -> Array:
         changed = m.with_parameters({name: value + by})
-        return np.asarray(changed.constraint_jacobian(q).reshape(m.nc, m.nq) @ v)
+        return changed.constraint_jacobian(q) @ v
 
     near, far = rates(step) - rates(-step), rates(2.0 * step) - rates(-2.0 * step)
     return (8.0 * near - far) / (12.0 * step)
@@ -420,5 +420,5 @@ def _momenta_of(vi: Integrator, t: Array, x: Array, u: Array, lam: Array, first_
         share = dt * (first_share if k == 0 else 1.0)
         q = np.ascontiguousarray(x[k, : m.nq])
         p, end[k] = vi.core.momenta(q, np.ascontiguousarray(x[k + 1, : m.nq]), u[k, : m.n_inputs].copy(), dt, share)
-        start[k] = -p - lam[k] @ m.constraint_jacobian(q).reshape(m.nc, m.nq)
+        start[k] = -p - lam[k] @ m.constraint_jacobian(q)
     return start, end

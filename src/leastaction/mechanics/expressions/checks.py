@@ -7,7 +7,7 @@ from typing import Any
 
 import sympy
 
-from leastaction.errors import DescriptionError
+from leastaction.errors import DescriptionError, brief
 from leastaction.mechanics.expressions.symbols import Coordinate, Quantity, Rate
 
 # The operation of each function; those in the second table are one over it.
@@ -114,9 +114,3 @@ def _check_part(part: sympy.Basic, what: str, allowed: Sequence[sympy.Symbol] | 
         f"{what}: {brief(part)} ({type(part).__name__}) cannot be compiled; work it out first, as with .doit(), "
         f"or write it with sums, products, powers, sqrt and {known}"
     )
-
-
-def brief(part: object) -> str:
-    """Return an expression as text for messages, cut off where it becomes long."""
-    text = str(part)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -8,8 +8,8 @@ from typing import Any
 
 import sympy
 
-from leastaction.errors import DescriptionError
-from leastaction.mechanics.expressions.checks import brief, check_expression
+from leastaction.errors import DescriptionError, brief
+from leastaction.mechanics.expressions.checks import check_expression
 from leastaction.mechanics.expressions.symbols import Coordinate, Quantity, Rate
 from leastaction.mechanics.expressions.tape_compiler import TapeCode, compile_tape
 from leastaction.numerics.names import check_name

@@ -15,8 +15,8 @@ import numpy.typing as npt
 import sympy
 
 from leastaction import _core
-from leastaction.errors import DescriptionError
-from leastaction.mechanics.expressions.checks import FUNCTIONS, RECIPROCALS, brief, check_expression
+from leastaction.errors import DescriptionError, brief
+from leastaction.mechanics.expressions.checks import FUNCTIONS, RECIPROCALS, check_expression
 
 CODES = {name: code for code, name in enumerate(_core.Tape.operations)}
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+import numpy as np
 import numpy.typing as npt
 
 from leastaction import _core
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.numerics.arrays import Array, as_array, shape_of
@@ -49,9 +50,20 @@ class Compiled(Protocol):
         """Names of its constraint equations."""
 
 
+def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = "") -> None:
+    """Raise unless two mechanisms have the same variables, inputs and constraints; ``advice``: what to do, if any."""
+    if (theirs.variables, theirs.inputs, theirs.constraints) != (ours.variables, ours.inputs, ours.constraints):
+        raise ArgumentError(f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}{advice}")
+
+
 def single(m: Compiled, q: npt.ArrayLike, what: str = "q") -> Array:
     """Return one configuration, velocity or the like (nq,)."""
     return as_array(q, what, (m.nq,), names=m.variables)
+
+
+def inputs_of(m: Compiled, inputs: npt.ArrayLike | None, what: str = "inputs") -> Array:
+    """Return inputs (n_inputs,), zero if not given."""
+    return np.zeros(m.n_inputs) if inputs is None else as_array(inputs, what, (m.n_inputs,), names=m.inputs)
 
 
 def batch(m: Compiled, q: npt.ArrayLike, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
@@ -76,5 +88,5 @@ def frame_index(m: Compiled, name: str) -> int:
     """Return the index of a frame by name."""
     index = m.tree.index.get(name)
     if index is None:
-        raise ArgumentError(f"unknown frame {name!r}; {closest(name, m.tree.index, what='frames')}")
+        raise unknown("frame", name, m.tree.index)
     return index

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
 from leastaction.numerics.memory import MAX_BYTES, check_memory
@@ -221,8 +221,7 @@ class FunctionDerivatives:
 
     def _place(self, name: str) -> slice:
         if name not in self.arguments:
-            known = closest(name, tuple(self.arguments), what="arguments")
-            raise ArgumentError(f"{self.name}: unknown argument {name!r}; {known}")
+            raise unknown("argument", name, self.arguments, self.name)
         return slice(*self.arguments[name])
 
     def _check_order(self, order: int) -> None:

@@ -15,9 +15,9 @@ import numpy.typing as npt
 from leastaction import _core
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.elements import Constraint, Force, Parts, Potential
-from leastaction.mechanics.mechanism.arguments import Compiled, single
+from leastaction.mechanics.mechanism.arguments import Compiled, inputs_of, single
 from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array
 
 
 def lagrangian(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> FunctionDerivatives:
@@ -96,7 +96,7 @@ def force(
         For wrong shapes, an unknown element or one that is no force.
     """
     at, speed = single(m, q).copy(), single(m, v, "v").copy()
-    given = np.zeros(m.n_inputs) if u is None else as_array(u, "u", (m.n_inputs,), names=m.inputs).copy()
+    given = inputs_of(m, u, "u").copy()
     evaluate = ForceAt(m, _parts_of(m, element, Force), at, speed, given)
     arguments, order = {"q": m.nq, "v": m.nq, "u": m.n_inputs}, _highest_order(m, element, Force)
     return FunctionDerivatives.of(_called("f", element), arguments, evaluate, rows=m.variables, highest_order=order)

@@ -48,8 +48,8 @@ def mass_matrix(m: Compiled, q: npt.ArrayLike) -> Array:
     return inertia
 
 
-def mass(m: Compiled) -> float:
-    """Mass of all bodies (kg), those fixed in the world too."""
+def mass_of(m: Compiled) -> float:
+    """Return the mass of all bodies (kg)."""
     return float(sum(body.mass for _, body, _ in m.tree.bodies()))
 
 
@@ -71,7 +71,7 @@ def center_of_mass(m: Compiled, q: npt.ArrayLike) -> Array:
         If the mechanism has no mass.
     """
     values, one = batch(m, q)
-    joints, total = m.core.joint_poses(values), mass(m)
+    joints, total = m.core.joint_poses(values), mass_of(m)
     if total == 0.0:
         raise ArgumentError(
             "center_of_mass: the mechanism has no mass, so it has no centre of mass; give a frame mass="

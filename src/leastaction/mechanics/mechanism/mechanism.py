@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction import _core
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import unknown
 from leastaction.mechanics.description.branch import Branch
 from leastaction.mechanics.description.flattening import flatten
 from leastaction.mechanics.description.masses import check_masses
@@ -206,7 +206,7 @@ class Mechanism:
         order = {name: index for index, name in enumerate(self.variables)}
         for name, value in (values or {}).items():
             if name not in order:
-                raise ArgumentError(f"unknown variable {name!r}; {closest(name, order, what='variables')}")
+                raise unknown("variable", name, order)
             q[order[name]] = as_number(value, f"the value of {name!r}")
         return q
 
@@ -263,7 +263,7 @@ class Mechanism:
         """
         for name in elements:
             if name not in self.elements:
-                raise ArgumentError(f"elements: unknown name {name!r}; {closest(name, self.elements, what='elements')}")
+                raise unknown("element", name, self.elements, "elements")
         kept = [(elements.get(name, (each,))) for name, each in self._plan.elements.items()]
         flat = [each for group in kept for each in group]
         used = [name for each in flat for name in (*each.uses.kinematic, *each.uses.either)]
@@ -349,8 +349,12 @@ class Mechanism:
     momentum = mass_queries.momentum
     total_momentum = mass_queries.total_momentum
     mass_matrix = mass_queries.mass_matrix
-    mass = property(mass_queries.mass)
     center_of_mass = mass_queries.center_of_mass
+
+    @property
+    def mass(self) -> float:
+        """Mass of all bodies (kg), those fixed in the world too."""
+        return mass_queries.mass_of(self)
 
     constraint_values = constraint_queries.constraint_values
     constraint_residuals = constraint_queries.constraint_residuals

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, DescriptionError, closest
+from leastaction.errors import ArgumentError, DescriptionError, unknown
 from leastaction.mechanics.description.affine import Affine
 from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.description.flattening import place_frames
@@ -200,7 +200,7 @@ def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str
     found: dict[str, Place] = {}
     for name in names:
         if name not in places:
-            raise ArgumentError(f"unknown parameter {name!r}; {closest(name, places, what='parameters')}")
+            raise unknown("parameter", name, places)
         if name in found:
             raise ArgumentError(f"parameters: {name!r} is listed twice; name each one once")
         found[name] = places[name]

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD, Tree
 from leastaction.mechanics.mechanism.arguments import Compiled, frame_index
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_array, as_choice
 
 Axes = Literal["world", "frame"]
 
@@ -62,8 +61,7 @@ class PathMotion:
     def of(cls, m: Compiled, q: Array, frame: str, point: npt.ArrayLike, axes: Axes) -> PathMotion:
         """Look at a point (3,) of a frame at configurations q (N, nq)."""
         index, offset = frame_index(m, frame), as_array(point, "point", (3,))
-        if axes not in ("world", "frame"):
-            raise ArgumentError(f"axes: got {axes!r}, expected 'world' or 'frame'")
+        as_choice(axes, "axes", get_args(Axes))
         path = m.tree.ancestors(m.tree.frames[index].joint)[::-1]
         poses = poses_of(m.tree, index, m.core.joint_poses(q))
         place = poses[:, :3, :3] @ offset + poses[:, :3, 3]

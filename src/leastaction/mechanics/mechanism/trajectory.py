@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
@@ -116,5 +116,5 @@ class BaseTrajectory(ABC, Generic[S_co]):
         """Return the index of a variable by name."""
         m = self.mechanism
         if name not in m.variables:
-            raise ArgumentError(f"unknown variable {name!r}; {closest(name, m.variables, what='variables')}")
+            raise unknown("variable", name, m.variables)
         return m.variables.index(name)

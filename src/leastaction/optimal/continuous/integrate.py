@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_count, as_number
+from leastaction.numerics.arrays import Array, as_choice, as_count, as_number
 from leastaction.numerics.ode import SOLVERS, IntegrationFailed, Interpolant, March
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
 
@@ -35,8 +34,7 @@ class Accuracy:
     max_steps: int = 20_000
 
     def __post_init__(self) -> None:
-        if self.solver not in SOLVERS:
-            raise ArgumentError(f"solver: got {self.solver!r}, expected one of {', '.join(SOLVERS)}.")
+        as_choice(self.solver, "solver", SOLVERS)
         # SciPy does not go below 100 times the rounding unit.
         as_number(self.rtol, "rtol", above=3e-14, below=0.1)
         as_number(self.atol, "atol", above=0.0)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
-from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
+from leastaction.numerics.piecewise import PiecewisePolynomial, Through, approximate
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.time_functions import TimeFunction, TimeFunctionLike, first_mesh
 from leastaction.optimal.result import OptimizationResult
@@ -40,9 +39,7 @@ class DenseTrajectory:
         self.nu = xu.shape[0] - nx
 
     @classmethod
-    def from_samples(
-        cls, t: ArrayLike, x: ArrayLike, u: ArrayLike, *, kind: Literal["linear", "hold", "cubic"] = "cubic"
-    ) -> DenseTrajectory:
+    def from_samples(cls, t: ArrayLike, x: ArrayLike, u: ArrayLike, *, kind: Through = "cubic") -> DenseTrajectory:
         """Return the curve through samples.
 
         Parameters

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from leastaction.errors import brief
 from leastaction.mechanics.elements.base import Constraint, Force, Potential
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
@@ -55,7 +56,7 @@ class ExpressionPotential(Potential):
         return Uses(frames=self.compiled.frames, variables=self.compiled.variables)
 
     def describe(self) -> str:
-        return _brief(self.expression)
+        return brief(self.expression)
 
     def add_to(self, core: Compiler) -> None:
         slots = {name: core.parameter(name, value) for name, value in self.compiled.parameters}
@@ -96,7 +97,7 @@ class ExpressionConstraint(Constraint):
         return Uses(frames=self.compiled.frames, variables=self.compiled.variables)
 
     def describe(self) -> str:
-        return f"{_brief(self.expression)} = 0"
+        return f"{brief(self.expression)} = 0"
 
     def check(self, context: Context) -> None:
         super().check(context)
@@ -155,7 +156,7 @@ class ExpressionForce(Force):
         return f"force({self.along})" if isinstance(self.along, str) else super().default_name
 
     def describe(self) -> str:
-        return f"{_brief(self.expression)} along {_brief(self.along)}"
+        return f"{brief(self.expression)} along {brief(self.along)}"
 
     def check(self, context: Context) -> None:
         super().check(context)
@@ -163,7 +164,7 @@ class ExpressionForce(Force):
         self.check_moved(
             context,
             context.behind(first.frames, first.variables),
-            f"changes {_brief(self.along)}, so a force along it does nothing; choose another one",
+            f"changes {brief(self.along)}, so a force along it does nothing; choose another one",
         )
 
     def add_to(self, core: Compiler) -> None:
@@ -187,8 +188,3 @@ def _coordinate(compiled: CompiledExpression, slots: Mapping[str, int], core: Co
         compiled.code.tape(),
         [slots[name] for name, _ in compiled.parameters],
     )
-
-
-def _brief(expression: object) -> str:
-    text = str(expression)
-    return text if len(text) <= 60 else f"{text[:57]}..."

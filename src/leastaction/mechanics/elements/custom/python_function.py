@@ -18,7 +18,7 @@ from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics.elements.base import Constraint, Force, Potential
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
-from leastaction.mechanics.elements.fields import INPUT, Metadata, number
+from leastaction.mechanics.elements.fields import FRAMES, INPUT, Metadata, number
 from leastaction.mechanics.elements.kinds import Kind, Names, Uses
 from leastaction.mechanics.expressions.terms import unit_vector
 from leastaction.numerics.names import check_name
@@ -141,7 +141,6 @@ class _Directions(Kind):
 
 
 _FUNCTION: Metadata = {"kind": _Function()}
-_POINTS: Metadata = {"kind": Names("frames")}
 _DIRECTIONS: Metadata = {"kind": _Directions()}
 _VARIABLES: Metadata = {"kind": Names("variables")}
 
@@ -168,7 +167,7 @@ class PythonPotential(Potential):
     """
 
     function: PythonFunction = field(metadata=_FUNCTION)
-    points: Sequence[str] = field(default=(), kw_only=True, metadata=_POINTS)
+    points: Sequence[str] = field(default=(), kw_only=True, metadata=FRAMES)
     directions: Sequence[Direction] = field(default=(), kw_only=True, metadata=_DIRECTIONS)
     variables: Sequence[str] = field(default=(), kw_only=True, metadata=_VARIABLES)
 
@@ -202,7 +201,7 @@ class PythonConstraint(Constraint):
     """
 
     function: PythonFunction = field(metadata=_FUNCTION)
-    points: Sequence[str] = field(default=(), kw_only=True, metadata=_POINTS)
+    points: Sequence[str] = field(default=(), kw_only=True, metadata=FRAMES)
     directions: Sequence[Direction] = field(default=(), kw_only=True, metadata=_DIRECTIONS)
     variables: Sequence[str] = field(default=(), kw_only=True, metadata=_VARIABLES)
 
@@ -263,7 +262,7 @@ class PythonForce(Force):
     magnitude: PythonFunction | None = field(default=None, kw_only=True, metadata=_FUNCTION)
     measured: Sequence[str] = field(default=(), kw_only=True, metadata=_VARIABLES)
     gain: float = field(default=1.0, kw_only=True, metadata=number())
-    points: Sequence[str] = field(default=(), kw_only=True, metadata=_POINTS)
+    points: Sequence[str] = field(default=(), kw_only=True, metadata=FRAMES)
     directions: Sequence[Direction] = field(default=(), kw_only=True, metadata=_DIRECTIONS)
     variables: Sequence[str] = field(default=(), kw_only=True, metadata=_VARIABLES)
 
