@@ -14,8 +14,8 @@ from typing import Any
 __all__ = [
     "ArgumentError", "CoarseStepWarning", "ContradictoryConstraintsError", "DescriptionError", "DynamicsError",
     "EnergyBalanceWarning", "EquilibriumError", "InconsistentStartError", "LeastActionError", "MotionFileError",
-    "OutputError", "ProjectionError", "ResultFileError", "SingularityWarning", "StepError", "UnitWarning", "closest",
-    "worst_first",
+    "OutputError", "ProjectionError", "ResultFileError", "SingularityWarning", "StepError", "UnitWarning", "brief",
+    "closest", "unknown", "worst_first",
 ]  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
+from leastaction.systems.strings import strings_of
 
 __all__ = ["KINDS", "Accelerations", "Rates", "Tensions", "quantity_of"]
 
@@ -141,25 +142,9 @@ class Tensions(Quantity):
     @classmethod
     def of(cls, mechanism: Mechanism, dt: Array) -> Tensions:
         """Return those of all strings."""
-        m, one = mechanism, np.ones(1)
-        names: list[str] = []
-        places: list[tuple[int, int, int]] = []
-        laws: list[tuple[float, float]] = []
-        for row, name in enumerate(m.constraints):
-            element = m.elements.get(name)
-            if element is None:
-                continue
-            short, long = (element.tension(one, one, dict.fromkeys(m.variables, a * one)) for a in (0.0, 1.0))
-            if short is None or long is None:
-                continue
-            variable = getattr(element, "length_variable", None)
-            place = m.nd if variable is None else m.variables.index(variable)
-            names.append(name)
-            places.append((m.nx + row, place, m.nq + place))
-            laws.append((float(short[0]), float(long[0] - short[0])))
-        lam, length, rate = np.array(places, dtype=np.intp).reshape(-1, 3).T
-        constant, slope = np.array(laws).reshape(-1, 2).T
-        return cls(names, lam, length, rate, constant, slope, dt)
+        m, strings = mechanism, strings_of(mechanism, 1.0)
+        places = m.nx + strings.rows, strings.lengths, m.nq + strings.lengths
+        return cls(strings.names, *places, strings.constant, strings.slope, dt)
 
     def values(self, at: Samples) -> Array:
         """Return the tensions."""

@@ -11,6 +11,7 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
+from leastaction.systems.strings import strings_of
 
 __all__ = ["KINDS", "Solved", "points_of", "quantity_of"]
 
@@ -52,28 +53,10 @@ def quantity_of(dynamics: ContinuousDynamics, kind: str, t: Array) -> Quantity:
 
 
 def _tensions(dynamics: ContinuousDynamics, t: Array) -> Solved:
-    m, one = dynamics.mechanism, np.ones(1)
-    names: list[str] = []
-    rows: list[int] = []
-    laws: list[tuple[float, float]] = []
-    places: list[int] = []
-    for row, name in enumerate(m.constraints):
-        element = m.elements.get(name)
-        if element is None:
-            continue
-        # Multipliers here are the negative of impulses per second.
-        short, long = (element.tension(-one, one, dict.fromkeys(m.variables, a * one)) for a in (0.0, 1.0))
-        if short is None or long is None:
-            continue
-        variable = getattr(element, "length_variable", None)
-        names.append(name)
-        rows.append(m.nq + row)
-        laws.append((float(short[0]), float(long[0] - short[0])))
-        places.append(0 if variable is None else m.variables.index(variable))
-    constant, slope = np.array(laws).reshape(-1, 2).T
+    strings = strings_of(dynamics.mechanism, -1.0)
     return Solved(
-        dynamics, t, names, np.array(rows, dtype=np.intp), kind="tension of", unit="N",
-        constant=constant, slope=slope, places=np.array(places, dtype=np.intp),
+        dynamics, t, strings.names, dynamics.mechanism.nq + strings.rows, kind="tension of", unit="N",
+        constant=strings.constant, slope=strings.slope, places=strings.lengths,
     )  # fmt: skip
 
 
