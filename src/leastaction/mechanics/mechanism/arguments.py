@@ -19,6 +19,11 @@ class Compiled(Protocol):
     """A `Mechanism`, as far as its queries ask it."""
 
     core: _core.Mechanism
+    tree: Tree
+    parts: Mapping[str | None, Parts]
+    variables: tuple[str, ...]
+    inputs: tuple[str, ...]
+    constraints: tuple[str, ...]
     nd: int
     nrho: int
     nq: int
@@ -26,28 +31,8 @@ class Compiled(Protocol):
     nc: int
 
     @property
-    def tree(self) -> Tree:
-        """Its frames and joints."""
-
-    @property
     def elements(self) -> Mapping[str, Element]:
         """Its elements by name."""
-
-    @property
-    def parts(self) -> Mapping[str | None, Parts]:
-        """Where the parts of each element stand in the core, and under None those of all."""
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of its configuration variables."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of its inputs."""
-
-    @property
-    def constraints(self) -> tuple[str, ...]:
-        """Names of its constraint equations."""
 
 
 def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = "") -> None:

@@ -58,6 +58,15 @@ class Mechanism:
 
     Attributes
     ----------
+    tree : Tree
+        The frames and joints that the description came to.
+    frames : tuple of str
+        Names of the frames in depth-first order; the world first.
+    dynamic, kinematic, variables : tuple of str
+        Names of the dynamic variables, in the order of the first nd entries of q; of the kinematic ones, in that of the
+        last nrho; and of all of them.
+    inputs, constraints : tuple of str
+        Names of the force inputs, and of the scalar constraint equations.
     nd, nrho, nq, n_inputs, nc, nx : int
         How many dynamic variables, kinematic ones, both, inputs (of forces), scalar constraints, and
         entries of the discrete state ``x = [q; rho; p; v_rho]``.
@@ -74,7 +83,8 @@ class Mechanism:
     """
 
     __slots__ = (
-        "_owners", "_plan", "_slots", "core", "n_inputs", "nc", "nd", "nq", "nrho", "nx", "parts",
+        "_owners", "_plan", "_slots", "constraints", "core", "dynamic", "frames", "inputs", "kinematic", "n_inputs",
+        "nc", "nd", "nq", "nrho", "nx", "parts", "tree", "variables",
     )  # fmt: skip
 
     _plan: Plan
@@ -82,6 +92,13 @@ class Mechanism:
     _owners: Mapping[str, tuple[str, str]]
     parts: Mapping[str | None, Parts]
     core: _core.Mechanism
+    tree: Tree
+    frames: tuple[str, ...]
+    dynamic: tuple[str, ...]
+    kinematic: tuple[str, ...]
+    variables: tuple[str, ...]
+    inputs: tuple[str, ...]
+    constraints: tuple[str, ...]
     nd: int
     nrho: int
     nq: int
@@ -118,6 +135,13 @@ class Mechanism:
             "_owners": context.owners,
             "parts": {**context.parts, None: whole},
             "core": builder.build() if like is None else _build_like(builder, like),
+            "tree": settled.tree,
+            "frames": tuple(settled.tree.index),
+            "dynamic": settled.dynamic,
+            "kinematic": settled.kinematic,
+            "variables": settled.dynamic + settled.kinematic,
+            "inputs": settled.inputs,
+            "constraints": settled.constraints,
             "nd": nd,
             "nrho": nrho,
             "nq": nd + nrho,
@@ -134,49 +158,14 @@ class Mechanism:
     # Names
 
     @property
-    def tree(self) -> Tree:
-        """The frames and joints that the description came to."""
-        return self._plan.tree
-
-    @property
     def elements(self) -> dict[str, Element]:
         """The elements by name (a copy)."""
         return dict(self._plan.elements)
 
     @property
-    def frames(self) -> tuple[str, ...]:
-        """Names of the frames in depth-first order; the world first."""
-        return tuple(self.tree.index)
-
-    @property
-    def dynamic(self) -> tuple[str, ...]:
-        """Names of the dynamic variables, in the order of the first nd entries of q."""
-        return self._plan.dynamic
-
-    @property
-    def kinematic(self) -> tuple[str, ...]:
-        """Names of the kinematic variables, in the order of the last nrho entries of q."""
-        return self._plan.kinematic
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of all configuration variables, in the order of q."""
-        return self._plan.dynamic + self._plan.kinematic
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the force inputs."""
-        return self._plan.inputs
-
-    @property
     def nu(self) -> int:
         """The same as `n_inputs`."""
         return self.n_inputs
-
-    @property
-    def constraints(self) -> tuple[str, ...]:
-        """Names of the scalar constraint equations."""
-        return self._plan.constraints
 
     @property
     def balls(self) -> tuple[Ball, ...]:
