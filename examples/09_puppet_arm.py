@@ -25,6 +25,7 @@ from leastaction import (
     MidpointVI,
     OptimizationResult,
     QuadraticCost,
+    SmoothCost,
     optimize,
     project_configuration,
     regulate,
@@ -38,8 +39,8 @@ KEYS = np.array([
 ])  # fmt: skip
 T = np.linspace(0.0, 8.0, 401)
 DT = T[1]
-ANGLES, SPEEDS = 100.0, 0.01  # weights of the angles, and of the speeds of carriage and string
-SMOOTH, LEAST = 30.0, 0.2  # largest acceleration of carriage and string (m/s^2), least tension (N)
+ANGLES, SPEEDS, SMOOTH = 100.0, 0.01, 1e-3  # weights: angles; speeds and accelerations of carriage and string
+LEAST = 0.2  # tension (N)
 # The rig: masses and damping by factors of the model's, noise of the sensors (rad), and steps that they are late.
 RIG = {"upper arm.mass": 1.1, "forearm.mass": 0.9, "damping.shoulder": 1.5, "damping.elbow": 1.5}
 NOISE, LATE = 1e-3, 1
@@ -66,10 +67,13 @@ class Planner:
         q = hang(self.vi.mechanism, wanted[0, :2])
         self.start = np.r_[self.vi.start(q).x, 0.0], np.tile(q[2:], (len(T) - 1, 1))
 
-    def plan(self, *limits: Bound, initial: OptimizationResult | None = None) -> OptimizationResult:
-        """Return the optimal motion within limits, from hanging still or from an earlier one."""
+    def plan(
+        self, *limits: Bound, smooth: float = 0.0, initial: OptimizationResult | None = None
+    ) -> OptimizationResult:
+        """Return the optimal motion with a price on accelerations, within limits; from rest or from an earlier one."""
         start = self.start if initial is None else initial
-        return optimize(self.system, self.cost, initial=start, limits=limits)
+        cost = SmoothCost(self.cost, self.system, {"string-*": smooth}) if smooth else self.cost
+        return optimize(self.system, cost, initial=start, limits=limits)
 
 
 def tension(x: np.ndarray) -> np.ndarray:
@@ -133,10 +137,9 @@ class Result:
 def solve() -> Result:
     """Plan in three ways, and play the last plan with and without feedback."""
     planner = Planner()
-    smooth = Bound("string-*", -SMOOTH, SMOOTH, of="acceleration")
     free = planner.plan()
-    calm = planner.plan(smooth, initial=free)
-    pulled = planner.plan(smooth, Bound("string", min=LEAST, of="tension"), initial=calm)
+    calm = planner.plan(smooth=SMOOTH, initial=free)
+    pulled = planner.plan(Bound("string", min=LEAST, of="tension"), smooth=SMOOTH, initial=calm)
     plans = {"as it is": free, "smooth": calm, "smooth, pulls only": pulled}
     rig = {name: play(planner, pulled, feedback=name != "plan alone") for name in ("plan alone", "with feedback")}
     return Result(plans, rig, planner.vi.mechanism)

@@ -230,6 +230,7 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "FinalTime": lambda: la.FinalTime(1.0, 3.0, price=1.0),
     "QuadraticCost": cost,
     "SimulationStatus": lambda: la.SimulationStatus.STEP_FAILED,
+    "SmoothCost": lambda: la.SmoothCost(cost(), system(), {}),
     "SpatialWrench": lambda: la.SpatialWrench("bob", force=("F", 0.0, 1.0)),
     "StageRecord": lambda: started().stages[0],
     "StageTable": la.StageTable,

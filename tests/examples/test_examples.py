@@ -259,13 +259,16 @@ def test_puppet_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     result = example.solve()
     free, calm, pulled = (run.x for run in result.plans.values())
     assert all(run.success for run in result.plans.values())
-    # As it is it rings; a limit on acceleration calms it, and the string may be asked to pull.
+    # As it is it rings; a price on acceleration calms it, and the string may be asked to pull.
+    changes = [np.abs(np.diff(example.tension(x))).sum() for x in (free, calm, pulled)]
     assert np.abs(example.acceleration(free)).max() > 500.0
-    for x in (calm, pulled):
-        assert np.abs(example.acceleration(x)).max() < example.SMOOTH * (1.0 + 1e-6)
+    assert changes[0] > 1000.0
+    for x, change in zip((calm, pulled), changes[1:], strict=True):
+        assert np.abs(example.acceleration(x)).max() < 150.0
         assert example.off(x) < 4.0
+        assert change < 80.0
     assert example.off(free) < 3.0
-    assert example.tension(calm).min() < -1.0
+    assert example.tension(calm).min() < -0.2
     assert example.tension(pulled).min() > example.LEAST - 1e-3
     # On a rig of other masses the feedback takes out most of what it was swung aside.
     alone, held = (

@@ -8,6 +8,7 @@ from leastaction.systems.keep import Ball, Box, HalfSpace, Keep, Region
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.relaxation import by_tensions, relax
+from leastaction.systems.smooth import SmoothCost
 from leastaction.systems.warm_start import warm_start
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "MidpointSystem",
     "PulledSystem",
     "Region",
+    "SmoothCost",
     "by_tensions",
     "embed",
     "relax",
