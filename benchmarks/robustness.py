@@ -62,7 +62,11 @@ class Certificate:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one problem ended. ``expected``, ``definite`` and ``descent`` are those of the `Certificate`."""
+    """How one problem ended. ``expected``, ``definite`` and ``descent`` are those of the `Certificate`.
+
+    ``rollouts``: all of them, those of searches with finer steps too, whose iterations are not among ``iterations``;
+    ``searched``: those of the iterations.
+    """
 
     name: str
     status: str
@@ -77,6 +81,7 @@ class Outcome:
     solves: int
     indefinite: int
     rollouts: int
+    searched: int
     seconds: float
 
 
@@ -143,7 +148,7 @@ def solve(problem: Problem, **options: Any) -> Outcome:
             nothing = (np.nan, False, False, np.nan, np.nan, 0, {})
             return Outcome(
                 problem.name, type(error).__name__, str(error), *nothing, counted.solves,
-                counted.indefinite, 0, seconds,
+                counted.indefinite, 0, 0, seconds,
             )  # fmt: skip
         seconds = time.perf_counter() - began
     try:
@@ -164,6 +169,7 @@ def solve(problem: Problem, **options: Any) -> Outcome:
         counted.solves,
         counted.indefinite,
         result.rollouts,
+        int(result.history.rollouts.sum()),
         seconds,
     )
 
@@ -200,7 +206,7 @@ def summary(outcomes: list[Outcome]) -> dict[str, float]:
         "solves": solves,
         "indefinite share": sum(o.indefinite for o in outcomes) / max(solves, 1),
         "iterations": sum(o.iterations for o in outcomes),
-        "roll-outs per iteration, converged": sum(o.rollouts for o in good) / max(sum(o.iterations for o in good), 1),
+        "roll-outs per iteration, converged": sum(o.searched for o in good) / max(sum(o.iterations for o in good), 1),
         "seconds": sum(o.seconds for o in outcomes),
     }
 

@@ -43,26 +43,29 @@ def is_trajectory(system, x, u):
     return all(np.allclose(system.f(x[k], u[k], k), x[k + 1], rtol=1e-9, atol=1e-9) for k in steps)
 
 
+# Stiff springs want short steps: with those of 20 ms it is luck whether the four-bar is closed.
 @pytest.mark.parametrize(
-    "name", ["slider-crank, half a turn, R 0.01, final 100, rest", "four-bar, a turn, R 0.01, final 100, rest"]
+    ("name", "parts"),
+    [("slider-crank, half a turn, R 0.01, final 100, rest", 1), ("four-bar, a turn, R 0.01, final 100, rest", 4)],
 )
-def test_a_loop_that_is_open_at_the_start_is_closed_by_springs(name):
+def test_a_loop_that_is_open_at_the_start_is_closed_by_springs(name, parts):
     """Only the driven joint is known; the others are not where the loop would be closed."""
     given = BY_NAME[name].build()
-    system, m = given.system, given.system.integrator.mechanism
+    system, cost, u = given.system.refined(parts), given.cost.refined(parts), np.repeat(given.u, parts, axis=0)
+    m = system.integrator.mechanism
     x0 = np.array(given.x)
     x0[1:] = 0.0
     assert np.abs(m.constraint_values(x0[: m.nq])).max() > 0.3
     for shooting in ("single", "multiple"):
         with pytest.raises(ArgumentError, match="roll-out failed after 0 of"):
-            optimize(system, given.cost, initial=(x0, given.u), shooting=shooting)
+            optimize(system, cost, initial=(x0, u), shooting=shooting)
     seen = []
-    found = relax(system, given.cost, initial=(x0, given.u), callback=seen.append)
+    found = relax(system, cost, initial=(x0, u), callback=seen.append)
     assert found.status is StartStatus.COMPLETED
     assert found.result.status is Status.CONVERGED
     assert np.abs([m.constraint_values(q) for q in found.x[:, : m.nq]]).max() < 1e-9
     assert is_trajectory(system, found.x, found.u)
-    assert found.cost == pytest.approx(given.cost.value(found.x, found.u))
+    assert found.cost == pytest.approx(cost.value(found.x, found.u))
     assert [stage.stage for stage in seen] == list(range(1, len(found.stages) + 1))
     assert seen[0].name.startswith("stiffness = 10")
     assert "residual of the constraints" in seen[0].note
@@ -157,7 +160,7 @@ def test_others_take_the_place_of_elements():
     points = np.asarray(pulled.positions(q, ["elbow", "hook"])).reshape(2, 3)
     distance = np.linalg.norm(points[1] - points[0])
     np.testing.assert_allclose(force, -3.0 * h[0] / (2.0 * distance), atol=1e-12)
-    with pytest.raises(ArgumentError, match="unknown name 'three'"):
+    with pytest.raises(ArgumentError, match="unknown element 'three'"):
         m.with_exchanged({"three": []})
     with pytest.raises(DescriptionError, match="two"):
         m.with_exchanged({"one": [m.elements["two"]]})

@@ -51,7 +51,7 @@ _LESS_CURVATURE = 0.3
 _LEAST_CURVATURE = 1.0 / 128.0
 
 # A search begins with a step that is longer by this than the last one, if that had to be cut so much.
-_LONGER = float(__import__("os").environ.get("XL", "4"))
+_LONGER = 4.0
 
 # A quadratic tail is foretold to be over where this part of what is small enough is left, from a step whose model was
 # right to the second part of the decrease.

@@ -20,7 +20,7 @@ from leastaction.mechanics.description.flattening import place_frames
 from leastaction.mechanics.description.frames import PRIMITIVES, Frame
 from leastaction.mechanics.description.joints import screw_detail
 from leastaction.mechanics.description.poses import pose
-from leastaction.mechanics.description.tree import Tree
+from leastaction.mechanics.description.tree import Tree, TreeFrame
 from leastaction.numerics.arrays import Array, as_number
 
 _AXES = "xyz"
@@ -225,6 +225,7 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
     if not bodies and not lengths and not joints:
         return tree
     frames = [placed.frame for placed in tree.frames]
+    order_stays = True
     for (index, number), values in bodies.items():
         frame = frames[index]
         try:
@@ -232,7 +233,11 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
         except DescriptionError as error:
             raise DescriptionError(f"frame {tree.frames[index].name!r}: {error}") from None
         kept = frame.bodies
+        order_stays = order_stays and _is_massive(changed) == _is_massive(kept[number])
         frames[index] = replace(frame, bodies=(*kept[:number], changed, *kept[number + 1 :]))
+    if order_stays and not lengths and not joints:
+        # Frames stand where they stood.
+        return replace(tree, frames=tuple(map(_exchanged, tree.frames, frames)))
     for index, coordinates in lengths.items():
         frame = frames[index]
         frames[index] = _resized(frame, coordinates)
@@ -241,6 +246,14 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
     return place_frames(
         [placed.name for placed in tree.frames], frames[1:], [placed.parent for placed in tree.frames[1:]]
     )
+
+
+def _is_massive(body: Body) -> bool:
+    return bool(body.mass or body.inertia.any())
+
+
+def _exchanged(placed: TreeFrame, frame: Frame) -> TreeFrame:
+    return placed if frame is placed.frame else replace(placed, frame=frame)
 
 
 def checked(changes: Mapping[str, float]) -> dict[str, float]:
