@@ -24,11 +24,13 @@ from leastaction import (
     MidpointSystem,
     MidpointVI,
     OptimizationResult,
+    Played,
     QuadraticCost,
+    Rig,
     SmoothCost,
     optimize,
+    play,
     project_configuration,
-    regulate,
 )
 from leastaction.models.puppet_arm import hang, puppet_arm
 
@@ -41,9 +43,9 @@ T = np.linspace(0.0, 8.0, 401)
 DT = T[1]
 ANGLES, SPEEDS, SMOOTH = 100.0, 0.01, 1e-3  # weights: angles; speeds and accelerations of carriage and string
 LEAST = 0.2  # tension (N)
-# The rig: masses and damping by factors of the model's, noise of the sensors (rad), and steps that they are late.
-RIG = {"upper arm.mass": 1.1, "forearm.mass": 0.9, "damping.shoulder": 1.5, "damping.elbow": 1.5}
-NOISE, LATE = 1e-3, 1
+# The rig: masses and damping by factors of the model's, noise of the sensors (rad), and how late they are (s).
+FACTORS = {"upper arm.mass": 1.1, "forearm.mass": 0.9, "damping.*": 1.5}
+RIG = Rig(spread=0.0, factors=FACTORS, stiffness=None, noise=1e-3, delay=0.02)
 SWUNG = 0.4  # how far the shoulder is swung aside before the string takes hold of the arm (rad)
 
 
@@ -91,38 +93,13 @@ def acceleration(x: np.ndarray) -> np.ndarray:
     return np.diff(x[:, 2], 2) / DT**2
 
 
-def play(planner: Planner, plan: OptimizationResult, *, feedback: bool, seed: int = 0) -> np.ndarray:
-    """Return the states (401, 8) of the rig as it plays a plan, swung aside at first, by late and noisy readings."""
-    model = planner.vi.mechanism
-    numbers = {name: factor * model.parameters[name] for name, factor in RIG.items()}
-    rig = MidpointVI(model.with_parameters(numbers))
-    # The plan's feedback is on the state with its multiplier; the rig has no sensor for that.
-    d = planner.vi.linearize_arrays(T, plan.x[:, :8], plan.u)
-    K = regulate(d.A, d.B, Q=[10.0, 10.0, 0.1, 0.1, 0.0, 0.0, 1.0, 1.0], R=[1.0, 1.0])
-    noise = NOISE * np.random.default_rng(seed).standard_normal((len(T), 2))
-    swung = plan.x[0, :4] + [SWUNG, 0.0, 0.0, 0.0]
-    state = rig.start(project_configuration(model, swung).q)
-    states = [state.x]
-    for k in range(len(T) - 1):
-        u, at = plan.u[k], k - LATE
-        if feedback and at > 0:
-            # Carriage and string are where they were sent. Of the arm two late readings give angles and speeds, and the
-            # momenta that the model would have with them.
-            now, planned = (
-                _read(model, x, at, k, off) for x, off in ((np.array(states), noise), (plan.x, 0.0 * noise))
-            )
-            u = u - K[k] @ (now - planned)
-        state = rig.step(state, DT, rho_next=u).state
-        states.append(state.x)
-    return np.array(states)
-
-
-def _read(model: Mechanism, x: np.ndarray, at: int, k: int, noise: np.ndarray) -> np.ndarray:
-    """Return the state (8,) that sensors tell of: the arm at an earlier instant, carriage and string at this one."""
-    angles = x[at - 1 : at + 1, :2] + noise[at - 1 : at + 1]
-    before, q = (np.r_[angle, x[at - 1 + i, 2:4]] for i, angle in enumerate(angles))
-    p = model.momentum(q, (q - before) / DT)[:2]
-    return np.r_[angles[1], x[k, 2:4], p, x[k, 6:8]]
+def on_rig(planner: Planner, plan: OptimizationResult, *, feedback: bool) -> Played:
+    """Return what the rig does, swung aside at first, as it plays a plan."""
+    swung = project_configuration(planner.vi.mechanism, plan.x[0, :4] + [SWUNG, 0.0, 0.0, 0.0])
+    return play(
+        planner.system, plan, RIG, Q=[10.0, 10.0, 0.1, 0.1, 0.0, 0.0, 1.0, 1.0], R=[1.0, 1.0],
+        start=planner.vi.start(swung.q), feedback=feedback,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -141,7 +118,7 @@ def solve() -> Result:
     calm = planner.plan(smooth=SMOOTH, initial=free)
     pulled = planner.plan(Bound("string", min=LEAST, of="tension"), smooth=SMOOTH, initial=calm)
     plans = {"as it is": free, "smooth": calm, "smooth, pulls only": pulled}
-    rig = {name: play(planner, pulled, feedback=name != "plan alone") for name in ("plan alone", "with feedback")}
+    rig = {name: on_rig(planner, pulled, feedback=name != "plan alone").x for name in ("plan alone", "with feedback")}
     return Result(plans, rig, planner.vi.mechanism)
 
 

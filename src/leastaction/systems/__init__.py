@@ -8,6 +8,7 @@ from leastaction.systems.keep import Ball, Box, HalfSpace, Keep, Region
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.relaxation import by_tensions, relax
+from leastaction.systems.rig import Played, Rig, play
 from leastaction.systems.smooth import SmoothCost
 from leastaction.systems.warm_start import warm_start
 
@@ -18,11 +19,14 @@ __all__ = [
     "Keep",
     "MechanismSystem",
     "MidpointSystem",
+    "Played",
     "PulledSystem",
     "Region",
+    "Rig",
     "SmoothCost",
     "by_tensions",
     "embed",
+    "play",
     "relax",
     "warm_start",
 ]

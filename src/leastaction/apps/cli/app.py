@@ -15,7 +15,7 @@ from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
-from leastaction.apps.cli.options import MOTION, PUPPET, Axis, Heading, OptimiserOptions, OutputOptions
+from leastaction.apps.cli.options import MOTION, OUTPUT, PUPPET, Axis, Heading, OptimiserOptions, OutputOptions
 from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
 
@@ -96,6 +96,7 @@ def optimize(
     reach: Annotated[float, Parameter(group=PUPPET)] = 2.0,
     end_speed: Annotated[float, Parameter(group=PUPPET)] = 8.0,
     end_acceleration: Annotated[float, Parameter(group=PUPPET)] = 150.0,
+    check: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False,
     resume: Annotated[Path | None, Parameter(group=MOTION)] = None,
     optimiser: OptimiserOptions | None = None,
     output: OutputOptions,
@@ -147,6 +148,9 @@ def optimize(
         Largest speed of the upper ends along each axis, m/s.
     end_acceleration
         Largest acceleration of the upper ends along each axis, m/s^2.
+    check
+        Play what is found, under feedback, on a simulated rig with elastic strings that go slack, masses that are
+        off, and sensors that are noisy and late; say how far its joints are off.
     resume
         trajectory.npz of an earlier run, or search.npz of one that still sought a first trajectory: go on from there,
         with the motion that it followed.
@@ -169,12 +173,12 @@ def optimize(
     if resume is not None:
         from leastaction.apps.marionette.tracking import load_unfinished
 
-        return _run(load_unfinished(resume), optimiser, output, _prepare(output), limits=limits)
+        return _run(load_unfinished(resume), optimiser, output, _prepare(output), limits=limits, check=check)
     if motion is None:
         from leastaction.apps.marionette.walk import walk_in_place
 
         walk = walk_in_place(10.0 if duration is None else duration, dt)
-        return _run(walk, optimiser, output, _prepare(output), limits=limits, strings=strings)
+        return _run(walk, optimiser, output, _prepare(output), limits=limits, strings=strings, check=check)
     from leastaction.apps.marionette.retargeting import load_motion
 
     folder, console = _prepare(output), Console(highlight=False)
@@ -192,8 +196,9 @@ def optimize(
     if speed == "auto":
         from leastaction.apps.cli.session import AtSpeeds
 
-        return _run(AtSpeeds(motion_at, error), optimiser, output, folder, limits=limits, strings=strings)
-    return _run(motion_at(speed), optimiser, output, folder, limits=limits, strings=strings)
+        at_speeds = AtSpeeds(motion_at, error)
+        return _run(at_speeds, optimiser, output, folder, limits=limits, strings=strings, check=check)
+    return _run(motion_at(speed), optimiser, output, folder, limits=limits, strings=strings, check=check)
 
 
 @app.command
@@ -289,6 +294,7 @@ def _run(
     *,
     limits: PuppetLimits | None = None,
     strings: Literal[6, 9] = 6,
+    check: bool = False,
 ) -> int:
     from leastaction.apps.cli import session
 
@@ -300,6 +306,7 @@ def _run(
         complain=_complain,
         limits=limits,
         strings=strings,
+        check=check,
     )
 
 

@@ -18,7 +18,7 @@ from rich.console import Console
 from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
 from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
-from leastaction.apps.cli.summary import run_summary, speed_table, summary_tables
+from leastaction.apps.cli.summary import checked, run_summary, speed_table, summary_tables
 from leastaction.apps.marionette.speeds import AtSpeed, fastest
 from leastaction.apps.marionette.tracking import (
     PuppetLimits,
@@ -59,6 +59,7 @@ def run(
     complain: Complain,
     limits: PuppetLimits | None = None,
     strings: Literal[6, 9] = 6,
+    check: bool = False,
 ) -> int:
     """Follow a motion, or go on with an earlier run, and fill the folder.
 
@@ -88,6 +89,9 @@ def run(
         console.print()
         if tried:
             console.print(speed_table(tried, error))
+            console.print()
+        if check:
+            console.print(checked(found))
             console.print()
         if kept[-1].parent != folder:
             return STUCK

@@ -12,9 +12,11 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from leastaction.apps.marionette.check import check
 from leastaction.apps.marionette.scene import GROUPS, string_label, string_lengths
 from leastaction.apps.marionette.speeds import AtSpeed
 from leastaction.apps.marionette.tracking import TrackingRun
+from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Status
 from leastaction.viz import TrackingErrors
@@ -135,6 +137,16 @@ def speed_table(tried: Sequence[AtSpeed], goal: float) -> RenderableType:
     least = min(each.error for each in tried)
     title = f"Error over speed: at most {goal:g}° rms asked for"
     return _titled(title if least <= goal else f"{title}, at none of these speeds", table)
+
+
+def checked(run: TrackingRun) -> str:
+    """Return a line on what a rig makes of a run, for a terminal."""
+    try:
+        found = check(run)
+    except LeastActionError as error:
+        return f"The run cannot be played on a rig: {error}"
+    more = "" if found.passed else ": more than twice as much"
+    return f"O{str(found)[1:]}{more}"
 
 
 def as_text(renderable: RenderableType) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from leastaction.apps.marionette.check import RigCheck, check
 from leastaction.apps.marionette.retargeting import (
     VARIABLES,
     Proportions,
@@ -29,7 +30,7 @@ from leastaction.apps.marionette.tracking import (
 from leastaction.apps.marionette.walk import walk_in_place
 
 __all__ = [
-    "FORCED", "GENTLE", "VARIABLES", "Proportions", "PuppetLimits", "PuppetMotion", "Retargeted", "TrackingCost",
-    "TrackingRun", "TrackingWeights", "default_names", "load_motion", "load_run", "map_joints", "marionette_scene",
-    "puppet_points", "read_mapping", "retarget", "save_run", "track", "walk_in_place",
+    "FORCED", "GENTLE", "VARIABLES", "Proportions", "PuppetLimits", "PuppetMotion", "Retargeted", "RigCheck",
+    "TrackingCost", "TrackingRun", "TrackingWeights", "check", "default_names", "load_motion", "load_run", "map_joints",
+    "marionette_scene", "puppet_points", "read_mapping", "retarget", "save_run", "track", "walk_in_place",
 ]  # fmt: skip

@@ -271,6 +271,10 @@ class Constraint(Element):
         """
         return None
 
+    def as_string(self, stiffness: float, smoothing: float) -> Element | None:
+        """Return an elastic string (N/m), slack where it is shorter by `smoothing` (m); None for what is no string."""
+        return None
+
     def as_force(self, tension: str) -> Element | None:
         """Return the force of a string whose tension (N) is an input of this name; None if the element is no string."""
         return None

@@ -105,15 +105,22 @@ class TrackingRun:
     @property
     def held_error(self) -> float:
         """Root mean square error (degrees) of the angles behind which a string is tied."""
-        errors, free = self.errors, unheld(self.mechanism)
-        columns = zip(errors.names, errors.units, errors.rms, strict=True)
-        rms = [value for name, unit, value in columns if unit == "deg" and name not in free]
-        return float(np.sqrt(np.mean(np.square(rms))))
+        return held_error(self.mechanism, self.reference, self.trajectory.q)
 
     @property
     def ended_early(self) -> bool:
         """Whether Ctrl-C or a callback ended it."""
         return self.result.status in (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
+
+
+def held_error(mechanism: Mechanism, reference: Array, q: Array) -> float:
+    """Return the root mean square error (degrees) of the angles behind which a string is tied.
+
+    ``reference``, ``q`` (N+1, nq): the wanted configurations and those that were made.
+    """
+    free = (*ROOT, *unheld(mechanism))
+    held = [i for i, name in enumerate(mechanism.dynamic) if name not in free]
+    return float(np.rad2deg(np.sqrt(np.mean((reference - q)[:, held] ** 2))))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -60,6 +60,9 @@ class Distance(Constraint):
     def as_spring(self, stiffness: float) -> Element:
         return LinearSpring(self.frame1, self.frame2, stiffness, self.length, name=self.name)
 
+    def as_string(self, stiffness: float, smoothing: float) -> Element:
+        return ElasticString((self.frame1, self.frame2), stiffness, self.length, smoothing=smoothing, name=self.name)
+
     def as_force(self, tension: str) -> Element:
         return TendonForce((self.frame1, self.frame2), tension, name=self.name)
 
@@ -164,6 +167,9 @@ class PathLength(Constraint):
 
     def as_spring(self, stiffness: float) -> Element:
         return ElasticString(self.frames, stiffness, self.length, tension_only=False, name=self.name)
+
+    def as_string(self, stiffness: float, smoothing: float) -> Element:
+        return ElasticString(self.frames, stiffness, self.length, smoothing=smoothing, name=self.name)
 
     def as_force(self, tension: str) -> Element:
         return TendonForce(self.frames, tension, name=self.name)

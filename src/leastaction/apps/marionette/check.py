@@ -1,0 +1,76 @@
+"""What a motion of the marionette is worth on a machine: strings that stretch and go slack, late and noisy sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from leastaction.apps.marionette.tracking.run import TrackingRun, held_error
+from leastaction.mechanics import MidpointVI
+from leastaction.systems import MidpointSystem, Played, Rig, play
+
+_TIMES = 2.0  # the plan's error may a rig be off
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigCheck:
+    """A run of the marionette as a rig plays it under feedback.
+
+    Attributes
+    ----------
+    planned : float
+        Root mean square error of the joints that strings hold, of the run (degrees).
+    error : float
+        That of the rig; infinite if it could not be simulated to the end.
+    rig : Rig
+    played : Played
+        What the rig did.
+    """
+
+    planned: float
+    error: float
+    rig: Rig = field(repr=False)
+    played: Played = field(repr=False)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the rig stays within twice the plan's error."""
+        return self.error <= _TIMES * self.planned
+
+    def __str__(self) -> str:
+        """Return a sentence for a person."""
+        rig = self.rig
+        strings = "rigid strings" if rig.stiffness is None else f"strings of {rig.stiffness:g} N/m that go slack"
+        how = (
+            f"on a rig ({strings}, masses off by {100.0 * rig.spread:g} %, readings off by {1e3 * rig.noise:g} mrad "
+            f"and {1e3 * rig.delay:g} ms late) under feedback the held joints are"
+        )
+        if self.played.failure is not None:
+            return f"{how} lost: {self.played.failure}"
+        return f"{how} {self.error:.2f} degrees (rms) off, {self.planned:.2f} as planned"
+
+
+def check(run: TrackingRun, rig: Rig | None = None) -> RigCheck:
+    """Play a run of the marionette on a rig, under a feedback along it.
+
+    Parameters
+    ----------
+    run : TrackingRun
+    rig : Rig, optional
+        One with all its defaults if left out.
+
+    Returns
+    -------
+    RigCheck
+
+    Raises
+    ------
+    ArgumentError
+        As of `leastaction.play`.
+    """
+    rig = Rig() if rig is None else rig
+    system = MidpointSystem(MidpointVI(run.mechanism), run.trajectory.t, multipliers=True)
+    played = play(system, run.result, rig)
+    error = np.inf if played.failure is not None else held_error(run.mechanism, run.reference, played.q)
+    return RigCheck(planned=run.held_error, error=error, rig=rig, played=played)

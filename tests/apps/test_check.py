@@ -1,0 +1,35 @@
+"""What a motion of the marionette is worth on a rig."""
+
+from __future__ import annotations
+
+import pytest
+
+from leastaction import Rig
+from leastaction.apps.cli.summary import checked
+from leastaction.apps.marionette import TrackingRun, check, track, walk_in_place
+from leastaction.apps.marionette.tracking.run import held_error
+from leastaction.models.marionette import marionette
+
+
+@pytest.fixture(scope="module")
+def run() -> TrackingRun:
+    return track(marionette(), walk_in_place(1.0, 0.01))
+
+
+def test_a_short_walk_is_played_within_twice_its_error(run: TrackingRun) -> None:
+    found = check(run)
+    assert found.passed
+    assert found.planned == run.held_error
+    assert found.error == pytest.approx(held_error(run.mechanism, run.reference, found.played.q))
+    assert found.played.mechanism.constraints == ()
+    said = checked(run)
+    assert said.startswith(
+        "On a rig (strings of 2000 N/m that go slack, masses off by 5 %, readings off by 1 mrad and 20"
+    )
+    assert said.endswith(f"{found.error:.2f} degrees (rms) off, {found.planned:.2f} as planned")
+
+
+def test_another_puppet_is_not_held_to_the_plan(run: TrackingRun) -> None:
+    found = check(run, Rig(factors={"?humerus_mass.mass": 0.3, "?radius_mass.mass": 0.3}, stiffness=200.0))
+    assert not found.passed
+    assert found.error > 2.0 * found.planned

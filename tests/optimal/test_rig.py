@@ -1,0 +1,156 @@
+"""Plans on rigs: a machine that is not its model, with strings that go slack and sensors that are noisy and late."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from leastaction import (
+    Bound,
+    ElasticString,
+    MidpointSystem,
+    MidpointVI,
+    OptimizationResult,
+    Played,
+    QuadraticCost,
+    Rig,
+    SmoothCost,
+    optimize,
+    play,
+)
+from leastaction.errors import ArgumentError
+from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.models.puppet_arm import hang, puppet_arm
+
+NONE = {"spread": 0.0, "noise": 0.0, "delay": 0.0, "substeps": 1}
+LEAST = 0.2  # N
+
+
+@pytest.fixture(scope="module")
+def upright() -> tuple[MidpointSystem, OptimizationResult]:
+    """A cart whose pendulum is upright moves aside: unstable."""
+    m = cart_pendulum()
+    system = MidpointSystem(MidpointVI(m), np.linspace(0.0, 3.0, 301))
+    wanted = np.zeros((301, system.nx))
+    wanted[:, m.variables.index("theta")] = np.pi
+    start = system.integrator.start(wanted[0, : m.nq]).x
+    wanted[:, m.variables.index("x")] = 0.3 * np.sin(2.0 * system.t) ** 2
+    cost = QuadraticCost(wanted, np.zeros((300, system.nu)), Q=[10.0, 10.0, 0.0, 0.0], R=[1e-4])
+    return system, optimize(system, cost, initial=(np.tile(start, (301, 1)), np.zeros((300, system.nu))))
+
+
+@pytest.fixture(scope="module")
+def hanging() -> tuple[MidpointSystem, OptimizationResult]:
+    """An arm on one string, which pulls, waves."""
+    t = np.linspace(0.0, 2.0, 101)
+    vi = MidpointVI(puppet_arm())
+    system = MidpointSystem(vi, t, multipliers=True)
+    wanted = np.zeros((101, system.nx))
+    wanted[:, 0], wanted[:, 1] = 0.5 + 0.3 * np.sin(np.pi * t) ** 2, 0.6
+    q = hang(vi.mechanism, wanted[0, :2])
+    cost = QuadraticCost(
+        wanted, np.zeros((100, 2)), Q=[100.0, 100.0, 1e-6, 1e-6, 1e-6, 1e-6, 0.01, 0.01, 0.0], R=[1e-4, 1e-4]
+    )
+    start = np.r_[vi.start(q).x, 0.0], np.tile(q[2:], (100, 1))
+    calm = SmoothCost(cost, system, {"string-*": 1e-3})
+    return system, optimize(system, calm, initial=start, limits=[Bound("string", min=LEAST, of="tension")])
+
+
+@pytest.mark.parametrize("feedback", [False, True])
+def test_a_rig_that_is_its_model_does_what_is_planned(
+    upright: tuple[MidpointSystem, OptimizationResult],
+    hanging: tuple[MidpointSystem, OptimizationResult],
+    feedback: bool,
+) -> None:
+    for system, plan in (upright, hanging):
+        played = play(system, plan, Rig(stiffness=None, **NONE), feedback=feedback)
+        assert played.failure is None
+        np.testing.assert_allclose(played.x, plan.x[:, : played.x.shape[1]], atol=1e-5)
+        np.testing.assert_allclose(played.u, plan.u, atol=1e-4)
+
+
+def test_feedback_by_late_and_noisy_readings_holds_what_is_unstable(
+    upright: tuple[MidpointSystem, OptimizationResult],
+) -> None:
+    system, plan = upright
+    blind, held = (play(system, plan, Rig(delay=0.02), feedback=feedback) for feedback in (False, True))
+    assert blind.off(plan.x[:, :2], "theta") > 0.15
+    assert held.off(plan.x[:, :2], "theta") < 0.03
+    # The readings that it acts on are 20 ms old: nothing is fed back before the first one.
+    np.testing.assert_array_equal(held.u[:2], plan.u[:2])
+    assert np.abs(held.u[2:] - plan.u[2:]).min(axis=1).max() > 0.0
+
+
+def test_it_begins_where_it_is_told_and_comes_back(hanging: tuple[MidpointSystem, OptimizationResult]) -> None:
+    system, plan = hanging
+    q = hang(system.integrator.mechanism, plan.x[0, :2] + [0.1, 0.0])
+    start = system.integrator.start(q)
+    blind, held = (
+        play(system, plan, Rig(stiffness=None, **NONE), start=start, feedback=feedback) for feedback in (False, True)
+    )
+    np.testing.assert_array_equal(held.q[0], q)
+    apart = [np.abs(each.q[-20:, :2] - plan.x[-20:, :2]).max() for each in (blind, held)]
+    assert apart[1] < 0.5 * apart[0]
+
+
+def test_strings_stretch_go_slack_and_are_reeled_in(hanging: tuple[MidpointSystem, OptimizationResult]) -> None:
+    system, plan = hanging
+    rig = Rig(stiffness=500.0, smoothing=1e-4, spread=0.0, noise=0.0, delay=0.0)
+    machine = rig.machine(system.integrator.mechanism)
+    assert machine.constraints == ()
+    string = machine.elements["string"]
+    assert isinstance(string, ElasticString)
+    assert string.tension_only
+    played, held = (play(system, plan, rig, feedback=feedback) for feedback in (False, True))
+    tension = system.trajectory(plan.x, plan.u).tensions()["string"]
+    assert tension[1:].min() > LEAST - 1e-3
+    # By what the string is shorter, it is stretched.
+    np.testing.assert_allclose((plan.u[:-1, 1] - played.u[:-1, 1]) * 500.0, tension[1:], atol=1e-9)
+    assert np.degrees(held.off(plan.x[:, :2])) < 1.5
+
+
+def test_masses_are_drawn_with_their_inertias_and_factors_come_on_top() -> None:
+    m = puppet_arm()
+    rig = Rig(spread=0.1, seed=3, factors={"damping.*": 2.0})
+    numbers, plain = rig.machine(m).parameters, rig.model(m).parameters
+    for body in ("upper arm", "forearm"):
+        factor = numbers[f"{body}.mass"] / plain[f"{body}.mass"]
+        assert 0.9 < factor < 1.1
+        assert factor != 1.0
+        assert numbers[f"{body}.inertia.zz"] == pytest.approx(factor * plain[f"{body}.inertia.zz"])
+    assert numbers["damping.elbow"] == pytest.approx(2.0 * plain["damping.elbow"])
+    assert numbers["rail.value"] == plain["rail.value"]
+    assert rig.machine(m).parameters == numbers
+
+
+def test_what_cannot_be_simulated_is_said(upright: tuple[MidpointSystem, OptimizationResult]) -> None:
+    system, plan = upright
+    u = plan.u.copy()
+    u[100:] = 1e30
+    played = play(system, (plan.x, u), feedback=False)
+    assert isinstance(played, Played)
+    assert played.failure is not None
+    assert len(played.x) == len(played.t) == len(played.u) + 1 < 301
+    assert played.off(plan.x[:, :2]) == np.inf
+
+
+def test_wrong_arguments_are_named(upright: tuple[MidpointSystem, OptimizationResult]) -> None:
+    system, plan = upright
+    for wrong, message in (
+        ({"spread": 1.5}, "spread"),
+        ({"noise": -1.0}, "noise"),
+        ({"delay": np.nan}, "delay"),
+        ({"stiffness": 0.0}, "stiffness"),
+        ({"substeps": 0}, "substeps"),
+        ({"factors": {"cart.mass": 0.0}}, "cart.mass"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            Rig(**wrong)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match=r"unknown parameter 'wheel\.mass'"):
+        play(system, plan, Rig(factors={"wheel.mass": 2.0}))
+    with pytest.raises(ArgumentError, match="MidpointSystem"):
+        play(system.integrator, plan)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="plan x"):
+        play(system, (plan.x[1:], plan.u))
+    with pytest.raises(ArgumentError, match="nothing is called 'wheel'"):
+        play(system, plan, Rig(**NONE)).off(plan.x[:, :2], "wheel")
