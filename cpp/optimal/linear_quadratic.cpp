@@ -18,7 +18,7 @@ using ConstVector = Eigen::Map<const VectorXd>;
 using ConstRows = Eigen::Map<const RowMajor>;
 
 constexpr Index panel = 32;                // width of the column panels of a triangle
-constexpr double pivot_tolerance = 1e-14;  // relative to the largest pivot of H_uu
+constexpr double pivot_tolerance = 1e-14;  // of the square of a pivot, relative to its diagonal entry of H_uu
 
 // Regularisation: below this fraction of R an input's curvature counts as none, and after this many stages
 // all earlier ones go without H (each costs an eigenvalue problem).
@@ -394,10 +394,8 @@ private:
         factor_.compute(H_uu_);
         if (factor_.info() != Eigen::Success) return false;
         const auto pivots = factor_.matrixLLT().diagonal().array();
-        const double smallest = pivots.minCoeff();
-        const double largest = pivots.maxCoeff();
-        // Written so that a NaN fails too.
-        if (!(smallest * smallest > pivot_tolerance * largest * largest)) return false;
+        // Each against its own entry: inputs may be of any units. Written so that a NaN fails too.
+        if (!(pivots.square() > pivot_tolerance * H_uu_.diagonal().array()).all()) return false;
         const double* R = problem_.R.at(k);
         if (!options_.regularize || R == nullptr) return true;
         const Index next = problem_.R.diagonal ? 1 : nu_ + 1;

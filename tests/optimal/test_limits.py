@@ -26,6 +26,7 @@ from leastaction.optimal import (
     optimize,
 )
 from leastaction.optimal.limits.barrier import barrier_value, split, stiffness
+from leastaction.optimal.limits.duals import Duals, Stages
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
@@ -166,6 +167,14 @@ def test_a_rough_tolerance_is_met_roughly(cart: MidpointSystem, cost: QuadraticC
     # Of one row alone the part would be that much smaller.
     assert rough.expected_decrease > 10.0 * rough.limits.mu
     assert rough.iterations < exact.iterations
+
+
+def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:
+    """Exact duals want a motion nearer to the barrier's minimum than the cost does; rough ones do not."""
+    for tolerance, enough in ((1e-2, 1.0), (1e-9, 1e-5)):
+        stages = Stages(Duals([]), tolerance, 1000, 1e-12)
+        stages.duals.mu = stages.last = 1e-6
+        assert stages.tolerated(1.0, 0.0) == pytest.approx(enough)
 
 
 def test_the_duals_tell_what_more_room_is_worth(cart: MidpointSystem, cost: QuadraticCost) -> None:

@@ -271,6 +271,21 @@ def test_an_indefinite_stage_is_reported(problem):
     assert np.isfinite(solution.K[5:]).all()
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_inputs_may_be_of_any_units(problem, unit):
+    """What is definite is so in every unit, and the minimum is the same."""
+    scale = np.array([unit, 1.0, 1.0 / unit])
+    other = dict(problem)
+    other["B"], other["S"], other["r"] = problem["B"] * scale, problem["S"] * scale, problem["r"] * scale
+    other["R"] = problem["R"] * scale * scale[:, None]
+    both = np.concatenate([np.ones(problem["A"].shape[1]), scale])
+    other["H"] = problem["H"] * both * both[:, None]
+    solution, same = solve_linear_quadratic(**problem), solve_linear_quadratic(**other)
+    assert same.definite
+    np.testing.assert_allclose(same.P0, solution.P0, rtol=1e-9)
+    np.testing.assert_allclose(same.K * scale[:, None], solution.K, rtol=1e-6, atol=1e-9)
+
+
 def test_an_indefinite_stage_can_be_made_convex(problem):
     H = problem["H"].copy()
     H[4] -= 300.0 * np.eye(8)

@@ -68,6 +68,20 @@ def test_a_saddle_is_not_said_to_be_a_minimum():
     assert "negative curvature" in result.message
 
 
+def test_negative_curvature_that_promises_less_than_the_tolerance_is_no_reason_to_go_on():
+    """A saddle from which the cost falls by a tenth ends no run but one that asks for less than that."""
+    system, cost = parabola(), to_be_raised()
+    rest = np.zeros(2), np.zeros((N, 1))
+    rough = optimize(system, cost, initial=rest, tolerance=0.2)
+    assert rough.status is Status.CONVERGED
+    assert rough.iterations == 0
+    assert "negative curvature promises" in rough.message
+    assert 0.0 < rough.expected_decrease <= 0.2 * rough.cost
+    fine = optimize(system, cost, initial=rest, tolerance=1e-3)
+    assert fine.history.method[0] == "negative-curvature"
+    assert fine.cost < 0.3 * rough.cost
+
+
 def test_a_saddle_whose_way_down_is_barred_is_no_minimum():
     """The second derivative is right, but no step along it can be made."""
 

@@ -566,6 +566,10 @@ class Loop(Generic[M, D, I]):
         down = problem.negative_curvature(scale) if goes_on else None
         if down is None:
             raise _Found(_Outcome(Status.SADDLE, model.message, expected))
+        promise = -(down.slope + 0.5 * down.bend)
+        if promise <= max(self._goal(), problem.noise):
+            detail = f"So is the decrease that negative curvature promises along the direction found, {promise:.2g}."
+            raise _Found(_Outcome(status, detail, max(expected, promise)))
         return down
 
     def _unless_close(self, newton: D, status: Status) -> D:

@@ -12,7 +12,7 @@ from leastaction.apps.marionette.scene import marionette_scene
 from leastaction.apps.marionette.tracking import TrackingRun
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion
-from leastaction.viz.figures import new_figure, styled
+from leastaction.viz.figures import BLUE, GREY, PALE, VERMILION, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,8 +99,8 @@ def plot_speeds(tried: Sequence[AtSpeed], *, goal: float, poses: int = 6) -> Fig
         _draw_row(each.run, cells[:-1])
         cells[0].text(-0.05, 0.5, f"{each.speed:g}x", transform=cells[0].transAxes, ha="right", va="center")
         bar = cells[-1]
-        bar.barh([0.0], [each.error], height=0.5, color="#0072B2" if each.error <= goal else "#D55E00")
-        bar.axvline(goal, color="0.4", linewidth=0.8)
+        bar.barh([0.0], [each.error], height=0.5, color=BLUE if each.error <= goal else VERMILION)
+        bar.axvline(goal, color=GREY, linewidth=0.8)
         bar.text(each.error, 0.0, f" {each.error:.1f} deg", va="center", fontsize=8.0)
         bar.set(xlim=(0.0, 1.6 * max(goal, *(one.error for one in rows))), ylim=(-1.0, 1.0), yticks=[], xticks=[])
         bar.set_axis_off()
@@ -116,7 +116,7 @@ def _draw_row(run: TrackingRun, cells: Iterable[Axes]) -> None:
     names = sorted({name for bone in scene.bones for name in (bone.start, bone.end)})
     places = np.linspace(0, len(run.trajectory.t) - 1, len(cells)).astype(int)
     for k, cell in zip(places, cells, strict=True):
-        for q, colour, width in ((run.reference[k], "0.8", 2.5), (run.trajectory.q[k], "#0072B2", 1.2)):
+        for q, colour, width in ((run.reference[k], PALE, 2.5), (run.trajectory.q[k], BLUE, 1.2)):
             at = dict(zip(names, mechanism.positions(q, names), strict=True))
             middle = run.reference[k][:2]
             for bone in scene.bones:

@@ -316,10 +316,10 @@ class Stages:
         mu = self.duals.mu
         if mu > self.last:
             return max(goal, _LOOSE * mu)
-        # The duals are worth no more than the motion is near the barrier's minimum. Who asks for few digits of the cost
-        # asks for no more of them than the barriers leave, all rows together.
-        rows = max(self.count, _LOOSE) if self._rough else _LOOSE
-        return max(min(goal, rows * mu), 10.0 * noise)
+        if self._rough:
+            return max(goal, 10.0 * noise)
+        # The duals are worth no more than the motion is near the barrier's minimum.
+        return max(min(goal, _LOOSE * mu), 10.0 * noise)
 
     def advance(self, cost: float, c: Sequence[Array]) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more."""
