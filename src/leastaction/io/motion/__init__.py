@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from leastaction.io.motion.bvh import read_bvh
-from leastaction.io.motion.capture import Capture, Joint, forward_kinematics
+from leastaction.io.motion.capture import Capture, Gap, Joint, forward_kinematics
+from leastaction.io.motion.gaps import fill_gaps
 from leastaction.io.motion.motion import Motion
 
-__all__ = ["Capture", "Joint", "Motion", "forward_kinematics", "read_bvh"]
+__all__ = ["Capture", "Gap", "Joint", "Motion", "fill_gaps", "forward_kinematics", "read_bvh"]

@@ -21,6 +21,7 @@ import numpy as np
 
 from leastaction.errors import MotionFileError
 from leastaction.io.motion.capture import Capture, Joint
+from leastaction.io.motion.gaps import fill_gaps
 from leastaction.numerics.arrays import Array
 
 CHANNEL_NAMES = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
@@ -28,19 +29,23 @@ _MOST_BYTES = 2**30
 _CHANNEL_BY_LOWER = {name.lower(): name for name in CHANNEL_NAMES}
 
 
-def read_bvh(path: str | PathLike[str]) -> Capture:
+def read_bvh(path: str | PathLike[str], *, fill: bool = True) -> Capture:
     """Read a BVH file.
+
+    In the table of the motion the word NaN stands for a sample that is missing.
 
     Parameters
     ----------
     path : path
         The file. At least two frames; any skeleton, any channel order.
+    fill : bool, optional
+        Fill samples that are missing, see `fill_gaps`: `Capture.gaps` says which. Else the values are as in the file.
 
     Raises
     ------
     MotionFileError
-        The file is missing, is no BVH file, is truncated, or holds something else than what the
-        format asks for at some line; the message names file, line, what was found and expected.
+        The file is missing, is no BVH file, is truncated, lacks every sample of a joint, or holds something else than
+        what the format asks for at some line; the message names file, line, what was found and expected.
     """
     path = Path(path)
     try:
@@ -60,7 +65,8 @@ def read_bvh(path: str | PathLike[str]) -> Capture:
         raise MotionFileError(
             f"{path}: is larger than {_MOST_BYTES} bytes; expected a BVH motion capture file. Cut it."
         )
-    return _Reader(path, text).read()
+    capture = _Reader(path, text).read()
+    return fill_gaps(capture) if fill else capture
 
 
 class _Reader:
@@ -235,8 +241,8 @@ class _Reader:
                     f"{n_channels}, one for each channel of the hierarchy",
                 )
             row = [_number(word) for word in words]
-            if not np.all(np.isfinite(row)):
-                bad = int(np.flatnonzero(~np.isfinite(row))[0])
+            bad = next((i for i, value in enumerate(row) if not np.isfinite(value) and not _missing(words[i])), None)
+            if bad is not None:
                 self.fail(f"value {bad + 1} of frame {frame} is {_shown(words[bad])}", "a finite number")
             rows.append(row)
         if len(rows) < n_frames:
@@ -246,7 +252,7 @@ class _Reader:
 
 
 def _number(word: str) -> float:
-    """The number that `word` spells, NaN if it spells none (the caller refuses NaN).
+    """The number that `word` spells, NaN if it spells none.
 
     Python's float() knows more numbers than other programs do, such as 1_0 and those in other digits.
     """
@@ -256,6 +262,11 @@ def _number(word: str) -> float:
         return float(word)
     except ValueError:
         return float("nan")
+
+
+def _missing(word: str) -> bool:
+    """Whether a word says that there is no number: NaN, as C, C++ and Python print it."""
+    return word.lower().lstrip("+-") in ("nan", "nan(ind)", "nan(snan)")
 
 
 def _shown(text: str, limit: int = 60) -> str:

@@ -8,6 +8,8 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 
+_MOST_NAMES = 4
+
 
 @dataclass(frozen=True)
 class Joint:
@@ -35,6 +37,31 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class Gap:
+    """Samples that a capture lacked, and that were filled from those before and after.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint; empty for the whole body.
+    first, last : int
+        The first and the last frame of the gap, from 0.
+    kind : str
+        How it was written: "not numbers", "zeros" or "repeated".
+    """
+
+    joint: str
+    first: int
+    last: int
+    kind: str
+
+    @property
+    def frames(self) -> int:
+        """How many frames it has."""
+        return self.last - self.first + 1
+
+
+@dataclass(frozen=True)
 class Capture:
     """A captured motion as it stands in the file.
 
@@ -49,12 +76,15 @@ class Capture:
     values : (F, nc) array
         Channel values of every frame, in the order of the joints and of their channels;
         lengths in the file's unit, angles in degrees.
+    gaps : tuple of Gap
+        What of the values was missing in the file, and is filled.
     """
 
     path: str
     joints: tuple[Joint, ...]
     frame_time: float
     values: Array
+    gaps: tuple[Gap, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -77,6 +107,20 @@ class Capture:
             return self.names.index(name)
         except ValueError:
             raise KeyError(name) from None
+
+    def describe_gaps(self) -> str:
+        """Return a sentence on what was missing and is filled; empty if nothing was."""
+        if not self.gaps:
+            return ""
+        names = dict.fromkeys(gap.joint or "the whole body" for gap in self.gaps)
+        shown = [*names][:_MOST_NAMES] + ([f"{len(names) - _MOST_NAMES} more"] if len(names) > _MOST_NAMES else [])
+        kinds = dict.fromkeys(gap.kind for gap in self.gaps)
+        longest = max(self.gaps, key=lambda gap: gap.frames)
+        samples = sum(gap.frames for gap in self.gaps)
+        return (
+            f"filled {samples} missing samples ({', '.join(kinds)}) of {', '.join(shown)}; "
+            f"the longest gap is {longest.frames * self.frame_time:.2g} s at {longest.first * self.frame_time:.2f} s"
+        )
 
     def is_below(self, joint: int, ancestor: int) -> bool:
         """Whether `joint` hangs, directly or not, from `ancestor`."""

@@ -34,12 +34,15 @@ class PuppetMotion:
         How fast the motion is, relative to the capture.
     cutoff : float or None
         Of the filter against noise (Hz).
+    filled : str
+        What samples were missing in the capture, in words; empty if none were.
     """
 
     motion: Motion
     retargeted: Retargeted
     speed: float = 1.0
     cutoff: float | None = None
+    filled: str = ""
 
     def summary(self) -> str:
         """A few lines for a person: source, length, axes, scale, accuracy."""
@@ -53,6 +56,7 @@ class PuppetMotion:
             f"speed {self.speed:g}"
             + (f", smoothed at {self.cutoff:g} Hz" if self.cutoff is not None else "")
             + (", without its first frame, a pose to calibrate by" if made.first_frame else "")
+            + (f"\n{self.filled}" if self.filled else "")
             + f"\nreference motion: {motion.t.size - 1} steps of {motion.t[1] - motion.t[0]:g} s"
         )
 
@@ -111,8 +115,9 @@ def load_motion(
     if start not in get_args(Start):
         raise ArgumentError(f"start: got {start!r}, expected one of {', '.join(get_args(Start))}")
     names = None if mapping is None else read_mapping(mapping)
+    capture = read_bvh(path)
     made = retarget(
-        read_bvh(path), names=names, proportions=proportions, up=up, forward=forward, heading=heading, in_place=in_place
+        capture, names=names, proportions=proportions, up=up, forward=forward, heading=heading, in_place=in_place
     )
     motion = made.motion
     if trim is not None:
@@ -125,7 +130,7 @@ def load_motion(
         motion = motion.low_pass(cutoff)
     if start == "rest":
         motion = motion.ease_in(ease)
-    return PuppetMotion(motion.resample(dt, duration=duration), made, speed=speed, cutoff=cutoff)
+    return PuppetMotion(motion.resample(dt, duration=duration), made, speed, cutoff, capture.describe_gaps())
 
 
 def _trimmed(motion: Motion, trim: tuple[float, float]) -> Motion:

@@ -1,0 +1,139 @@
+"""Samples that a capture lacks: found, filled, and said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from apps.puppet_bvh import waving, write_puppet
+from leastaction.apps.marionette import load_motion
+from leastaction.io import Capture, Gap, read_bvh
+from leastaction.io.motion import fill_gaps
+
+
+@pytest.fixture
+def whole(tmp_path: Path) -> Path:
+    return write_puppet(tmp_path / "whole.bvh", waving())
+
+
+def changed(path: Path, change: object) -> Path:
+    """Write the file again with another table of its motion."""
+    head, _, table = path.read_text().partition("Frame Time:")
+    first, *lines = table.splitlines()
+    rows = [line.split() for line in lines if line.strip()]
+    change(rows)  # type: ignore[operator]
+    other = path.with_name("changed.bvh")
+    other.write_text("\n".join([f"{head}Frame Time:{first}", *(" ".join(row) for row in rows)]) + "\n")
+    return other
+
+
+def columns(capture: Capture, name: str) -> list[int]:
+    before = sum(len(joint.channels) for joint in capture.joints[: capture.index(name)])
+    return list(range(before, before + len(capture.joints[capture.index(name)].channels)))
+
+
+def largest(a: Capture, b: Capture) -> float:
+    return float(np.abs(a.values - b.values).max())
+
+
+def test_a_whole_capture_stays_what_it_is(whole: Path) -> None:
+    capture = read_bvh(whole)
+    assert capture.gaps == ()
+    assert capture.describe_gaps() == ""
+    assert fill_gaps(capture) is capture
+    assert "filled" not in load_motion(whole).summary()
+
+
+@pytest.mark.parametrize("word", ["nan", "NaN", "-nan(ind)"])
+def test_words_that_are_no_numbers(whole: Path, word: str) -> None:
+    true = read_bvh(whole)
+    arm = columns(true, "LeftArm")
+
+    def lose(rows: list[list[str]]) -> None:
+        for k in range(20, 24):
+            rows[k][arm[1]] = word
+
+    found = read_bvh(changed(whole, lose))
+    assert found.gaps == (Gap("LeftArm", 20, 23, "not numbers"),)
+    assert largest(found, true) < 1.0
+    others = [i for i in range(true.values.shape[1]) if i not in arm]
+    np.testing.assert_array_equal(found.values[:, others], true.values[:, others])
+    assert np.isnan(read_bvh(changed(whole, lose), fill=False).values).sum() == 4
+    summary = load_motion(changed(whole, lose)).summary()
+    assert "filled 4 missing samples (not numbers) of LeftArm; the longest gap is" in summary
+
+
+def test_at_the_ends_what_is_known_is_held(whole: Path) -> None:
+    true = read_bvh(whole)
+    arm = columns(true, "LeftArm")
+
+    def lose(rows: list[list[str]]) -> None:
+        for k in (0, 1, -1):
+            rows[k][arm[0]] = "nan"
+
+    found = read_bvh(changed(whole, lose))
+    assert [(gap.first, gap.last) for gap in found.gaps] == [(0, 1), (59, 59)]
+    np.testing.assert_allclose(found.values[:2, arm], true.values[[2, 2]][:, arm], atol=1e-9)
+    np.testing.assert_allclose(found.values[-1, arm], true.values[-2, arm], atol=1e-9)
+
+
+def test_frames_and_joints_of_zeros(whole: Path) -> None:
+    true = read_bvh(whole)
+    still = np.abs(true.values[:, columns(true, "LeftArm")]).max(axis=1)
+    k = int(np.argmax(still[5:50])) + 5
+
+    def lose(rows: list[list[str]]) -> None:
+        rows[30] = ["0.0"] * len(rows[30])
+        for i in columns(true, "LeftArm"):
+            rows[k][i] = "0"
+
+    assert k not in (29, 30, 31)
+    found = read_bvh(changed(whole, lose))
+    assert set(found.gaps) == {Gap("", 30, 30, "zeros"), Gap("LeftArm", k, k, "zeros")}
+    assert largest(found, true) < 1.0
+    # A first frame of zeros is a pose to calibrate by.
+    assert read_bvh(changed(whole, lambda rows: rows.insert(0, rows.pop(0) and ["0"] * len(rows[0])))).gaps == ()
+
+
+def test_frames_written_again(whole: Path) -> None:
+    true = read_bvh(whole)
+
+    def lose(rows: list[list[str]]) -> None:
+        for k in range(25, 29):
+            rows[k] = rows[24]
+
+    found = read_bvh(changed(whole, lose))
+    assert found.gaps == (Gap("", 25, 28, "repeated"),)
+    assert largest(found, true) < 2.0
+    assert "of the whole body" in found.describe_gaps()
+
+
+def test_a_pose_that_is_held_is_no_gap(whole: Path) -> None:
+    rest, step = 20, 12
+
+    def hold(rows: list[list[str]]) -> None:
+        # It comes to rest, stays, and goes on, all smoothly.
+        table = np.array(rows, dtype=np.float64)
+        place = np.concatenate([np.linspace(0.0, 1.0, step) ** 2 * 3.0, np.full(rest, 3.0)])
+        place = np.concatenate(
+            [place[:step][::-1] * -1.0 + 3.0, np.full(rest, 3.0), 3.0 + place[:step], [7.0, 8.0, 9.0]]
+        )
+        at = np.interp(np.arange(len(rows)), np.arange(len(place)), place)
+        low = np.minimum(at.astype(int), len(rows) - 2)
+        table = table[low] + (at - low)[:, None] * (table[low + 1] - table[low])
+        rows[:] = [[repr(float(value)) for value in row] for row in table]
+
+    assert read_bvh(changed(whole, hold)).gaps == ()
+
+
+def test_angles_are_filled_the_short_way_round() -> None:
+    whole_turn = np.array([[170.0, 0.0, 0.0], [np.nan] * 3, [-170.0, 0.0, 0.0]])
+    from leastaction.io import Joint
+
+    joints = (Joint("Hips", -1, (0.0, 0.0, 0.0), ("Zrotation", "Yrotation", "Xrotation"), 1),)
+    found = fill_gaps(Capture("made up", joints, 0.01, whole_turn))
+    np.testing.assert_allclose(found.values[1], [180.0, 0.0, 0.0], atol=1e-9)
+    one = (Joint("Hips", -1, (0.0, 0.0, 0.0), ("Zrotation",), 1),)
+    assert fill_gaps(Capture("made up", one, 0.01, whole_turn[:, :1])).values[1, 0] == pytest.approx(180.0)
