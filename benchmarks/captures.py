@@ -5,6 +5,9 @@ without either only the made-up walk is made, which is always the last row. Each
 error of the joints that strings hold (degrees, rms), in the plan and as a rig with slack strings, masses that are off
 and late, noisy sensors plays it (`leastaction.apps.marionette.check`), the least tension (N), and the seconds it took,
 also in the unit of the same run (`benchmarks.unit`, where Pinocchio is installed). A goal that is missed has a mark.
+
+``--picture FILE.png`` draws what each string buys: the errors over the number of strings. They are those of all joints
+there, so that one number means the same with any set of strings.
 """
 
 from __future__ import annotations
@@ -13,15 +16,20 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from benchmarks import unit
 from benchmarks.timing import Timing
-from leastaction.apps.marionette import check, load_motion, track, walk_in_place
+from leastaction.apps.marionette import RigCheck, TrackingRun, check, load_motion, track, walk_in_place
 from leastaction.errors import LeastActionError
 from leastaction.io import Motion
-from leastaction.models.marionette import marionette
+from leastaction.models.marionette import STRING_SETS, Count, marionette
+from leastaction.viz.figures import new_figure, save_png
 
 _SECONDS = 60.0  # for ten seconds of capture
 _WALK = 0.8  # degrees, for the made-up walk
@@ -30,36 +38,60 @@ _GOALS = {"cmu_02_01_walk": {1.0: 6.0, 0.5: 4.0}, "wave_hello": {1.0: 8.0, 0.5: 
 _PUSHES = -1e-6  # N
 
 
-def row(name: str, motion: Motion, strings: int, goal: float | None, one: float | None, iterations: int) -> str:
-    """Follow one motion, and return its line of the table."""
-    began = time.perf_counter()
-    try:
-        run = track(marionette(strings=9 if strings == 9 else 6), motion, max_iterations=iterations)
-    except LeastActionError as error:
-        return f"{name:32s} {strings:7d}  ended in an error: {error}"
-    seconds = time.perf_counter() - began
-    off, least = run.held_error, float(run.tension.min())
-    rig = check(run)
-    missed = [
-        text
-        for text, met in (
-            ("converges", run.result.success),
-            ("no string pushes", least >= _PUSHES),
-            (f"at most {goal} degrees", goal is None or off <= goal),
-            ("a rig stays within twice the error", rig.passed),
-            (f"within {_SECONDS:g} s for 10 s", seconds <= _SECONDS * max(1.0, motion.duration / 10.0)),
+class Problem(NamedTuple):
+    """A motion by its name, and how far its held joints may be off on nine strings (degrees)."""
+
+    name: str
+    motion: Motion
+    goal: float | None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One motion on one set of strings."""
+
+    problem: Problem
+    strings: Count
+    run: TrackingRun
+    rig: RigCheck
+    seconds: float
+
+    @property
+    def missed(self) -> list[str]:
+        """The goals that are not met."""
+        run, goal, duration = self.run, self.problem.goal, self.problem.motion.duration
+        if self.strings != 9 and self.problem.name != "made-up walk":
+            goal = None
+        goals = {
+            "converges": run.result.success,
+            "no string pushes": float(run.tension.min()) >= _PUSHES,
+            f"at most {goal} degrees": goal is None or run.held_error <= goal,
+            "a rig stays within twice the error": self.rig.passed,
+            f"within {_SECONDS:g} s for 10 s": self.seconds <= _SECONDS * max(1.0, duration / 10.0),
+        }
+        return [text for text, met in goals.items() if not met]
+
+    def line(self, one: float | None) -> str:
+        """Return the line of the table; ``one``: the unit (s)."""
+        run, problem = self.run, self.problem
+        units = f"{self.seconds / one:11.3g}" if one is not None else f"{'-':>11s}"
+        return (
+            f"{problem.name:32s} {self.strings:7d} {problem.motion.duration:8.2f} {run.result.status.name:>18s} "
+            f"{run.held_error:8.2f} {self.rig.error:8.2f} {run.tension.min():9.4f} {self.seconds:8.1f} {units}  "
+            + ("; ".join(f"MISSED: {each}" for each in self.missed) or "all goals met")
         )
-        if not met
-    ]
-    units = f"{seconds / one:11.3g}" if one is not None else f"{'-':>11s}"
-    return (
-        f"{name:32s} {strings:7d} {motion.duration:8.2f} {run.result.status.name:>18s} {off:8.2f} {rig.error:8.2f} "
-        f"{least:9.4f} {seconds:8.1f} {units}  " + ("; ".join(f"MISSED: {each}" for each in missed) or "all goals met")
-    )
 
 
-def motions(files: list[Path], speeds: list[float], dt: float) -> Iterator[tuple[str, Motion, float | None]]:
-    """Yield names, motions and goals of the captures at all speeds, and of the made-up walk."""
+def made(problem: Problem, strings: Count, iterations: int) -> Row:
+    """Follow one motion."""
+    began = time.perf_counter()
+    run = track(marionette(strings=strings), problem.motion, max_iterations=iterations)
+    seconds = time.perf_counter() - began
+    return Row(problem, strings, run, check(run), seconds)
+
+
+def motions(files: list[Path], speeds: list[float], dt: float) -> Iterator[Problem]:
+    """Yield the captures at all speeds, and the made-up walk."""
     for file in files:
         for speed in speeds:
             try:
@@ -67,18 +99,43 @@ def motions(files: list[Path], speeds: list[float], dt: float) -> Iterator[tuple
             except LeastActionError as error:
                 print(f"{file.name}: skipped: {str(error).splitlines()[0]}")
                 break
-            yield f"{file.stem} x{speed:g}", motion, _GOALS.get(file.stem, {}).get(speed)
-    yield "made-up walk", walk_in_place(10.0, dt), _WALK
+            yield Problem(f"{file.stem} x{speed:g}", motion, _GOALS.get(file.stem, {}).get(speed))
+    yield Problem("made-up walk", walk_in_place(10.0, dt), _WALK)
+
+
+def draw(rows: Sequence[Row], path: Path) -> None:
+    """Draw the errors over the number of strings: of all joints, of the plan and on the rig."""
+    figure = new_figure(7.0, 4.0)
+    axes = figure.subplots()
+    for number, name in enumerate(dict.fromkeys(row.problem.name for row in rows)):
+        own = sorted((row for row in rows if row.problem.name == name), key=lambda row: row.strings)
+        counts = [row.strings for row in own]
+        played = [
+            np.inf if row.rig.played.failure is not None else _all_joints(row.run, row.rig.played.q) for row in own
+        ]
+        color = f"C{number}"
+        axes.plot(counts, [_all_joints(row.run, row.run.trajectory.q) for row in own], "o-", color=color, label=name)
+        axes.plot(counts, played, "x:", color=color, label=f"{name}, on the rig")
+    axes.set(xlabel="strings", ylabel="all joints off by (degrees, rms)", ylim=(0.0, None))
+    axes.set_xticks(sorted({row.strings for row in rows}))
+    axes.legend(frameon=False, fontsize=8)
+    save_png(figure, path)
+
+
+def _all_joints(run: TrackingRun, q: np.ndarray) -> float:
+    joints = slice(3, run.mechanism.nd)
+    return float(np.rad2deg(np.sqrt(np.mean((q - run.reference)[:, joints] ** 2))))
 
 
 def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.captures", description=__doc__)
     parser.add_argument("files", nargs="*", type=Path, help="BVH files; those of CAPTURES if none are given")
-    parser.add_argument("--strings", nargs="+", type=int, choices=(6, 9), default=[9])
+    parser.add_argument("--strings", nargs="+", type=int, choices=list(STRING_SETS), default=[9])
     parser.add_argument("--speed", nargs="+", type=float, default=[1.0])
     parser.add_argument("--dt", type=float, default=0.01)
     parser.add_argument("--iterations", type=int, default=500)
+    parser.add_argument("--picture", type=Path, help="where to draw the errors over the number of strings (PNG)")
     words = parser.parse_args()
     files = words.files or [Path(name) for name in os.environ.get("CAPTURES", "").split(os.pathsep) if name]
     before = unit.measure(0.5)
@@ -86,10 +143,18 @@ def main() -> int:
     print(f"unit {1e6 * one:.1f} us" if one is not None else f"unit: {before}")
     titles = ("motion", "strings", "seconds", "status", "held deg", "rig deg", "tension N", "took s", "took units")
     print("{:32s} {:>7s} {:>8s} {:>18s} {:>8s} {:>8s} {:>9s} {:>8s} {:>11s}".format(*titles))
-    for name, motion, goal in motions(files, words.speed, words.dt):
-        for strings in words.strings if name != "made-up walk" else [6]:
-            wanted = goal if strings == 9 or name == "made-up walk" else None
-            print(row(name, motion, strings, wanted, one, words.iterations), flush=True)
+    rows: list[Row] = []
+    for problem in motions(files, words.speed, words.dt):
+        for strings in words.strings if problem.name != "made-up walk" else [6]:
+            try:
+                rows.append(made(problem, strings, words.iterations))
+            except LeastActionError as error:
+                print(f"{problem.name:32s} {strings:7d}  ended in an error: {error}", flush=True)
+            else:
+                print(rows[-1].line(one), flush=True)
+    captured = [row for row in rows if row.problem.name != "made-up walk"]
+    if words.picture is not None and captured:
+        draw(captured, words.picture)
     return 0
 
 

@@ -76,42 +76,60 @@ STRINGS: tuple[PuppetString, ...] = tuple(_string(part) for part in _SIX)
 NINE_STRINGS: tuple[PuppetString, ...] = tuple(_string(part) for part in _NINE)
 """Nine strings: the six, one at each foot, which holds the shin, and one behind the pelvis, which holds the lean."""
 
+Count = Literal[6, 7, 8, 9, 11]
+
+STRING_SETS: Mapping[Count, tuple[PuppetString, ...]] = MappingProxyType(
+    {
+        6: STRINGS,
+        7: (*STRINGS, _string("back")),
+        8: NINE_STRINGS[:8],
+        9: NINE_STRINGS,
+        11: (*NINE_STRINGS, _string("left_elbow"), _string("right_elbow")),
+    }
+)
+"""The sets of strings by their number: the six; and the back; or the feet; both; and the elbows, from behind."""
+
 
 def strings_of(mechanism: Mechanism) -> tuple[PuppetString, ...]:
     """Return the strings of a marionette, in the order of its constraints, or of its tensions as inputs."""
     names = mechanism.constraints or mechanism.inputs
-    return tuple(string for string in NINE_STRINGS if string.name in names)
+    return tuple(string for string in STRING_SETS[11] if string.name in names)
 
 
-def marionette(
-    *, damping: float = 0.2, strings: Literal[6, 9] = 6, by: Literal["length", "tension"] = "length"
-) -> Mechanism:
+def set_of(mechanism: Mechanism) -> Count:
+    """Return which of `STRING_SETS` a marionette hangs on."""
+    strings = strings_of(mechanism)
+    return next(count for count, each in STRING_SETS.items() if each == strings)
+
+
+def marionette(*, damping: float = 0.2, strings: Count = 6, by: Literal["length", "tension"] = "length") -> Mechanism:
     """Return the marionette.
 
     Parameters
     ----------
     damping : float, optional
         Damping of every dynamic variable (N s/m and N m s/rad).
-    strings : {6, 9}, optional
-        How many strings it hangs on: `STRINGS` or `NINE_STRINGS`.
+    strings : {6, 7, 8, 9, 11}, optional
+        How many strings it hangs on: one of `STRING_SETS`.
     by : {"length", "tension"}, optional
         What is prescribed of a string besides its upper end: its length, as a kinematic variable of a constraint, or
         its tension, as an input of the string's name (N, positive where it pulls). `PulledSystem` makes the same
         motions of the second that `MidpointSystem` makes of the first.
     """
-    if strings not in (6, 9) or by not in ("length", "tension"):
+    if strings not in STRING_SETS or by not in ("length", "tension"):
         raise ArgumentError(
-            f"strings, by: got {strings!r} and {by!r}, expected 6 or 9 strings, by 'length' or by 'tension'"
+            f"strings, by: got {strings!r} and {by!r}, expected {', '.join(map(str, STRING_SETS))} strings, "
+            "by 'length' or by 'tension'"
         )
-    table = STRINGS if strings == 6 else NINE_STRINGS
-    nine = strings == 9
+    table = STRING_SETS[strings]
+    feet, back, elbows = strings in (8, 9, 11), strings in (7, 9, 11), strings == 11
     puppet = [
         tx("torso_tx"), [ty("torso_ty"), [tz("torso_tz"), [
             rz("torso_rz"), [ry("torso_ry"), [
                 rx("torso_rx", name="pelvis", mass=10.0, inertia=(1.0, 1.0, 1.0)), [
-                    *_leg("l", "left", nine),
-                    *_leg("r", "right", nine),
-                    *([ty(-HOOK_REACH, name="back_string_hook")] if nine else []),
+                    *_leg("l", "left", feet),
+                    *_leg("r", "right", feet),
+                    *([ty(-HOOK_REACH, name="back_string_hook")] if back else []),
                     tz(SPINE, name="spine_top"), [
                         tz(0.045, name="neck"), [
                             tz(0.045, name="head"), [
@@ -120,8 +138,8 @@ def marionette(
                                 ],
                             ],
                         ],
-                        *_arm("l", "left"),
-                        *_arm("r", "right"),
+                        *_arm("l", "left", elbows),
+                        *_arm("r", "right", elbows),
                         tx(-HOOK_REACH, name="upper_torso_string_hook"),
                         tx(HOOK_REACH, name="lower_torso_string_hook"),
                     ],
@@ -168,8 +186,8 @@ def _leg(side: str, side_name: str, foot_string: bool) -> list[Frame | list[Any]
     ]  # fmt: skip
 
 
-def _arm(side: str, side_name: str) -> list[Frame | list[Any]]:
-    """Return an arm from the shoulder down; the string is tied ahead of the wrist."""
+def _arm(side: str, side_name: str, elbow_string: bool) -> list[Frame | list[Any]]:
+    """Return an arm from the shoulder down; the string is tied ahead of the wrist, another behind the elbow."""
     sign = -1.0 if side == "l" else 1.0
     return [
         tx(sign * SHOULDER_WIDTH, name=f"{side}shoulder"), [
@@ -177,6 +195,7 @@ def _arm(side: str, side_name: str) -> list[Frame | list[Any]]:
                 rx(f"{side}shoulder_rx", name=f"{side}humerus"), [
                     tz(-0.125, name=f"{side}humerus_mass", mass=0.5, inertia=(0.05, 0.05, 0.01)),
                     tz(-0.25, name=f"{side}humerus_end"), [
+                        *([ty(-HOOK_REACH, name=f"{side_name}_elbow_string_hook")] if elbow_string else []),
                         rx(f"{side}elbow_rx", name=f"{side}radius"), [
                             tz(-FOREARM / 2, name=f"{side}radius_mass", mass=0.5, inertia=(0.05, 0.05, 0.01)),
                             tz(-FOREARM, name=f"{side}hand"), [

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from leastaction.apps.cli.session import AtSpeeds
     from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch
     from leastaction.io.motion.motion import Motion
+    from leastaction.models.marionette import Count
 
 _NOT_PRINTED = 1
 _BAD_INPUT = 2
@@ -91,7 +92,7 @@ def optimize(
     up: Annotated[Axis | None, Parameter(group=MOTION)] = None,
     forward: Annotated[Axis | None, Parameter(group=MOTION)] = None,
     heading: Annotated[Heading, Parameter(group=MOTION)] = "facing",
-    strings: Annotated[Literal[6, 9], Parameter(group=PUPPET)] = 6,
+    strings: Annotated[Literal[6, 7, 8, 9, 11], Parameter(group=PUPPET)] = 6,
     tension: Annotated[float, Parameter(group=PUPPET)] = 0.5,
     reach: Annotated[float, Parameter(group=PUPPET)] = 2.0,
     end_speed: Annotated[float, Parameter(group=PUPPET)] = 8.0,
@@ -110,7 +111,7 @@ def optimize(
     Parameters
     ----------
     mechanism
-        The mechanism: marionette, a puppet of 22 joint variables on six strings, or on nine.
+        The mechanism: marionette, a puppet of 22 joint variables on six strings, or on more.
     motion
         Motion capture to follow: a BVH file. A walk on the spot is made up without it.
     mapping
@@ -139,7 +140,8 @@ def optimize(
         What is turned ahead: the way that the person faces, travels, or the capture's forward axis; straight
         takes out the slow turns of one who walks in a circle.
     strings
-        Six strings; or nine, with one at each foot and one behind the pelvis.
+        How many strings: 6; 7, with one behind the pelvis; 8, with one at each foot; 9, with both; 11, with one behind
+        each elbow too.
     tension
         Least tension of every string at every instant, N.
     reach
@@ -293,7 +295,7 @@ def _run(
     folder: Path,
     *,
     limits: PuppetLimits | None = None,
-    strings: Literal[6, 9] = 6,
+    strings: Count = 6,
     check: bool = False,
 ) -> int:
     from leastaction.apps.cli import session

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from rich.console import Console
@@ -30,7 +29,7 @@ from leastaction.apps.marionette.tracking import (
 )
 from leastaction.errors import OutputError
 from leastaction.io.motion.motion import Motion
-from leastaction.models.marionette import marionette
+from leastaction.models.marionette import Count, marionette
 from leastaction.optimal import IterationRecord, IterationTable, Status
 
 SEARCH = "search.npz"  # a run that still seeks its first trajectory
@@ -58,7 +57,7 @@ def run(
     folder: Path,
     complain: Complain,
     limits: PuppetLimits | None = None,
-    strings: Literal[6, 9] = 6,
+    strings: Count = 6,
     check: bool = False,
 ) -> int:
     """Follow a motion, or go on with an earlier run, and fill the folder.
@@ -146,7 +145,7 @@ def _optimise(
     console: Console,
     kept: list[Path],
     limits: PuppetLimits | None,
-    strings: Literal[6, 9],
+    strings: Count,
 ) -> TrackingRun:
     """Optimise, printing the iterations as they happen and keeping the run now and then."""
     earlier = None if isinstance(motion, Motion) else motion

@@ -17,7 +17,7 @@ from leastaction.io.motion.motion import Motion
 from leastaction.io.results import check_result, load_record, save_record
 from leastaction.io.results.record import Provenance
 from leastaction.mechanics import Mechanism, MidpointVI
-from leastaction.models.marionette import JOINT_LIMITS, marionette, strings_of
+from leastaction.models.marionette import JOINT_LIMITS, STRING_SETS, marionette, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult
 from leastaction.systems import MidpointSystem
@@ -150,9 +150,10 @@ def _numbers(mechanism: Mechanism) -> dict[str, float]:
 
 
 def _mechanism(strings: int, numbers: Mapping[str, float]) -> Mechanism:
-    if strings not in (6, 9):
+    count = next((each for each in STRING_SETS if each == strings), None)
+    if count is None:
         raise ResultFileError(f"a marionette on {strings} strings is none")
-    mechanism = marionette(strings=9 if strings == 9 else 6)
+    mechanism = marionette(strings=count)
     return mechanism.with_parameters(numbers) if numbers else mechanism
 
 

@@ -25,7 +25,7 @@ from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import LeastActionError, ProjectionError, StepError
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import JointForce, MidpointVI, Trajectory
-from leastaction.models.marionette import marionette, strings_of
+from leastaction.models.marionette import marionette, set_of, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction.optimal.discrete.linear_quadratic import regulate
@@ -59,7 +59,7 @@ class Plan:
         whole = problem.mechanism
         self.problem, self.weights = problem, weights
         self.strings = strings_of(whole)
-        by_tension = marionette(strings=9 if len(self.strings) == 9 else 6, by="tension")
+        by_tension = marionette(strings=set_of(whole), by="tension")
         numbers = {name: value for name, value in whole.parameters.items() if name in by_tension.parameters}
         self.mechanism = by_tension.with_parameters(numbers)
         m, t = self.mechanism, problem.t

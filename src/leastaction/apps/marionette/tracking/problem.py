@@ -11,7 +11,7 @@ from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus
-from leastaction.models.marionette import PLANE_HEIGHT, STRINGS, UNHELD, hang_strings, strings_of
+from leastaction.models.marionette import PLANE_HEIGHT, STRINGS, UNHELD, hang_strings, set_of, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.systems import MidpointSystem
 
@@ -26,7 +26,7 @@ _GOOD_START_DISTANCE = 0.15  # m, the same for the pelvis
 
 def unheld(mechanism: Mechanism) -> tuple[str, ...]:
     """Return the joints behind which no string is tied: with a string at each foot there is none."""
-    return UNHELD if len(strings_of(mechanism)) == len(STRINGS) else ()
+    return UNHELD if set_of(mechanism) in (6, 7) else ()
 
 
 def below_strings(mechanism: Mechanism, motion: Motion) -> tuple[Motion, float]:
