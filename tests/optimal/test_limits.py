@@ -27,6 +27,7 @@ from leastaction.optimal import (
 )
 from leastaction.optimal.limits.barrier import barrier_value, split, stiffness
 from leastaction.optimal.limits.duals import Duals, Stages
+from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
@@ -167,6 +168,16 @@ def test_a_rough_tolerance_is_met_roughly(cart: MidpointSystem, cost: QuadraticC
     # Of one row alone the part would be that much smaller.
     assert rough.expected_decrease > 10.0 * rough.limits.mu
     assert rough.iterations < exact.iterations
+
+
+def test_the_tolerance_is_relative_to_the_cost_without_barriers(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    """Barriers are known up to a constant, and may nearly cancel the cost."""
+    rows = Bound("x-force", -60.0, 60.0).rows(cart, 1)
+    settings = optimize(cart, cost, initial=REST, max_iterations=0).settings
+    problem = LimitedProblem(cart, cost, rows, settings)
+    problem.start(REST)
+    assert problem.magnitude == cost.value(*REST)
+    assert abs(problem.value - problem.magnitude) > 0.01 * problem.magnitude
 
 
 def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:

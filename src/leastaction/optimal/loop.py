@@ -171,6 +171,11 @@ class Problem(ABC, Generic[M, D, I]):
         return rounding_of(self.value)
 
     @property
+    def magnitude(self) -> float:
+        """The cost that the tolerance is relative to."""
+        return self.value
+
+    @property
     def gap(self) -> float:
         """The largest gap between a step's end and the next state, in parts of the states' sizes; 0 of a trajectory."""
         return 0.0
@@ -538,7 +543,7 @@ class Loop(Generic[M, D, I]):
     def _goal(self) -> float:
         """Return the expected decrease that is small enough."""
         settings = self.settings
-        goal = settings.tolerance * abs(self.problem.value) + settings.absolute_tolerance
+        goal = settings.tolerance * abs(self.problem.magnitude) + settings.absolute_tolerance
         return self.problem.tolerated(goal)
 
     def _confirm(self, direction: D) -> D:

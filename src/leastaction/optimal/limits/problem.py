@@ -105,6 +105,11 @@ class LimitedProblem(DiscreteProblem):
         """The cost without barriers."""
         return self.cost.value(self.x, self.u)
 
+    @property
+    def magnitude(self) -> float:
+        """The cost without barriers: they are known up to a constant, and may be of either sign."""
+        return self.shown
+
     def tolerated(self, goal: float) -> float:
         """Return the expected decrease that is small enough at this stage."""
         return self.stages.tolerated(goal, self.noise)
