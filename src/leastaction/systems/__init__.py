@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.embedding import embed
+from leastaction.systems.follow import Followed, follow
 from leastaction.systems.keep import Ball, Box, HalfSpace, Keep, Region
 from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.places import PlaceCost
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.relaxation import by_tensions, relax
 from leastaction.systems.rig import Played, Rig, play
@@ -15,10 +17,12 @@ from leastaction.systems.warm_start import warm_start
 __all__ = [
     "Ball",
     "Box",
+    "Followed",
     "HalfSpace",
     "Keep",
     "MechanismSystem",
     "MidpointSystem",
+    "PlaceCost",
     "Played",
     "PulledSystem",
     "Region",
@@ -26,6 +30,7 @@ __all__ = [
     "SmoothCost",
     "by_tensions",
     "embed",
+    "follow",
     "play",
     "relax",
     "warm_start",

@@ -95,7 +95,7 @@ def warm_start(
             column = variables.index(name)
             configurations[:, i] = np.interp(times, t, q[:, column])
             velocities[:, i] = np.where(outside, 0.0, np.interp(times, t, v[:, column]))
-    _onto_constraints(new, configurations, velocities, np.array(known), start)
+    onto_constraints(new, configurations, velocities, np.array(known), start)
     steps = np.diff(times)
     result[:, : new.nq] = configurations
     result[:, new.nq : new.nq + new.nd] = to_momentum(new, configurations, velocities)
@@ -154,7 +154,7 @@ def _motion(m: Mechanism, x: Array, t: Array) -> tuple[Array, Array]:
     return q, to_velocity(m, q, p, v_rho, keep_constraints=m.nc > 0)
 
 
-def _onto_constraints(m: Mechanism, q: Array, v: Array, known: npt.NDArray[np.bool_], start: State | None) -> None:
+def onto_constraints(m: Mechanism, q: Array, v: Array, known: npt.NDArray[np.bool_], start: State | None) -> None:
     """Bring configurations and velocities onto the constraints, by what is not known of them if that is enough."""
     if start is not None:
         q[0] = start.q

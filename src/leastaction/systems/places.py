@@ -1,0 +1,152 @@
+"""A price on how far points of frames are from wanted places, beside any other cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_number
+from leastaction.optimal.cost import matrix_of
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.systems.midpoint import MidpointSystem
+
+__all__ = ["PlaceCost"]
+
+
+class PlaceCost(Cost):
+    """Another cost and half the weighted squares of the distances of frames from wanted places.
+
+    With exact second derivatives. As fit for several threads as the other cost.
+
+    Parameters
+    ----------
+    cost : Cost
+        Such as a `QuadraticCost`.
+    system : MidpointSystem
+        Whose frames are meant.
+    places : mapping of str to array_like (N+1, 3) or (3,)
+        Where the origins of frames are wanted (m), by their names; NaN where anywhere is as good.
+    weights : mapping of str to float
+        By the same names, in units of the cost by m^2.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown frame, a wrong shape, or a weight that is negative or not finite.
+    """
+
+    def __init__(
+        self, cost: Cost, system: MidpointSystem, places: Mapping[str, ArrayLike], weights: Mapping[str, float]
+    ) -> None:
+        m, N = system.integrator.mechanism, system.N
+        self.cost, self.system, self.nonnegative = cost, system, cost.nonnegative
+        wanted, weighed = {}, {}
+        for name, given in places.items():
+            m.frame_pose(np.zeros(m.nq), name)  # an unknown name is an error here, not at the first step
+            place = np.asarray(given, dtype=np.float64)
+            if place.shape not in ((3,), (N + 1, 3)):
+                raise ArgumentError(f"places: {name!r}: got shape {place.shape}, expected ({N + 1}, 3) or (3,)")
+            weight = as_number(weights.get(name, 1.0), f"weights: {name!r}")
+            if weight < 0.0:
+                raise ArgumentError(f"weights: {name!r}: got {weight:g}, expected zero or more")
+            wanted[name] = np.nan_to_num(np.broadcast_to(place, (N + 1, 3)))
+            weighed[name] = weight * np.broadcast_to(~np.isnan(place), (N + 1, 3))
+        self._wanted, self._weights = wanted, weighed
+
+    def check_shapes(self, N: int, nx: int, nu: int) -> None:
+        """Complain if the other cost, or the system whose frames are meant, is of other sizes."""
+        expected = (self.system.N, self.system.nx, self.system.nu)
+        if (N, nx, nu) != expected:
+            raise ArgumentError(
+                f"cost: places are those of a system of N, nx, nu = {expected}, and this one has {(N, nx, nu)}"
+            )
+        self.cost.check_shapes(N, nx, nu)
+
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:
+        """Return the costs of the stages from `start` on."""
+        return np.asarray(self.cost.stage_values(x, u, start) + self._values(x, start))
+
+    def final_value(self, x: Array) -> float:
+        """Return the cost of the last state."""
+        return self.cost.final_value(x) + float(self._values(x[None, :], self.system.N)[0])
+
+    def gradient(self, x: Array, u: Array) -> CostGradient:
+        """Return the first derivatives."""
+        q, r, q_final = self.cost.gradient(x, u)
+        slopes = self._slopes(x)
+        q, q_final = q.copy(), q_final.copy()
+        q[:, : slopes.shape[1]] += slopes[:-1]
+        q_final[: slopes.shape[1]] += slopes[-1]
+        return CostGradient(q, r, q_final)
+
+    def hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return the second derivatives: a matrix for each stage."""
+        Q, R, S, Q_final = self.cost.hessian(x, u)
+        bent = self._bent(x)
+        nq, nx = bent.shape[1], x.shape[1]
+        stages = np.array(np.broadcast_to(matrix_of(Q), (len(u), nx, nx)))
+        stages[:, :nq, :nq] += bent[:-1]
+        last = np.array(matrix_of(Q_final))
+        last[:nq, :nq] += bent[-1]
+        return CostHessian(stages, R, S, last)
+
+    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+        """Return the cost of the stages ``start .. stop-1``; see `Cost`."""
+        system = self.system.window(start, stop)
+        assert isinstance(system, MidpointSystem)
+        other = self._with(self.cost.window(start, stop, N=N, nu=nu), system)
+        other._wanted = {name: each[start : stop + 1] for name, each in self._wanted.items()}
+        other._weights = {name: each[start : stop + 1] for name, each in self._weights.items()}
+        return other
+
+    def eased(self, ease: float) -> tuple[Cost, Array] | None:
+        """Return the other cost eased, with the same places; see `Cost`."""
+        found = self.cost.eased(ease)
+        return None if found is None else (self._with(found[0], self.system), found[1])
+
+    def _with(self, cost: Cost, system: MidpointSystem) -> PlaceCost:
+        other = copy(self)
+        other.cost, other.system, other.nonnegative = cost, system, cost.nonnegative
+        return other
+
+    @property
+    def _mechanism(self) -> Mechanism:
+        return self.system.integrator.mechanism
+
+    def _away(self, q: Array, name: str, start: int) -> tuple[Array, Array]:
+        """Return how far a frame is from its place (n, 3), and the weights (n, 3)."""
+        rows = slice(start, start + len(q))
+        place = self._mechanism.frame_pose(q, name)[:, :3, 3]
+        return place - self._wanted[name][rows], self._weights[name][rows]
+
+    def _values(self, x: Array, start: int) -> Array:
+        q = np.ascontiguousarray(x[:, : self._mechanism.nq])
+        total = np.zeros(len(x))
+        for name in self._wanted:
+            away, weight = self._away(q, name, start)
+            total += 0.5 * np.sum(weight * away**2, axis=1)
+        return total
+
+    def _slopes(self, x: Array) -> Array:
+        q = np.ascontiguousarray(x[:, : self._mechanism.nq])
+        total = np.zeros_like(q)
+        for name in self._wanted:
+            away, weight = self._away(q, name, 0)
+            total += np.einsum("na,nai->ni", weight * away, self._mechanism.frame_jacobian(q, name)[:, :3])
+        return total
+
+    def _bent(self, x: Array) -> Array:
+        q = np.ascontiguousarray(x[:, : self._mechanism.nq])
+        total = np.zeros((len(q), q.shape[1], q.shape[1]))
+        for name in self._wanted:
+            away, weight = self._away(q, name, 0)
+            J = self._mechanism.frame_jacobian(q, name)[:, :3]
+            total += np.einsum("nai,na,naj->nij", J, weight, J)
+            bent = self._mechanism.frame_jacobian_derivative(q, name)[:, :3]
+            total += np.einsum("na,naij->nij", weight * away, bent)
+        return total

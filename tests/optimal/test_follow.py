@@ -1,0 +1,127 @@
+"""Following a wanted motion by names, with mechanisms that are no puppets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from leastaction import (
+    Bound,
+    Gravity,
+    JointForce,
+    Mechanism,
+    MidpointSystem,
+    MidpointVI,
+    PlaceCost,
+    QuadraticCost,
+    follow,
+    optimize,
+    play,
+    rx,
+    rz,
+    ty,
+)
+from leastaction.errors import ArgumentError
+from leastaction.io import Motion
+from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.models.puppet_arm import hang, puppet_arm
+from leastaction.optimal import check_derivatives
+
+T = np.linspace(0.0, 2.0, 101)
+ARM = Mechanism(
+    [rz("shoulder"), [ty(-0.5, mass=1.0, name="elbow end"), [rz("elbow"), [ty(-0.4, mass=0.5, name="hand")]]]],
+    [Gravity((0.0, -9.81, 0.0)), JointForce("shoulder", "turn"), JointForce("elbow", "bend")],
+)
+# The hand goes round a circle.
+CIRCLE = np.stack([0.2 + 0.1 * np.sin(np.pi * T), -0.6 + 0.1 * np.cos(np.pi * T), 0.0 * T], axis=1)
+
+
+@pytest.mark.parametrize("steps", [T, np.linspace(0.0, 1.0, 21) ** 1.3])
+def test_places_of_frames_have_exact_derivatives(steps: np.ndarray) -> None:
+    m = Mechanism([rx("a"), [ty(0.3), [rz("b"), [ty(-0.4, mass=0.5, name="hand")]]]], [Gravity(), JointForce("a", "f")])
+    system = MidpointSystem(MidpointVI(m), steps)
+    rng = np.random.default_rng(1)
+    n = len(steps)
+    plain = QuadraticCost(np.zeros((n, 4)), np.zeros((n - 1, 1)), Q=[1.0, 0.0, 0.1, 0.1], R=[0.1])
+    places = rng.normal(size=(n, 3))
+    places[3] = np.nan
+    cost = PlaceCost(plain, system, {"hand": places}, {"hand": 3.0})
+    x, u = rng.normal(size=(n, 4)), rng.normal(size=(n - 1, 1))
+    assert check_derivatives(system, 0.1 * x, 0.1 * u, cost=cost).ok
+    away = m.positions(x[:, :2], ["hand"])[:, 0] - places
+    assert cost.value(x, u) == pytest.approx(plain.value(x, u) + 1.5 * np.nansum(away**2))
+    # A part of it costs what it costs there.
+    part = cost.window(2, 5, N=n - 1, nu=1)
+    np.testing.assert_allclose(part.stage_values(x[2:5], u[2:5], 0), cost.stage_values(x[2:5], u[2:5], 2))
+
+
+def test_the_hand_of_an_arm_goes_where_it_is_wanted() -> None:
+    found = follow(ARM, {"hand": CIRCLE}, {"hand": 100.0}, t=T)
+    assert found.result.success
+    # It begins at rest, and the circle does not.
+    assert found.errors["hand"] < 0.01
+    made = found.trajectory.mechanism.positions(found.trajectory.q, ["hand"])[:, 0]
+    assert np.abs(made - CIRCLE)[20:].max() < 2e-3
+    assert set(found.errors) == {"hand"}
+    # As found by hand, with the cost that its weights are short for.
+    m = found.system.integrator.mechanism
+    plain = QuadraticCost(0.0 * found.result.x, 0.0 * found.result.u, Q=np.zeros(m.nx), R=[1e-6, 1e-6])
+    cost = PlaceCost(plain, found.system, {"hand": CIRCLE}, {"hand": 100.0})
+    again = optimize(found.system, cost, initial=(found.result.x, found.result.u))
+    assert again.cost == pytest.approx(found.result.cost, rel=1e-6)
+
+
+def test_limits_are_kept_to_and_what_they_cost_is_seen() -> None:
+    free = follow(ARM, {"hand": CIRCLE}, {"hand": 100.0}, t=T)
+    most = 0.8 * np.abs(free.result.u[:, 0]).max()
+    found = follow(ARM, {"hand": CIRCLE}, {"hand": 100.0}, [Bound("turn", -most, most)], t=T)
+    assert found.result.success
+    assert np.abs(found.result.u[:, 0]).max() <= most * (1.0 + 1e-6)
+    assert found.result.cost > free.result.cost
+
+
+def test_a_cart_follows_and_its_pendulum_stays_up() -> None:
+    m = cart_pendulum()
+    wanted = Motion(("x", "theta"), T, np.stack([0.3 * np.sin(np.pi * T) ** 2, np.full(101, np.pi)], axis=1))
+    found = follow(m, wanted, {"x": 10.0, "x-force": 1e-5}, [Bound("x-force", -60.0, 60.0)])
+    assert found.result.success
+    assert found.errors["x"] < 0.12
+    assert found.errors["theta"] < 0.15
+    assert np.abs(found.result.u).max() <= 60.0 * (1.0 + 1e-6)
+    # The plan and its feedback are good for a rig.
+    assert play(found.system, found.result).off(found.result.x[:, :2], "theta") < 0.05
+
+
+def test_an_arm_on_a_string_that_pulls() -> None:
+    m = puppet_arm()
+    angles = np.stack([0.35 + 0.2 * np.sin(np.pi * T / 2.0) ** 2, 0.5 + 0.2 * np.sin(np.pi * T / 2.0) ** 2], axis=1)
+    start = MidpointVI(m).start(hang(m, angles[0]))
+    weights = {"shoulder": 100.0, "elbow": 100.0, "acceleration of string-*": 1e-3}
+    found = follow(
+        m,
+        {"shoulder": angles[:, 0], "elbow": angles[:, 1]},
+        weights,
+        [Bound("string", min=0.2, of="tension")],
+        t=T,
+        start=start,
+        tolerance=1e-4,
+    )
+    assert found.result.success
+    assert found.trajectory.tensions()["string"].min() > 0.2 - 1e-4
+    assert np.degrees(max(found.errors.values())) < 10.0
+    np.testing.assert_array_equal(found.result.x[0, : m.nq], start.q)
+
+
+def test_wrong_arguments_are_named() -> None:
+    for arguments, options, message in (
+        (({"hant": CIRCLE},), {"t": T}, "nothing is called 'hant'.*hand"),
+        (({"hand": CIRCLE},), {}, "t: got none"),
+        ((Motion(("elbow",), T, T[:, None]),), {"t": T}, "times of its own"),
+        (({},), {"t": T}, "nothing that is wanted"),
+        (({"hand": CIRCLE[1:]},), {"t": T}, "motion: 'hand'"),
+        (({"hand": CIRCLE}, {"foot": 1.0}), {"t": T}, "weights: nothing is called 'foot'"),
+        (({"hand": CIRCLE}, {"hand": -1.0}), {"t": T}, "expected zero or more"),
+        (({"hand": CIRCLE}, {"turn": 0.0}), {"t": T}, "'turn' has none"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            follow(ARM, *arguments, **options)  # type: ignore[arg-type]
