@@ -207,6 +207,14 @@ def test_a_trajectory_is_taken_as_it_is(system):
     assert result.iterations == 0
 
 
+def test_an_initial_state_alone_is_rolled_out_once(system):
+    """What comes of it is a trajectory: it is not projected once more."""
+    u = np.ones((N, 1))
+    result = optimize(system, _tracking(), initial=(np.zeros(4), u), max_iterations=0)
+    np.testing.assert_array_equal(result.x, simulate(system, np.zeros(4), u))
+    assert result.rollouts == 1
+
+
 class _Counting(CartPendulum):
     linearized = 0
 

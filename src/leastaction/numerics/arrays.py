@@ -45,7 +45,7 @@ def as_array(
         ) from None
     # ascontiguousarray turns a scalar into a one-element vector; keep the shape that was given.
     array = array.reshape(given.shape)
-    if shapes and not any(_matches(array.shape, shape) for shape in shapes):
+    if shapes and array.shape not in shapes and not any(_matches(array.shape, shape) for shape in shapes):
         hint = ""
         if names and any(shape and shape[-1] == len(names) for shape in shapes):
             hint = f"; the last axis holds {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"

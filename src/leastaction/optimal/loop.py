@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Generic, Protocol, TypeVar
@@ -82,19 +81,29 @@ class Clock:
         self.began = time.perf_counter()
         self.timings = dict.fromkeys(("linearize", "curvature", "lq", "rollout"), 0.0)
 
-    @contextmanager
-    def __call__(self, part: str) -> Iterator[None]:
+    def __call__(self, part: str) -> _Part:
         """Count the time inside of a ``with`` to a part."""
-        began = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.timings[part] += time.perf_counter() - began
+        return _Part(self.timings, part)
 
     @property
     def seconds(self) -> float:
         """Seconds since the clock was made."""
         return time.perf_counter() - self.began
+
+
+class _Part:
+    """The time inside of a ``with``; a class, because short iterations have many and a generator takes longer."""
+
+    __slots__ = ("began", "part", "timings")
+
+    def __init__(self, timings: dict[str, float], part: str) -> None:
+        self.timings, self.part = timings, part
+
+    def __enter__(self) -> None:
+        self.began = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.timings[self.part] += time.perf_counter() - self.began
 
 
 class Model(Protocol):
@@ -503,7 +512,8 @@ class Loop(Generic[M, D, I]):
                         return  # So short a step leads nowhere.
                     direction = self._confirm(direction)
                 searched = True
-                self.schedule = replace(self.schedule, shift=shift)
+                if shift != self.schedule.shift:
+                    self.schedule = replace(self.schedule, shift=shift)
                 yield direction
             if not automatic or (shift == 0.0 and not searched):
                 return
@@ -555,7 +565,8 @@ class Loop(Generic[M, D, I]):
         problem = self.problem
         expected = -direction.slope
         status = Status.STALLED if self.stalled else Status.CONVERGED
-        self.schedule = replace(self.schedule, shift=0.0)
+        if self.schedule.shift != 0.0:
+            self.schedule = replace(self.schedule, shift=0.0)
         if not problem.tells_saddles:
             raise _Found(_Outcome(status, expected=expected))
         goes_on = self.settings.method in ("auto", "newton")

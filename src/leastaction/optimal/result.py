@@ -278,34 +278,33 @@ class NewtonSchedule:
         step. ``expected``, ``value``: expected decrease, and the cost.
         """
         shift = self.shift * (0.1 if length == 1.0 else 1.0)
-        new = replace(
-            self,
-            shift=0.0 if shift < _LEAST_SHIFT else shift,
-            expected=expected,
-            length=length,
-            full=method == "newton" and length == 1.0,
+        new: dict[str, Any] = {
+            "shift": 0.0 if shift < _LEAST_SHIFT else shift,
+            "expected": expected,
+            "length": length,
+            "full": method == "newton" and length == 1.0,
             # Of an exact model it would be noise.
-            reach=_reach(length, agreement) if method == "newton-damped" else 0.0,
-            method=method,
-            spent=self.spent + 1,
-        )
+            "reach": _reach(length, agreement) if method == "newton-damped" else 0.0,
+            "method": method,
+            "spent": self.spent + 1,
+        }
         if method == "negative-curvature":
-            return replace(new, shift=0.0, length=1.0)
-        if curvature_scale > 0.0:
+            new |= {"shift": 0.0, "length": 1.0}
+        elif curvature_scale > 0.0:
             fast, falling, little = _ARRIVING
             part = falling if expected < little * abs(value) else fast
             arriving = expected < part * self.expected
-            return replace(
-                new,
-                wait=0,
-                failures=0,
-                scale=1.0 if arriving else min(1.0, self.growth * curvature_scale),
-                growth=min(_LARGEST_GROWTH, self.growth * _RECOVERY),
-            )
-        # A quasi-Newton model that is off by a share s of the true curvature is off by s in the
-        # decrease too, and the expected decrease falls by s^2 with every step: good enough if s < 0.1.
-        least = 1 if abs(agreement - 1.0) < 0.1 else 0
-        return replace(new, wait=max(self.wait - 1, least))
+            new |= {
+                "wait": 0,
+                "failures": 0,
+                "scale": 1.0 if arriving else min(1.0, self.growth * curvature_scale),
+                "growth": min(_LARGEST_GROWTH, self.growth * _RECOVERY),
+            }
+        else:
+            # A quasi-Newton model that is off by a share s of the true curvature is off by s in the
+            # decrease too, and the expected decrease falls by s^2 with every step: good enough if s < 0.1.
+            new["wait"] = max(self.wait - 1, 1 if abs(agreement - 1.0) < 0.1 else 0)
+        return replace(self, **new)
 
 
 def _reach(length: float, agreement: float) -> float:

@@ -249,7 +249,7 @@ class MidpointSystem(DiscreteSystem):
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         """Simulate steps ``start .. stop-1`` under ``u = ubar - K (x - xbar)``; see `DiscreteSystem`."""
         m = self.integrator.mechanism
-        if np.any(K[start:stop, :, m.nx :]):
+        if self.multipliers and np.any(K[start:stop, :, m.nx :]):
             # The core feeds back no multipliers. Nothing depends on them, so no optimal gain is lost with
             # theirs; a gain that does have them takes the slow way.
             return super().rollout(x0, xbar, ubar, K, start, stop)

@@ -113,7 +113,7 @@ class EasedProblem(DiscreteProblem):
             self._set_stage(_EASIEST)
             self.x, self.u = read_only(start.x), read_only(start.u)
             self.forget()
-            self._project_curve()
+            self._project_curve(start)
             self.value = self.cost.value(self.x, self.u)
         except BaseException as error:  # an interruption too leaves it where it stood
             self._go_to(now)

@@ -119,10 +119,12 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
         x = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
+        made: Rollout | None = None
         if x.ndim == 1:
-            x = self._project(np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx))).x
+            made = self._project(np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)))
+            x = made.x
         self.x, self.u = read_only(x), read_only(u)
-        self._project_curve()
+        self._project_curve(made)
         self.value = self.cost.value(self.x, self.u)
         if not np.isfinite(self.value):
             raise ProjectionError(
@@ -130,11 +132,12 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
                 "number. Look at the cost's weights and wanted motion."
             )
 
-    def _project_curve(self) -> None:
+    def _project_curve(self, made: Rollout | None = None) -> None:
         """Put a trajectory in the place of the curve where the iterate is to be.
 
         A trajectory is its own projection, and what was computed along it stays valid. Of a curve that is none, the
         gains of the cost's regulator may lead far away or nowhere: then the cheapest of several projections is taken.
+        ``made``: the roll-out that the curve is, if it is known to be one.
         """
         x, u = self.x, self.u
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
@@ -145,7 +148,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             nonlocal failure
             try:
                 gain = choose()
-                projected = self._project(x, u, gain)
+                projected = made or self._project(x, u, gain)
             except LeastActionError as error:
                 failure = str(error)
                 return
