@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.names import matching
 
 __all__ = ["Entries", "FunctionQuantity", "Instants", "Later", "Quantity", "QuantityView", "Samples"]
 
@@ -76,7 +76,7 @@ class Quantity(ABC):
 
     def matching(self, pattern: str) -> list[int]:
         """Return the rows of the functions with a name, which may have wildcards."""
-        return [i for i, name in enumerate(self.names) if name == pattern or fnmatchcase(name, pattern)]
+        return matching(self.names, pattern)
 
     def select(self, rows: Sequence[int]) -> Quantity:
         """Return some of the functions."""

@@ -4,18 +4,119 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from fnmatch import fnmatchcase
 
 import numpy as np
+from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.names import matching
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.systems.midpoint import MidpointSystem
 
+IntArray = NDArray[np.integer]
 
-class SmoothCost(Cost):
+__all__ = ["CostOfAccelerations", "SmoothCost"]
+
+
+class CostOfAccelerations(Cost):
+    """Another cost and half the weighted squares of the accelerations of prescribed variables, by their places.
+
+    In a step the acceleration is ``((rho_next - rho)/dt - v_rho)/dt``, linear in state and input: what it costs is
+    quadratic. As fit for several threads as the other cost.
+
+    Parameters
+    ----------
+    cost : Cost
+        The other cost.
+    dt : ndarray (N,)
+        The time steps (s).
+    weights : ndarray (m,)
+        Of half the squared accelerations.
+    rho, v_rho : ndarray of int (m,)
+        Where the variables and their rates over the step before are in the state.
+    rho_next : ndarray of int (m,)
+        Where the variables at the end of the step are in the input.
+    """
+
+    def __init__(
+        self, cost: Cost, *, dt: Array, weights: Array, rho: IntArray, v_rho: IntArray, rho_next: IntArray
+    ) -> None:
+        self.cost, self.dt, self.weights = cost, dt, weights
+        self.rho, self.v_rho, self.rho_next = rho, v_rho, rho_next
+        self.nonnegative = cost.nonnegative
+
+    def check_shapes(self, N: int, nx: int, nu: int) -> None:
+        """Complain if the other cost is of other sizes, or the steps are more or fewer."""
+        if len(self.dt) != N:
+            raise ArgumentError(f"cost: accelerations are those of {len(self.dt)} steps, and the system has {N}")
+        self.cost.check_shapes(N, nx, nu)
+
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:
+        """Return the costs of the stages from `start` on."""
+        squares = self._accelerations(x, u, start) ** 2 @ self.weights
+        return np.asarray(self.cost.stage_values(x, u, start) + 0.5 * squares)
+
+    def final_value(self, x: Array) -> float:
+        """Return the cost of the last state."""
+        return self.cost.final_value(x)
+
+    def gradient(self, x: Array, u: Array) -> CostGradient:
+        """Return the first derivatives."""
+        q, r, q_final = self.cost.gradient(x, u)
+        q, r, dt = q.copy(), r.copy(), self.dt[:, None]
+        slope = self.weights * self._accelerations(x[:-1], u, 0)
+        q[:, self.rho] -= slope / dt**2
+        q[:, self.v_rho] -= slope / dt
+        r[:, self.rho_next] += slope / dt**2
+        return CostGradient(q, r, q_final)
+
+    def hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return the second derivatives: matrices, one for each stage where steps are not all as long."""
+        dt = self.dt[:, None]
+        if np.ptp(dt) < 1e-9 * dt.max():
+            dt = dt.mean(keepdims=True)
+        (nx, nu), n = (x.shape[1], u.shape[1]), len(dt)
+        bent, turned, cross = np.zeros((n, nx, nx)), np.zeros((n, nu, nu)), np.zeros((n, nx, nu))
+        by_rate = self.weights / dt**2
+        bent[:, self.rho, self.rho] = turned[:, self.rho_next, self.rho_next] = by_rate / dt**2
+        bent[:, self.rho, self.v_rho] = bent[:, self.v_rho, self.rho] = by_rate / dt
+        bent[:, self.v_rho, self.v_rho] = by_rate
+        cross[:, self.rho, self.rho_next], cross[:, self.v_rho, self.rho_next] = -by_rate / dt**2, -by_rate / dt
+        Q, R, S, Q_final = self.cost.hessian(x, u)
+        bent, turned, cross = (part[0] if n == 1 else part for part in (bent, turned, cross))
+        return CostHessian(matrix_of(Q) + bent, matrix_of(R) + turned, cross if S is None else S + cross, Q_final)
+
+    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+        """Return the cost of the stages ``start .. stop-1``, with their accelerations; see `Cost`."""
+        return self._with(self.cost.window(start, stop, N=N, nu=nu), self.dt[start:stop])
+
+    def eased(self, ease: float) -> tuple[Cost, Array] | None:
+        """Return the other cost eased, with the same accelerations; see `Cost`."""
+        found = self.cost.eased(ease)
+        return None if found is None else (self._with(found[0], self.dt), found[1])
+
+    def refined(self, parts: int) -> Cost | None:
+        """Return the cost of the same motion in shorter steps; see `Cost`."""
+        cost = self.cost.refined(parts)
+        if cost is None:
+            return None
+        result = self._with(cost, np.repeat(self.dt, parts) / parts)
+        result.weights = self.weights / parts
+        return result
+
+    def _with(self, cost: Cost, dt: Array) -> CostOfAccelerations:
+        result = copy(self)
+        result.cost, result.dt, result.nonnegative = cost, dt, cost.nonnegative
+        return result
+
+    def _accelerations(self, x: Array, u: Array, start: int) -> Array:
+        dt = self.dt[start : start + len(u), None]
+        return np.asarray(((u[:, self.rho_next] - x[:, self.rho]) / dt - x[:, self.v_rho]) / dt)
+
+
+class SmoothCost(CostOfAccelerations):
     """Another cost and half the weighted squares of the accelerations of prescribed variables.
 
     Where a prescribed variable may be anywhere, an optimal motion rings: it alternates from step to step wherever the
@@ -42,7 +143,7 @@ class SmoothCost(Cost):
         m = system.integrator.mechanism
         weights = np.zeros(m.nrho)
         for pattern, value in accelerations.items():
-            found = [i for i, name in enumerate(m.kinematic) if name == pattern or fnmatchcase(name, pattern)]
+            found = matching(m.kinematic, pattern)
             if not found:
                 known = closest(pattern, m.kinematic, what="kinematic variables")
                 raise ArgumentError(f"accelerations: nothing is called {pattern!r}; {known}")
@@ -51,83 +152,21 @@ class SmoothCost(Cost):
             name = m.kinematic[int(np.argmin(weights))]
             raise ArgumentError(f"accelerations: {name!r}: got {weights.min():g}, expected a weight of zero or more")
         priced = np.flatnonzero(weights)
-        self.cost, self.system = cost, system
-        self.nonnegative = cost.nonnegative
-        self._weights = weights[priced]
-        self._rho, self._v_rho, self._next = m.nd + priced, m.nq + m.nd + priced, m.n_inputs + priced
+        super().__init__(
+            cost,
+            dt=np.diff(system.t),
+            weights=weights[priced],
+            rho=m.nd + priced,
+            v_rho=m.nq + m.nd + priced,
+            rho_next=m.n_inputs + priced,
+        )
+        self._sizes = (system.nx, system.nu)
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:
         """Complain if the other cost, or the system whose variables are meant, is of other sizes."""
-        expected = (self.system.N, self.system.nx, self.system.nu)
+        expected = (len(self.dt), *self._sizes)
         if (N, nx, nu) != expected:
             raise ArgumentError(
                 f"cost: accelerations are those of a system of N, nx, nu = {expected}, and this one has {(N, nx, nu)}"
             )
-        self.cost.check_shapes(N, nx, nu)
-
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        """Return the costs of the stages from `start` on."""
-        squares = self._accelerations(x, u, start) ** 2 @ self._weights
-        return np.asarray(self.cost.stage_values(x, u, start) + 0.5 * squares)
-
-    def final_value(self, x: Array) -> float:
-        """Return the cost of the last state."""
-        return self.cost.final_value(x)
-
-    def gradient(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives."""
-        q, r, q_final = self.cost.gradient(x, u)
-        q, r, dt = q.copy(), r.copy(), self._dt()
-        slope = self._weights * self._accelerations(x[:-1], u, 0) / dt
-        q[:, self._rho] -= slope / dt
-        q[:, self._v_rho] -= slope
-        r[:, self._next] += slope / dt
-        return CostGradient(q, r, q_final)
-
-    def hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return the second derivatives: matrices, one for each stage where steps are not all as long."""
-        Q, R, S, Q_final = self.cost.hessian(x, u)
-        dt = self._dt()[:, 0]
-        if np.ptp(dt) < 1e-9 * dt.max():
-            dt = dt.mean(keepdims=True)
-        rows = np.arange(len(self._weights))
-        by_x, by_u = np.zeros((len(dt), len(rows), x.shape[1])), np.zeros((len(dt), len(rows), u.shape[1]))
-        by_x[:, rows, self._rho] = -1.0 / dt[:, None] ** 2
-        by_x[:, rows, self._v_rho] = -1.0 / dt[:, None]
-        by_u[:, rows, self._next] = 1.0 / dt[:, None] ** 2
-        weighed = by_x.swapaxes(1, 2) * self._weights
-        QS, RR = (weighed @ by_x, weighed @ by_u), by_u.swapaxes(1, 2) * self._weights @ by_u
-        bent, cross, turned = (part[0] if len(dt) == 1 else part for part in (*QS, RR))
-        return CostHessian(matrix_of(Q) + bent, matrix_of(R) + turned, cross if S is None else S + cross, Q_final)
-
-    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
-        """Return the cost of the stages ``start .. stop-1``, with their accelerations; see `Cost`."""
-        system = self.system.window(start, stop)
-        assert isinstance(system, MidpointSystem)
-        return self._with(self.cost.window(start, stop, N=N, nu=nu), system)
-
-    def eased(self, ease: float) -> tuple[Cost, Array] | None:
-        """Return the other cost eased, with the same accelerations; see `Cost`."""
-        found = self.cost.eased(ease)
-        return None if found is None else (self._with(found[0], self.system), found[1])
-
-    def refined(self, parts: int) -> Cost | None:
-        """Return the cost of the same motion in shorter steps; see `Cost`."""
-        cost, system = self.cost.refined(parts), self.system.refined(parts)
-        if cost is None or not isinstance(system, MidpointSystem):
-            return None
-        result = self._with(cost, system)
-        result._weights = self._weights / parts
-        return result
-
-    def _with(self, cost: Cost, system: MidpointSystem) -> SmoothCost:
-        result = copy(self)
-        result.cost, result.system, result.nonnegative = cost, system, cost.nonnegative
-        return result
-
-    def _dt(self) -> Array:
-        return np.diff(self.system.t)[:, None]
-
-    def _accelerations(self, x: Array, u: Array, start: int) -> Array:
-        dt = self._dt()[start : start + len(u)]
-        return np.asarray(((u[:, self._next] - x[:, self._rho]) / dt - x[:, self._v_rho]) / dt)
+        super().check_shapes(N, nx, nu)
