@@ -171,7 +171,7 @@ def test_others_take_the_place_of_elements():
     [
         ({"system": CartPendulum(20, 0.02)}, "system: got CartPendulum, expected a MidpointSystem"),
         ({"cost": 3}, "cost: got int"),
-        ({"constraints": ["nothing"]}, "constraints: unknown name 'nothing'"),
+        ({"constraints": ["nothing"]}, "constraints: unknown constraint 'nothing'"),
         ({"stiffness": (0.0, 1.0)}, "stiffness"),
         ({"horizon": (0.0, 1.0)}, "horizon"),
     ],

@@ -10,11 +10,12 @@ as far as the cost falls enough.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, cast, overload
+from typing import Any, Literal, cast, get_args, overload
 
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import as_choice
 from leastaction.optimal.collocation.problem import CollocationProblem
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
@@ -212,8 +213,7 @@ def optimize(
         max_backtracks=max_backtracks,
         chunk=chunk,
     )
-    if shooting not in ("auto", "single", "multiple"):
-        raise ArgumentError(f"shooting: got {shooting!r}, expected 'auto', 'single' or 'multiple'.")
+    as_choice(shooting, "shooting", get_args(Shooting))
     if (initial is None) == (resume is None):
         raise ArgumentError(f"initial, resume: got {'neither' if initial is None else 'both'}, expected one of them.")
     kind = Cost if isinstance(system, DiscreteSystem) else ContinuousCost

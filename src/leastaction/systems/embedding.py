@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, LeastActionError, closest
+from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.elements import Element, JointForce
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number
@@ -240,9 +240,7 @@ def _helpers(m: Mechanism, help: Sequence[Element | str] | None) -> list[Element
         elif it in m.dynamic:
             elements.append(JointForce(it, f"help on {it}"))
         else:
-            raise ArgumentError(
-                f"help: unknown variable {it!r}; {closest(str(it), m.dynamic, what='dynamic variables')}"
-            )
+            raise unknown("dynamic variable", it, m.dynamic, "help")
     return elements
 
 

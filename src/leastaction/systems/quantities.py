@@ -10,7 +10,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
-from leastaction.systems.strings import strings_of
+from leastaction.systems.strings import Strings
 
 __all__ = ["KINDS", "Accelerations", "Rates", "Tensions", "quantity_of"]
 
@@ -142,7 +142,7 @@ class Tensions(Quantity):
     @classmethod
     def of(cls, mechanism: Mechanism, dt: Array) -> Tensions:
         """Return those of all strings."""
-        m, strings = mechanism, strings_of(mechanism, 1.0)
+        m, strings = mechanism, Strings.of(mechanism, 1.0)
         places = m.nx + strings.rows, strings.lengths, m.nq + strings.lengths
         return cls(strings.names, *places, strings.constant, strings.slope, dt)
 

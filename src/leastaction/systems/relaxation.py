@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number
@@ -267,7 +267,7 @@ def _chosen(m: Mechanism, names: Sequence[str] | None) -> list[str]:
     chosen = [n for n, spring in springs.items() if spring is not None] if names is None else list(names)
     for name in chosen:
         if name not in springs:
-            raise ArgumentError(f"constraints: unknown name {name!r}; {closest(name, springs, what='constraints')}")
+            raise unknown("constraint", name, springs, "constraints")
         if springs[name] is None:
             raise ArgumentError(f"constraints: no spring can take the place of {m.elements[name].label}; leave it out")
     if not chosen:

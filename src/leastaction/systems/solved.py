@@ -11,7 +11,7 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
-from leastaction.systems.strings import strings_of
+from leastaction.systems.strings import Strings
 
 __all__ = ["KINDS", "Solved", "points_of", "quantity_of"]
 
@@ -53,7 +53,7 @@ def quantity_of(dynamics: ContinuousDynamics, kind: str, t: Array) -> Quantity:
 
 
 def _tensions(dynamics: ContinuousDynamics, t: Array) -> Solved:
-    strings = strings_of(dynamics.mechanism, -1.0)
+    strings = Strings.of(dynamics.mechanism, -1.0)
     return Solved(
         dynamics, t, strings.names, dynamics.mechanism.nq + strings.rows, kind="tension of", unit="N",
         constant=strings.constant, slope=strings.slope, places=strings.lengths,

@@ -10,7 +10,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants
 
-__all__ = ["Strings", "strings_of"]
+__all__ = ["Strings"]
 
 
 class Strings(NamedTuple):
@@ -26,22 +26,22 @@ class Strings(NamedTuple):
     constant: Array
     slope: Array
 
-
-def strings_of(m: Mechanism, multiplier: float) -> Strings:
-    """Return the strings of a mechanism, whose multipliers are impulses (1.0) or the negative of forces (-1.0)."""
-    one, elements, found = np.ones(1), m.elements, []
-    for row, name in enumerate(m.constraints):
-        element = elements.get(name)
-        if element is None:
-            continue
-        short, long = (
-            element.tension(multiplier * one, one, dict.fromkeys(m.variables, length * one)) for length in (0.0, 1.0)
+    @classmethod
+    def of(cls, m: Mechanism, multiplier: float) -> Strings:
+        """Return the strings of a mechanism, whose multipliers are impulses (1.0) or the negative of forces (-1.0)."""
+        one, elements, found = np.ones(1), m.elements, []
+        for row, name in enumerate(m.constraints):
+            element = elements.get(name)
+            if element is None:
+                continue
+            pull = multiplier * one
+            short = element.tension(pull, one, dict.fromkeys(m.variables, 0.0 * one))
+            long = element.tension(pull, one, dict.fromkeys(m.variables, one))
+            if short is not None and long is not None:
+                variable = element.length_variable
+                place = 0 if variable is None else m.variables.index(variable)
+                found.append((name, row, place, float(short[0]), float(long[0] - short[0])))
+        names, rows, lengths, constant, slope = zip(*found, strict=True) if found else ((), (), (), (), ())
+        return cls(
+            names, np.array(rows, dtype=np.intp), np.array(lengths, dtype=np.intp), np.array(constant), np.array(slope)
         )
-        if short is not None and long is not None:
-            variable = element.length_variable
-            place = 0 if variable is None else m.variables.index(variable)
-            found.append((name, row, place, float(short[0]), float(long[0] - short[0])))
-    names, rows, lengths, constant, slope = zip(*found, strict=True) if found else ((), (), (), (), ())
-    return Strings(
-        names, np.array(rows, dtype=np.intp), np.array(lengths, dtype=np.intp), np.array(constant), np.array(slope)
-    )

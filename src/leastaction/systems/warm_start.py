@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, InconsistentStartError, closest
+from leastaction.errors import ArgumentError, InconsistentStartError, unknown
 from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
 from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
 from leastaction.mechanics.discrete.trajectory import State
@@ -141,7 +141,7 @@ def _names(old: Mechanism, rename: Mapping[str, str] | None) -> dict[str, str]:
     known = (*old.variables, *old.inputs, *old.constraints)
     for name in given:
         if name not in known:
-            raise ArgumentError(f"rename: unknown name {name!r}; {closest(name, known, what='names')}")
+            raise unknown("name", name, known, "rename")
     return given
 
 

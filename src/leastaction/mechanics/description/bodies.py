@@ -68,6 +68,11 @@ class Body:
         for field, value in (("mass", number), ("com", centre), ("inertia", matrix), ("allow_nonphysical", allowed)):
             object.__setattr__(self, field, value)
 
+    @property
+    def is_massive(self) -> bool:
+        """Whether it has a mass or an inertia."""
+        return bool(self.mass or self.inertia.any())
+
     def __setattr__(self, field: str, value: object) -> None:
         raise AttributeError(f"a Body is immutable: make a new one with another {field}")
 

@@ -121,7 +121,7 @@ def _massive_first(frames: list[TreeFrame], joints: list[Joint]) -> tuple[list[T
     """Put the joints with a mass somewhere behind them before those without."""
     massive = [False] * len(joints)
     for at in frames:
-        if at.joint != WORLD and any(body.mass or body.inertia.any() for body in at.frame.bodies):
+        if at.joint != WORLD and any(body.is_massive for body in at.frame.bodies):
             massive[at.joint] = True
     for index in reversed(range(len(joints))):
         if massive[index] and joints[index].parent != WORLD:

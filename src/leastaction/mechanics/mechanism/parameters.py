@@ -233,7 +233,7 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
         except DescriptionError as error:
             raise DescriptionError(f"frame {tree.frames[index].name!r}: {error}") from None
         kept = frame.bodies
-        order_stays = order_stays and _is_massive(changed) == _is_massive(kept[number])
+        order_stays = order_stays and changed.is_massive == kept[number].is_massive
         frames[index] = replace(frame, bodies=(*kept[:number], changed, *kept[number + 1 :]))
     if order_stays and not lengths and not joints:
         # Frames stand where they stood.
@@ -246,10 +246,6 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
     return place_frames(
         [placed.name for placed in tree.frames], frames[1:], [placed.parent for placed in tree.frames[1:]]
     )
-
-
-def _is_massive(body: Body) -> bool:
-    return bool(body.mass or body.inertia.any())
 
 
 def _exchanged(placed: TreeFrame, frame: Frame) -> TreeFrame:

@@ -13,14 +13,14 @@ The optimal input is ``du = -K dx - C``, the optimal cost from ``dx_0`` is
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_number
 from leastaction.optimal.cost import final_of
 
 __all__ = ["LinearQuadraticSolution", "Workspace", "adjoint", "regulate", "solve_linear_quadratic", "sweep_forward"]
@@ -152,8 +152,7 @@ def solve_linear_quadratic(
     ArgumentError
         Wrong shapes, or a value that is not finite.
     """
-    if regularize not in ("none", "stage"):
-        raise ArgumentError(f"regularize: got {regularize!r}, expected 'none' or 'stage'.")
+    as_choice(regularize, "regularize", get_args(Regularize))
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
     Q, Q_diagonal = _weight(Q, "Q", N, nx)

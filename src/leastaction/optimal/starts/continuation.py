@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus
 
@@ -152,8 +152,7 @@ def continuation(
 def _path(values: ArrayLike, scale: str) -> Array:
     """Return the values, checked, as the scale counts them."""
     given = as_array(values, "values", (None,))
-    if scale not in ("linear", "log"):
-        raise ArgumentError(f"scale: got {scale!r}, expected 'linear' or 'log'")
+    as_choice(scale, "scale", get_args(Scale))
     steps = np.diff(given)
     if len(given) < 2 or not (np.all(steps > 0.0) or np.all(steps < 0.0)):
         raise ArgumentError(

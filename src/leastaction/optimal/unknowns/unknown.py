@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import as_number
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem
 
@@ -78,9 +78,7 @@ class Unknown:
                     f"unknowns: got {self} for a {type(system).__name__}, whose numbers cannot be found: it has no "
                     "`parameters`"
                 )
-            raise ArgumentError(
-                f"unknowns: unknown parameter {self.name!r}; {closest(self.name, known, what='parameters')}"
-            )
+            raise unknown("parameter", self.name, known, "unknowns")
         return known[self.name]
 
 
