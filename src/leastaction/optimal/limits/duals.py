@@ -327,10 +327,11 @@ class Stages:
         was_last = self.is_last
         # The cost of the start may be far from that of the end.
         self.last = max(self._last(abs(cost)), duals.least_mu(self.digits))
-        dearer = duals.price(c, _DEAREST * self.size, all_met=was_last and self._rough)
-        if not dearer:
-            if was_last or duals.hopeless():
-                return False
+        dearer = duals.price(c, _DEAREST * self.size, all_met=self._rough)
+        if not dearer and (was_last or duals.hopeless()):
+            return False
+        # Who asks for few digits need not see what a price comes to before the next barrier.
+        if not dearer or (self._rough and not was_last):
             unit = self.first_mu / _FIRST
             part = duals.mu / unit
             duals.mu = min(duals.mu, max(self.last, unit * min(_LESS * part, part**_POWER)))
