@@ -44,7 +44,9 @@ _SET_OUT = 5  # steps within which a motion that begins fast is picked up from r
 _FIRST = ("tension", "joints")
 _INSIDE = 0.1  # of the mean tension at rest, by which tensions are above their least to begin with
 _OFF, _LITTLE = 0.02, 1.1  # the same where motors cannot make up for it, and times the cost that may take
-_ROUGHLY = 0.1  # tolerance of the search: where barriers stay high, each stage leaves room for the next
+# Tolerance of the search: where barriers stay high, each stage leaves room for the next. Without motors it is that of a
+# motion which is hardly improved with shorter steps of time.
+_ROUGHLY, _WITHOUT_MOTORS = 0.1, 0.02
 
 Keep = Callable[[int, OptimizationResult, bool], None]
 
@@ -131,6 +133,7 @@ class Plan:
                 found = ended(self._release(result, motors), number)
                 if found.status is not Status.STOPPED_BY_CALLBACK:
                     say(f"without motors: cost {found.cost:.4g}")
+                    found = ended(self._within(found), number)
                     return found.x, found.u
             if number == len(PRICES):
                 break
@@ -150,7 +153,7 @@ class Plan:
             xs, us = self._clipped(x, u, gains)
             if len(us) == self.system.N:
                 return xs, us
-        return self._clipped(*self._hanging(), np.zeros((self.system.N, self.system.nu, self.system.nx)))
+        return self.hung()
 
     def _regulators(self, x: Array, u: Array) -> Iterator[Array]:
         """Yield gains with which a motion may be followed, the firmest first."""
@@ -194,10 +197,25 @@ class Plan:
                 initial=(result.x, np.delete(result.u, motors, axis=1)),
                 callback=lost,
                 max_iterations=_LAST_ITERATIONS,
-                **self._options(),
+                **self._options() | {"tolerance": _WITHOUT_MOTORS},
             )
         except ProjectionError:
             return replace(result, status=Status.STOPPED_BY_CALLBACK)
+
+    def _within(self, result: OptimizationResult) -> OptimizationResult:
+        """Return a motion without motors that keeps to the limits which one that was found breaks, too."""
+        place = self.problem.reference[:, :2]
+        broken = self.limits.broken(self.mechanism, self.t, place, result.x) - frozenset(_FIRST)
+        if not broken:
+            return result
+        options = self._options() | {"limits": self.limits.of(self.mechanism, place, broken | frozenset(_FIRST))}
+        return optimize(
+            self.system,
+            self.cost(),
+            initial=(result.x, result.u),
+            max_iterations=_LAST_ITERATIONS,
+            **options | {"tolerance": _WITHOUT_MOTORS},
+        )
 
     def driven(self, q: Array, tensions: Array) -> tuple[Array, Array]:
         """Return a motion q (N+1, nq) from rest with the motors that make it: behind the tensions among the inputs.
@@ -268,7 +286,7 @@ class Plan:
                     x, u = self._clipped(result.x, result.u, gains)
                     if len(u) == self.system.N:
                         return replace(result, x=x, u=u, cost=self.cost().value(x, u))
-        x, u = self._clipped(*self._hanging(), none)
+        x, u = self.hung()
         return replace(result, x=x, u=u, cost=self.cost().value(x, u)) if len(u) == self.system.N else result
 
     def _clipped(self, xbar: Array, ubar: Array, K: Array, least: float | None = None) -> tuple[Array, Array]:
@@ -284,6 +302,10 @@ class Plan:
             except StepError:
                 return x[: k + 1], u[:k]
         return x, u
+
+    def hung(self) -> tuple[Array, Array]:
+        """Return what the puppet does where its strings are held, up to a step that fails."""
+        return self._clipped(*self._hanging(), np.zeros((self.system.N, self.system.nu, self.system.nx)))
 
     def _hanging(self) -> tuple[Array, Array]:
         """Return states and inputs of a puppet that hangs from where the motion begins."""

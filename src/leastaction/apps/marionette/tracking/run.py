@@ -38,7 +38,10 @@ _CHECKPOINTS_SHARE = 0.05  # of the time may go into checkpoints
 _LOST = 2.0  # times the cost with longer steps may the motion cost that begins with these
 _LONGEST = 0.021  # s, of the steps with which a captured motion can be searched
 _STUCK = (Status.LINE_SEARCH_FAILED, Status.NO_DIRECTION, Status.SADDLE)
+_CUT_SHORT = (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
 _GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
+_AGAIN = "the motion found with longer steps cannot be followed: the search begins again with these"
+_HANGING = "the motion found cannot be followed: it begins with a puppet that hangs still"
 _FEW = 100  # steps, for which a search with longer ones is not worth it
 
 
@@ -110,7 +113,7 @@ class TrackingRun:
     @property
     def ended_early(self) -> bool:
         """Whether Ctrl-C or a callback ended it."""
-        return self.result.status in (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
+        return self.result.status in _CUT_SHORT
 
 
 def held_error(mechanism: Mechanism, reference: Array, q: Array) -> float:
@@ -231,7 +234,8 @@ def track(
         earlier = resume.unfinished or resume.result
     plan: Plan | None = None
     most = np.inf
-    again: Callable[[], tuple[Array, Array]] | None = None
+    # Where else to begin, with what is said of it.
+    others: list[tuple[str, Callable[[], tuple[Array, Array]]]] = []
     if embedded:
         problem = TrackingProblem(mechanism, motion, weights or FORCED, threads)
         plan = Plan(problem, weights or FORCED, bounds)
@@ -249,7 +253,8 @@ def track(
                 expected = searched.cost().value(*found) * plan.system.N / searched.system.N
                 initial = plan.inside(*plan.finer(searched, *found), expected)
                 most = _LOST * expected
-                again = partial(plan.search, say, keep=keep_search)
+                others.append((_AGAIN, partial(plan.search, say, keep=keep_search)))
+            others.append((_HANGING, plan.hung))
 
     def run_of(found: OptimizationResult) -> TrackingRun:
         result = found if plan is None else plan.by_lengths(found)
@@ -288,6 +293,7 @@ def track(
                 kinds |= bounds.broken(mechanism_used, problem.t, place, initial[0])
     left, best = max_iterations, np.inf
     start: tuple[Array, Array] | OptimizationResult | None = initial
+    stood: OptimizationResult | None = None
     while True:
         try:
             result = optimize(
@@ -304,16 +310,19 @@ def track(
                 callback=watch,
             )
         except ProjectionError:
-            if again is None:
+            if stood is not None:
+                result = stood
+                break
+            if not others:
                 raise
             lost = True
-        if lost and again is not None:
-            # What was found with longer steps is too wild for these: they find their own way.
+        if lost and others:
+            said, find = others.pop(0)
             if progress is not None:
-                progress("the motion found with longer steps cannot be followed: the search begins again with these")
-            start, again, most, lost = again(), None, np.inf, False
+                progress(said)
+            start, most, lost = find(), np.inf, False
             continue
-        again, most = None, np.inf
+        stood, most = result, np.inf
         left -= result.iterations - (0 if earlier is None else earlier.iterations)
         if plan is not None and result.status in _STUCK and left > 0 and result.cost < _GAINED * best:
             # Walls of low barriers are close together: with higher ones, and inside of them, there is a way on.
@@ -323,7 +332,7 @@ def track(
         more = bounds.broken(mechanism_used, problem.t, place, result.x) - kinds
         if "tension" not in kinds and run_of(result).tension.min() < bounds.tension:
             more |= {"tension"}
-        if not more or left < 1 or result.status in (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK):
+        if not more or left < 1 or result.status in _CUT_SHORT:
             break
         kinds, start, earlier = kinds | more, result, None
     if plan is not None:
