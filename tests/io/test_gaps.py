@@ -135,5 +135,10 @@ def test_angles_are_filled_the_short_way_round() -> None:
     joints = (Joint("Hips", -1, (0.0, 0.0, 0.0), ("Zrotation", "Yrotation", "Xrotation"), 1),)
     found = fill_gaps(Capture("made up", joints, 0.01, whole_turn))
     np.testing.assert_allclose(found.values[1], [180.0, 0.0, 0.0], atol=1e-9)
+    # An angle that is counted on goes on.
+    counted = fill_gaps(
+        Capture("made up", joints, 0.01, np.array([[355.0, 0.0, 0.0], [np.nan] * 3, [365.0, 0.0, 0.0]]))
+    )
+    np.testing.assert_allclose(counted.values[1], [360.0, 0.0, 0.0], atol=1e-9)
     one = (Joint("Hips", -1, (0.0, 0.0, 0.0), ("Zrotation",), 1),)
     assert fill_gaps(Capture("made up", one, 0.01, whole_turn[:, :1])).values[1, 0] == pytest.approx(180.0)

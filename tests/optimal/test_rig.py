@@ -79,6 +79,8 @@ def test_feedback_by_late_and_noisy_readings_holds_what_is_unstable(
     # The readings that it acts on are 20 ms old: nothing is fed back before the first one.
     np.testing.assert_array_equal(held.u[:2], plan.u[:2])
     assert np.abs(held.u[2:] - plan.u[2:]).min(axis=1).max() > 0.0
+    # What has been done meanwhile is reckoned with: a fifth of a second is not too late.
+    assert play(system, plan, Rig(delay=0.2, noise=1e-4)).off(plan.x[:, :2], "theta") < 0.02
 
 
 def test_it_begins_where_it_is_told_and_comes_back(hanging: tuple[MidpointSystem, OptimizationResult]) -> None:
@@ -106,6 +108,7 @@ def test_strings_stretch_go_slack_and_are_reeled_in(hanging: tuple[MidpointSyste
     assert tension[1:].min() > LEAST - 1e-3
     # By what the string is shorter, it is stretched.
     np.testing.assert_allclose((plan.u[:-1, 1] - played.u[:-1, 1]) * 500.0, tension[1:], atol=1e-9)
+    np.testing.assert_allclose((plan.x[0, 3] - played.x[0, 3]) * 500.0, 2.0 * tension[0], atol=1e-9)
     assert np.degrees(held.off(plan.x[:, :2])) < 1.5
 
 

@@ -26,8 +26,8 @@ from leastaction.systems.midpoint import MidpointSystem
 
 __all__ = ["Played", "Rig", "play"]
 
-_HELD, _PLACES, _SPEEDS = 10.0, 0.1, 10.0  # weights of the regulator: joints, prescribed variables and their speeds
-_SURPRISE = 0.1  # m/s^2 or rad/s^2, with which the estimate reckons beside what the model says
+_HELD, _PLACES, _SPEEDS = 20.0, 0.1, 10.0  # weights of the regulator: joints, prescribed variables and their speeds
+_SURPRISE = 0.15  # m/s^2 or rad/s^2, with which the estimate reckons beside what the model says
 _UNSURE = 0.1  # m, rad, m/s or rad/s: how far off the start may be
 _LEAST_NOISE = 1e-6  # m or rad
 
@@ -190,7 +190,7 @@ def play(
         One with all its defaults if left out.
     Q, R : array_like, optional
         Weights of the regulator, of the state without multipliers and of the inputs, as of `regulate`. If left out,
-        10 for dynamic variables and speeds of prescribed ones, 0.1 for their places, 1 for those to come; one over its
+        20 for dynamic variables, of prescribed ones 10 for speeds, 0.1 for places and 1 for those to come; one over its
         mean square in the plan for each input.
     start : State, optional
         Where the rig begins; where the plan does if left out.
