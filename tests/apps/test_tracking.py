@@ -113,6 +113,20 @@ def test_ctrl_c_ends_the_search_for_a_first_trajectory(monkeypatch: pytest.Monke
     assert len(calls) == 2
 
 
+def test_a_first_motion_that_cannot_be_followed_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The run begins with the puppet hanging, and its strings pull."""
+
+    def wild(self: plan.Plan, *_: object, **__: object) -> tuple[np.ndarray, np.ndarray]:
+        noise = np.random.default_rng(0).normal(scale=1e3, size=self.x_reference.shape)
+        return self.x_reference + noise, self.u_reference + 1e6
+
+    monkeypatch.setattr(plan.Plan, "search", wild)
+    said: list[str] = []
+    run = track(PUPPET, leap(), planned=True, max_iterations=2, progress=said.append)
+    assert "begins with a puppet that hangs" in said[-1]
+    assert run.tension.min() >= 0.0
+
+
 class Killed(Exception):
     """The program ends without a word."""
 
