@@ -94,17 +94,17 @@ def plot_speeds(tried: Sequence[AtSpeed], *, goal: float, poses: int = 6) -> Fig
     rows = sorted(tried, key=lambda each: -each.speed)
     figure = new_figure(1.25 * (poses + 1) + 0.6, 1.6 * len(rows) + 0.5)
     panels = figure.subplots(len(rows), poses + 1, squeeze=False)
-    figure.suptitle("The same motion at other speeds", x=0.012, ha="left", fontsize=12)
+    words = f"rms of the joints that strings hold, line at {goal:g} deg; grey: the wanted poses"
+    figure.suptitle(f"The same motion at other speeds: {words}", x=0.012, ha="left", fontsize=10)
     for each, cells in zip(rows, panels, strict=True):
         _draw_row(each.run, cells[:-1])
-        cells[0].text(-0.05, 0.5, f"{each.speed:g}x", transform=cells[0].transAxes, ha="right", va="center")
+        cells[0].set_title(f"{each.speed:g}x")
         bar = cells[-1]
         bar.barh([0.0], [each.error], height=0.5, color=BLUE if each.error <= goal else VERMILION)
-        bar.axvline(goal, color=GREY, linewidth=0.8)
+        bar.plot([goal, goal], [-0.5, 0.5], color=GREY, linewidth=0.8)
         bar.text(each.error, 0.0, f" {each.error:.1f} deg", va="center", fontsize=8.0)
         bar.set(xlim=(0.0, 1.6 * max(goal, *(one.error for one in rows))), ylim=(-1.0, 1.0), yticks=[], xticks=[])
         bar.set_axis_off()
-    panels[-1][-1].text(0.0, -0.9, f"rms of held joints; line: {goal:g} deg", fontsize=7.0)
     return figure
 
 
@@ -115,6 +115,7 @@ def _draw_row(run: TrackingRun, cells: Iterable[Axes]) -> None:
     scene = marionette_scene(run)
     names = sorted({name for bone in scene.bones for name in (bone.start, bone.end)})
     places = np.linspace(0, len(run.trajectory.t) - 1, len(cells)).astype(int)
+    shown: list[tuple[float, float]] = []
     for k, cell in zip(places, cells, strict=True):
         for q, colour, width in ((run.reference[k], PALE, 2.5), (run.trajectory.q[k], BLUE, 1.2)):
             at = dict(zip(names, mechanism.positions(q, names), strict=True))
@@ -124,5 +125,8 @@ def _draw_row(run: TrackingRun, cells: Iterable[Axes]) -> None:
                 # From ahead and to the right, so that both legs and arms are seen.
                 across = [0.6 * (p[0] - middle[0]) + 0.8 * (p[1] - middle[1]) for p in (a, b)]
                 cell.plot(across, [a[2], b[2]], color=colour, linewidth=width)
-        cell.set(xlim=(-0.75, 0.75), ylim=(-1.05, 0.95), aspect="equal")
+                shown += zip(across, (a[2], b[2]), strict=True)
+    least, most = np.min(shown, axis=0) - 0.05, np.max(shown, axis=0) + 0.05
+    for cell in cells:
+        cell.set(xlim=(least[0], most[0]), ylim=(least[1], most[1]), aspect="equal")
         cell.set_axis_off()
