@@ -135,16 +135,14 @@ void bind_elements(nb::class_<MechanismBuilder>& builder) {
                const Indices& slots) {
                 expect_inputs(*tape, 2 * coordinates.size() + inputs.size() + slots.size());
                 b.check_slots(slots);
-                b.add_force(coordinates, inputs, tape_magnitude(tape, slots));
+                b.add_force(coordinates, inputs, tape_function(tape, slots));
             },
             "coordinates"_a, "inputs"_a, "tape"_a, "slots"_a,
             "A force along the first coordinate: an expression in all of them, their rates, inputs and numbers.")
         .def(
             "add_python_force",
             [](MechanismBuilder& b, const Indices& coordinates, const Indices& inputs, const nb::object& function,
-               int gain) {
-                b.add_force(coordinates, inputs, std::make_shared<PythonMagnitude>(function, b.check_slot(gain)));
-            },
+               int gain) { b.add_force(coordinates, inputs, python_magnitude(function, b.check_slot(gain))); },
             "coordinates"_a, "inputs"_a, "function"_a, "gain"_a,
             "The same with function(y, order) -> (value, gradient, Hessian) in Python, times a number (slot).")
         .def(

@@ -71,14 +71,17 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
                     expect(inputs.size(), m.n_inputs, what);
                     return std::vector<double>(inputs.data(), inputs.data() + inputs.size());
                 };
-                return arrays_of(forces_along(m, some_of(m.forces, parts, &ElementCounts::forces),
-                                              {mu.data(), mu.data() + mu.size()},
-                                              {to_internal(m, q, "q"), to_internal(m, v, "v"), given(u, "u")},
-                                              {to_internal(m, dq, "dq"), to_internal(m, dv, "dv"), given(du, "du")}));
+                const ForceDerivatives d = forces_along(
+                    m, some_of(m.forces, parts, &ElementCounts::forces), {mu.data(), mu.data() + mu.size()},
+                    {to_internal(m, q, "q"), to_internal(m, v, "v"), given(u, "u")},
+                    {to_internal(m, dq, "dq"), to_internal(m, dv, "dv"), given(du, "du")});
+                const std::size_t n = m.n_variables();
+                return nb::make_tuple(copy_of(d.jacobian, {n, 2 * n + m.n_inputs}),
+                                      copy_of(d.hessian, {d.hessian.size()}));
             },
             "mu"_a, "q"_a, "v"_a, "u"_a, "dq"_a, "dv"_a, "du"_a, "parts"_a,
             "Derivatives of forces by [q; v; u] along a direction, without joint damping and joint forces, which are "
-            "linear: values (nq,), gradients (nq, n) and the Hessian (n * n,) of mu.f.");
+            "linear: gradients (nq, n) and the Hessian (n * n,) of mu.f.");
 }
 
 }  // namespace leastaction

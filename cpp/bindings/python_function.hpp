@@ -7,8 +7,7 @@
 #include <complex>
 
 #include "bindings/arrays.hpp"
-#include "elements/coordinates.hpp"
-#include "elements/forces.hpp"
+#include "elements/local_function.hpp"
 
 namespace leastaction {
 
@@ -91,28 +90,23 @@ inline void PythonFunction::evaluate(const LocalCall<HyperDual>&) const {
 }
 
 // The magnitude of a force in Python, times a number of the mechanism.
-class PythonMagnitude final : public Magnitude {
-public:
-    PythonMagnitude(nb::object function, int gain_slot) : function_(std::move(function)), gain_slot_(gain_slot) {}
-    void evaluate(const MagnitudeCall<double>& call) const override { on(call); }
-    void evaluate(const MagnitudeCall<Dual<double>>& call) const override { on(call); }
-    void evaluate(const MagnitudeCall<HyperDual>& call) const override { on(call); }
+struct PythonMagnitude {
+    std::shared_ptr<const PythonFunction> function;
+    int gain_slot;
 
-private:
     template <class T>
-    void on(const MagnitudeCall<T>& call) const {
-        const int n = call.size;
-        double scale = 0;
-        function_.evaluate(
-            LocalCall<T>{call.at, call.y, n, call.order, call.value, call.gradient, call.hessian, scale});
-        const T gain = call.at.number(gain_slot_);
+    void on(const LocalCall<T>& call) const {
+        function->evaluate(call);
+        const int n = call.n;
+        const T gain = call.at.number(gain_slot);
         call.value = gain * call.value;
         for (int i = 0; i < n && call.order != Order::value; ++i) call.gradient[i] = gain * call.gradient[i];
         for (int i = 0; i < n * n && call.order == Order::hessian; ++i) call.hessian[i] = gain * call.hessian[i];
     }
-
-    PythonFunction function_;
-    int gain_slot_;
 };
+inline std::shared_ptr<const LocalFunction> python_magnitude(nb::object function, int gain_slot) {
+    return std::make_shared<OnAnyCall<PythonMagnitude>>(
+        PythonMagnitude{std::make_shared<PythonFunction>(std::move(function)), gain_slot});
+}
 
 }  // namespace leastaction

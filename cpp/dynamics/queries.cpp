@@ -89,19 +89,16 @@ FunctionDerivatives functions_on(const Mechanism& m, const Functions& functions,
     return out;
 }
 
-// Sums of forces along directions: values (n), and their Jacobians (n x n, n x n and n x inputs) side by side.
+// The Jacobians of forces' sums along directions: n x n, n x n and n x inputs, side by side.
 template <class T>
-void forces_on(const Mechanism& m, const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
-               const std::vector<T>& q, const std::vector<T>& v, const std::vector<T>& u, std::vector<double>& value,
-               std::vector<double>& jacobian) {
+std::vector<double> force_jacobian(const Mechanism& m, const Forces& forces, const std::vector<T>& q,
+                                   const std::vector<T>& v, const std::vector<T>& u) {
     const std::size_t n = m.n_variables(), size = 2 * n + m.n_inputs;
     Placement<T> at(m);
     place(m.force_joints, q.data(), at);
     LocalForce<T> local;
     const ForcePoint<T> point{at, q.data(), v.data(), u.data()};
-    value.assign(n, 0.0);
-    jacobian.assign(n * size, 0.0);
-    for_each_entry(forces, point, local, [&](int i, const T& f) { value[m.external[i]] += along_all(f); });
+    std::vector<double> jacobian(n * size);
     for_each_entry(
         forces, point, local,
         [&](int i, int j, const T& f_q, const T& f_v) {
@@ -110,6 +107,7 @@ void forces_on(const Mechanism& m, const std::vector<std::shared_ptr<const Gener
             row[n + m.external[j]] += along_all(f_v);
         },
         [&](int i, int a, const T& f_u) { jacobian[m.external[i] * size + 2 * n + a] += along_all(f_u); });
+    return jacobian;
 }
 
 // Calls f with a scalar of as many directions.
@@ -134,17 +132,16 @@ FunctionDerivatives lagrangian_of_bodies(const Mechanism& m, const std::vector<d
     return on_scalar(along.dq.size(), [&](auto scalar) { return bodies_on<decltype(scalar)>(m, q, v, along); });
 }
 
-FunctionDerivatives forces_along(const Mechanism& m, const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
-                                 const std::vector<double>& weights, const StateAndInputs& point,
-                                 const StateAndInputs& along) {
+ForceDerivatives forces_along(const Mechanism& m, const Forces& forces, const std::vector<double>& weights,
+                              const StateAndInputs& point, const StateAndInputs& along) {
     const std::size_t n = m.n_variables(), r = m.n_inputs, size = 2 * n + r;
-    FunctionDerivatives out{{}, {}, std::vector<double>(size * size)};
     const auto once = [](const std::vector<double>& x, const std::vector<double>& dx) {
         return moving<Dual<double>>(x, {dx});
     };
-    forces_on(m, forces, once(point.q, along.q), once(point.v, along.v), once(point.u, along.u), out.value,
-              out.gradient);
-    std::vector<double> unit(size), value, jacobian;
+    ForceDerivatives out{
+        force_jacobian(m, forces, once(point.q, along.q), once(point.v, along.v), once(point.u, along.u)),
+        std::vector<double>(size * size)};
+    std::vector<double> unit(size);
     for (std::size_t j = 0; j < size; ++j) {
         // [q; v; u] with q and v in internal order, which the unit vector is in too
         unit.assign(size, 0.0);
@@ -153,8 +150,8 @@ FunctionDerivatives forces_along(const Mechanism& m, const std::vector<std::shar
             const auto from = unit.begin() + static_cast<std::ptrdiff_t>(start);
             return moving<HyperDual>(x, {dx, {from, from + static_cast<std::ptrdiff_t>(x.size())}});
         };
-        forces_on(m, forces, twice(point.q, along.q, 0), twice(point.v, along.v, n), twice(point.u, along.u, 2 * n),
-                  value, jacobian);
+        const std::vector<double> jacobian = force_jacobian(m, forces, twice(point.q, along.q, 0),
+                                                            twice(point.v, along.v, n), twice(point.u, along.u, 2 * n));
         const std::size_t column = j < n ? m.external[j] : j < 2 * n ? n + m.external[j - n] : j;
         for (std::size_t i = 0; i < n; ++i)
             for (std::size_t a = 0; a < size; ++a)

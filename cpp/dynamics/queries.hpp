@@ -35,10 +35,13 @@ FunctionDerivatives functions_of_configuration(const Mechanism& m, const Functio
 struct StateAndInputs {
     std::vector<double> q, v, u;
 };
-// The derivatives of forces by [q; v; u], one for each variable, along a direction: by dual numbers values and Jacobians, by
-// hyper-dual ones, along the direction and each unit vector, the Hessian of their sum with weights.
-FunctionDerivatives forces_along(const Mechanism& m, const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
-                                 const std::vector<double>& weights, const StateAndInputs& point,
-                                 const StateAndInputs& along);
+// Derivatives along a direction of forces by [q; v; u], one for each variable: their Jacobian (by dual numbers), and the
+// Hessian of their sum with weights (by hyper-dual ones, along the direction and each unit vector).
+struct ForceDerivatives {
+    std::vector<double> jacobian, hessian;
+};
+using Forces = std::vector<std::shared_ptr<const GeneralizedForce>>;
+ForceDerivatives forces_along(const Mechanism& m, const Forces& forces, const std::vector<double>& weights,
+                              const StateAndInputs& point, const StateAndInputs& along);
 
 }  // namespace leastaction

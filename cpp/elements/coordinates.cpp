@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "elements/tape_call.hpp"
 #include "numerics/dual_functions.hpp"
 
 namespace leastaction {
@@ -46,19 +45,6 @@ T sum_of(const T* a, const T* b, int n) {
     return out;
 }
 
-// Lets a function state itself once, as a template on().
-template <class Function>
-class OnAnyCall final : public LocalFunction {
-public:
-    explicit OnAnyCall(Function function) : function_(std::move(function)) {}
-    void evaluate(const LocalCall<double>& call) const override { function_.on(call); }
-    void evaluate(const LocalCall<Dual<double>>& call) const override { function_.on(call); }
-    void evaluate(const LocalCall<HyperDual>& call) const override { function_.on(call); }
-
-private:
-    Function function_;
-};
-
 // f = sum over the products of sign * z[a].z[b], whose Hessian is constant.
 struct Product {
     int a, b;
@@ -85,17 +71,6 @@ struct Bilinear {
                 call.hessian[a * call.n + b] += T(sign);
                 call.hessian[b * call.n + a] += T(sign);
             }
-    }
-};
-
-struct TapeFunction {
-    std::shared_ptr<const Tape> tape;
-    std::vector<int> slots;
-
-    template <class T>
-    void on(const LocalCall<T>& call) const {
-        evaluate_tape(*tape, slots, call.at, call.z, call.n, call.order, call.value, call.gradient, call.hessian,
-                      &call.scale);
     }
 };
 
@@ -298,9 +273,6 @@ std::shared_ptr<const LocalFunction> component_function() {
 std::shared_ptr<const LocalFunction> product_function() {
     static const auto only = std::make_shared<OnAnyCall<Bilinear<product>>>(Bilinear<product>{});
     return only;
-}
-std::shared_ptr<const LocalFunction> tape_function(std::shared_ptr<const Tape> tape, std::vector<int> slots) {
-    return std::make_shared<OnAnyCall<TapeFunction>>(TapeFunction{std::move(tape), std::move(slots)});
 }
 
 LEASTACTION_ON_ANY_SCALAR(Combination);

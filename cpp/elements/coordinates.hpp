@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "elements/elements.hpp"
-#include "expressions/tape.hpp"
+#include "elements/local_function.hpp"
 #include "kinematics/support_joints.hpp"
 
 namespace leastaction {
@@ -56,26 +56,8 @@ private:
     int index_;  // of the variable in the support
 };
 
-// A function of places and directions in the world and of configuration variables, z = [points | directions | variables]. It
-// states its value, gradient and Hessian by z; the chain rule is done here.
-template <class T>
-struct LocalCall {
-    const Placement<T>& at;
-    const T* z;
-    int n;  // values in z; gradient (n) and Hessian (n x n, row-major) have room
-    Order order;
-    T &value, *gradient, *hessian;
-    double&
-        scale;  // raised to the size of the terms that cancel in the value, as far as the function knows of any but z
-};
-class LocalFunction {
-public:
-    virtual ~LocalFunction() = default;
-    virtual void evaluate(const LocalCall<double>& call) const = 0;
-    virtual void evaluate(const LocalCall<Dual<double>>& call) const = 0;
-    virtual void evaluate(const LocalCall<HyperDual>& call) const = 0;
-};
-
+// A function of places and directions in the world and of configuration variables, z = [points | directions | variables]: the
+// function states value, gradient and Hessian by z; the chain rule is done here.
 class LocalCoordinate final : public OnAnyScalar<LocalCoordinate> {
 public:
     LocalCoordinate(const Constants& constants, std::vector<int> points, std::vector<int> directions,
@@ -91,9 +73,8 @@ private:
     std::vector<char> moves_;  // by joint and by point, then direction
 };
 
-// z = [p1 | p2 | e]: e.(p1 - p2); z = [d | e]: d.e; a recorded expression, whose last inputs are numbers of the mechanism.
+// z = [p1 | p2 | e]: e.(p1 - p2); z = [d | e]: d.e.
 std::shared_ptr<const LocalFunction> component_function();
 std::shared_ptr<const LocalFunction> product_function();
-std::shared_ptr<const LocalFunction> tape_function(std::shared_ptr<const Tape> tape, std::vector<int> slots);
 
 }  // namespace leastaction

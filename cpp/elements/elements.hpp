@@ -137,6 +137,27 @@ protected:
     std::vector<int> support_, joints_, inputs_;
 };
 
+// Lets a force state itself once, as a template evaluate_on().
+template <class Type>
+class ForceOnAnyScalar : public GeneralizedForce {
+public:
+    void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(point, order, out);
+    }
+    void evaluate(const ForcePoint<Dual<double>>& point, Order order, LocalForce<Dual<double>>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(point, order, out);
+    }
+    void evaluate(const ForcePoint<HyperDual>& point, Order order, LocalForce<HyperDual>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(point, order, out);
+    }
+};
+
+// Put at the end of the file that defines evaluate_on().
+#define LEASTACTION_FORCE_ON_ANY_SCALAR(Type)                                                                 \
+    template void Type::evaluate_on(const ForcePoint<double>&, Order, LocalForce<double>&) const;             \
+    template void Type::evaluate_on(const ForcePoint<Dual<double>>&, Order, LocalForce<Dual<double>>&) const; \
+    template void Type::evaluate_on(const ForcePoint<HyperDual>&, Order, LocalForce<HyperDual>&) const
+
 // The same for forces: sink(i, f) alone, or the Jacobians by by_variable(i, j, f_q, f_v) and by_input(i, a, f_u).
 template <class T, class Sink>
 void for_each_entry(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces, const ForcePoint<T>& point,

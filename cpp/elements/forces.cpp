@@ -2,24 +2,9 @@
 
 #include <algorithm>
 
-#include "elements/tape_call.hpp"
-
 namespace leastaction {
 
 namespace {
-
-// Lets a magnitude state itself once, as a template on().
-template <class Function>
-class OnAnyCall final : public Magnitude {
-public:
-    explicit OnAnyCall(Function function) : function_(std::move(function)) {}
-    void evaluate(const MagnitudeCall<double>& call) const override { function_.on(call); }
-    void evaluate(const MagnitudeCall<Dual<double>>& call) const override { function_.on(call); }
-    void evaluate(const MagnitudeCall<HyperDual>& call) const override { function_.on(call); }
-
-private:
-    Function function_;
-};
 
 struct ProductMagnitude {
     int gain_slot;
@@ -27,8 +12,8 @@ struct ProductMagnitude {
     std::shared_ptr<const Law> by_place, by_rate;
 
     template <class T>
-    void on(const MagnitudeCall<T>& call) const {
-        const auto& [at, y, size, order, value, gradient, hessian] = call;
+    void on(const LocalCall<T>& call) const {
+        const auto& [at, y, size, order, value, gradient, hessian, scale] = call;
         const T one(1.0), gain = at.number(gain_slot), input = has_input ? y[2] : one;
         T place[3] = {one, T{}, T{}}, rate[3] = {one, T{}, T{}};
         if (by_place) by_place->evaluate(at, y[0], place);
@@ -52,25 +37,13 @@ struct ProductMagnitude {
     }
 };
 
-struct TapeMagnitude {
-    std::shared_ptr<const Tape> tape;
-    std::vector<int> slots;
-
-    template <class T>
-    void on(const MagnitudeCall<T>& call) const {
-        evaluate_tape(*tape, slots, call.at, call.y, call.size, call.order, call.value, call.gradient, call.hessian);
-    }
-};
-
 }  // namespace
 
-std::shared_ptr<const Magnitude> product_magnitude(int gain_slot, bool has_input, std::shared_ptr<const Law> by_place,
-                                                   std::shared_ptr<const Law> by_rate) {
+std::shared_ptr<const LocalFunction> product_magnitude(int gain_slot, bool has_input,
+                                                       std::shared_ptr<const Law> by_place,
+                                                       std::shared_ptr<const Law> by_rate) {
     return std::make_shared<OnAnyCall<ProductMagnitude>>(
         ProductMagnitude{gain_slot, has_input, std::move(by_place), std::move(by_rate)});
-}
-std::shared_ptr<const Magnitude> tape_magnitude(std::shared_ptr<const Tape> tape, std::vector<int> slots) {
-    return std::make_shared<OnAnyCall<TapeMagnitude>>(TapeMagnitude{std::move(tape), std::move(slots)});
 }
 
 // n coordinates, m variables, r inputs: y | gradient of F | Hessian of F | rows.
@@ -95,7 +68,7 @@ struct CoordinateForce::Workspace {
 };
 
 CoordinateForce::CoordinateForce(std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates,
-                                 std::vector<int> inputs, std::shared_ptr<const Magnitude> magnitude)
+                                 std::vector<int> inputs, std::shared_ptr<const LocalFunction> magnitude)
     : coordinates_(std::move(coordinates)), magnitude_(std::move(magnitude)) {
     inputs_ = std::move(inputs);
     for (const auto& coordinate : coordinates_) {
@@ -134,7 +107,8 @@ void CoordinateForce::evaluate_on(const ForcePoint<T>& point, Order order, Local
     const Workspace<T> room(out.work, n, m, r, false);
     measure(point, order, out);
     T F;
-    magnitude_->evaluate({point.at, room.y, room.size, order, F, room.gradient, room.hessian});
+    double scale = 0;
+    magnitude_->evaluate({point.at, room.y, room.size, order, F, room.gradient, room.hessian, scale});
     const auto& along = index_[0];
     const LocalTaylor<T>& s = out.coordinates[0];
     out.f.assign(m, T{});
@@ -182,8 +156,8 @@ void CoordinateForce::curvature(const ForcePoint<double>& point, const ForceDire
     const int r = static_cast<int>(inputs_.size()), size_z = 2 * m + r;
     const Workspace<double> room(out.work, n, m, r, true);
     measure(point, Order::gradient, out);
-    double F;
-    magnitude_->evaluate({point.at, room.y, room.size, Order::hessian, F, room.gradient, room.hessian});
+    double F, scale = 0;
+    magnitude_->evaluate({point.at, room.y, room.size, Order::hessian, F, room.gradient, room.hessian, scale});
     if (out.along_v.size() < coordinates_.size()) {
         out.along_v.resize(n);
         out.along_mu.resize(1);
@@ -248,8 +222,6 @@ void CoordinateForce::curvature(const ForcePoint<double>& point, const ForceDire
     }
 }
 
-template void CoordinateForce::evaluate_on(const ForcePoint<double>&, Order, LocalForce<double>&) const;
-template void CoordinateForce::evaluate_on(const ForcePoint<Dual<double>>&, Order, LocalForce<Dual<double>>&) const;
-template void CoordinateForce::evaluate_on(const ForcePoint<HyperDual>&, Order, LocalForce<HyperDual>&) const;
+LEASTACTION_FORCE_ON_ANY_SCALAR(CoordinateForce);
 
 }  // namespace leastaction

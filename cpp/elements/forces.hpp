@@ -7,53 +7,28 @@
 
 #include <memory>
 
-#include "elements/elements.hpp"
 #include "elements/laws.hpp"
+#include "elements/local_function.hpp"
 
 namespace leastaction {
 
-// F(y) with y = [c (n) | their rates (n) | inputs (r)], its gradient, and its Hessian.
-template <class T>
-struct MagnitudeCall {
-    const Placement<T>& at;
-    const T* y;
-    int size;
-    Order order;
-    T &value, *gradient, *hessian;
-};
-class Magnitude {
-public:
-    virtual ~Magnitude() = default;
-    virtual void evaluate(const MagnitudeCall<double>& call) const = 0;
-    virtual void evaluate(const MagnitudeCall<Dual<double>>& call) const = 0;
-    virtual void evaluate(const MagnitudeCall<HyperDual>& call) const = 0;
-};
-
+// The magnitude F(y), y = [c (n) | their rates (n) | inputs (r)], is a local function. This one is
 // F = gain * u * by_place(c) * by_rate(rate of c) of one coordinate; without an input, or a law, its factor is 1.
-std::shared_ptr<const Magnitude> product_magnitude(int gain_slot, bool has_input, std::shared_ptr<const Law> by_place,
-                                                   std::shared_ptr<const Law> by_rate);
-// F from a recorded expression.
-std::shared_ptr<const Magnitude> tape_magnitude(std::shared_ptr<const Tape> tape, std::vector<int> slots);
+std::shared_ptr<const LocalFunction> product_magnitude(int gain_slot, bool has_input,
+                                                       std::shared_ptr<const Law> by_place,
+                                                       std::shared_ptr<const Law> by_rate);
 
-class CoordinateForce final : public GeneralizedForce {
+class CoordinateForce final : public ForceOnAnyScalar<CoordinateForce> {
 public:
     CoordinateForce(std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates, std::vector<int> inputs,
-                    std::shared_ptr<const Magnitude> magnitude);
-    void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const override {
-        evaluate_on(point, order, out);
-    }
-    void evaluate(const ForcePoint<Dual<double>>& point, Order order, LocalForce<Dual<double>>& out) const override {
-        evaluate_on(point, order, out);
-    }
-    void evaluate(const ForcePoint<HyperDual>& point, Order order, LocalForce<HyperDual>& out) const override {
-        evaluate_on(point, order, out);
-    }
+                    std::shared_ptr<const LocalFunction> magnitude);
     void curvature(const ForcePoint<double>& point, const ForceDirections& directions,
                    LocalForce<double>& out) const override;
 
-private:
     template <class T>
     void evaluate_on(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const;
+
+private:
     // Coordinates and their rates at the point, into out.coordinates and the y of the magnitude.
     template <class T>
     void measure(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const;
@@ -62,7 +37,7 @@ private:
 
     std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates_;
     std::vector<std::vector<int>> index_;  // by coordinate: its support in that of the force
-    std::shared_ptr<const Magnitude> magnitude_;
+    std::shared_ptr<const LocalFunction> magnitude_;
 };
 
 }  // namespace leastaction

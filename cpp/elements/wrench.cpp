@@ -200,8 +200,6 @@ void Wrench::curvature(const ForcePoint<double>& point, const ForceDirections& d
     }
 }
 
-template void Wrench::evaluate_on(const ForcePoint<double>&, Order, LocalForce<double>&) const;
-template void Wrench::evaluate_on(const ForcePoint<Dual<double>>&, Order, LocalForce<Dual<double>>&) const;
-template void Wrench::evaluate_on(const ForcePoint<HyperDual>&, Order, LocalForce<HyperDual>&) const;
+LEASTACTION_FORCE_ON_ANY_SCALAR(Wrench);
 
 }  // namespace leastaction

@@ -14,7 +14,7 @@
 
 namespace leastaction {
 
-class Wrench final : public GeneralizedForce {
+class Wrench final : public ForceOnAnyScalar<Wrench> {
 public:
     enum class Kind { spatial, body, hybrid };
 
@@ -22,21 +22,13 @@ public:
     Wrench(const Constants& constants, Kind kind, int joint, int point, const std::array<int, 3>& axes,
            const std::array<int, 6>& slots, const std::array<int, 6>& inputs);
 
-    void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const override {
-        evaluate_on(point, order, out);
-    }
-    void evaluate(const ForcePoint<Dual<double>>& point, Order order, LocalForce<Dual<double>>& out) const override {
-        evaluate_on(point, order, out);
-    }
-    void evaluate(const ForcePoint<HyperDual>& point, Order order, LocalForce<HyperDual>& out) const override {
-        evaluate_on(point, order, out);
-    }
     void curvature(const ForcePoint<double>& point, const ForceDirections& directions,
                    LocalForce<double>& out) const override;
 
-private:
     template <class T>
     void evaluate_on(const ForcePoint<T>& point, Order order, LocalForce<T>& out) const;
+
+private:
     // Phi of the wrench with the given components; hybrid moments about the frame's own origin are kept apart.
     template <class T>
     Force<T> about_origin(const Placement<T>& at, const T* components) const;

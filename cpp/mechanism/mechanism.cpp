@@ -291,7 +291,7 @@ void MechanismBuilder::add_joint_force(int variable, int input) {
     joint_forces_.emplace_back(variable, check_input(input));
 }
 void MechanismBuilder::add_force(std::vector<int> coordinates, std::vector<int> inputs,
-                                 std::shared_ptr<const Magnitude> magnitude) {
+                                 std::shared_ptr<const LocalFunction> magnitude) {
     if (coordinates.empty()) throw std::invalid_argument("a force acts along one coordinate at least");
     for (const int coordinate : coordinates) check_coordinate(coordinate);
     for (const int input : inputs) check_input(input);

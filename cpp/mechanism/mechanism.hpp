@@ -139,7 +139,8 @@ public:
     void add_potential(int coordinate, int law);
     int add_damping(int variable, double coefficient);
     void add_joint_force(int variable, int input);
-    void add_force(std::vector<int> coordinates, std::vector<int> inputs, std::shared_ptr<const Magnitude> magnitude);
+    void add_force(std::vector<int> coordinates, std::vector<int> inputs,
+                   std::shared_ptr<const LocalFunction> magnitude);
     void add_wrench(Wrench::Kind kind, int joint, const Pose<double>& frame, const std::array<int, 6>& slots,
                     const std::array<int, 6>& inputs);
 

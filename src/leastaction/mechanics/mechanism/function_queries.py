@@ -236,5 +236,5 @@ class ForceAt:
             return values, gradients, core.force_curvature(*at, weights, parts)
         (direction,) = directions
         dq, dv, du = np.split(np.ascontiguousarray(direction), [n, 2 * n])
-        _, bent, third = core.forces_along(weights, *at, dq, dv, du, parts)
+        bent, third = core.forces_along(weights, *at, dq, dv, du, parts)
         return gradients @ direction, bent, third.reshape(len(direction), -1)
