@@ -30,11 +30,10 @@ PointPair::PointPair(const std::vector<Joint>& joints, int joint1, int joint2, i
 template <class T>
 void PointPair::difference(const Placement<T>& at, Order order, Difference<T>& out) const {
     const std::size_t n = support_joints_.size();
-    const Vec3<T> p1 = at.position(point1_), p2 = at.position(point2_);
+    const Vec3<T> p1 = out.p1 = at.position(point1_), p2 = out.p2 = at.position(point2_);
     out.d = p1 - p2;
-    out.size = size_of(p1) + size_of(p2);
     if (order == Order::value) return;
-    Vec3<T>* D = out.on_stack;
+    Vec3<T>* D = reinterpret_cast<Vec3<T>*>(out.on_stack);
     if (n > max_stack) {
         out.on_heap.resize(n);
         D = out.on_heap.data();
@@ -48,7 +47,6 @@ void PointPair::difference(const Placement<T>& at, Order order, Difference<T>& o
             D[i] = s.v + cross(s.w, p1);
         else
             D[i] = -(s.v + cross(s.w, p2));
-        out.size = std::max(out.size, size_of(D[i]));
     }
 }
 
@@ -126,7 +124,12 @@ void Coincidence::evaluate_on(const Placement<T>& at, const T*, Order order, Loc
     PointPair::Difference<T> change;
     pair_.difference(at, order, change);
     out.value = dot(direction_, change.d);
-    if constexpr (std::is_same_v<T, double>) out.scale = change.size;
+    if constexpr (std::is_same_v<T, double>) {
+        // Of the places and of their changes: what rounding goes with.
+        out.scale = size_of(change.p1) + size_of(change.p2);
+        for (std::size_t i = 0; i < m && order != Order::value; ++i)
+            out.scale = std::max(out.scale, size_of(change.D[i]));
+    }
     if (order == Order::value) return;
 
     out.gradient.resize(m);

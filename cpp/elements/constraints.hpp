@@ -20,10 +20,9 @@ public:
     static constexpr int max_stack = 64;
     template <class T>
     struct Difference {
-        Vec3<T> d;
+        Vec3<T> p1, p2, d;
         const Vec3<T>* D;
-        double size;  // of the places and of their changes: what rounding goes with
-        Vec3<T> on_stack[max_stack];
+        T on_stack[3 * max_stack];  // as numbers, which nobody sets to zero first
         std::vector<Vec3<T>> on_heap;
     };
     template <class T>
