@@ -841,7 +841,7 @@ def test_embedding_keeps_what_it_has():
     [
         ({"system": CartPendulum()}, "system: got CartPendulum"),
         ({"cost": None}, "cost: got NoneType"),
-        ({"help": ["pole"]}, "help: unknown variable 'pole'.*pole0"),
+        ({"help": ["pole"]}, "help: unknown dynamic variable 'pole'.*pole0"),
         ({"help": "pole0"}, "help: got 'pole0', expected a list"),
         ({"help": []}, "help: got 0 elements without new inputs"),
         ({"help": [JointForce("pole0", "push")]}, "help: got 1 elements without new inputs"),
