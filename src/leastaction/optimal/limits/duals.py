@@ -36,7 +36,8 @@ _LOOSE = 10.0  # times mu: the expected decrease with which a stage but the last
 _LITTLE, _NOTHING = 1e-6, 1e-12  # a start that costs less than the first, and that part of doing nothing, costs nothing
 _ROUGH = 1e-4  # a tolerance from which on duals need not be exact
 _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
-_MET = 1e-6  # of its scale a limit may be off where the problem cannot be met otherwise
+# Of its scale a limit may be off where the problem cannot be met otherwise, and that part of a rough tolerance.
+_MET, _MET_ROUGHLY = 1e-6, 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,18 +157,18 @@ class Duals:
         )
         return max(parts, default=0.0)
 
-    def price(self, c: Sequence[Array], dearest: float, *, all_met: bool = False) -> bool:
+    def price(self, c: Sequence[Array], dearest: float, *, met: float | None = None) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
 
         ``c``: at the minimum at these prices and this mu. ``dearest``: what an excess of a limit's scale may cost at
-        most. ``all_met``: whether what is not met needs a higher price, whatever its dual, which may be a rough one.
+        most. ``met``: what is off by more of its scale needs a higher price, whatever its dual, a rough one perhaps.
         """
         unmet = False
         for i, (net, side) in enumerate(zip(self.net(), self.sides, strict=True)):
             rho, most = self.rho[i], side.weight * dearest / self.scale[i]
             binding = np.max(np.abs(net), axis=0, initial=0.0) > _BINDING * rho
-            if all_met:
-                binding |= np.min(c[i], axis=0, initial=0.0) < -_MET * self.scale[i]
+            if met is not None:
+                binding |= np.min(c[i], axis=0, initial=0.0) < -met * self.scale[i]
             binding &= rho < most
             new = np.where(
                 binding,
@@ -307,6 +308,11 @@ class Stages:
         return self.tolerance >= _ROUGH
 
     @property
+    def met(self) -> float:
+        """Of its scale a limit may be off."""
+        return max(_MET, _MET_ROUGHLY * self.tolerance)
+
+    @property
     def is_last(self) -> bool:
         """Whether the barrier does not get smaller any more, or there is none."""
         return not self.duals.sides or self.duals.mu <= self.last
@@ -327,7 +333,7 @@ class Stages:
         was_last = self.is_last
         # The cost of the start may be far from that of the end.
         self.last = max(self._last(abs(cost)), duals.least_mu(self.digits))
-        dearer = duals.price(c, _DEAREST * self.size, all_met=self._rough)
+        dearer = duals.price(c, _DEAREST * self.size, met=self.met if self._rough else None)
         if not dearer and (was_last or duals.hopeless()):
             return False
         # Who asks for few digits need not see what a price comes to before the next barrier.
@@ -339,7 +345,7 @@ class Stages:
 
     def are_met(self, c: Sequence[Array]) -> bool:
         """Whether all limits are met, as well as can be asked."""
-        return self.duals.excess(c) <= _MET
+        return self.duals.excess(c) <= self.met
 
     def _last(self, cost: float) -> float:
         """Return the parameter of a barrier that matters no more at a cost."""
