@@ -41,12 +41,10 @@ JOINT_LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         **{f"{side}knee_rx": (-2.6, 0.0) for side in "lr"},
         **{f"{side}elbow_rx": (0.0, 2.6) for side in "lr"},
-        **{f"{side}{joint}_ry": (-1.45, 1.45) for side in "lr" for joint in ("hip", "shoulder")},
     }
 )
-"""Least and largest angles (rad): knees bend to the back, elbows to the front. The second angle of hips and shoulders
-stays beside 90 degrees, where the other two turn about the same axis and may spin. The model has no stops there; who
-plans a motion states them as limits."""
+"""Least and largest angles of the hinges (rad): knees bend to the back, elbows to the front. The model has no stops
+there; who plans a motion states them as limits."""
 
 
 class PuppetString(NamedTuple):
