@@ -16,6 +16,7 @@ from leastaction.optimal import (
     Bound,
     ContinuousQuadraticCost,
     Equal,
+    FunctionContinuousSystem,
     FunctionQuantity,
     LinearContinuousSystem,
     Periodic,
@@ -29,7 +30,8 @@ from leastaction.optimal.collocation.cost import CollocationCost
 from leastaction.optimal.collocation.limits import Points, stated
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
-from leastaction.optimal.continuous import solve_continuous_linear_quadratic
+from leastaction.optimal.continuous import regulate_continuous, solve_continuous_linear_quadratic
+from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import Ball, Keep, MechanismSystem, MidpointSystem
 from leastaction.viz import plot_limits
@@ -328,3 +330,55 @@ def test_a_start_too_violent_for_long_pieces_gets_shorter_ones():
     assert free.u.min() < -0.9
     assert result.cost > free.cost
     assert np.abs(result.u[1:]).max() <= 0.9 + 1e-9
+
+
+# ---- Without limits ------------------------------------------------------------------------------------
+
+
+def test_a_problem_without_limits_may_be_put_on_a_mesh(monkeypatch):
+    system = FunctionContinuousSystem(
+        lambda x, u, t: np.array([x[1], u[0] - 9.0 * np.sin(x[0])]),
+        nx=2,
+        nu=1,
+        derivatives=lambda x, u, t: (np.array([[0.0, 1.0], [-9.0 * np.cos(x[0]), 0.0]]), np.array([[0.0], [1.0]])),
+        curvature=lambda x, u, t, z: np.diag([9.0 * np.sin(x[0]) * z[1], 0.0, 0.0]),
+    )
+    cost = ContinuousQuadraticCost(lambda t: [np.sin(t), 0.0], [0.0], Q=[10.0, 0.1], R=[0.1], Q_final=[1.0, 1.0])
+    start = {"initial": ([0.5, 0.0], [0.0]), "horizon": (0.0, 3.0), "tolerance": 1e-12}
+    along = optimize(system, cost, **start)
+    # Nothing is integrated in time, and no Riccati equation solved, but the first trajectory of an initial state.
+    monkeypatch.setattr(ContinuousProblem, "_solve", None)
+    result = optimize(system, cost, **start, collocate=True)
+    assert result.success
+    assert result.limits is None
+    assert result.cost == pytest.approx(along.cost, rel=1e-8)
+    t = np.linspace(0.0, 3.0, 50)
+    for found, wanted, atol in zip(result.trajectory.sample(t), along.trajectory.sample(t), (1e-5, 1e-3), strict=True):
+        np.testing.assert_allclose(found, wanted, atol=atol)
+    # The gains about it are those of the cost's own regulator.
+    wanted = regulate_continuous(
+        lambda t: system.derivatives(result.trajectory.x(t), None, t)[0], np.array([[0.0], [1.0]]),
+        horizon=(0.0, 3.0), Q=[10.0, 0.1], R=[0.1], Q_final=[1.0, 1.0],
+    )  # fmt: skip
+    np.testing.assert_allclose(result.feedback(t), wanted(t), atol=5e-3)
+
+
+def test_only_continuous_problems_are_put_on_a_mesh():
+    system = MidpointSystem(MidpointVI(cart_pendulum()), np.linspace(0.0, 0.1, 11))
+    cost = QuadraticCost(np.zeros((11, system.nx)), np.zeros((10, 1)), Q=np.ones(system.nx), R=[1.0])
+    with pytest.raises(ArgumentError, match=r"collocate: got True, expected None: MidpointSystem is a discrete system"):
+        optimize(system, cost, initial=(np.zeros(system.nx), np.zeros((10, 1))), collocate=True)
+
+
+def test_rates_and_costs_of_many_samples_are_those_of_each(rng):
+    m = cart_pendulum()
+    system = MechanismSystem(m)
+    x, u, t = rng.normal(size=(20, system.nx)), rng.normal(size=(20, system.nu)), np.linspace(0.0, 1.0, 20)
+    one_by_one = [system.f(*at) for at in zip(x, u, t, strict=True)]
+    np.testing.assert_array_equal(system.rates(x, u, t), one_by_one)
+    np.testing.assert_array_equal(MASS.rates(x[:, :2], u, t), [MASS.f(*at) for at in zip(x[:, :2], u, t, strict=True)])
+    cost = ContinuousQuadraticCost(
+        lambda t: np.full(system.nx, np.sin(t)), np.zeros(system.nu),
+        Q=lambda t: np.full(system.nx, 1.0 + t), R=np.eye(system.nu) + 0.1,
+    )  # fmt: skip
+    np.testing.assert_allclose(cost.rates(x, u, t), [cost.rate(*at) for at in zip(x, u, t, strict=True)], rtol=1e-13)

@@ -78,6 +78,7 @@ def optimize(
     resume: ContinuousOptimizationResult | None = ...,
     limits: Sequence[Limit] = ...,
     free_start: bool | Sequence[str] = ...,
+    collocate: bool = ...,
     method: Method = ...,
     regulator: Regulator = ...,
     max_iterations: int = ...,
@@ -102,6 +103,7 @@ def optimize(
     free_start: bool | Sequence[str] = False,
     unknowns: Sequence[Unknown] = (),
     shooting: Shooting = "auto",
+    collocate: bool = False,
     method: Method = "auto",
     regulator: Regulator = "descent",
     max_iterations: int = 500,
@@ -136,7 +138,8 @@ def optimize(
     limits : sequence of Limit, optional
         What the motion has to keep to, as `Bound`, `Equal`, `Within` say. The start need not keep to them. In
         continuous time they hold at the points of a mesh (see `leastaction.optimal.collocation`), which is made finer
-        until the motion is right to a thousand times the accuracy's `rtol`, a hundred-thousandth at most.
+        until the motion is right to a thousand times the accuracy's `rtol`, a hundred-thousandth at most; or to an
+        `rtol` that is larger than that.
     free_start : bool or sequence of str, optional
         Whether the initial state is found too, or which entries of it, by their names (see
         ``system.quantity("state")``) with wildcards. It stays on the constraints of a mechanism. The cost has to
@@ -153,6 +156,10 @@ def optimize(
         "auto": as "single", but with `method` "auto" of a discrete system without limits and unknowns, gaps are tried
         once, from the start, where that cannot be projected, where most of the first steps had to be cut short, or
         where it takes long. Where they do not close soon, it goes on from where it stood; meanwhile that is the result.
+    collocate : bool
+        Whether a continuous problem is put on a mesh also where nothing asks for it, as limits and a free start do. For
+        many states that is much the faster way: instead of equations for nx (nx + 1) / 2 entries of a Riccati matrix
+        that are integrated in time there is one recursion over the pieces, and weights may differ by any ratio.
     method : {"auto", "steepest", "quasi-newton", "newton"}
         The model of the descent direction. "auto" starts with quasi-Newton, stays with it while it foretells the cost
         well, and goes to Newton otherwise. A Newton model without a minimum is damped; a method whose direction cannot
@@ -223,7 +230,7 @@ def optimize(
         )
     if isinstance(system, DiscreteSystem):
         check_system(system, (DiscreteSystem,), ("N",))
-        for name, value in (("horizon", horizon), ("accuracy", accuracy)):
+        for name, value in (("horizon", horizon), ("accuracy", accuracy), ("collocate", collocate or None)):
             if value is not None:
                 raise ArgumentError(
                     f"{name}: got {value!r}, expected None: {type(system).__name__} is a discrete system, which "
@@ -271,7 +278,7 @@ def optimize(
                 "returns; in continuous time `Equal` asks for a given last state"
             )
         rate, accuracy = cast(ContinuousCost, cost), accuracy or Accuracy()
-        if limits or free is not False:
+        if limits or free is not False or collocate:
             problem = CollocationProblem(system, rate, limits, settings, accuracy, horizon, free)
         else:
             problem = ContinuousProblem(system, rate, settings, accuracy, horizon)

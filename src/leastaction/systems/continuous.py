@@ -18,6 +18,8 @@ from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.solved import KINDS, points_of, quantity_of
 
+_FEW = 8  # samples, for which threads are not worth it
+
 
 class MechanismSystem(ContinuousSystem):
     """``x' = f(x, u, t)`` of a mechanism.
@@ -48,17 +50,21 @@ class MechanismSystem(ContinuousSystem):
 
     def f(self, x: Array, u: Array, t: float) -> Array:
         """Return the rate of the state (nx,); `DynamicsError` where the mechanism has none."""
+        return np.asarray(self.rates(x[None, :], u[None, :], np.array([t]))[0])
+
+    def rates(self, x: Array, u: Array, t: Array) -> Array:
+        """Return the rates at samples; see `ContinuousSystem`."""
         m = self.mechanism
         nq, nd = m.nq, m.nd
-        points = points_of(self.mechanism, x[None, :], u[None, :])
-        out = self.dynamics.core.accelerations(*points, 1)
-        if out.solved != 1:
+        points = points_of(self.mechanism, x, u)
+        out = self.dynamics.core.accelerations(*points, self.dynamics.threads if len(x) > _FEW else 1)
+        if out.solved != len(x):
             self._explain(points, t)
-        rate = np.empty(2 * nq)
-        rate[:nq] = x[nq:]
-        rate[nq : nq + nd] = out.a[0]
-        rate[nq + nd :] = u[m.n_inputs :]
-        return rate
+        rates = np.empty((len(x), 2 * nq))
+        rates[:, :nq] = x[:, nq:]
+        rates[:, nq : nq + nd] = out.a
+        rates[:, nq + nd :] = u[:, m.n_inputs :]
+        return rates
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         """Return A (nx, nx) and B (nx, nu)."""
@@ -132,10 +138,11 @@ class MechanismSystem(ContinuousSystem):
             moved = np.concatenate([q, project_velocity(m, q, moved[m.nq :]).v])
         return moved
 
-    def _explain(self, points: tuple[Array, Array, Array, Array], t: float) -> None:
+    def _explain(self, points: tuple[Array, Array, Array, Array], t: Array) -> None:
         """Raise the error that says why there are no accelerations."""
         try:
             self.dynamics.accelerations(*points, t)
         except ArgumentError as error:
             # A diverging roll-out, not an argument that somebody gave.
-            raise DynamicsError(f"no accelerations at t = {t:.6g} s: {error}", t=t, variable=None) from error
+            at = float(t[0])
+            raise DynamicsError(f"no accelerations at t = {at:.6g} s: {error}", t=at, variable=None) from error

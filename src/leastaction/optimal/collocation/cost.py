@@ -27,20 +27,24 @@ class CollocationCost(Cost):
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:  # noqa: ARG002 - inputs are part of the state
         """Return what the pieces before these states cost; before the first there is none."""
+        first = int(start == 0)
         values = np.zeros(len(x))
-        for i, k in enumerate(range(start, start + len(x))):
-            if k > 0:
-                values[i] = self._piece(x[i], k - 1)
+        values[first:] = self._pieces(x[first:], start + first - 1)
         return values
 
     def final_value(self, x: Array) -> float:
         """Return what the last piece costs, and the end."""
-        return self._piece(x, self.mesh.N - 1) + self.cost.final_value(x[: self.layout.nx], self.tf)
+        last = float(self._pieces(x[None, :], self.mesh.N - 1)[0])
+        return last + self.cost.final_value(x[: self.layout.nx], self.tf)
 
-    def _piece(self, z: Array, k: int) -> float:
-        x, u = self.layout.points(z[None, :])
-        rates = [self.cost.rate(*at) for at in zip(x[0], u[0], self.mesh.t[k].tolist(), strict=True)]
-        return float(self.weights[k] @ rates)
+    def _pieces(self, z: Array, first: int) -> Array:
+        """Return what pieces cost, from this one on."""
+        if not len(z):
+            return np.empty(0)
+        states, inputs = self.layout.points(z)
+        t, weights = self.mesh.t[first : first + len(z)], self.weights[first : first + len(z)]
+        rates = self.cost.rates(states.reshape(t.size, -1), inputs.reshape(t.size, -1), t.ravel())
+        return np.asarray(np.sum(weights * rates.reshape(t.shape), axis=1))
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         """Return the first derivatives."""

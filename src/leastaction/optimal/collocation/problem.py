@@ -10,19 +10,23 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
 from leastaction.optimal.collocation.cost import CollocationCost
 from leastaction.optimal.collocation.limits import Stated, stated, told
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
-from leastaction.optimal.continuous.cost import ContinuousCost
+from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, solve_linear_quadratic
+from leastaction.optimal.discrete.problem import DiscreteDirection, Iterate
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.line_search import Trial
 from leastaction.optimal.result import OptimizationResult, Settings
 
 __all__ = ["CollocationProblem"]
@@ -32,7 +36,10 @@ _FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
 # A piece is fine enough if its polynomial is off by no more than the first times the accuracy of integrations, the
 # second at most, of the state's size, and if its inputs continue those of the piece before to the third, of their size.
 _OF_ACCURACY, _OF_STATES, _OF_INPUTS = 1e3, 1e-5, 3e-3
+_TO_STATES = 30.0  # times the states' part is the inputs', where that is more
+_ABOVE_NOISE = 100.0  # is what a first step on a finer mesh has to promise
 _SHORTEST = 1e-4  # of the horizon
+_ROUGH = 1e-3  # of the states' size may a first mesh miss the curve that it begins with (rms)
 _AGAIN = 1e-4  # of the barrier's first parameter, on a finer mesh
 
 
@@ -59,6 +66,7 @@ class CollocationProblem(LimitedProblem):
         self.sides: list[Stated] = []
         self.densities: list[tuple[Array, Array, Array]] = []
         self.rounds = 0
+        self.moved = True
 
     # ---- Where to start -------------------------------------------------------------------------
 
@@ -66,12 +74,18 @@ class CollocationProblem(LimitedProblem):
         """Begin with a curve to be projected, that of an earlier result, or an initial state and inputs."""
         given = initial.limits if isinstance(initial, ContinuousOptimizationResult) else None
         own = self.own
-        own.start(initial.trajectory if isinstance(initial, ContinuousOptimizationResult) else initial)
-        curve = own.trajectory
+        curve, is_curve = own.given(
+            initial.trajectory if isinstance(initial, ContinuousOptimizationResult) else initial
+        )
+        if not is_curve:
+            own.apply(curve)
+            curve = own.trajectory
         inner = self._times(curve.t0, curve.tf)
         if given is not None:
             self.densities = _densities(given)
-        pieces = min(max(_FIRST, 2 * len(curve.t)), _FIRST_MOST)
+        pieces = _FIRST
+        while pieces < _FIRST_MOST and _misses(curve, RadauMesh.first(curve.t0, curve.tf, inner, pieces)):
+            pieces *= 2
         failure: ArgumentError | None = None
         for _ in range(3):
             try:
@@ -118,6 +132,12 @@ class CollocationProblem(LimitedProblem):
         x, u = self._nodes(curve)
         LimitedProblem.start(self, (x, u))
         self._carry()
+        self.moved = self.rounds == 0
+
+    def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
+        """Make a trial the current iterate."""
+        super().accept(direction, trial)
+        self.moved = True
 
     def _set(self, mesh: RadauMesh) -> None:
         """Take a mesh."""
@@ -145,7 +165,26 @@ class CollocationProblem(LimitedProblem):
         """Where states and inputs of points are."""
         return self.system.layout  # type: ignore[attr-defined]
 
+    # ---- Directions -----------------------------------------------------------------------------
+
+    def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
+        """Return the solution of a method's model, with as much of the limits' curvature as of the dynamics'."""
+        if scale == 1.0 or not self.limited.others:
+            return super().minimise_model(method, scale, shift)
+        gradient, whole = self._derivatives()
+        less = self.limited.hessian(self.x, self.u, self._limits(), self._jacobians(), bent=scale)
+        try:
+            self.derivatives = gradient, less
+            return super().minimise_model(method, scale, shift)
+        finally:
+            self.derivatives = gradient, whole
+
     # ---- Meshes ---------------------------------------------------------------------------------
+
+    def tolerated(self, goal: float) -> float:
+        """Return the expected decrease that is small enough: on a finer mesh a step is made, or it were for nothing."""
+        enough = super().tolerated(goal)
+        return enough if self.moved else min(enough, _ABOVE_NOISE * self.noise)
 
     def next_stage(self) -> bool:
         """Go on with dearer excess or a smaller barrier, or else with shorter pieces where the motion asks for them."""
@@ -171,18 +210,19 @@ class CollocationProblem(LimitedProblem):
     def _coarse(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return which pieces are too long."""
         mesh, system = self.mesh, self.own.system
-        tolerance = min(_OF_ACCURACY * self.own.accuracy.rtol, _OF_STATES)
+        rtol = self.own.accuracy.rtol
+        tolerance = max(min(_OF_ACCURACY * rtol, _OF_STATES), rtol)
         curve = self.curve()
         t = mesh.between()
         x, u = curve.sample(t.ravel())
         slopes = curve.x.derivative()(t.ravel())
-        rates = np.stack([system.f(*at) for at in zip(x, u, t.ravel().tolist(), strict=True)])
+        rates = system.rates(x, u, t.ravel())
         states, inputs = self.layout.points(self.x[1:])
         size = np.abs(states).max(axis=(0, 1))
         size = np.maximum(size, 1e-3 * size.max(initial=0.0)) + 1e-9
         off = np.abs(slopes - rates).reshape(*t.shape, -1).max(axis=1) * mesh.h[:, None] / size
         reach = np.abs(inputs).max(axis=(0, 1)) + 1e-12
-        rough = (mesh.leaps(inputs) > _OF_INPUTS * reach).any(axis=1)
+        rough = (mesh.leaps(inputs) > max(_OF_INPUTS, _TO_STATES * rtol) * reach).any(axis=1)
         # What does not continue may be the fault of either side.
         rough[:-1] |= rough[1:]
         long = mesh.h > _SHORTEST * (mesh.breaks[-1] - mesh.breaks[0])
@@ -253,18 +293,66 @@ class CollocationProblem(LimitedProblem):
 
     def result(self, summary: dict[str, Any]) -> ContinuousOptimizationResult:
         """Return the result at the current iterate."""
-        self.own.trajectory = self.curve()
-        self.own.forget()
-        found = self.own.result(summary)
+        own = self.own
+        own.trajectory = self.curve()
+        own.gain = own.feedback = self._gains()
+        found = own.result(summary)
         # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.
         u = found.u.copy()
         u[1:] = self.layout.points(self.x[1:])[1][:, -1]
         return replace(found, u=u, limits=self._told() if self.sides else None)
 
+    def _gains(self) -> PiecewisePolynomial:
+        """Return the gains of the cost's own regulator, without limits, and no feedforward, as functions of time."""
+        own, mesh = self.own, self.mesh
+        nx, nu = own.system.nx, own.system.nu
+        even = ContinuousQuadraticCost(np.zeros(nx), np.zeros(nu), Q=np.ones(nx), R=np.ones(nu), Q_final=np.ones(nx))
+        for cost in (own.cost, even):
+            Q, R, S, Q_final = CollocationCost(cost, mesh, self.layout).hessian(self.x, self.u)
+            solution = solve_linear_quadratic(*self._linearize(), Q=Q, R=R, S=S, Q_final=Q_final, keep_P=True)
+            if solution.definite:
+                break
+        assert solution.P is not None
+        # What the piece before costs is no part of the cost to go.
+        P = solution.P[:, :nx, :nx] - np.concatenate([Q, Q_final[None]])[:, :nx, :nx]
+        P[-1] += cost.final_hessian(self.x[-1, :nx], float(mesh.breaks[-1]))
+        curve = own.trajectory
+
+        def gains(t: Array, P: Array) -> tuple[Array, Array]:
+            """Return K, and the slope of P."""
+            x, u = curve.sample(t)
+            A, B = own.system.linearize(x, u, t)
+            Q, R, S = cost.hessian(x, u, t)
+            right = B.transpose(0, 2, 1) @ P
+            if S is not None:
+                right += S.transpose(0, 2, 1)
+            K = np.asarray(np.linalg.solve(R, right), dtype=np.float64)
+            pull = P @ A
+            return K, right.transpose(0, 2, 1) @ K - Q - pull - pull.transpose(0, 2, 1)
+
+        # Between the ends of a piece P is the cubic that has its values and slopes there.
+        h, fine = mesh.h[:, None, None, None], Mesh(mesh.breaks)
+        begin, end = (gains(t, at)[1][:, None] for t, at in ((mesh.breaks[:-1], P[:-1]), (mesh.t[:, -1], P[1:])))
+        s = ((fine.t.reshape(mesh.N, -1) - mesh.breaks[:-1, None]) / mesh.h[:, None])[:, :, None, None]
+        step = P[1:, None] - P[:-1, None]
+        between = P[:-1, None] + s * s * (3.0 - 2.0 * s) * step
+        between = between + h * s * (1.0 - s) * ((1.0 - s) * begin - s * end)
+        K = gains(fine.t, between.reshape(-1, nx, nx))[0].reshape(len(fine.t), -1)
+        return fine.fit(np.hstack([K, np.zeros((len(K), nu))]), (nu * nx + nu,))
+
     def _told(self) -> LimitReport:
         """Return the report of the limits as they were stated."""
         report = self._report()
         return replace(report, sides=told(self.sides, report.sides, self.mesh))
+
+
+def _misses(curve: DenseTrajectory, mesh: RadauMesh) -> bool:
+    """Return whether the polynomials of a mesh miss the states of a curve by more than those of a first one may."""
+    x = curve.x(mesh.t)
+    again = mesh.curve(curve.x.flat(curve.t0), x, np.zeros((*mesh.t.shape, 0)))
+    between = mesh.between().ravel()
+    off = np.sqrt(np.mean((again(between) - curve.x(between)) ** 2, axis=0))
+    return bool((off > _ROUGH * (1e-9 + np.abs(x).max(axis=(0, 1)))).any())
 
 
 def _rows(sides: Sequence[Stated]) -> Iterator[Rows]:

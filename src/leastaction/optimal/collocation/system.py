@@ -8,19 +8,25 @@ from functools import partial
 import numpy as np
 
 from leastaction.errors import LeastActionError, StepError
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.collocation.mesh import MATRIX, STAGES, RadauMesh
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.quantity import Instants
 from leastaction.optimal.system import Linearization
 
 __all__ = ["CollocationSystem", "Layout"]
 
-_MOST_ITERATIONS, _CLOSE, _RESIDUAL = 25, 1e-9, 1e-12
+_MOST_ITERATIONS, _RESIDUAL = 40, 1e-12
+# A Newton matrix is used again while its steps shrink by at least the first; what they leave is below the second, of
+# the state's size, or rounding, where they do not shrink any more below the third. The first is held against the last.
+_SHRINKS, _CLOSE, _ROUNDING, _NEAR = 0.2, 1e-14, 1e-11, 1e-2
 # The state at the end of a piece comes first, then those of its other points.
 _ORDER = np.array([STAGES - 1, *range(STAGES - 1)])
 _PLACE = np.argsort(_ORDER)
+
+Factors = tuple[Array, Instants]
+"""Triangular factors of a matrix, and how their rows were exchanged."""
 
 
 class Layout:
@@ -89,23 +95,54 @@ class CollocationSystem(DiscreteSystem):
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         """Return the points of a piece; `StepError` where they are not found."""
-        inputs = u.reshape(1, STAGES, -1)
-        return np.asarray(self.layout.joined(self._solve(x[: self.system.nx], inputs[0], k)[None], inputs)[0])
+        start, inputs = x[: self.system.nx], u.reshape(1, STAGES, -1)
+        states = self._solve(start, inputs[0], k, np.tile(start, (STAGES, 1)))
+        return np.asarray(self.layout.joined(states[None], inputs)[0])
 
-    def _solve(self, x: Array, u: Array, k: int) -> Array:
-        """Return the states (STAGES, nx) of the points of a piece by Newton's method, begun where it starts."""
-        h, t, states, close = self.mesh.h[k], self.mesh.t[k], np.tile(x, (STAGES, 1)), False
-        why, made, residual = "it takes too many iterations", 0, np.full(states.shape, np.nan)
+    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
+        """Simulate pieces under a feedback, each found from where the reference has it."""
+        nx = self.system.nx
+        x, u = np.empty((stop - start + 1, self.nx)), np.empty((stop - start, self.nu))
+        x[0] = x0
+        along = self.layout.points(xbar[start + 1 : stop + 1])[0]
+        for i, k in enumerate(range(start, stop)):
+            off = self.difference(x[i], xbar[k])
+            u[i] = ubar[k] - K[k] @ off
+            inputs = u[i].reshape(STAGES, -1)
+            try:
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    states = self._solve(x[i, :nx], inputs, k, along[i] + off[:nx])
+            except StepError:
+                failure = self._make_step(read_only(x[i]), read_only(u[i]), k, x[i + 1])
+                if failure is not None:
+                    return Rollout(x[: i + 1], u[:i], i, failure)
+                continue
+            x[i + 1] = self.layout.joined(states[None], inputs[None])[0]
+        return Rollout(x, u, stop - start)
+
+    def _solve(self, x: Array, u: Array, k: int, states: Array) -> Array:
+        """Return the states (STAGES, nx) of the points of a piece by Newton's method, begun where they are given."""
+        h, t = self.mesh.h[k], self.mesh.t[k]
+        factors: Factors | None = None
+        why, made, residual, before = "it takes too many iterations", 0, np.full(states.shape, np.nan), _NEAR
         try:
             for made in range(1, _MOST_ITERATIONS + 1):  # noqa: B007 - told below
-                residual = x + h * (MATRIX @ self._rates(states, u, t)) - states
-                A = self.system.linearize(states, u, t).A
-                states = states + np.linalg.solve(_newton_matrix(h, A), residual.ravel()).reshape(states.shape)
-                # Newton's method squares its error: one step after a small one there is none left.
-                if close and np.isfinite(states).all():
+                residual = x + h * (MATRIX @ self.system.rates(states, u, t)) - states
+                if factors is None:
+                    factors = _factored(_newton_matrix(h, self.system.linearize(states, u, t).A))
+                step = _solved(factors, residual.ravel()).reshape(states.shape)
+                states = states + step
+                if not np.isfinite(states).all():
+                    raise ArithmeticError("it leads to no finite state")
+                size = float((np.abs(step) / (1.0 + np.abs(states))).max())
+                left = size / before
+                # Steps with one matrix shrink by a factor, those with a new one are squared.
+                if size * min(left, 1.0) <= _CLOSE or (size <= _ROUNDING and left > _SHRINKS):
                     return states
-                close = bool((np.abs(residual) <= _CLOSE * (1.0 + np.abs(states))).all())
-        except (LeastActionError, ArithmeticError, np.linalg.LinAlgError) as error:
+                if left > _SHRINKS:
+                    factors = None
+                before = size
+        except (LeastActionError, ArithmeticError) as error:
             why = str(error)
         worst = np.abs(residual).max(axis=0)
         raise StepError(
@@ -115,9 +152,6 @@ class CollocationSystem(DiscreteSystem):
             iteration=made,
         )
 
-    def _rates(self, x: Array, u: Array, t: Array) -> Array:
-        return np.stack([self.system.f(*at) for at in zip(x, u, t.tolist(), strict=True)])
-
     def points(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Return states and inputs of all points (N, STAGES, ...) of the steps from x (N+1, nz) with u (N, ...)."""
         nx, mesh = self.system.nx, self.mesh
@@ -125,12 +159,13 @@ class CollocationSystem(DiscreteSystem):
         states = self.layout.points(x[1:])[0].copy()
         # Of a trajectory they are known.
         try:
-            rates = self._rates(states.reshape(-1, nx), inputs.reshape(self.N * STAGES, -1), mesh.t.ravel())
+            rates = self.system.rates(states.reshape(-1, nx), inputs.reshape(self.N * STAGES, -1), mesh.t.ravel())
             off = x[:-1, None, :nx] + mesh.h[:, None, None] * (MATRIX @ rates.reshape(states.shape)) - states
         except LeastActionError:
             off = np.full(states.shape, np.inf)
         for k in np.flatnonzero((np.abs(off) > _RESIDUAL * (1.0 + np.abs(states).max())).any(axis=(1, 2))):
-            states[k] = self._solve(x[k, :nx], inputs[k], int(k))
+            start = x[k, :nx]
+            states[k] = self._solve(start, inputs[k], int(k), np.tile(start, (STAGES, 1)))
         return states, inputs
 
     # ---- Derivatives ----------------------------------------------------------------------------
@@ -156,22 +191,27 @@ class CollocationSystem(DiscreteSystem):
         along = self.system.linearize(*flat)
         A, B = along.A.reshape(N, STAGES, nx, nx), along.B.reshape(N, STAGES, nx, nu)
         size = STAGES * nx
-        M = _newton_matrix(h, A)
+        factors = [_factored(matrix) for matrix in _newton_matrix(h, A)]
         pushed = h * np.einsum("ij,njab->niajb", MATRIX, B).reshape(N, size, STAGES * nu)
         start = np.broadcast_to(np.tile(np.eye(nx), (STAGES, 1)), (N, size, nx))
         # By the first state and by the inputs of all points, (N, STAGES, nx, nx + STAGES nu).
-        J = np.linalg.solve(M, np.concatenate([start, pushed], axis=2)).reshape(N, STAGES, nx, nx + STAGES * nu)
+        moved = np.concatenate([start, pushed], axis=2)
+        J = np.stack([_solved(each, right) for each, right in zip(factors, moved, strict=True)])
+        J = J.reshape(N, STAGES, nx, nx + STAGES * nu)
         A_all, B_all = np.zeros((N, self.nx, self.nx)), np.zeros((N, self.nx, self.nu))
         ordered = J[:, _ORDER].reshape(N, size, -1)
         A_all[:, :size, :nx], B_all[:, :size] = ordered[:, :, :nx], ordered[:, :, nx:]
         B_all[:, size:] = np.eye(STAGES * nu)
-        return Linearization(A_all, B_all, partial(self._second, M, J, flat, along))
+        return Linearization(A_all, B_all, partial(self._second, factors, J, flat, along))
 
-    def _second(self, M: Array, J: Array, flat: tuple[Array, Array, Array], along: Linearization, z: Array) -> Array:
+    def _second(
+        self, factors: list[Factors], J: Array, flat: tuple[Array, Array, Array], along: Linearization, z: Array
+    ) -> Array:
         """Return ``z . D2f``: the dynamics' curvature at the points, weighed by the pieces' own adjoint."""
         N, nx, nu = self.N, self.system.nx, self.system.nu
-        weights = z[:, : STAGES * nx].reshape(N, STAGES, nx)[:, _PLACE].reshape(N, -1, 1)
-        costate = np.linalg.solve(M.transpose(0, 2, 1), weights).reshape(N, STAGES, nx)
+        weights = z[:, : STAGES * nx].reshape(N, STAGES, nx)[:, _PLACE].reshape(N, -1)
+        costate = np.stack([_solved(each, w, transposed=True) for each, w in zip(factors, weights, strict=True)])
+        costate = costate.reshape(N, STAGES, nx)
         pull = self.mesh.h[:, None, None] * np.einsum("ij,nia->nja", MATRIX, costate)
         pull = pull.reshape(-1, nx)
         bent = self.system.curvatures(*flat, pull) if along.second is None else along.curvature(pull)
@@ -193,3 +233,20 @@ def _newton_matrix(h: Array | float, A: Array) -> Array:
     size = STAGES * A.shape[-1]
     coupled = np.einsum("ij,...jab->...iajb", MATRIX, A)
     return np.asarray(np.eye(size) - h * coupled.reshape(*A.shape[:-3], size, size))
+
+
+def _factored(matrix: Array) -> Factors:
+    """Return the triangular factors of a matrix; `ArithmeticError` of a singular one."""
+    from scipy.linalg.lapack import dgetrf
+
+    factors, pivots, info = dgetrf(matrix)
+    if info:
+        raise ArithmeticError("its equations are singular")
+    return factors, pivots
+
+
+def _solved(factors: Factors, right: Array, *, transposed: bool = False) -> Array:
+    """Return what a factored matrix, or its transpose, takes to the right side."""
+    from scipy.linalg.lapack import dgetrs
+
+    return np.asarray(dgetrs(*factors, right, trans=int(transposed))[0])

@@ -65,6 +65,10 @@ class ContinuousCost(ABC):
     def rate(self, x: Array, u: Array, t: float) -> float:
         """Return ``l(x, u, t)``."""
 
+    def rates(self, x: Array, u: Array, t: Array) -> Array:
+        """Return the rates (n,) at ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
+        return np.array([self.rate(*at) for at in zip(x, u, t.tolist(), strict=True)])
+
     @abstractmethod
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
         """Return the first derivatives of the rate at ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
@@ -164,6 +168,12 @@ class ContinuousQuadraticCost(ContinuousCost):
         Q, R = self.Q.at(t), self.R.at(t)
         weighed = dx @ (Q * dx if Q.ndim == 1 else Q @ dx) + du @ (R * du if R.ndim == 1 else R @ du)
         return 0.5 * float(weighed)
+
+    def rates(self, x: Array, u: Array, t: Array) -> Array:
+        """Return the rates of the cost at samples."""
+        dx, du = difference(x, self.x_wanted.samples(t)), u - self.u_wanted.samples(t)
+        weighed = weigh(_as_stages(self.Q.samples(t)), dx), weigh(_as_stages(self.R.samples(t)), du)
+        return np.asarray(0.5 * (np.sum(dx * weighed[0], axis=1) + np.sum(du * weighed[1], axis=1)))
 
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
         """Return the first derivatives of the rate."""

@@ -103,6 +103,19 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     def start(self, initial: DenseTrajectory | tuple[TimeFunctionLike, TimeFunctionLike]) -> None:
         """Begin with a curve to be projected, or an initial state and inputs."""
+        curve, is_curve = self.given(initial)
+        if not is_curve:
+            self.apply(curve)
+            self.gain = self._regulate()
+            return
+        self.trajectory = curve
+        self.gain = self._regulate()
+        self._project(curve, self.gain)
+
+    def given(
+        self, initial: DenseTrajectory | tuple[TimeFunctionLike, TimeFunctionLike]
+    ) -> tuple[DenseTrajectory, bool]:
+        """Return the curve to begin with, and whether it is one: if not, its first state and its inputs are meant."""
         horizon = self.horizon
         nx, nu = self.system.nx, self.system.nu
         if isinstance(initial, DenseTrajectory):
@@ -127,15 +140,12 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             curve = DenseTrajectory.from_functions(x, u, horizon=times, nx=nx, nu=nu)
         self.cost.check(curve.t0, curve.tf, nx, nu)
         self.jumps = tuple(sorted({*self.jumps, *curve.xu.jumps()}))
-        if not is_curve:
-            # An initial state: the inputs alone make the first trajectory, if they can.
-            none = PiecewisePolynomial.constant(np.zeros(nu * nx + nu), curve.t0, curve.tf)
-            self._project(curve, none)
-            self.gain = self._regulate()
-            return
-        self.trajectory = curve
-        self.gain = self._regulate()
-        self._project(curve, self.gain)
+        return curve, is_curve
+
+    def apply(self, curve: DenseTrajectory) -> None:
+        """Begin with what the inputs alone make of the first state, if they can."""
+        nx, nu = self.system.nx, self.system.nu
+        self._project(curve, PiecewisePolynomial.constant(np.zeros(nu * nx + nu), curve.t0, curve.tf))
 
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""

@@ -36,6 +36,11 @@ class ContinuousSystem(System):
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu)."""
 
+    def rates(self, x: Array, u: Array, t: Array) -> Array:
+        """Return the rates of the state (n, nx) at samples ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
+        x, u = read_only(x), read_only(u)
+        return np.stack([self.f(*at) for at in zip(x, u, t.tolist(), strict=True)])
+
     def quantity(self, kind: str, t: Array | None = None) -> Quantity:  # noqa: ARG002 - overridden
         """Return the quantities of a kind, by name; of one that depends on time, at the instants t."""
         return super().quantity(kind)

@@ -85,6 +85,8 @@ class LimitedCost:
         c: Sequence[Array],
         jacobians: Jacobians,
         dynamics: Array | None = None,
+        *,
+        bent: float = 1.0,
     ) -> CostHessian:
         """Return the second derivatives of the primal-dual model.
 
@@ -95,6 +97,8 @@ class LimitedCost:
             The limits there and their derivatives.
         dynamics : ndarray (N, nx, nx+nu) or None
             ``[A B]``, for what looks ahead.
+        bent : float
+            The part of the limits' own curvature that is taken.
         """
         Q, R, S, Q_final = self.cost.hessian(x, u)
         nx = x.shape[1]
@@ -103,7 +107,7 @@ class LimitedCost:
         self.of_states.add_hessian(sigmas, weights.state)
         self.of_inputs.add_hessian(sigmas, weights.input)
         for i, jacobian in jacobians.items():
-            self.rows[i].add_hessian(x, u, jacobian, self.duals.y[i], sigmas[i], weights, dynamics)
+            self.rows[i].add_hessian(x, u, jacobian, bent * self.duals.y[i], sigmas[i], weights, dynamics)
         final = matrix_of(Q_final) + np.diag(weights.state[-1])
         if weights.state_matrix is not None:
             final = final + weights.state_matrix[-1]
