@@ -2,7 +2,8 @@
 
 Dissertation 6.7.3. First it is wanted to move as it did in a simulation, of which only the configurations are kept:
 from strings that are held, from strings that are forces at first, and in continuous time. Then a motion that no puppet
-made: a walk on the spot that stands for a captured one, or a BVH file of yours, under strings that only pull.
+made: a walk on the spot that stands for a captured one, or a BVH file of yours, under strings that only pull; in
+discrete time, and from there a window of it in continuous time.
 
     python examples/18_marionette.py --out pictures --motion walk.bvh
 """
@@ -20,6 +21,7 @@ from matplotlib.figure import Figure
 from scipy.interpolate import CubicSpline
 
 from leastaction import (
+    Bound,
     ContinuousQuadraticCost,
     MechanismSystem,
     MidpointSystem,
@@ -29,16 +31,26 @@ from leastaction import (
     Trajectory,
     by_tensions,
     optimize,
+    project_velocity,
 )
-from leastaction.apps.marionette import TrackingRun, load_motion, marionette_scene, track, walk_in_place
+from leastaction.apps.marionette import GENTLE, TrackingRun, load_motion, marionette_scene, track, walk_in_place
 from leastaction.models.marionette import marionette, rest_pose
-from leastaction.optimal import ContinuousOptimizationResult
+from leastaction.optimal import (
+    Accuracy,
+    ContinuousOptimizationResult,
+    ContinuousProjection,
+    DenseTrajectory,
+    PiecewisePolynomial,
+)
 from leastaction.viz import plot_snapshots
 
 T = np.linspace(0.0, 5.0, 501)
 SHORT = 0.5  # of continuous time (s)
 BODY, REST = 100.0, 0.01  # weights: of the puppet's own variables, and of everything else
 ELBOW = "relbow_rx"
+WINDOW = (0.0, 1.5)  # of a captured motion in continuous time (s); its last part, if it is shorter
+LEAST = 0.5  # tension of each string (N)
+ROUGHLY = Accuracy(rtol=2e-3)  # of the mesh: what is found is integrated again with a millionth
 
 
 def simulated(vi: MidpointVI) -> tuple[Trajectory, Trajectory]:
@@ -113,11 +125,99 @@ def follow_captured(file: Path | None) -> TrackingRun:
 
 
 @dataclass(frozen=True)
+class Window:
+    """A part of a captured motion in continuous time: times (s) of the discrete instants in it, and what was found."""
+
+    t: np.ndarray
+    start: int
+    run: TrackingRun
+    result: ContinuousOptimizationResult
+    seconds: float
+
+    @property
+    def q(self) -> np.ndarray:
+        """Configurations at the instants."""
+        return self.result.trajectory.sample(self.t)[0][:, : self.run.mechanism.nq]
+
+    @property
+    def off(self) -> tuple[float, float]:
+        """How far joints are from the wanted motion, in continuous and in discrete time (degrees, rms)."""
+        there, joints = slice(self.start, self.start + len(self.t)), slice(3, self.run.mechanism.nd)
+        wanted = self.run.reference[there]
+        found = (self.q - wanted)[:, joints], (self.run.trajectory.q[there] - wanted)[:, joints]
+        return tuple(float(np.degrees(np.sqrt(np.mean(each**2)))) for each in found)
+
+    @property
+    def apart(self) -> float:
+        """How far joints in both kinds of time are from each other (degrees, rms)."""
+        q = self.run.trajectory.q[self.start : self.start + len(self.t)]
+        return float(np.degrees(np.sqrt(np.mean((self.q - q)[:, 3 : self.run.mechanism.nd] ** 2))))
+
+    @property
+    def tension(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (s) of the points of the mesh, and tensions of the strings there (N)."""
+        side = self.result.limits.sides[0]
+        return side.t, side.value + LEAST
+
+    def integrated(self) -> float:
+        """Return how far joints are off where the found inputs and gains are integrated accurately (degrees)."""
+        system = MechanismSystem(self.run.mechanism)
+        again = ContinuousProjection(system, self.result.feedback, accuracy=Accuracy(rtol=1e-7, atol=1e-9))(
+            self.result.trajectory
+        )
+        if again.trajectory is None:
+            return np.inf
+        q = again.trajectory.sample(self.t)[0][:, : self.run.mechanism.nq]
+        return float(np.degrees(np.abs(q - self.q)[:, 3 : self.run.mechanism.nd].max()))
+
+
+def window_of(times: np.ndarray, window: tuple[float, float]) -> tuple[int, int]:
+    """Return the first and the last instant of a window, or of the last part as long as it of a shorter motion."""
+    length = window[1] - window[0]
+    begin = max(min(window[0], times[-1] - length), times[0])
+    return tuple(int(np.argmin(np.abs(times - t))) for t in (begin, begin + length))
+
+
+def follow_continuously(run: TrackingRun, window: tuple[float, float]) -> Window:
+    """Follow a part of a captured motion in continuous time, with the weights and the limit of the discrete run.
+
+    It begins with the discrete optimum: its configurations as a function of time, with the velocities and accelerations
+    of that.
+    """
+    m, w = run.mechanism, GENTLE
+    times = run.trajectory.t
+    first, last = window_of(times, window)
+    t = times[first : last + 1]
+    found, wanted = CubicSpline(times, run.trajectory.q), CubicSpline(times, run.reference)
+    x = np.hstack([found(t), found(t, 1)])
+    x[0, m.nq :] = project_velocity(m, x[0, : m.nq], x[0, m.nq :]).v
+    x_wanted = np.hstack([wanted(t), wanted(t, 1)[:, : m.nd], np.zeros((len(t), m.nrho))])
+    body = [w.root if name.startswith("torso_t") else w.joint for name in m.dynamic]
+    cost = ContinuousQuadraticCost(
+        PiecewisePolynomial.through(t, x_wanted),
+        np.zeros(m.nrho),
+        Q=np.r_[body, np.full(m.nrho, w.string), np.full(m.nd, w.rate), np.full(m.nrho, 1e-9)],
+        R=np.full(m.nrho, w.string_acceleration),
+    )
+    begun = time.process_time()
+    result = optimize(
+        MechanismSystem(m),
+        cost,
+        initial=DenseTrajectory.from_samples(t, x, found(t, 2)[:, m.nd :]),
+        limits=[Bound("*_string", min=LEAST, of="tension")],
+        accuracy=ROUGHLY,
+        tolerance=1e-4,
+    )
+    return Window(t, first, run, result, time.process_time() - begun)
+
+
+@dataclass(frozen=True)
 class Result:
     """Both parts of the example."""
 
     simulated: Simulated
     captured: TrackingRun
+    window: Window
 
 
 def draw(result: Result) -> Figure:
@@ -140,11 +240,17 @@ def draw(result: Result) -> Figure:
     convergence.legend(frameon=False)
     t, i = run.trajectory.t, run.mechanism.variables.index(ELBOW)
     elbow.plot(t, np.degrees(run.reference[:, i]), "k:", label="wanted")
-    elbow.plot(t, np.degrees(run.trajectory.q[:, i]), color="tab:blue", lw=1.2, label="found")
+    elbow.plot(t, np.degrees(run.trajectory.q[:, i]), color="tab:blue", lw=1.2, label="discrete")
+    part = result.window
+    elbow.plot(part.t, np.degrees(part.q[:, i]), color="tab:orange", lw=2.4, alpha=0.7, label="continuous")
     elbow.set(xlabel="time (s)", ylabel=f"{ELBOW} (degrees)", xlim=(t[0], t[-1]), title=run.source)
     elbow.legend(frameon=False)
     for name, tension in zip(run.mechanism.constraints, run.tension[1:].T, strict=True):
         pulls.plot(t[1:-1], tension, lw=1.0, label=name.removesuffix("_string").replace("_", " "))
+    # Alternate points of a mesh are rough where a string is at its least: what is drawn is that at the ends of pieces.
+    when, tension = part.tension
+    for one in tension[::3].T:
+        pulls.plot(when[::3], one, "k--", lw=0.6)
     pulls.axhline(0.0, color="0.7", lw=0.8, zorder=0)
     pulls.set_yscale("symlog", linthresh=1.0)
     pulls.set(xlabel="time (s)", ylabel="tension of its strings (N)", xlim=(t[0], t[-1]))
@@ -162,7 +268,13 @@ def main(output: Path, motion: Path | None = None) -> Result:
     run = follow_captured(motion)
     print(f"{run.source}: {run.result.status.name} in {run.result.iterations} iterations, joints off by "
           f"{run.errors.joint_rms:.2g} degrees rms, least tension {run.tension.min():.2f} N")  # fmt: skip
-    result = Result(part, run)
+    window = follow_continuously(run, WINDOW)
+    found, discrete = window.off
+    print(f"continuous, {window.t[0]:.2f} to {window.t[-1]:.2f} s: {window.result.status.name} in "
+          f"{window.result.iterations} iterations, {window.seconds:.0f} s, {len(window.result.t) - 1} pieces, joints "
+          f"off by {found:.2g} degrees rms (discrete {discrete:.2g}), {window.apart:.2g} from discrete time, least "
+          f"tension {window.tension[1].min():.2f} N; integrated {window.integrated():.2g} degrees off")  # fmt: skip
+    result = Result(part, run, window)
     output.mkdir(parents=True, exist_ok=True)
     draw(result).savefig(output / "18_marionette.png", dpi=110)
     return result

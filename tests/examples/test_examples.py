@@ -308,6 +308,25 @@ def test_marionette_follows_what_no_puppet_made(tmp_path: Path, monkeypatch: pyt
     assert np.abs(motion.q[-1] - walk.q[-1]).max() < 0.05
 
 
+@pytest.mark.slow
+def test_marionette_follows_a_captured_motion_in_continuous_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("18_marionette", monkeypatch)
+    monkeypatch.setattr(example, "walk_in_place", lambda _: walk_in_place(1.5))
+    window = example.follow_continuously(example.follow_captured(None), (0.5, 1.1))
+    assert window.result.success, window.result.message
+    assert (window.t[0], window.t[-1]) == (pytest.approx(0.5), pytest.approx(1.1))
+    # As well as in discrete time, whose motion it nearly is, and a motion of the mechanism to integrators of their own.
+    found, discrete = window.off
+    assert found < 1.1 * discrete
+    assert discrete < 1.0
+    assert window.apart < 0.3
+    assert window.integrated() < 0.05
+    assert window.tension[1].min() > example.LEAST - 1e-3
+    # A window that the motion does not reach is its last part.
+    assert example.window_of(np.linspace(0.0, 1.0, 101), (1.6, 2.0)) == (60, 100)
+    assert example.window_of(np.linspace(0.0, 1.0, 101), (1.6, 3.1)) == (0, 100)
+
+
 def test_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     example = load("17_hand", monkeypatch)
     result = example.solve()
