@@ -96,7 +96,8 @@ def test_the_barrier_is_the_minimum_over_slack_and_excess(c: float, mu: float, r
     slack, excess = split(np.array([[c]]), mu, np.array([rho]))
     assert slack[0, 0] - excess[0, 0] == pytest.approx(c, abs=1e-14)
     found = minimize(value, np.log(excess[0] * 1.3), method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-14})
-    assert barrier_value(np.array([[c]]), mu, np.array([rho])) == pytest.approx(found.fun, rel=1e-9, abs=1e-11)
+    part = split(np.array([[c]]), mu, np.array([rho]))
+    assert barrier_value(part, mu, np.array([rho])) == pytest.approx(found.fun, rel=1e-9, abs=1e-11)
     assert mu / slack[0, 0] + mu / excess[0, 0] == pytest.approx(rho, rel=1e-12)
 
 
@@ -105,7 +106,7 @@ def test_the_dual_is_the_slope_of_the_barrier_and_its_stiffness_the_bend() -> No
     h = 1e-5
 
     def each(values: np.ndarray) -> np.ndarray:
-        return np.array([barrier_value(value[None], mu, rho) for value in values])
+        return np.array([barrier_value(split(value[None], mu, rho), mu, rho) for value in values])
 
     slope = (each(c + h) - each(c - h)) / (2.0 * h)
     part = split(c, mu, rho)

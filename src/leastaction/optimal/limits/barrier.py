@@ -38,14 +38,14 @@ class Split(NamedTuple):
     excess: Array
 
 
-def split(c: Array, mu: float | Array, rho: Array) -> Split:
+def split(c: Array, mu: float, rho: Array) -> Split:
     """Return slack and excess of the values of limits.
 
     Parameters
     ----------
     c : ndarray (n, m)
         Values of m limits.
-    mu : float or ndarray
+    mu : float
         The barrier's parameter, in units of the cost.
     rho : ndarray (m,)
         Price of an excess, in units of the cost by those of the limit.
@@ -61,9 +61,9 @@ def split(c: Array, mu: float | Array, rho: Array) -> Split:
     return Split(factor * np.where(inside, large, small), factor * np.where(inside, small, large))
 
 
-def barrier_value(c: Array, mu: float | Array, rho: Array) -> float:
+def barrier_value(part: Split, mu: float, rho: Array) -> float:
     """Return the sum of psi, up to a constant of mu and rho."""
-    part, scale = split(c, mu, rho), rho / mu
+    scale = rho / mu
     dear = scale * part.excess
     # The product of the two is within the numbers' range: where one is large the other is about 1.
     return float(np.sum(mu * (dear - np.log(dear * (scale * part.slack)))))

@@ -9,9 +9,10 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import is_diagonal, matrix_of
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
-from leastaction.optimal.limits.duals import Duals, Side
+from leastaction.optimal.limits.duals import Duals, Room, Side
 from leastaction.optimal.limits.entries import EntryRows
 from leastaction.optimal.limits.rows import Rows, Weights
+from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.quantity import Entries
 
 __all__ = ["Jacobians", "LimitedCost"]
@@ -41,10 +42,12 @@ class LimitedCost:
             [
                 Side(r.limit, r.labels, r.equal, r.equal and r.sign > 0.0, r.scale, np.abs(r.bounds).max(axis=0))
                 for r in self.rows
-            ]
+            ],
+            Layout([r.bounds.shape for r in self.rows]),
         )
-        self.of_states = EntryRows(self.rows, of_state=True, width=nx)
-        self.of_inputs = EntryRows(self.rows, of_state=False, width=nu)
+        self.layout = self.duals.layout
+        self.of_states = EntryRows(self.rows, self.layout, of_state=True, width=nx)
+        self.of_inputs = EntryRows(self.rows, self.layout, of_state=False, width=nu)
         self.others = [i for i, each in enumerate(self.rows) if not isinstance(each.quantity, Entries)]
 
     @property
@@ -54,9 +57,9 @@ class LimitedCost:
 
     # ---- Values -----------------------------------------------------------------------------------
 
-    def limits(self, x: Array, u: Array) -> list[Array]:
+    def limits(self, x: Array, u: Array) -> Sided:
         """Return the values c of all rows."""
-        found: list[Array] = [np.empty(0)] * len(self.rows)
+        found = self.layout.empty()
         self.of_states.values(x, found)
         self.of_inputs.values(u, found)
         for i in self.others:
@@ -69,7 +72,7 @@ class LimitedCost:
         """Return the derivatives of the rows that are no entries, by their index."""
         return {i: self.rows[i].jacobian(x, u) for i in self.others}
 
-    def with_duals(self, gradient: CostGradient, duals: Sequence[Array], jacobians: Jacobians) -> CostGradient:
+    def with_duals(self, gradient: CostGradient, duals: Sided, jacobians: Jacobians) -> CostGradient:
         """Return the gradient of the cost less the duals times the limits, given that of the cost."""
         q, r = np.vstack([gradient.q, gradient.q_final]), gradient.r.copy()
         self.of_states.add_gradient(duals, q)
@@ -82,7 +85,7 @@ class LimitedCost:
         self,
         x: Array,
         u: Array,
-        c: Sequence[Array],
+        room: Room,
         jacobians: Jacobians,
         dynamics: Array | None = None,
         *,
@@ -93,8 +96,8 @@ class LimitedCost:
         Parameters
         ----------
         x, u : ndarray
-        c, jacobians
-            The limits there and their derivatives.
+        room, jacobians
+            Of the limits there, and their derivatives.
         dynamics : ndarray (N, nx, nx+nu) or None
             ``[A B]``, for what looks ahead.
         bent : float
@@ -103,7 +106,7 @@ class LimitedCost:
         Q, R, S, Q_final = self.cost.hessian(x, u)
         nx = x.shape[1]
         weights = Weights(len(u), nx, u.shape[1])
-        sigmas = self.duals.stiffnesses(c)
+        sigmas = self.duals.stiffnesses(room)
         self.of_states.add_hessian(sigmas, weights.state)
         self.of_inputs.add_hessian(sigmas, weights.input)
         for i, jacobian in jacobians.items():
@@ -121,9 +124,9 @@ class LimitedCost:
             matrix_of(Q) + H[:, :nx, :nx], matrix_of(R) + H[:, nx:, nx:], np.ascontiguousarray(cross), final
         )
 
-    def along(self, dx: Array, du: Array, jacobians: Jacobians) -> list[Array]:
+    def along(self, dx: Array, du: Array, jacobians: Jacobians) -> Sided:
         """Return the changes of the limits along a direction."""
-        found: list[Array] = [np.empty(0)] * len(self.rows)
+        found = self.layout.empty()
         self.of_states.along(dx, found)
         self.of_inputs.along(du, found)
         for i, jacobian in jacobians.items():

@@ -1,16 +1,14 @@
 """Duals and prices of limits, and the stages of a barrier that falls: the same in discrete and in continuous time.
 
 All is told by the values c of the limits where the iterate stands, one array (n, m) for each side, and knows nothing of
-trajectories. A side that holds all along a horizon of continuous time has its barrier integrated: its weight is one by
-the horizon's length, so that the parameter mu is in units of the cost for all sides.
+trajectories.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +16,10 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
 from leastaction.optimal.limits.barrier import Split, barrier_value, first_duals, moved_duals, split, stiffness
+from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.quantity import Instants
 
-__all__ = ["Duals", "Side", "Stages"]
+__all__ = ["Duals", "Room", "Side", "Stages"]
 
 _DEAR = 10.0  # times its dual is the price of an excess
 _CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
@@ -46,7 +45,7 @@ class Side:
 
     ``limit``, ``labels``, ``equal``: as in a `LimitState`. ``first``: whether it is the first of the two sides of an
     equation, which follow each other. ``scale``, ``size`` (m,): what is large, 0 where that is to be seen from where
-    the optimisation starts; and the largest bound. ``weight``: of its barrier.
+    the optimisation starts; and the largest bound.
     """
 
     limit: str
@@ -55,79 +54,75 @@ class Side:
     first: bool
     scale: Array
     size: Array
-    weight: float = 1.0
+
+
+class Room(NamedTuple):
+    """The values ``c`` of all sides somewhere, and ``part``, how each is split into slack and excess there.
+
+    It is that of a parameter of the barrier and of prices.
+    """
+
+    c: Sided
+    part: Split
 
 
 class Duals:
-    """The duals of limits, the prices of their excess, and the barrier's parameter."""
+    """The duals of limits, the prices of their excess, and the barrier's parameter.
 
-    def __init__(self, sides: Sequence[Side]) -> None:
-        self.sides = tuple(sides)
+    ``sides``: of each, what it is. ``layout``: of their values over the horizon.
+    """
+
+    def __init__(self, sides: Sequence[Side], layout: Layout) -> None:
+        self.sides, self.layout = tuple(sides), layout
+        self.begun = False
         self.mu = np.nan
         self.scale: list[Array] = []
         self.rho: list[Array] = []
-        self.y: list[Array] = []
-        self.shapes: list[tuple[int, ...]] = []
-        self.weights = self.prices = np.empty(0)  # of all rows, one after the other
+        self.y = layout.empty()
+        self.prices = np.empty(0)  # of all entries
 
-    def begin(self, c: Sequence[Array], mu: float, price: float) -> None:
+    def begin(self, c: Sided, mu: float, price: float) -> None:
         """Choose scales, prices and duals from where the optimisation starts."""
-        self.mu = mu
+        self.mu, self.begun = mu, bool(self.sides)
         for side, values in zip(self.sides, c, strict=True):
             seen = np.maximum(np.abs(values).max(axis=0), 1e-6 * (1.0 + side.size))
             self.scale.append(np.where(side.scale > 0.0, side.scale, seen))
-        self.shapes = [values.shape for values in c]
-        self.weights = _joined([np.full(values.shape, s.weight) for s, values in zip(self.sides, c, strict=True)])
-        self.rho = [side.weight * price / scale for side, scale in zip(self.sides, self.scale, strict=True)]
+        self.rho = [price / scale for scale in self.scale]
         self.settle_prices()
-        self.y = self._apart(first_duals(self._parameters() / self._split(c).slack, self.prices))
+        self.y = Sided(first_duals(self.of_barrier(self.room(c)).flat, self.prices), self.layout)
 
-    def parameter(self, i: int) -> float:
-        """Return the parameter of the barrier of side i."""
-        return self.mu * self.sides[i].weight
+    def room(self, c: Sided) -> Room:
+        """Return slack and excess of values of all sides."""
+        return Room(c, split(c.flat, self.mu, self.prices))
 
-    # Elementwise mathematics takes all sides at once: there may be many, and they may be short.
-
-    def barrier(self, c: Sequence[Array]) -> float:
+    def barrier(self, room: Room) -> float:
         """Return the sum of the barriers."""
-        return barrier_value(_joined(c), self._parameters(), self.prices)
+        return barrier_value(room.part, self.mu, self.prices)
 
-    def of_barrier(self, c: Sequence[Array]) -> list[Array]:
+    def of_barrier(self, room: Room) -> Sided:
         """Return the duals of the barriers themselves, ``mu / s``."""
-        return self._apart(self._parameters() / self._split(c).slack)
+        return Sided(self.mu / room.part.slack, self.layout)
 
-    def stiffnesses(self, c: Sequence[Array]) -> list[Array]:
+    def stiffnesses(self, room: Room) -> Sided:
         """Return ``-dy/dc`` of the primal-dual model."""
-        return self._apart(stiffness(self._split(c), self.prices, _joined(self.y)))
+        return Sided(stiffness(room.part, self.prices, self.y.flat), self.layout)
 
-    def moved(self, c: Sequence[Array], dc: Sequence[Array], c_new: Sequence[Array]) -> list[Array]:
-        """Return the duals moved along their own direction, after a step along dc from c to c_new."""
-        part, mu, rho, y = self._split(c), self._parameters(), self.prices, _joined(self.y)
-        dy = mu / part.slack - y - stiffness(part, rho, y) * _joined(dc)
-        return self._apart(moved_duals(y, dy, mu / self._split(c_new).slack, rho))
-
-    def _split(self, c: Sequence[Array]) -> Split:
-        return split(_joined(c), self._parameters(), self.prices)
-
-    def _parameters(self) -> Array:
-        return self.mu * self.weights
+    def moved(self, room: Room, dc: Sided, after: Room) -> Sided:
+        """Return the duals moved along their own direction, after a step along dc from one place to another."""
+        part, mu, rho, y = room.part, self.mu, self.prices, self.y.flat
+        dy = mu / part.slack - y - stiffness(part, rho, y) * dc.flat
+        return Sided(moved_duals(y, dy, mu / after.part.slack, rho), self.layout)
 
     def settle_prices(self) -> None:
         """Take the prices of all sides as they are now."""
-        self.prices = _joined([np.broadcast_to(rho, shape) for rho, shape in zip(self.rho, self.shapes, strict=True)])
+        self.prices = self.layout.filled(self.rho).flat
 
-    def _apart(self, values: Array) -> list[Array]:
-        ends = [0, *accumulate(math.prod(shape) for shape in self.shapes)]
-        return [values[a:b].reshape(shape) for a, b, shape in zip(ends[:-1], ends[1:], self.shapes, strict=True)]
-
-    def settled(self, duals: Sequence[Array], c: Sequence[Array]) -> list[Array]:
+    def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
-        return [
-            np.where(np.abs(np.log(y / barrier)) < _SETTLED, y, barrier)
-            for y, barrier in zip(duals, self.of_barrier(c), strict=True)
-        ]
+        y, barrier = duals.flat, self.of_barrier(room).flat
+        return Sided(np.where(np.abs(np.log(y / barrier)) < _SETTLED, y, barrier), self.layout)
 
-    def excess(self, c: Sequence[Array]) -> float:
+    def excess(self, c: Sided) -> float:
         """Return the largest violation of a limit, relative to its scale."""
         parts = (float(np.max(-each / scale, initial=0.0)) for each, scale in zip(c, self.scale, strict=True))
         return max(parts, default=0.0)
@@ -152,12 +147,12 @@ class Duals:
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
         parts = (
-            digits / side.weight * float(np.max(y * (scale + side.size), initial=0.0))
+            digits * float(np.max(y * (scale + side.size), initial=0.0))
             for side, y, scale in zip(self.sides, self.y, self.scale, strict=True)
         )
         return max(parts, default=0.0)
 
-    def price(self, c: Sequence[Array], dearest: float, *, met: float | None = None) -> bool:
+    def price(self, c: Sided, dearest: float, *, met: float | None = None) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
 
         ``c``: at the minimum at these prices and this mu. ``dearest``: what an excess of a limit's scale may cost at
@@ -165,7 +160,7 @@ class Duals:
         """
         unmet = False
         for i, (net, side) in enumerate(zip(self.net(), self.sides, strict=True)):
-            rho, most = self.rho[i], side.weight * dearest / self.scale[i]
+            rho, most = self.rho[i], dearest / self.scale[i]
             binding = np.max(np.abs(net), axis=0, initial=0.0) > _BINDING * rho
             if met is not None:
                 binding |= np.min(c[i], axis=0, initial=0.0) < -met * self.scale[i]
@@ -213,12 +208,12 @@ class Duals:
 
     def restore(self, mu: float, barrier: Barrier) -> None:
         """Go on exactly where an optimisation with the same limits was."""
-        self.mu, self.y = mu, self._apart(barrier.duals.copy())
+        self.mu, self.y = mu, Sided(barrier.duals.copy(), self.layout)
         ends = np.cumsum([len(scale) for scale in self.scale])[:-1]
         self.scale, self.rho = np.split(barrier.scale.copy(), ends), np.split(barrier.prices.copy(), ends)
         self.settle_prices()
 
-    def states(self, k: Sequence[Instants], c: Sequence[Array], duals: Sequence[Array]) -> tuple[LimitState, ...]:
+    def states(self, k: Sequence[Instants], c: Sided, duals: Sided) -> tuple[LimitState, ...]:
         """Return what is told of the limits, given their instants, values and duals."""
         sides = []
         for i, own in enumerate(self.sides):
@@ -229,31 +224,32 @@ class Duals:
             if own.equal:
                 dual = dual - duals[i + 1]
             else:
-                active |= dual * self.scale[i] > _ACTIVE * self.parameter(i)
+                active |= dual * self.scale[i] > _ACTIVE * self.mu
             at = k[i].astype(np.int64)
-            for array in (at, c[i], dual, active):
+            for array in (at, active):
                 array.setflags(write=False)
-            price = read_only(self.rho[i].copy())
-            sides.append(LimitState(own.limit, own.labels, own.equal, at, c[i], dual, price, active))
+            # Copies: what is told outlives the run, and is saved.
+            value, dual, price = (read_only(each.copy()) for each in (c[i], dual, self.rho[i]))
+            sides.append(LimitState(own.limit, own.labels, own.equal, at, value, dual, price, active))
         return tuple(sides)
 
 
-def _joined(values: Sequence[Array]) -> Array:
-    return np.concatenate([np.empty(0), *(each.ravel() for each in values)])
+def _joined(values: Iterable[Array]) -> Array:
+    return np.concatenate([np.empty(0), *values])
 
 
 class Stages:
     """The stages of an optimisation with limits: one barrier problem after the other.
 
-    ``tolerance``: of the optimisation. ``count``: number of rows over the horizon, in units of the barrier's weight.
-    ``digits``: of a limit's size is the least room that is told from none.
+    ``tolerance``: of the optimisation. ``digits``: of a limit's size is the least room that is told from none.
     """
 
-    def __init__(self, duals: Duals, tolerance: float, count: int, digits: float) -> None:
-        self.duals, self.tolerance, self.count, self.digits = duals, tolerance, count, digits
+    def __init__(self, duals: Duals, tolerance: float, digits: float) -> None:
+        self.duals, self.tolerance, self.digits = duals, tolerance, digits
+        self.count = duals.layout.ends[-1]
         self.size = self.first_mu = self.last = np.nan
 
-    def begin(self, value: float, c: Sequence[Array], otherwise: Callable[[], float]) -> None:
+    def begin(self, value: float, c: Sided, otherwise: Callable[[], float]) -> None:
         """Begin at a trajectory, given its cost and the values of its limits.
 
         ``otherwise``: gives the cost of doing nothing. Beside that the cost of a start which is all that is wanted is a
@@ -295,10 +291,10 @@ class Stages:
                 "call. Give initial=result to start from its trajectory with others"
             )
 
-    def report(self, k: Sequence[Instants], c: Sequence[Array], duals: Sequence[Array]) -> LimitReport:
+    def report(self, k: Sequence[Instants], c: Sided, duals: Sided) -> LimitReport:
         """Return what is told of the limits, given their instants, values and duals."""
         own = self.duals
-        arrays = [read_only(_joined(each)) for each in (own.y, own.scale, own.rho)]
+        arrays = [read_only(each) for each in (own.y.flat.copy(), _joined(own.scale), _joined(own.rho))]
         barrier = Barrier(self.size, self.tolerance, self.first_mu, self.last, *arrays)
         return LimitReport(own.states(k, c, duals), own.mu, own.excess(c), barrier)
 
@@ -327,7 +323,7 @@ class Stages:
         # The duals are worth no more than the motion is near the barrier's minimum.
         return max(min(goal, _LOOSE * mu), 10.0 * noise)
 
-    def advance(self, cost: float, c: Sequence[Array]) -> bool:
+    def advance(self, cost: float, c: Sided) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more."""
         duals = self.duals
         was_last = self.is_last
@@ -343,7 +339,7 @@ class Stages:
             duals.mu = min(duals.mu, max(self.last, unit * min(_LESS * part, part**_POWER)))
         return True
 
-    def are_met(self, c: Sequence[Array]) -> bool:
+    def are_met(self, c: Sided) -> bool:
         """Whether all limits are met, as well as can be asked."""
         return self.duals.excess(c) <= self.met
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,23 @@ from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProb
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
-from leastaction.optimal.limits.duals import Stages
+from leastaction.optimal.limits.duals import Room, Stages
 from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.result import OptimizationResult, Settings, Status
 
 __all__ = ["LimitedProblem"]
 
 _DIGITS = 1e4 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
+
+
+class LimitedIterate(NamedTuple):
+    """A trajectory, its cost without barriers, and the room that limits leave along it."""
+
+    iterate: Iterate
+    cost: float
+    room: Room
 
 
 class LimitedProblem(DiscreteProblem):
@@ -51,13 +60,16 @@ class LimitedProblem(DiscreteProblem):
         super().__init__(system, cost, settings, free_start)
         self.limited = LimitedCost(cost, rows, system.nx, system.nu)
         self.duals = self.limited.duals
-        self.stages = Stages(self.duals, settings.tolerance, self.limited.count, _DIGITS)
+        self.stages = Stages(self.duals, settings.tolerance, _DIGITS)
         self.given: LimitReport | None = None
         # Of the iterate; None: not yet.
-        self.values: list[Array] | None = None
+        self.values: Sided | None = None
+        self.plain_value: float | None = None  # the cost alone
         self.jacobians: Jacobians | None = None
         self.plain: CostGradient | None = None  # of the cost alone
-        # Of the iterate and its duals; None: not yet.
+        # Of the iterate and this stage; None: not yet.
+        self.room: Room | None = None
+        # Of both and the duals; None: not yet.
         self.derivatives: tuple[CostGradient, CostHessian] | None = None
 
     # ---- Where to start -------------------------------------------------------------------------
@@ -86,11 +98,17 @@ class LimitedProblem(DiscreteProblem):
         self.stages.take(self.given, resumed=resumed)
         self._set_out()
 
-    def _limits(self) -> list[Array]:
+    def _limits(self) -> Sided:
         """Return the values of all rows at the iterate."""
         if self.values is None:
             self.values = self.limited.limits(self.x, self.u)
         return self.values
+
+    def _room(self) -> Room:
+        """Return the room of all rows at the iterate."""
+        if self.room is None:
+            self.room = self.duals.room(self._limits())
+        return self.room
 
     def _jacobians(self) -> Jacobians:
         """Return their derivatives, of those that are no entries."""
@@ -103,7 +121,9 @@ class LimitedProblem(DiscreteProblem):
     @property
     def shown(self) -> float:
         """The cost without barriers."""
-        return self.cost.value(self.x, self.u)
+        if self.plain_value is None:
+            self.plain_value = self.cost.value(self.x, self.u)
+        return self.plain_value
 
     @property
     def magnitude(self) -> float:
@@ -116,16 +136,20 @@ class LimitedProblem(DiscreteProblem):
 
     def next_stage(self) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier."""
+        before = self.duals.y.flat.copy()
         more = self.stages.advance(self.shown, self._limits())
+        self.room = None  # it is one of other prices, even where there is no more
+        curvature = self.curvature if np.array_equal(before, self.duals.y.flat) else None
         if more:
             self._set_out()
+            self.curvature = curvature  # of the same duals
         return more
 
     def _set_out(self) -> None:
         """Begin a stage: another cost, the same dynamics."""
         self.tells_saddles = self.system.has_curvature and self.stages.is_last
-        self.curvature = self.quasi_newton = self.feedback = self.derivatives = None
-        self.value = self.shown + self.duals.barrier(self._limits())
+        self.curvature = self.quasi_newton = self.feedback = self.derivatives = self.room = None
+        self.value = self.shown + self.duals.barrier(self._room())
 
     def verdict(self) -> tuple[Status, str] | None:
         """Return that limits contradict each other, where they could not be met at any price."""
@@ -138,7 +162,7 @@ class LimitedProblem(DiscreteProblem):
     @property
     def _begun(self) -> bool:
         """Whether there are limits already: the start is projected without."""
-        return bool(self.duals.y)
+        return self.duals.begun
 
     def _gradient(self) -> CostGradient:
         return self._derivatives()[0] if self._begun else super()._gradient()
@@ -151,12 +175,12 @@ class LimitedProblem(DiscreteProblem):
             dynamics = None
             if any(rows.quantity.looks_ahead for rows in self.limited.rows):
                 dynamics = np.concatenate(list(self._linearize()), axis=2)
-            c, jacobians = self._limits(), self._jacobians()
-            gradient = self._with_duals(self.duals.of_barrier(c))
-            self.derivatives = gradient, self.limited.hessian(self.x, self.u, c, jacobians, dynamics)
+            room, jacobians = self._room(), self._jacobians()
+            gradient = self._with_duals(self.duals.of_barrier(room))
+            self.derivatives = gradient, self.limited.hessian(self.x, self.u, room, jacobians, dynamics)
         return self.derivatives
 
-    def _with_duals(self, duals: list[Array]) -> CostGradient:
+    def _with_duals(self, duals: Sided) -> CostGradient:
         """Return the first derivatives of the cost less the duals times the limits."""
         if self.plain is None:
             self.plain = super()._gradient()
@@ -165,7 +189,7 @@ class LimitedProblem(DiscreteProblem):
     def forget(self) -> None:
         """Drop all that was computed along the current iterate."""
         super().forget()
-        self.values = self.jacobians = self.plain = self.derivatives = None
+        self.values = self.plain_value = self.room = self.jacobians = self.plain = self.derivatives = None
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
         # The multipliers of the dynamics are those of the Lagrangian.
@@ -173,29 +197,29 @@ class LimitedProblem(DiscreteProblem):
 
     # ---- Steps ----------------------------------------------------------------------------------
 
-    def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
+    def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Any] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
         outcome = super().simulate(direction, length, np.inf)
         if isinstance(outcome, Refusal):
             return outcome
         x, u, _ = outcome.iterate
-        total = outcome.cost + self.duals.barrier(self.limited.limits(x, u))
+        room = self.duals.room(self.limited.limits(x, u))
+        total = outcome.cost + self.duals.barrier(room)
         if not total <= bound:
             reason = f"a cost with barriers of {total:.10g}, where at most {bound:.10g} was wanted"
             return self._look_for_jump(direction, length, x, Refusal(reason, cost=total))
-        return replace(outcome, cost=total)
+        return Trial(LimitedIterate(outcome.iterate, outcome.cost, room), total)
 
-    def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
+    def accept(self, direction: DiscreteDirection, trial: Trial[Any]) -> None:
         """Make a trial the current iterate, and move the duals with it."""
+        new: LimitedIterate = trial.iterate
         dx, du = direction.dx, direction.du
         if dx is None or du is None:
             A, B = self._linearize()
             dx, du = sweep_forward(A, B, direction, direction.dx0)
-        x, u, _ = trial.iterate
-        self.duals.y = self.duals.moved(
-            self._limits(), self.limited.along(dx, du, self._jacobians()), self.limited.limits(x, u)
-        )
-        super().accept(direction, trial)
+        self.duals.y = self.duals.moved(self._room(), self.limited.along(dx, du, self._jacobians()), new.room)
+        super().accept(direction, Trial(new.iterate, trial.cost))
+        self.values, self.room, self.plain_value = new.room.c, new.room, new.cost
 
     # ---- What is told ---------------------------------------------------------------------------
 
@@ -203,7 +227,7 @@ class LimitedProblem(DiscreteProblem):
         """Return the result at the current iterate."""
         return replace(super().result(summary), limits=self._report())
 
-    def _duals(self) -> list[Array]:
+    def _duals(self) -> Sided:
         """Return the duals after a last step of theirs along Newton's direction, which the motion hardly needs."""
         duals = self.duals.y
         if self.stages.is_last:
@@ -215,11 +239,11 @@ class LimitedProblem(DiscreteProblem):
                 if model.definite:
                     A, B = self._linearize()
                     dx, du = sweep_forward(A, B, model, self._start_step(model))
-                    c = self._limits()
-                    duals = self.duals.moved(c, self.limited.along(dx, du, self._jacobians()), c)
+                    room = self._room()
+                    duals = self.duals.moved(room, self.limited.along(dx, du, self._jacobians()), room)
             except LeastActionError:
                 pass  # The duals of the last step will do.
-        return self.duals.settled(duals, self._limits())
+        return self.duals.settled(duals, self._room())
 
     def _report(self) -> LimitReport:
         k = [rows.k for rows in self.limited.rows]
