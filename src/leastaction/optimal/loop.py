@@ -190,11 +190,6 @@ class Problem(ABC, Generic[M, D, I]):
         return 0.0
 
     @property
-    def longest_step(self) -> float:
-        """No step is longer."""
-        return np.inf
-
-    @property
     def unfinished(self) -> str:
         """What is to be said of a run that ends before its last stage."""
         return ""
@@ -289,6 +284,10 @@ class Problem(ABC, Generic[M, D, I]):
         The model with this part of the curvature has a minimum.
         """
         return None
+
+    def first_step(self, direction: D, length: float) -> float:  # noqa: ARG002
+        """Return how far to go along a direction at first, at most this far."""
+        return length
 
     @abstractmethod
     def simulate(self, direction: D, length: float, bound: float) -> Trial[I] | Refusal:
@@ -642,7 +641,7 @@ class Loop(Generic[M, D, I]):
             first = min(1.0, _LONGER * self.schedule.length)
             if direction.method == self.schedule.method:
                 first = max(first, self.schedule.reach)
-            first = min(first, self.problem.longest_step)
+            first = self.problem.first_step(direction, first)
         backtracks = self.settings.max_backtracks
         name = direction.method
         if name != "steepest" and self.settings.method in ("auto", "newton"):

@@ -262,11 +262,6 @@ class ShootingProblem(EasedProblem):
         return self.longest
 
     @property
-    def longest_step(self) -> float:
-        """Beyond a full step gaps would open again."""
-        return np.inf if self.curve is None else 1.0
-
-    @property
     def patience(self) -> int:
         """Steps in a row that do not lower the cost: any number where they close gaps instead."""
         return super().patience if self.curve is None else _LONGEST
@@ -419,6 +414,10 @@ class ShootingProblem(EasedProblem):
         )  # fmt: skip
 
     # ---- Steps ----------------------------------------------------------------------------------
+
+    def first_step(self, direction: DiscreteDirection, length: float) -> float:
+        """Return how far to go at first: beyond a full step gaps would open again."""
+        return length if self.curve is None else min(length, 1.0)
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
         """Return the curve at a step along the direction, its new gaps closed if need be, or why it is refused."""

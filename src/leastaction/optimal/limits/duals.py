@@ -25,6 +25,7 @@ _DEAR = 10.0  # times its dual is the price of an excess
 _CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
 _BINDING = 0.5  # of the price is the dual of a limit that the price does not enforce
 _SETTLED = 2.3  # natural logarithm of the factor by which duals may be off those of the barrier in the end
+_HALVINGS, _NEARLY = 8, 0.1  # of a step that is too long; part to which its length is told
 _ACTIVE = 100.0  # times mu: dual times scale of a limit that is active
 
 # The barrier's parameter: the first, in the cost by the number of rows; how it falls from one stage to the next.
@@ -112,6 +113,31 @@ class Duals:
         part, mu, rho, y = room.part, self.mu, self.prices, self.y.flat
         dy = mu / part.slack - y - stiffness(part, rho, y) * dc.flat
         return Sided(moved_duals(y, dy, mu / after.part.slack, rho), self.layout)
+
+    def step(self, room: Room, dc: Sided, slope: float, length: float) -> float:
+        """Return where along a direction the model is least that has the barriers themselves in place of their models.
+
+        ``dc``: change of the values along it. ``slope``: of cost and barriers; the model of both has its minimum at 1.
+        ``length``: where to look no further.
+        """
+        c, change = room.c.flat, dc.flat
+        plain = slope + float((self.mu / room.part.slack) @ change)
+        bend = -slope - float(stiffness(room.part, self.prices, self.y.flat) @ change**2)
+
+        def rise(a: float) -> float:
+            """Return the model's derivative."""
+            slack = split(c + a * change, self.mu, self.prices).slack
+            return plain + a * bend - float((self.mu / slack) @ change)
+
+        if rise(length) <= 0.0:
+            return length
+        low, high = 0.0, length
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if rise(middle) < 0.0 else (low, middle)
+            if high - low < _NEARLY * low:
+                break
+        return high if low == 0.0 else low
 
     def settle_prices(self) -> None:
         """Take the prices of all sides as they are now."""

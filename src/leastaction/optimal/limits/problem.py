@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
-from leastaction.optimal.discrete.linear_quadratic import Workspace, sweep_forward
+from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
@@ -25,6 +25,13 @@ from leastaction.optimal.result import OptimizationResult, Settings, Status
 __all__ = ["LimitedProblem"]
 
 _DIGITS = 1e4 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
+
+
+@dataclass(frozen=True)
+class LimitedDirection(DiscreteDirection):
+    """A direction, and how the values of all limits change along it."""
+
+    dc: Sided = field(kw_only=True)
 
 
 class LimitedIterate(NamedTuple):
@@ -195,7 +202,28 @@ class LimitedProblem(DiscreteProblem):
         # The multipliers of the dynamics are those of the Lagrangian.
         return super()._curvature_along(self._with_duals(self.duals.y) if self._begun else gradient)
 
+    def direction(
+        self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
+    ) -> DiscreteDirection:
+        """Return the direction of a model that has a minimum, with what it changes of the limits."""
+        plain = super().direction(method, model, scale, shift)
+        return LimitedDirection(**vars(plain), dc=self._change(plain)) if self._begun else plain
+
+    def _change(self, direction: DiscreteDirection) -> Sided:
+        """Return how the limits' values change along a direction."""
+        dx, du = direction.dx, direction.du
+        if dx is None or du is None:
+            A, B = self._linearize()
+            dx, du = sweep_forward(A, B, direction, direction.dx0)
+        return self.limited.along(dx, du, self._jacobians())
+
     # ---- Steps ----------------------------------------------------------------------------------
+
+    def first_step(self, direction: DiscreteDirection, length: float) -> float:
+        """Return how far to go at first: no further than to where the barriers begin to rise."""
+        if not isinstance(direction, LimitedDirection):
+            return length
+        return self.duals.step(self._room(), direction.dc, direction.slope, length)
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Any] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
@@ -213,11 +241,8 @@ class LimitedProblem(DiscreteProblem):
     def accept(self, direction: DiscreteDirection, trial: Trial[Any]) -> None:
         """Make a trial the current iterate, and move the duals with it."""
         new: LimitedIterate = trial.iterate
-        dx, du = direction.dx, direction.du
-        if dx is None or du is None:
-            A, B = self._linearize()
-            dx, du = sweep_forward(A, B, direction, direction.dx0)
-        self.duals.y = self.duals.moved(self._room(), self.limited.along(dx, du, self._jacobians()), new.room)
+        dc = direction.dc if isinstance(direction, LimitedDirection) else self._change(direction)
+        self.duals.y = self.duals.moved(self._room(), dc, new.room)
         super().accept(direction, Trial(new.iterate, trial.cost))
         self.values, self.room, self.plain_value = new.room.c, new.room, new.cost
 
