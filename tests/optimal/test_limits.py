@@ -157,15 +157,31 @@ def test_limits_on_a_cart_are_kept_at_an_optimum(name: str, cart: MidpointSystem
     assert str(result.limits).count("\n") == len(result.limits.labels)
 
 
+@pytest.mark.parametrize("name", ["push", "rate", "end", "on the way", "own", "box"])
+def test_limits_on_a_cart_are_kept_where_steps_had_gaps(name: str, cart: MidpointSystem, cost: QuadraticCost) -> None:
+    """From what is wanted, which is no motion of the cart at all."""
+    limits, start = CASES[name], (cost.x_wanted, cost.u_wanted)
+    gaps: list[float] = []
+    result = optimize(
+        cart, cost, limits=limits, initial=start, tolerance=1e-11, shooting="multiple",
+        callback=lambda record: gaps.append(record.gap),
+    )  # fmt: skip
+    assert gaps[0] > 1e-3
+    assert gaps[-1] == 0.0
+    certify(cart, cost, limits, result)
+    other = optimize(cart, cost, limits=limits, initial=REST, tolerance=1e-11)
+    assert result.cost <= other.cost * (1.0 + 1e-9)
+
+
 def test_a_rough_tolerance_is_met_roughly(cart: MidpointSystem, cost: QuadraticCost) -> None:
     """All the barriers together leave a tenth of the tolerated change: the motion need not be nearer to their end."""
     limits = [Bound("x-force", -60.0, 60.0)]
     exact = optimize(cart, cost, limits=limits, initial=REST, tolerance=1e-11)
-    rough = optimize(cart, cost, limits=limits, initial=REST, tolerance=1e-2)
+    rough = optimize(cart, cost, limits=limits, initial=REST, tolerance=1e-3)
     assert rough.success
     assert rough.limits is not None
     assert rough.limits.excess <= 1e-6
-    assert exact.cost <= rough.cost <= 1.01 * exact.cost
+    assert exact.cost <= rough.cost <= 1.001 * exact.cost
     # Of one row alone the part would be that much smaller.
     assert rough.expected_decrease > 10.0 * rough.limits.mu
     assert rough.iterations < exact.iterations

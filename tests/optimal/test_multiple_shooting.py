@@ -304,10 +304,6 @@ def test_the_table_shows_gaps(capsys):
     ("changed", "match"),
     [
         ({"shooting": "single shooting"}, "shooting: got 'single shooting', expected 'auto', 'single' or 'multiple'"),
-        (
-            {"shooting": "multiple", "limits": [Bound("u[0]", -1.0, 1.0)]},
-            "shooting: got 'multiple' together with limits",
-        ),
         ({"shooting": "multiple", "initial": (np.zeros((3, 4)), np.zeros((20, 1)))}, "initial x"),
     ],
 )
@@ -325,3 +321,82 @@ def test_continuous_time_has_none():
         optimize(
             MechanismSystem(m), cost, initial=(np.zeros(2), np.zeros(1)), horizon=(0.0, 1.0), shooting="multiple"
         )  # fmt: skip
+
+
+# ---- With limits -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def bounded():
+    """Four poles on a cart whose push may not be as large as it would be without limits."""
+    given = balancing(150)
+    free = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="multiple")
+    most = 0.8 * np.abs(free.u).max()
+    return given, [Bound("push", -most, most)], most
+
+
+def test_gaps_close_within_limits_where_trajectories_lead_nowhere(bounded):
+    given, limits, most = bounded
+    start = given.x, given.u
+    alone = optimize(given.system, given.cost, initial=start, limits=limits, shooting="single", max_iterations=60)
+    assert not alone.success
+    records = []
+    result = optimize(
+        given.system, given.cost, initial=start, limits=limits, shooting="multiple", callback=records.append
+    )  # fmt: skip
+    assert result.status is Status.CONVERGED
+    assert result.iterations < 30
+    assert records[0].gap > 0.01
+    assert result.gap == 0.0
+    assert is_trajectory(given.system, result.x, result.u)
+    assert np.abs(result.u).max() <= most * (1.0 + 1e-9)
+    assert result.limits.excess < 1e-8
+    assert sum(int(side.active.sum()) for side in result.limits.sides) > 0
+    # It is a minimum of the search over trajectories too.
+    again = optimize(given.system, given.cost, initial=result, limits=limits, shooting="single")
+    assert again.status is Status.CONVERGED
+    assert again.cost == pytest.approx(result.cost, rel=1e-8)
+
+
+def test_the_automatic_choice_takes_gaps_within_limits(bounded):
+    given, limits, _ = bounded
+    records = []
+    result = optimize(
+        given.system, given.cost, initial=(given.x, given.u), limits=limits, callback=records.append
+    )  # fmt: skip
+    assert result.status is Status.CONVERGED
+    assert any("began again, with gaps" in record.note for record in records)
+    best = optimize(given.system, given.cost, initial=(given.x, given.u), limits=limits, shooting="multiple")
+    assert result.cost == pytest.approx(best.cost, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    "name", ["cart, swing-up, R 0.01, final 10000, rest", "cart, tracking, R 0.01, final 100, noise"]
+)
+def test_limits_have_the_same_minimum_with_gaps(name):
+    given = BY_NAME[name].build()
+    free = optimize(given.system, given.cost, initial=(given.x, given.u))
+    place = given.system.quantity("variable").names[0]
+    least, most = 0.8 * free.x[:, 0].min(), 0.8 * free.x[:, 0].max() + 1e-3
+    limits = [Bound(place, least, most, of="variable")]
+    costs = [
+        optimize(given.system, given.cost, initial=(given.x, given.u), limits=limits, shooting=how).cost
+        for how in ("single", "multiple")
+    ]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-8)
+    assert costs[0] > free.cost * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("stop", [1, 4, 7])
+def test_a_run_with_gaps_and_limits_goes_on_as_if_never_stopped(bounded, stop, tmp_path):
+    given, limits, _ = bounded
+    how = {"limits": limits, "shooting": "multiple"}
+    whole = optimize(given.system, given.cost, initial=(given.x, given.u), **how)
+    part = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=stop, **how)
+    assert part.gap > 1e-6
+    assert "Gaps are still open" in part.message
+    part = load_result(save_result(tmp_path / "part.npz", part))
+    rest = optimize(given.system, given.cost, resume=part, **how)
+    np.testing.assert_array_equal(rest.history.cost, whole.history.cost)
+    np.testing.assert_array_equal(rest.x, whole.x)
+    np.testing.assert_array_equal(rest.limits.sides[0].dual, whole.limits.sides[0].dual)

@@ -85,8 +85,8 @@ class Memory:
     began with, until another way is looked for from there. ``gaps``: None of a trajectory.
     """
 
-    stride: float
-    retries: int
+    stride: float = 1.0
+    retries: int = 0
     earlier: Place | None = None
     sound: Place | None = None
     start: Start | None = None

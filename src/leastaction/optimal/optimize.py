@@ -25,7 +25,7 @@ from leastaction.optimal.continuous.time_functions import TimeFunctionLike
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.easing import EasedProblem
-from leastaction.optimal.discrete.shooting import ShootingProblem
+from leastaction.optimal.discrete.shooting import Gapped
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.problem import LimitedProblem
@@ -152,10 +152,12 @@ def optimize(
         whose steps need not meet, the states are unknowns too, and the gaps close on the way, before a minimum over
         trajectories is looked for as ever. It is for starts that are known but no trajectories, such as the wanted
         motion with no inputs, and for motions that are unstable over a long time: there a projection leads far away.
-        For discrete systems without limits. A run that ends before the gaps are closed says so (`gap` of the result).
-        "auto": as "single", but with `method` "auto" of a discrete system without limits and unknowns, gaps are tried
-        once, from the start, where that cannot be projected, where most of the first steps had to be cut short, or
-        where it takes long. Where they do not close soon, it goes on from where it stood; meanwhile that is the result.
+        For discrete systems. A run that ends before the gaps are closed says so (`gap` of the result). Limits are
+        softest meanwhile. "auto": as "single", but with `method` "auto" of a discrete system without unknowns, gaps are
+        tried once, from the start, where that cannot be projected, where most of the first steps had to be cut short
+        (within limits, if the projection lost the start), where it is stuck within limits, or where it takes long
+        without. Where they do not close soon, it goes on from where it stood, which is the result meanwhile; within
+        limits from their projection.
     collocate : bool
         Whether a continuous problem is put on a mesh also where nothing asks for it, as limits and a free start do. For
         many states that is much the faster way: instead of equations for nx (nx + 1) / 2 entries of a Riccati matrix
@@ -249,19 +251,13 @@ def optimize(
             callback = extension.callback(callback)
         else:
             rows = [row for limit in limits for row in limit.rows(system, 1 if free is False else 0)]
-        if rows and shooting == "multiple":
-            raise ArgumentError(
-                "shooting: got 'multiple' together with limits, expected 'single': close the gaps without limits "
-                "first, and give the result as `initial`"
-            )
+        own_way = method == "auto" and regulator == "descent" and extension is None
+        gapped: Gapped = "never" if shooting == "single" or not own_way else "where needed"
+        gapped = "at once" if shooting == "multiple" else gapped
         if rows:
-            problem = LimitedProblem(system, stages, rows, settings, free)
+            problem = LimitedProblem(system, stages, rows, settings, free, gapped)
         else:
-            own_way = method == "auto" and regulator == "descent" and extension is None
-            if shooting == "multiple" or (shooting == "auto" and own_way):
-                problem = ShootingProblem(system, stages, settings, free, at_once=shooting == "multiple")
-            else:
-                problem = EasedProblem(system, stages, settings, free)
+            problem = EasedProblem(system, stages, settings, free, gapped)
             if isinstance(initial, OptimizationResult):
                 initial = initial.x, initial.u
     else:

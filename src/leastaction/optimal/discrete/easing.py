@@ -6,6 +6,8 @@ motion that costs no effort; from there to the minimum of the cost that was aske
 followed by stages of ever less ease, none of which is solved further than the next one needs. Tried on the problems of
 `benchmarks.robustness` that ended elsewhere: by the weight of the end alone 10 of 23 came to a minimum, by that of the
 inputs alone 14, by both 15, and the motions that they came to cost less than those found otherwise.
+
+Gaps between the steps are the other way to begin again, from the start that was given.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import read_only
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.problem import COARSE, DiscreteProblem
+from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Memory, Place
@@ -37,17 +40,28 @@ _PARTS = 2
 # A stage but the last is over where no more than this part of the cost is to be gained, or after so many iterations.
 _LOOSE, _LONGEST = 1e-2, 20
 
+# A search over trajectories is a long one after so many iterations, and after the second number if it began with a
+# projection that lost the start; one with gaps that takes its place is over after so many, and after the second number
+# where there are other ways.
+_LONG, _LONG_IF_LOST = 200, 100
+_LONGEST_INSTEAD, _BRIEF = 100, 40
 
-class EasedProblem(DiscreteProblem):
-    """A discrete system and its cost, with a way to begin again by an easier cost, where that offers one.
+
+class EasedProblem(ShootingProblem):
+    """A discrete system and its cost, with ways to begin again: by an easier cost, where that offers one, or by gaps.
 
     ``asked``: the cost that is to be minimised; `cost` is that of the stage.
     """
 
     def __init__(
-        self, system: DiscreteSystem, cost: Cost, settings: Settings, free_start: bool | Sequence[str] = False
+        self,
+        system: DiscreteSystem,
+        cost: Cost,
+        settings: Settings,
+        free_start: bool | Sequence[str] = False,
+        gapped: Gapped = "never",
     ) -> None:
-        super().__init__(system, cost, settings, free_start)
+        super().__init__(system, cost, settings, free_start, gapped)
         self.asked = cost
         self.settings = settings
         self.stride, self.retries = _STRIDE, _RETRIES
@@ -65,29 +79,37 @@ class EasedProblem(DiscreteProblem):
 
     def memory(self) -> Memory:
         """Return what resuming needs beside the iterate."""
-        return Memory(self.stride, self.retries, self.earlier, self.sound)
+        return replace(
+            super().memory(), stride=self.stride, retries=self.retries, earlier=self.earlier, sound=self.sound
+        )
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        """Return the result at the current iterate."""
-        return replace(super().result(summary), memory=self.memory())
+        """Return the result at the current iterate; before there is a trajectory again, at the one before."""
+        result, before = super().result(summary), self.earlier
+        if not self.is_open or before is None:
+            return result
+        return replace(
+            result, x=before.x, u=before.u, K=before.gain, projection_gain=before.gain, cost=self._asked_at(before),
+            worst_step=before.worst_step, gap=0.0,
+        )  # fmt: skip
 
     # ---- What the loop knows of a stage ---------------------------------------------------------
 
     @property
     def shown(self) -> float:
         """The cost that was asked for."""
-        return self.value if self.ease == 1.0 else self.asked.value(self.x, self.u)
+        return super().shown if self.ease == 1.0 else self.asked.value(self.x, self.u)
 
     @property
     def longest_stage(self) -> int | None:
         """Iterations after which a stage that is not the last is over."""
-        return None if self.ease == 1.0 else _LONGEST
+        return super().longest_stage if self.ease == 1.0 else _LONGEST
 
     @property
     def unfinished(self) -> str:
         """What is to be said of a run that ends in a stage that is not the last."""
         if self.ease == 1.0:
-            return ""
+            return super().unfinished
         return (
             f"It had begun again, and inputs are still {self.ease:.4g} times as dear as asked for: the iterations did "
             "not suffice for all stages."
@@ -95,13 +117,68 @@ class EasedProblem(DiscreteProblem):
 
     def tolerated(self, goal: float) -> float:
         """Return the expected decrease that is small enough at this stage."""
-        return goal if self.ease == 1.0 else max(goal, _LOOSE * abs(self.value))
+        return super().tolerated(goal) if self.ease == 1.0 else max(goal, _LOOSE * abs(self.value))
+
+    @property
+    def _returned(self) -> str:
+        """What a run returns that ends with gaps."""
+        return super()._returned if self.earlier is None else "the trajectory that it had come to before them"
+
+    @property
+    def long_run(self) -> int | None:
+        """Iterations after which gaps may be the shorter way; None where they are none."""
+        if self.given is None or self.is_open or self.ease != 1.0:
+            return None
+        return _LONG_IF_LOST if self.given.is_lost else _LONG
+
+    @property
+    def prefers_gaps(self) -> bool:
+        """Whether gaps are more promising than an easier stage: where the start was lost when it was projected."""
+        return self.given is not None and self.given.is_lost
 
     # ---- From stage to stage --------------------------------------------------------------------
 
+    def begin_with_gaps(self, *, brief: bool) -> bool:
+        """Begin again with gaps from the given start, once; return whether that can be done."""
+        if self.is_open or self.given is None or self.ease != 1.0:
+            return False
+        now, given = self._place(), self.given
+        try:
+            refusal = self._open(given)
+        except BaseException as error:  # an interruption too leaves it where it stood
+            self._go_to(now)
+            if isinstance(error, LeastActionError):
+                return False
+            raise
+        self.forget()
+        if refusal is not None:
+            self.given = None
+            self._go_to(now)
+            return False
+        self._remember(now)
+        self.longest = _BRIEF if brief and not given.is_lost else _LONGEST_INSTEAD
+        return True
+
+    def _begin_without_gaps(self) -> bool:
+        """Leave a curve with gaps that cannot be projected; whether there is somewhere to go."""
+        if self.earlier is None:
+            return super()._begin_without_gaps()
+        self.value = np.inf
+        return True
+
+    def _goes_on_from_gaps(self, *, closed: bool) -> bool:
+        """Leave the start behind, and go on where the gaps led, or back to where it stood before."""
+        super()._goes_on_from_gaps(closed=closed)
+        # Only closed gaps are worth leaving a place that costs less.
+        if closed or self.earlier is None or self.value < self._asked_at(self.earlier):
+            return True
+        earlier, self.earlier = self.earlier, None
+        self._go_to(earlier)
+        return False
+
     def begin_again(self) -> bool:
         """Begin again with the motion that costs no effort, and with a cost whose minimum is close to it."""
-        eased = self.asked.eased(_EASIEST)
+        eased = None if self.is_open else self.asked.eased(_EASIEST)
         if eased is None:
             return False
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
@@ -124,9 +201,9 @@ class EasedProblem(DiscreteProblem):
         return True
 
     def next_stage(self) -> bool:
-        """Go on with less ease."""
+        """Go on with less ease, or over trajectories where there were gaps."""
         if self.ease == 1.0:
-            return False
+            return super().next_stage()
         if self.worst_step is None or self.worst_step.s <= COARSE:
             self.sound = self._place()
         self._set_stage(max(1.0, self.ease / self.stride))
@@ -175,7 +252,7 @@ class EasedProblem(DiscreteProblem):
                 return False
             self._set_stage(1.0)
             self.forget()
-            super().start((found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS)))
+            DiscreteProblem.start(self, (found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS)))
         except BaseException as error:  # an interruption too leaves it where it stood
             self._go_to(now)
             if isinstance(error, LeastActionError):

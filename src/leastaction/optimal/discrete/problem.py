@@ -60,6 +60,7 @@ class DiscreteDirection(Direction):
 
     ``gain`` (N, nu, nx): gains of the projection. ``C`` (N, nu): feedforward of the model's solution. ``dx``, ``du``:
     the direction, if the projection has gains of its own. ``dx0`` (nx,): that of the initial state, if it is free.
+    ``limited`` (n,): change of the values of all limits along it, if there are some.
     """
 
     gain: Array = field(kw_only=True)
@@ -67,6 +68,7 @@ class DiscreteDirection(Direction):
     dx: Array | None = None
     du: Array | None = None
     dx0: Array | None = None
+    limited: Array | None = None
 
     @property
     def K(self) -> Array:

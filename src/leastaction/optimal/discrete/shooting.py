@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,9 +30,8 @@ from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model, shifted
-from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
-from leastaction.optimal.discrete.problem import DiscreteDirection, Iterate
+from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import both
@@ -40,17 +39,16 @@ from leastaction.optimal.memory import Gaps, Memory, Start
 from leastaction.optimal.result import OptimizationResult, Settings
 from leastaction.optimal.system import Linearization
 
-__all__ = ["ShootingProblem"]
+__all__ = ["Curve", "Gapped", "ShootingProblem"]
+
+Gapped = Literal["never", "where needed", "at once"]
+"""When steps may have gaps: never; where the start cannot be projected, or the loop asks for them; from the start."""
 
 # Gaps below this part of the states' sizes are closed, after a full step; so many iterations are made with gaps.
 _CLOSED, _LONGEST = 1e-6, 300
 
-# A curve is lost by a projection that costs so much more. A search over trajectories is a long one after so many
-# iterations, and after the second number if it began with such a projection; one with gaps that takes its place is over
-# after so many, and after the second number where there are other ways.
+# A curve is lost by a projection that costs so much more.
 _DEAR = 10.0
-_LONG, _LONG_IF_LOST = 200, 100
-_LONGEST_INSTEAD, _BRIEF = 100, 40
 
 # A stage with gaps is over where no more than this part of the cost is to be gained.
 _LOOSE = 1e-6
@@ -70,7 +68,8 @@ _CORRECTIONS, _LEFT = 4, 0.99
 class Curve(NamedTuple):
     """States and inputs, where its steps lead to, the gaps, their sum by the states' sizes, and what it costs.
 
-    ``worst_step``: its coarsest step. ``length``: of the step that led to it.
+    ``worst_step``: its coarsest step. ``shown``: what it costs without what only guides the search. ``length``: of the
+    step that led to it.
     """
 
     x: Array
@@ -80,6 +79,7 @@ class Curve(NamedTuple):
     theta: float
     cost: float
     worst_step: StepQuality | None
+    shown: float
     length: float = 0.0
 
 
@@ -88,19 +88,46 @@ class ShootingDirection(DiscreteDirection):
     """A direction among curves.
 
     ``costates`` (N+1, nx): multipliers of the dynamics at the model's minimum. ``fall``: derivative of the cost alone.
-    ``base``: the method of its model, without how that was changed.
+    ``least``: the model's change of it at its minimum. ``base``: the method of its model, without how that was changed.
     """
 
     costates: Array = field(kw_only=True)
     fall: float = field(kw_only=True)
+    least: float = field(kw_only=True)
     base: str = field(kw_only=True)
 
 
-class ShootingProblem(EasedProblem):
+class Filter:
+    """What no later curve may be worse than in both: sums of gaps, with costs.
+
+    ``first``: the sum of gaps that it began with. ``pairs``: of the two.
+    """
+
+    def __init__(self, first: float, pairs: Sequence[tuple[float, float]] = ()) -> None:
+        self.first = max(1.0, first)
+        self.pairs = list(pairs)
+
+    def takes(self, curve: Curve, trial: Curve, length: float, fall: float, noise: float) -> bool:
+        """Whether a trial may follow a curve, along which the cost has the derivative `fall`."""
+        theta, cost = curve.theta, curve.cost
+        cost_alone = theta <= _FEW * self.first and fall < 0.0 and length * (-fall) ** _COST_POWER > theta**_GAP_POWER
+        if cost_alone:
+            good = trial.cost <= cost + _ARMIJO * length * fall + noise
+        else:
+            good = trial.theta <= (1.0 - _SHRINK) * theta or trial.cost <= cost - _FALL * theta + noise
+        good = good and trial.theta <= _MOST * self.first
+        return good and not any(trial.theta > t and trial.cost > c + noise for t, c in self.pairs)
+
+    def leave(self, curve: Curve) -> None:
+        """Remember a curve that was left for one of fewer gaps."""
+        self.pairs.append(((1.0 - _SHRINK) * curve.theta, curve.cost - _FALL * curve.theta))
+
+
+class ShootingProblem(DiscreteProblem):
     """A discrete system and its cost, begun with a curve whose gaps close on the way.
 
-    ``at_once``: begin so; otherwise only where the start cannot be projected, or where the loop asks for it. ``curve``:
-    the iterate; None where it is a trajectory, when all is as without gaps.
+    ``gapped``: when steps may have gaps. ``open_curve``: the iterate; None where it is a trajectory, when all is as
+    without.
     """
 
     def __init__(
@@ -109,20 +136,17 @@ class ShootingProblem(EasedProblem):
         cost: Cost,
         settings: Settings,
         free_start: bool | Sequence[str] = False,
-        *,
-        at_once: bool = True,
+        gapped: Gapped = "never",
     ) -> None:
         super().__init__(system, cost, settings, free_start)
-        self.at_once = at_once
-        self.curve: Curve | None = None
+        self.gapped: Gapped = gapped
+        self.open_curve: Curve | None = None
         # The start, until gaps were tried from there.
         self.given: Start | None = None
         self.size: Array
         self.costates: Array | None = None
         self.penalty = 0.0  # of the gaps, in the cost that the loop is told
-        # What no later iterate may be worse than in both: sums of gaps, with costs.
-        self.filter: list[tuple[float, float]] = []
-        self.first = 1.0
+        self.filter = Filter(1.0)
         self.longest = _LONGEST  # iterations with gaps
         self.spare = Workspace(system.N, system.nx, system.nu)
 
@@ -131,15 +155,18 @@ class ShootingProblem(EasedProblem):
     def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
         """Begin with a curve, or an initial state and inputs; by projection where a step of it cannot be made.
 
-        If not `at_once`, it is the other way round.
+        If not at once, it is the other way round.
         """
+        if self.gapped == "never":
+            super().start(initial)
+            return
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         x, u = both(initial)
         u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
         x = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
         self.given = Start(x.copy(), u.copy())
         failure: ProjectionError | None = None
-        if not self.at_once:
+        if self.gapped == "where needed":
             try:
                 super().start((x, u))
                 lost = x.ndim == 2 and self.value > _DEAR * self.cost.value(x, u)
@@ -170,7 +197,7 @@ class ShootingProblem(EasedProblem):
         curve = self._evaluate(x, u)
         if isinstance(curve, Refusal):
             return curve
-        self.first, self.penalty, self.filter, self.costates = max(1.0, curve.theta), 0.0, [], None
+        self.filter, self.penalty, self.costates = Filter(curve.theta), 0.0, None
         self.gain = np.zeros((N, nu, nx))
         self.tells_saddles = False
         self._take(curve)
@@ -179,14 +206,14 @@ class ShootingProblem(EasedProblem):
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
         memory = result.memory
-        if memory is None or memory.gaps is None:
+        if self.gapped == "never" or memory is None or memory.gaps is None:
             super().resume(result)
             self.given = None if memory is None else memory.start
             return
         gaps, self.given = memory.gaps, memory.start
         super().resume(replace(result, x=gaps.x, u=gaps.u, projection_gain=gaps.gain, gap=0.0))
-        self.size, self.first, self.penalty, self.longest = gaps.size, gaps.first, gaps.penalty, gaps.longest
-        self.filter = [(float(theta), float(cost)) for theta, cost in gaps.filter]
+        self.size, self.penalty, self.longest = gaps.size, gaps.penalty, gaps.longest
+        self.filter = Filter(gaps.first, [(float(theta), float(cost)) for theta, cost in gaps.filter])
         self.costates = gaps.costates if len(gaps.costates) else None
         curve = self._evaluate(self.x, self.u)
         if isinstance(curve, Refusal):
@@ -197,9 +224,9 @@ class ShootingProblem(EasedProblem):
     def memory(self) -> Memory:
         """Return what resuming needs beside the iterate."""
         gaps = None
-        if self.curve is not None:
+        if self.open_curve is not None:
             costates = np.zeros((0, self.system.nx)) if self.costates is None else self.costates
-            pairs = np.array(self.filter).reshape(-1, 2)
+            pairs = np.array(self.filter.pairs).reshape(-1, 2)
             gaps = Gaps(
                 self.x,
                 self.u,
@@ -207,15 +234,15 @@ class ShootingProblem(EasedProblem):
                 self.size,
                 costates,
                 pairs,
-                self.first,
+                self.filter.first,
                 self.penalty,
-                self.curve.length,
+                self.open_curve.length,
                 self.longest,
             )
-        return replace(super().memory(), start=self.given, gaps=gaps)
+        return Memory(start=self.given, gaps=gaps)
 
     def _take(self, curve: Curve) -> None:
-        self.curve = curve
+        self.open_curve = curve
         self.x, self.u, self.worst_step = curve.x, curve.u, curve.worst_step
         self.value = curve.cost + self.penalty * curve.theta
 
@@ -224,143 +251,118 @@ class ShootingProblem(EasedProblem):
         made = self.system.step_each(x, u)
         if not made.complete:
             return Refusal(f"a step of the curve failed: {made.failure}", made.steps_done, failed=True)
-        if self.curve is not None and self._is_too_coarse(made.worst_step):
+        if self.open_curve is not None and self._is_too_coarse(made.worst_step):
             assert made.worst_at is not None
             return Refusal(f"{self.system.when(made.worst_at)} would be too coarse, {made.worst_step}", made.worst_at)
         x, u = read_only(x), read_only(u)
         gaps = self.system.difference(made.x, x[1:])
         with np.errstate(over="ignore", invalid="ignore"):
-            cost = self.cost.value(x, u)
-        if not np.isfinite(cost):
+            shown = self.cost.value(x, u)
+        if not np.isfinite(shown):
             return Refusal("the cost is not finite")
-        return Curve(x, u, made.x, gaps, float(np.sum(np.abs(gaps) / self.size)), cost, made.worst_step)
+        theta = float(np.sum(np.abs(gaps) / self.size))
+        return Curve(x, u, made.x, gaps, theta, shown + self._guide(x, u), made.worst_step, shown)
+
+    def _guide(self, x: Array, u: Array) -> float:  # noqa: ARG002
+        """Return what a curve costs beside its cost, only to guide the search."""
+        return 0.0
 
     # ---- Stages ---------------------------------------------------------------------------------
 
     @property
     def gap(self) -> float:
         """The largest gap, in parts of the states' sizes; 0 of a trajectory."""
-        return 0.0 if self.curve is None else float((np.abs(self.curve.gaps) / self.size).max())
+        return 0.0 if self.open_curve is None else float((np.abs(self.open_curve.gaps) / self.size).max())
 
     @property
     def is_open(self) -> bool:
         """Whether the iterate is a curve with gaps."""
-        return self.curve is not None
+        return self.open_curve is not None
 
     @property
     def shown(self) -> float:
         """The cost without the gaps' penalty."""
-        return super().shown if self.curve is None else self.curve.cost
+        return super().shown if self.open_curve is None else self.open_curve.shown
 
     @property
     def longest_stage(self) -> int | None:
         """Iterations after which the stage is over: at once where the gaps are closed."""
-        if self.curve is None:
+        if self.open_curve is None:
             return super().longest_stage
-        if self.curve.length == 1.0 and self._are_closed():
+        if self.open_curve.length == 1.0 and self._are_closed():
             return 1
         return self.longest
 
     @property
     def patience(self) -> int:
         """Steps in a row that do not lower the cost: any number where they close gaps instead."""
-        return super().patience if self.curve is None else _LONGEST
+        return super().patience if self.open_curve is None else _LONGEST
 
     @property
     def unfinished(self) -> str:
         """What is to be said of a run that ends with gaps."""
-        if self.curve is None:
+        if self.open_curve is None:
             return super().unfinished
-        k = int((np.abs(self.curve.gaps) / self.size).max(axis=1).argmax())
-        returned = "no trajectory yet" if self.earlier is None else "the trajectory that it had come to before them"
+        k = int((np.abs(self.open_curve.gaps) / self.size).max(axis=1).argmax())
         return (
             f"Gaps are still open, the largest of {self.gap:.2g} of the states' size at {self.system.when(k)}: what is "
-            f"returned is {returned}."
+            f"returned is {self._returned}."
         )
+
+    @property
+    def _returned(self) -> str:
+        """What a run returns that ends with gaps."""
+        return "no trajectory yet"
 
     def tolerated(self, goal: float) -> float:
         """Return the expected decrease that is small enough at this stage."""
-        return super().tolerated(goal) if self.curve is None else max(goal, _LOOSE * abs(self.value))
+        return super().tolerated(goal) if self.open_curve is None else max(goal, _LOOSE * abs(self.value))
 
     def next_stage(self) -> bool:
         """Go on over trajectories, where the gaps are closed or cannot be; then as without them."""
-        if self.curve is None:
+        if self.open_curve is None:
             return super().next_stage()
         closed = self._are_closed()
-        self.curve = self.costates = None
+        self.open_curve = self.costates = None
         self.tells_saddles = self.system.has_curvature
         self.forget()
         try:
             self._project_curve()
             self.value = self.cost.value(self.x, self.u)
         except LeastActionError:
-            if self.earlier is not None:
-                self.value = np.inf
-            elif self.given is not None:
-                super().start((self.given.x, self.given.u))
-            else:
+            closed = False
+            if not self._begin_without_gaps():
                 raise
         self.forget()
+        return self._goes_on_from_gaps(closed=closed)
+
+    def _begin_without_gaps(self) -> bool:
+        """Begin as if there had been no gaps, where their curve cannot be projected; whether that can be done."""
+        if self.given is None:
+            return False
+        super().start((self.given.x, self.given.u))
+        return True
+
+    def _goes_on_from_gaps(self, *, closed: bool) -> bool:  # noqa: ARG002
+        """Leave the start behind, and return whether to go on where the gaps led: they were closed or could not be."""
         self.given = None
-        # Only closed gaps are worth leaving a place that costs less.
-        if closed or self.earlier is None or self.value < self._asked_at(self.earlier):
-            return True
-        earlier, self.earlier = self.earlier, None
-        self._go_to(earlier)
-        return False
+        return True
 
     def _are_closed(self) -> bool:
         return self.gap <= _CLOSED
 
-    @property
-    def long_run(self) -> int | None:
-        """Iterations after which gaps may be the shorter way; None where they are none."""
-        if self.given is None or self.curve is not None or self.ease != 1.0:
-            return None
-        return _LONG_IF_LOST if self.given.is_lost else _LONG
-
-    @property
-    def prefers_gaps(self) -> bool:
-        """Whether gaps are more promising than an easier stage: where the start was lost when it was projected."""
-        return self.given is not None and self.given.is_lost
-
-    def begin_with_gaps(self, *, brief: bool) -> bool:
-        """Begin again with gaps from the given start, once; return whether that can be done."""
-        if self.curve is not None or self.given is None or self.ease != 1.0:
-            return False
-        now, given = self._place(), self.given
-        try:
-            refusal = self._open(given)
-        except BaseException as error:  # an interruption too leaves it where it stood
-            self._go_to(now)
-            if isinstance(error, LeastActionError):
-                return False
-            raise
-        self.forget()
-        if refusal is not None:
-            self.given = None
-            self._go_to(now)
-            return False
-        self._remember(now)
-        self.longest = _BRIEF if brief and not given.is_lost else _LONGEST_INSTEAD
-        return True
-
-    def begin_again(self) -> bool:
-        """Begin again with an easier stage, though not while there are gaps."""
-        return self.curve is None and super().begin_again()
-
     # ---- Directions -----------------------------------------------------------------------------
 
     def _linearize(self) -> Linearization:
-        if self.curve is None:
+        if self.open_curve is None:
             return super()._linearize()
         if self.linearization is None:
             with self.clock("linearize"):
-                self.linearization = self.system.linearize_each(self.x, self.u, self.curve.ends)
+                self.linearization = self.system.linearize_each(self.x, self.u, self.open_curve.ends)
         return self.linearization
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
-        if self.curve is None:
+        if self.open_curve is None:
             return super()._curvature_along(gradient)
         if self.costates is None:
             # Nothing is known of them yet: those of a loop that is closed by some gains.
@@ -375,7 +377,7 @@ class ShootingProblem(EasedProblem):
     def _solve(
         self, method: str, workspace: Workspace, scale: float = 0.0, shift: float = 0.0, gaps: Array | None = None
     ) -> LinearQuadraticSolution:
-        if self.curve is None:
+        if self.open_curve is None:
             return super()._solve(method, workspace, scale, shift)
         gradient, hessian = self._gradient(), self._hessian()
         if shift > 0.0:
@@ -383,7 +385,7 @@ class ShootingProblem(EasedProblem):
         linearization = self._linearize()
         curvature = self._curvature_along(gradient) if method == "newton" else None
         if gaps is None:
-            gaps = self.curve.gaps
+            gaps = self.open_curve.gaps
         with self.clock("lq"):
             return minimise_model(method, linearization, gradient, hessian, curvature, workspace, scale, gaps)
 
@@ -391,40 +393,40 @@ class ShootingProblem(EasedProblem):
         self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
     ) -> DiscreteDirection:
         """Return the direction of a model that has a minimum, and choose the penalty so that it is one of descent."""
-        if self.curve is None:
+        if self.open_curve is None:
             return super().direction(method, model, scale, shift)
         A, B = self._linearize()
         dx0 = self._start_step(model)
-        dx, du = sweep_forward(A, B, model, dx0, c=self.curve.gaps)
+        dx, du = sweep_forward(A, B, model, dx0, c=self.open_curve.gaps)
         assert model.P is not None
         costates = np.einsum("kij,kj->ki", model.P, dx) + model.b
         q, r, q_final = self._gradient()
         fall = float(np.sum(q * dx[:-1]) + np.sum(r * du) + q_final @ dx[-1])
         least = model.constant + (0.0 if dx0 is None else 0.5 * float(model.b[0] @ dx0))
-        theta = self.curve.theta
+        theta = self.open_curve.theta
         rise = fall + max(least - fall, 0.0)
         if theta > 0.0 and rise > 0.5 * self.penalty * theta:
             self.penalty = 2.0 * rise / theta
-            self.value = self.curve.cost + self.penalty * theta
+            self.value = self.open_curve.cost + self.penalty * theta
         slope = min(2.0 * (least - self.penalty * theta), -np.finfo(np.float64).tiny)
         base = method.removesuffix("-shifted").removesuffix("-damped")
         return ShootingDirection(
             method, slope, scale, shift, gain=model.K, C=model.C, dx=dx, du=du, dx0=dx0,
-            costates=costates, fall=fall, base=base,
+            fall=fall, least=least, costates=costates, base=base,
         )  # fmt: skip
 
     # ---- Steps ----------------------------------------------------------------------------------
 
-    def first_step(self, direction: DiscreteDirection, length: float) -> float:
+    def first_step(self, direction: DiscreteDirection, length: float) -> float:  # noqa: ARG002
         """Return how far to go at first: beyond a full step gaps would open again."""
-        return length if self.curve is None else min(length, 1.0)
+        return length if self.open_curve is None else min(length, 1.0)
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
         """Return the curve at a step along the direction, its new gaps closed if need be, or why it is refused."""
-        if self.curve is None:
+        if self.open_curve is None:
             return super().simulate(direction, length, bound)
         assert isinstance(direction, ShootingDirection)
-        curve = self.curve
+        curve = self.open_curve
         assert direction.dx is not None
         assert direction.du is not None
         trial = self._moved(direction.dx, direction.du, length)
@@ -461,31 +463,24 @@ class ShootingProblem(EasedProblem):
         """Return a trial, or why it is refused by the filter."""
         if isinstance(trial, Refusal):
             return trial
-        assert self.curve is not None
-        theta, cost, noise = self.curve.theta, self.curve.cost, self.noise
-        cost_alone = theta <= _FEW * self.first and fall < 0.0 and length * (-fall) ** _COST_POWER > theta**_GAP_POWER
-        if cost_alone:
-            good = trial.cost <= cost + _ARMIJO * length * fall + noise
-        else:
-            good = trial.theta <= (1.0 - _SHRINK) * theta or trial.cost <= cost - _FALL * theta + noise
-        good = good and trial.theta <= _MOST * self.first
-        if not good or any(trial.theta > t and trial.cost > c + noise for t, c in self.filter):
+        assert self.open_curve is not None
+        if not self.filter.takes(self.open_curve, trial, length, fall, self.noise):
             return Refusal(
-                f"gaps of {trial.theta:.4g} in all and a cost of {trial.cost:.10g}, where there are {theta:.4g} and "
-                f"{cost:.10g}"
+                f"gaps of {trial.theta:.4g} in all and a cost of {trial.cost:.10g}, where there are "
+                f"{self.open_curve.theta:.4g} and {self.open_curve.cost:.10g}"
             )
         return Trial(cast(Any, trial), trial.cost + self.penalty * trial.theta)
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
         """Make a trial the current iterate."""
-        if self.curve is None:
+        if self.open_curve is None:
             super().accept(direction, trial)
             return
         assert isinstance(direction, ShootingDirection)
-        old, new = self.curve, cast(Curve, trial.iterate)
+        old, new = self.open_curve, cast(Curve, trial.iterate)
         lowers = direction.fall < 0.0 and new.cost <= old.cost + _ARMIJO * new.length * direction.fall + self.noise
         if not lowers:
-            self.filter.append(((1.0 - _SHRINK) * old.theta, old.cost - _FALL * old.theta))
+            self.filter.leave(old)
         if self.costates is None:
             self.costates = direction.costates
         else:
@@ -498,14 +493,4 @@ class ShootingProblem(EasedProblem):
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate."""
-        result = super().result(summary)
-        if self.curve is None:
-            return result
-        before = self.earlier
-        if before is None:
-            return replace(result, gap=self.gap)
-        cost = self._asked_at(before)
-        return replace(
-            result, x=before.x, u=before.u, K=before.gain, projection_gain=before.gain, cost=cost,
-            worst_step=before.worst_step,
-        )  # fmt: skip
+        return replace(super().result(summary), memory=self.memory(), gap=self.gap)

@@ -84,7 +84,7 @@ class Duals:
 
     def begin(self, c: Sided, mu: float, price: float) -> None:
         """Choose scales, prices and duals from where the optimisation starts."""
-        self.mu, self.begun = mu, bool(self.sides)
+        self.mu, self.begun, self.scale = mu, bool(self.sides), []
         for side, values in zip(self.sides, c, strict=True):
             seen = np.maximum(np.abs(values).max(axis=0), 1e-6 * (1.0 + side.size))
             self.scale.append(np.where(side.scale > 0.0, side.scale, seen))
@@ -114,15 +114,15 @@ class Duals:
         dy = mu / part.slack - y - stiffness(part, rho, y) * dc.flat
         return Sided(moved_duals(y, dy, mu / after.part.slack, rho), self.layout)
 
-    def step(self, room: Room, dc: Sided, slope: float, length: float) -> float:
+    def step(self, room: Room, dc: Sided, fall: float, least: float, length: float) -> float:
         """Return where along a direction the model is least that has the barriers themselves in place of their models.
 
-        ``dc``: change of the values along it. ``slope``: of cost and barriers; the model of both has its minimum at 1.
-        ``length``: where to look no further.
+        ``dc``: change of the values along it. ``fall``, ``least``: slope of cost and barriers, and their model's change
+        at its end. ``length``: where to look no further.
         """
         c, change = room.c.flat, dc.flat
-        plain = slope + float((self.mu / room.part.slack) @ change)
-        bend = -slope - float(stiffness(room.part, self.prices, self.y.flat) @ change**2)
+        plain = fall + float((self.mu / room.part.slack) @ change)
+        bend = 2.0 * (least - fall) - float(stiffness(room.part, self.prices, self.y.flat) @ change**2)
 
         def rise(a: float) -> float:
             """Return the model's derivative."""

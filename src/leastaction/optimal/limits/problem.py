@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,8 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
-from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
+from leastaction.optimal.discrete.problem import DiscreteDirection, Iterate
+from leastaction.optimal.discrete.shooting import Gapped, ShootingDirection, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
@@ -24,14 +25,8 @@ from leastaction.optimal.result import OptimizationResult, Settings, Status
 
 __all__ = ["LimitedProblem"]
 
+_LONGEST_INSTEAD = 100  # iterations with gaps that take the place of a search that was stuck
 _DIGITS = 1e4 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
-
-
-@dataclass(frozen=True)
-class LimitedDirection(DiscreteDirection):
-    """A direction, and how the values of all limits change along it."""
-
-    dc: Sided = field(kw_only=True)
 
 
 class LimitedIterate(NamedTuple):
@@ -42,11 +37,12 @@ class LimitedIterate(NamedTuple):
     room: Room
 
 
-class LimitedProblem(DiscreteProblem):
+class LimitedProblem(ShootingProblem):
     """A discrete system, its cost and its limits.
 
     What the loop minimises is the cost with the barriers of a `LimitedCost`. Where it is at its minimum the next stage
-    has a smaller barrier, until that does not matter any more.
+    has a smaller barrier, until that does not matter any more. Gaps are closed in the first stage, whose barriers are
+    the softest.
 
     Parameters
     ----------
@@ -63,12 +59,13 @@ class LimitedProblem(DiscreteProblem):
         rows: list[Rows],
         settings: Settings,
         free_start: bool | Sequence[str] = False,
+        gapped: Gapped = "never",
     ) -> None:
-        super().__init__(system, cost, settings, free_start)
+        super().__init__(system, cost, settings, free_start, gapped)
         self.limited = LimitedCost(cost, rows, system.nx, system.nu)
         self.duals = self.limited.duals
         self.stages = Stages(self.duals, settings.tolerance, _DIGITS)
-        self.given: LimitReport | None = None
+        self.known: LimitReport | None = None  # from an earlier run
         # Of the iterate; None: not yet.
         self.values: Sided | None = None
         self.plain_value: float | None = None  # the cost alone
@@ -84,7 +81,7 @@ class LimitedProblem(DiscreteProblem):
     def start(self, initial: Any) -> None:
         """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
         if isinstance(initial, OptimizationResult):
-            self.given = initial.limits
+            self.known = initial.limits
             initial = initial.x, initial.u
         super().start(initial)
         self._begin()
@@ -92,17 +89,17 @@ class LimitedProblem(DiscreteProblem):
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
         super().resume(result)
-        self.given = result.limits
+        self.known = result.limits
         self._begin(resumed=True)
 
     def _begin(self, *, resumed: bool = False) -> None:
         """Put the limits in, at the trajectory to start from."""
         self.stages.begin(
-            self.value, self._limits(), lambda: self.cost.value(np.zeros_like(self.x), np.zeros_like(self.u))
+            self.shown, self._limits(), lambda: self.cost.value(np.zeros_like(self.x), np.zeros_like(self.u))
         )
         for rows in self.limited.rows:
             rows.check(self.x, self.u)
-        self.stages.take(self.given, resumed=resumed)
+        self.stages.take(self.known, resumed=resumed)
         self._set_out()
 
     def _limits(self) -> Sided:
@@ -128,6 +125,8 @@ class LimitedProblem(DiscreteProblem):
     @property
     def shown(self) -> float:
         """The cost without barriers."""
+        if self.is_open:
+            return super().shown
         if self.plain_value is None:
             self.plain_value = self.cost.value(self.x, self.u)
         return self.plain_value
@@ -139,10 +138,14 @@ class LimitedProblem(DiscreteProblem):
 
     def tolerated(self, goal: float) -> float:
         """Return the expected decrease that is small enough at this stage."""
-        return self.stages.tolerated(goal, self.noise)
+        return super().tolerated(self.stages.tolerated(goal, self.noise))
 
     def next_stage(self) -> bool:
-        """Go on with dearer excess, where a limit needs it, or else with a smaller barrier."""
+        """Go on without gaps, or with dearer excess, where a limit needs it, or else with a smaller barrier."""
+        if self.is_open:
+            more = super().next_stage()
+            self._set_out()
+            return more
         before = self.duals.y.flat.copy()
         more = self.stages.advance(self.shown, self._limits())
         self.room = None  # it is one of other prices, even where there is no more
@@ -154,13 +157,39 @@ class LimitedProblem(DiscreteProblem):
 
     def _set_out(self) -> None:
         """Begin a stage: another cost, the same dynamics."""
-        self.tells_saddles = self.system.has_curvature and self.stages.is_last
+        self.tells_saddles = self.system.has_curvature and self.stages.is_last and not self.is_open
         self.curvature = self.quasi_newton = self.feedback = self.derivatives = self.room = None
-        self.value = self.shown + self.duals.barrier(self._room())
+        barrier = self.duals.barrier(self._room())
+        if self.open_curve is not None:
+            self._take(self.open_curve._replace(cost=self.shown + barrier))
+        else:
+            self.value = self.shown + barrier
+
+    @property
+    def prefers_gaps(self) -> bool:
+        """Whether gaps are worth trying where a run is stuck: once."""
+        return self.given is not None
+
+    def begin_with_gaps(self, *, brief: bool) -> bool:
+        """Begin again with gaps from the given start, once, and with other duals; return whether that can be done."""
+        given = self.given
+        if self.is_open or given is None or (brief and not given.is_lost):
+            return False
+        try:
+            refusal = self._open(given)
+        except LeastActionError:
+            refusal = Refusal("a step of it cannot be made")
+        if refusal is not None:
+            self.given = None
+            return False
+        self.forget()
+        self.longest = _LONGEST_INSTEAD
+        self._begin()
+        return True
 
     def verdict(self) -> tuple[Status, str] | None:
         """Return that limits contradict each other, where they could not be met at any price."""
-        if self.stages.are_met(self._limits()):
+        if self.is_open or self.stages.are_met(self._limits()):
             return None
         return Status.INFEASIBLE, self._report().contradiction(self.system.when)
 
@@ -207,7 +236,7 @@ class LimitedProblem(DiscreteProblem):
     ) -> DiscreteDirection:
         """Return the direction of a model that has a minimum, with what it changes of the limits."""
         plain = super().direction(method, model, scale, shift)
-        return LimitedDirection(**vars(plain), dc=self._change(plain)) if self._begun else plain
+        return replace(plain, limited=self._change(plain).flat) if self._begun else plain
 
     def _change(self, direction: DiscreteDirection) -> Sided:
         """Return how the limits' values change along a direction."""
@@ -221,12 +250,23 @@ class LimitedProblem(DiscreteProblem):
 
     def first_step(self, direction: DiscreteDirection, length: float) -> float:
         """Return how far to go at first: no further than to where the barriers begin to rise."""
-        if not isinstance(direction, LimitedDirection):
+        length = super().first_step(direction, length)
+        if direction.limited is None:
             return length
-        return self.duals.step(self._room(), direction.dc, direction.slope, length)
+        dc = Sided(direction.limited, self.limited.layout)
+        fall, least = direction.slope, 0.5 * direction.slope
+        if isinstance(direction, ShootingDirection):
+            fall, least = direction.fall, direction.least
+        return self.duals.step(self._room(), dc, fall, least, length) if fall < 0.0 else length
+
+    def _guide(self, x: Array, u: Array) -> float:
+        """Return the barriers along a curve."""
+        return self.duals.barrier(self.duals.room(self.limited.limits(x, u))) if self._begun else 0.0
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Any] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
+        if self.is_open:
+            return super().simulate(direction, length, bound)
         outcome = super().simulate(direction, length, np.inf)
         if isinstance(outcome, Refusal):
             return outcome
@@ -240,11 +280,18 @@ class LimitedProblem(DiscreteProblem):
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Any]) -> None:
         """Make a trial the current iterate, and move the duals with it."""
-        new: LimitedIterate = trial.iterate
-        dc = direction.dc if isinstance(direction, LimitedDirection) else self._change(direction)
-        self.duals.y = self.duals.moved(self._room(), dc, new.room)
-        super().accept(direction, Trial(new.iterate, trial.cost))
-        self.values, self.room, self.plain_value = new.room.c, new.room, new.cost
+        dc = self._change(direction) if direction.limited is None else Sided(direction.limited, self.limited.layout)
+        new = trial.iterate
+        if self.is_open:
+            after = self.duals.room(self.limited.limits(new.x, new.u))
+            self.duals.y = self.duals.moved(self._room(), dc, after)
+            super().accept(direction, trial)
+        else:
+            after = new.room
+            self.duals.y = self.duals.moved(self._room(), dc, after)
+            super().accept(direction, Trial(new.iterate, trial.cost))
+            self.plain_value = new.cost
+        self.values, self.room = after.c, after
 
     # ---- What is told ---------------------------------------------------------------------------
 
@@ -254,8 +301,8 @@ class LimitedProblem(DiscreteProblem):
 
     def _duals(self) -> Sided:
         """Return the duals after a last step of theirs along Newton's direction, which the motion hardly needs."""
-        duals = self.duals.y
-        if self.stages.is_last:
+        duals, after = self.duals.y, self._room()
+        if self.stages.is_last and not self.is_open:
             # Memory of its own: the feedback that is told may stand in that of the iteration.
             spare = Workspace(self.system.N, self.system.nx, self.system.nu)
             try:
@@ -264,11 +311,13 @@ class LimitedProblem(DiscreteProblem):
                 if model.definite:
                     A, B = self._linearize()
                     dx, du = sweep_forward(A, B, model, self._start_step(model))
-                    room = self._room()
-                    duals = self.duals.moved(room, self.limited.along(dx, du, self._jacobians()), room)
+                    room, dc = after, self.limited.along(dx, du, self._jacobians())
+                    # They are those of where it leads to: near their bounds that is far from here in room.
+                    after = self.duals.room(Sided(room.c.flat + dc.flat, dc.layout))
+                    duals = self.duals.moved(room, dc, after)
             except LeastActionError:
                 pass  # The duals of the last step will do.
-        return self.duals.settled(duals, self._room())
+        return self.duals.settled(duals, after)
 
     def _report(self) -> LimitReport:
         k = [rows.k for rows in self.limited.rows]
