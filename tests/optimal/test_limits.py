@@ -29,6 +29,7 @@ from leastaction.optimal.limits.barrier import barrier_value, split, stiffness
 from leastaction.optimal.limits.duals import Duals, Stages
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
+from leastaction.optimal.limits.sides import Layout
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
 
@@ -200,7 +201,7 @@ def test_the_tolerance_is_relative_to_the_cost_without_barriers(cart: MidpointSy
 def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:
     """Exact duals want a motion nearer to the barrier's minimum than the cost does; rough ones do not."""
     for tolerance, enough, off in ((1e-2, 1.0, 1e-4), (1e-9, 1e-5, 1e-6)):
-        stages = Stages(Duals([]), tolerance, 1000, 1e-12)
+        stages = Stages(Duals([], Layout([(1000, 1)])), tolerance, 1e-12)
         stages.duals.mu = stages.last = 1e-6
         assert stages.tolerated(1.0, 0.0) == pytest.approx(enough)
         assert stages.met == pytest.approx(off)
