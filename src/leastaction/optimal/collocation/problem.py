@@ -172,7 +172,7 @@ class CollocationProblem(LimitedProblem):
         if scale == 1.0 or not self.limited.others:
             return super().minimise_model(method, scale, shift)
         gradient, whole = self._derivatives()
-        less = self.limited.hessian(self.x, self.u, self._limits(), self._jacobians(), bent=scale)
+        less = self.limited.hessian(self.x, self.u, self._room(), self._jacobians(), bent=scale)
         try:
             self.derivatives = gradient, less
             return super().minimise_model(method, scale, shift)
