@@ -244,7 +244,8 @@ def draw(result: Result) -> Figure:
     part = result.window
     elbow.plot(part.t, np.degrees(part.q[:, i]), color="tab:orange", lw=2.4, alpha=0.7, label="continuous")
     elbow.set(xlabel="time (s)", ylabel=f"{ELBOW} (degrees)", xlim=(t[0], t[-1]), title=run.source)
-    elbow.legend(frameon=False)
+    elbow.margins(y=0.15)
+    elbow.legend(frameon=False, fontsize=8, ncols=3, loc="upper center")
     for name, tension in zip(run.mechanism.constraints, run.tension[1:].T, strict=True):
         pulls.plot(t[1:-1], tension, lw=1.0, label=name.removesuffix("_string").replace("_", " "))
     # Alternate points of a mesh are rough where a string is at its least: what is drawn is that at the ends of pieces.

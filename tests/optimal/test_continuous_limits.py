@@ -7,6 +7,7 @@ import pickle
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, ty, tz
@@ -361,6 +362,20 @@ def test_a_problem_without_limits_may_be_put_on_a_mesh(monkeypatch):
         horizon=(0.0, 3.0), Q=[10.0, 0.1], R=[0.1], Q_final=[1.0, 1.0],
     )  # fmt: skip
     np.testing.assert_allclose(result.feedback(t), wanted(t), atol=5e-3)
+
+
+def test_blas_has_one_thread_on_a_mesh_and_its_own_afterwards(bounded):
+    cost, start, limits, _ = bounded
+    seen = []
+
+    def threads():
+        return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+
+    with threadpool_limits(2, user_api="blas"):
+        before = threads()
+        optimize(MASS, cost, **start, limits=limits, max_iterations=2, callback=lambda _: seen.extend(threads()))
+        assert set(seen) <= {1}
+        assert threads() == before
 
 
 def test_only_continuous_problems_are_put_on_a_mesh():
