@@ -126,6 +126,12 @@ def optimised() -> la.OptimizationResult:
 
 
 @cache
+def followed() -> la.Followed:
+    t = 0.01 * np.arange(6)
+    return la.follow(mechanism(), {"theta": 0.3 + t}, {"theta": 10.0}, t=t, tolerance=1e-3)
+
+
+@cache
 def optimised_continuous() -> Any:
     return la.optimize_continuous(
         oscillating(),
@@ -190,6 +196,7 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "ExpressionForce": lambda: la.ExpressionForce(la.input_("u") * la.parameter("k", 2.0) * la.speed("x"), along="x"),
     "ExpressionPotential": lambda: la.ExpressionPotential(la.distance("bob", "hand") ** 2),
     "Feedback": lambda: la.Feedback(np.ones((1, 4)), np.zeros(4), np.zeros(1)),
+    "Followed": followed,
     "FixedOrientation": lambda: la.FixedOrientation("bob", "hand"),
     "FunctionQuantity": lambda: la.FunctionQuantity("height", height),
     "Gravity": lambda: la.Gravity((0.0, 0.0, -9.81)),
@@ -215,6 +222,8 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "NonlinearSpring": lambda: la.NonlinearSpring("x", la.Curve([0.0, 1.0, 3.0], [1.0, 2.0, -1.0])),
     "OptimizationResult": optimised,
     "PathLength": lambda: la.PathLength(["bob", "post", "hand"], 3.0),
+    "PlaceCost": lambda: la.PlaceCost(cost(), system(), {"bob": [0.0, -1.0, np.nan]}, {"bob": 2.0}),
+    "Played": lambda: la.play(followed().system, followed().result, la.Rig(noise=0.0, delay=0.0)),
     "PointOnLine": lambda: la.PointOnLine("bob", "hand", direction="x"),
     "PointOnPlane": lambda: la.PointOnPlane("bob", "hand", normal="x"),
     "PointToPoint": lambda: la.PointToPoint("bob", "hand"),
@@ -229,6 +238,7 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "Periodic": lambda: la.Periodic(["x", "p_x"], offset={"x": 0.4}),
     "FinalTime": lambda: la.FinalTime(1.0, 3.0, price=1.0),
     "QuadraticCost": cost,
+    "Rig": lambda: la.Rig(spread=0.1, factors={"bob.mass": 1.2}),
     "SimulationStatus": lambda: la.SimulationStatus.STEP_FAILED,
     "SmoothCost": lambda: la.SmoothCost(cost(), system(), {}),
     "SpatialWrench": lambda: la.SpatialWrench("bob", force=("F", 0.0, 1.0)),

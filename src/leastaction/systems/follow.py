@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,7 +15,9 @@ from leastaction.mechanics.continuous.legendre import to_momentum
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number, as_times
+from leastaction.numerics.arrays import Array, as_array, as_number, as_times, read_only
+from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.optimize import optimize
@@ -55,6 +57,8 @@ class Wanted(Protocol):
 class Followed:
     """A motion that follows a wanted one, the inputs that make it, and the gains that hold it.
 
+    Frozen; threads may share it.
+
     Attributes
     ----------
     system : MidpointSystem
@@ -71,6 +75,12 @@ class Followed:
     wanted: Mapping[str, Array] = field(repr=False)
     result: OptimizationResult = field(repr=False)
     way: str
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+    def __post_init__(self) -> None:
+        wanted = {name: read_only(each) for name, each in self.wanted.items()}
+        object.__setattr__(self, "wanted", MappingProxyType(wanted))
 
     @property
     def trajectory(self) -> Trajectory:
@@ -278,10 +288,11 @@ def _cost(
     value |= dict.fromkeys(m.inputs, _INPUT) | dict.fromkeys(wanted, _WANTED)
     value |= {f"acceleration of {name}": _ACCELERATION for name in m.kinematic}
     value |= {f"momentum of {name}": 0.0 for name in m.dynamic}
+    names = list(value)
     for pattern, weight in weights.items():
-        chosen = [name for name in value if name == pattern or fnmatchcase(name, pattern)]
+        chosen = [names[i] for i in matching(names, pattern)]
         if not chosen:
-            raise ArgumentError(f"weights: nothing is called {pattern!r}; {closest(pattern, value, what='names')}")
+            raise ArgumentError(f"weights: nothing is called {pattern!r}; {closest(pattern, names, what='names')}")
         if as_number(weight, f"weights: {pattern!r}") < 0.0:
             raise ArgumentError(f"weights: {pattern!r}: got {weight:g}, expected zero or more")
         value |= dict.fromkeys(chosen, float(weight))

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.arrays import Array, as_number, read_only
+from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.systems.midpoint import MidpointSystem
@@ -40,6 +41,8 @@ class PlaceCost(Cost):
         For an unknown frame, a wrong shape, or a weight that is negative or not finite.
     """
 
+    __getstate__, __setstate__ = saved_state, restore_state
+
     def __init__(
         self, cost: Cost, system: MidpointSystem, places: Mapping[str, ArrayLike], weights: Mapping[str, float]
     ) -> None:
@@ -54,8 +57,8 @@ class PlaceCost(Cost):
             weight = as_number(weights.get(name, 1.0), f"weights: {name!r}")
             if weight < 0.0:
                 raise ArgumentError(f"weights: {name!r}: got {weight:g}, expected zero or more")
-            wanted[name] = np.nan_to_num(np.broadcast_to(place, (N + 1, 3)))
-            weighed[name] = weight * np.broadcast_to(~np.isnan(place), (N + 1, 3))
+            wanted[name] = read_only(np.nan_to_num(np.broadcast_to(place, (N + 1, 3))))
+            weighed[name] = read_only(weight * np.broadcast_to(~np.isnan(place), (N + 1, 3)))
         self._wanted, self._weights = wanted, weighed
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:

@@ -9,16 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number
+from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.linear_quadratic import regulate
 from leastaction.optimal.loop import both
 from leastaction.optimal.result import OptimizationResult
@@ -34,7 +36,7 @@ _LEAST_NOISE = 1e-6  # m or rad
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """What a machine has that its model has not.
+    """What a machine has that its model has not. Frozen; threads may share it.
 
     Attributes
     ----------
@@ -71,7 +73,10 @@ class Rig:
     substeps: int = 5
     seed: int = 0
 
+    __getstate__, __setstate__ = saved_state, restore_state
+
     def __post_init__(self) -> None:
+        object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))
         for name, above, below in (("spread", -1e-300, 1.0), ("noise", -1e-300, np.inf), ("delay", -1e-300, np.inf)):
             as_number(getattr(self, name), f"Rig: {name}", above=above, below=below)
         for name in ("smoothing", *(() if self.stiffness is None else ("stiffness",))):
@@ -109,19 +114,18 @@ class Rig:
                 if name == mass or name.startswith(f"{mass.removesuffix('mass')}inertia."):
                     values[name] *= factor
         for pattern, factor in self.factors.items():
-            chosen = [name for name in numbers if name == pattern or fnmatchcase(name, pattern)]
+            names = list(numbers)
+            chosen = matching(names, pattern)
             if not chosen:
-                raise ArgumentError(
-                    f"Rig: unknown parameter {pattern!r}; {closest(pattern, numbers, what='parameters')}"
-                )
-            for name in chosen:
-                values[name] *= factor
+                raise unknown("parameter", pattern, names, "Rig")
+            for i in chosen:
+                values[names[i]] *= factor
         return model.with_parameters({name: value for name, value in values.items() if value != numbers[name]})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Played:
-    """What a rig did.
+    """What a rig did. Frozen; threads may share it.
 
     Attributes
     ----------
@@ -143,6 +147,11 @@ class Played:
     u: Array = field(repr=False)
     failure: str | None = None
 
+    __getstate__, __setstate__ = saved_state, restore_state
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
     @property
     def q(self) -> Array:
         """Configurations (N+1, nq)."""
@@ -155,7 +164,7 @@ class Played:
         """
         m = self.mechanism
         patterns = (names,) if isinstance(names, str) else tuple(names)
-        chosen = [i for i, name in enumerate(m.dynamic) if any(fnmatchcase(name, each) for each in patterns)]
+        chosen = sorted({i for each in patterns for i in matching(m.dynamic, each)})
         if not chosen:
             raise ArgumentError(
                 f"names: nothing is called {names!r}; {closest(patterns[0], m.dynamic, what='variables')}"

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.arrays import Array, as_number, read_only
+from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.names import matching
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
@@ -40,10 +41,12 @@ class CostOfAccelerations(Cost):
         Where the variables at the end of the step are in the input.
     """
 
+    __getstate__, __setstate__ = saved_state, restore_state
+
     def __init__(
         self, cost: Cost, *, dt: Array, weights: Array, rho: IntArray, v_rho: IntArray, rho_next: IntArray
     ) -> None:
-        self.cost, self.dt, self.weights = cost, dt, weights
+        self.cost, self.dt, self.weights = cost, read_only(dt), read_only(weights)
         self.rho, self.v_rho, self.rho_next = rho, v_rho, rho_next
         self.nonnegative = cost.nonnegative
 
