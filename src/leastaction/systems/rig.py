@@ -77,8 +77,8 @@ class Rig:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))
-        for name, above, below in (("spread", -1e-300, 1.0), ("noise", -1e-300, np.inf), ("delay", -1e-300, np.inf)):
-            as_number(getattr(self, name), f"Rig: {name}", above=above, below=below)
+        for name, below in (("spread", 1.0), ("noise", np.inf), ("delay", np.inf)):
+            as_number(getattr(self, name), f"Rig: {name}", least=0.0, below=below)
         for name in ("smoothing", *(() if self.stiffness is None else ("stiffness",))):
             as_number(getattr(self, name), f"Rig: {name}", above=0.0)
         as_count(self.substeps, "Rig: substeps", 1)
