@@ -113,8 +113,8 @@ class Rig:
             for name in numbers:
                 if name == mass or name.startswith(f"{mass.removesuffix('mass')}inertia."):
                     values[name] *= factor
+        names = list(numbers)
         for pattern, factor in self.factors.items():
-            names = list(numbers)
             chosen = matching(names, pattern)
             if not chosen:
                 raise unknown("parameter", pattern, names, "Rig")
