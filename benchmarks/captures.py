@@ -111,20 +111,16 @@ def draw(rows: Sequence[Row], path: Path) -> None:
         own = sorted((row for row in rows if row.problem.name == name), key=lambda row: row.strings)
         counts = [row.strings for row in own]
         played = [
-            np.inf if row.rig.played.failure is not None else _all_joints(row.run, row.rig.played.q) for row in own
+            np.inf if row.rig.played.failure is not None else row.run.errors_of(row.rig.played.q).joint_rms
+            for row in own
         ]
         color = f"C{number}"
-        axes.plot(counts, [_all_joints(row.run, row.run.trajectory.q) for row in own], "o-", color=color, label=name)
+        axes.plot(counts, [row.run.errors.joint_rms for row in own], "o-", color=color, label=name)
         axes.plot(counts, played, "x:", color=color, label=f"{name}, on the rig")
     axes.set(xlabel="strings", ylabel="all joints off by (degrees, rms)", ylim=(0.0, None))
     axes.set_xticks(sorted({row.strings for row in rows}))
     axes.legend(frameon=False, fontsize=8)
     save_png(figure, path)
-
-
-def _all_joints(run: TrackingRun, q: np.ndarray) -> float:
-    joints = slice(3, run.mechanism.nd)
-    return float(np.rad2deg(np.sqrt(np.mean((q - run.reference)[:, joints] ** 2))))
 
 
 def main() -> int:

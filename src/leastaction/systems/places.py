@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,15 +10,14 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number, read_only
-from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.cost import matrix_of
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
 from leastaction.systems.midpoint import MidpointSystem
 
 __all__ = ["PlaceCost"]
 
 
-class PlaceCost(Cost):
+class PlaceCost(AddedCost):
     """Another cost and half the weighted squares of the distances of frames from wanted places.
 
     With exact second derivatives. As fit for several threads as the other cost.
@@ -41,13 +39,12 @@ class PlaceCost(Cost):
         For an unknown frame, a wrong shape, or a weight that is negative or not finite.
     """
 
-    __getstate__, __setstate__ = saved_state, restore_state
-
     def __init__(
         self, cost: Cost, system: MidpointSystem, places: Mapping[str, ArrayLike], weights: Mapping[str, float]
     ) -> None:
         m, N = system.integrator.mechanism, system.N
-        self.cost, self.system, self.nonnegative = cost, system, cost.nonnegative
+        super().__init__(cost, "places", (N, system.nx, system.nu))
+        self.system = system
         wanted, weighed = {}, {}
         for name, given in places.items():
             m.frame_pose(np.zeros(m.nq), name)  # an unknown name is an error here, not at the first step
@@ -61,22 +58,13 @@ class PlaceCost(Cost):
             weighed[name] = read_only(weight * np.broadcast_to(~np.isnan(place), (N + 1, 3)))
         self._wanted, self._weights = wanted, weighed
 
-    def check_shapes(self, N: int, nx: int, nu: int) -> None:
-        """Complain if the other cost, or the system whose frames are meant, is of other sizes."""
-        expected = (self.system.N, self.system.nx, self.system.nu)
-        if (N, nx, nu) != expected:
-            raise ArgumentError(
-                f"cost: places are those of a system of N, nx, nu = {expected}, and this one has {(N, nx, nu)}"
-            )
-        self.cost.check_shapes(N, nx, nu)
-
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         """Return the costs of the stages from `start` on."""
         return np.asarray(self.cost.stage_values(x, u, start) + self._values(x, start))
 
     def final_value(self, x: Array) -> float:
         """Return the cost of the last state."""
-        return self.cost.final_value(x) + float(self._values(x[None, :], self.system.N)[0])
+        return super().final_value(x) + float(self._values(x[None, :], self.system.N)[0])
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         """Return the first derivatives."""
@@ -102,19 +90,10 @@ class PlaceCost(Cost):
         """Return the cost of the stages ``start .. stop-1``; see `Cost`."""
         system = self.system.window(start, stop)
         assert isinstance(system, MidpointSystem)
-        other = self._with(self.cost.window(start, stop, N=N, nu=nu), system)
+        other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
+        other.system = system
         other._wanted = {name: each[start : stop + 1] for name, each in self._wanted.items()}
         other._weights = {name: each[start : stop + 1] for name, each in self._weights.items()}
-        return other
-
-    def eased(self, ease: float) -> tuple[Cost, Array] | None:
-        """Return the other cost eased, with the same places; see `Cost`."""
-        found = self.cost.eased(ease)
-        return None if found is None else (self._with(found[0], self.system), found[1])
-
-    def _with(self, cost: Cost, system: MidpointSystem) -> PlaceCost:
-        other = copy(self)
-        other.cost, other.system, other.nonnegative = cost, system, cost.nonnegative
         return other
 
     @property

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_number, read_only
-from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.names import matching
 from leastaction.optimal.cost import matrix_of
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
 from leastaction.systems.midpoint import MidpointSystem
 
 IntArray = NDArray[np.integer]
@@ -21,7 +19,7 @@ IntArray = NDArray[np.integer]
 __all__ = ["CostOfAccelerations", "SmoothCost"]
 
 
-class CostOfAccelerations(Cost):
+class CostOfAccelerations(AddedCost):
     """Another cost and half the weighted squares of the accelerations of prescribed variables, by their places.
 
     In a step the acceleration is ``((rho_next - rho)/dt - v_rho)/dt``, linear in state and input: what it costs is
@@ -33,6 +31,8 @@ class CostOfAccelerations(Cost):
         The other cost.
     dt : ndarray (N,)
         The time steps (s).
+    nx, nu : int
+        Numbers of states and inputs.
     weights : ndarray (m,)
         Of half the squared accelerations.
     rho, v_rho : ndarray of int (m,)
@@ -41,29 +41,26 @@ class CostOfAccelerations(Cost):
         Where the variables at the end of the step are in the input.
     """
 
-    __getstate__, __setstate__ = saved_state, restore_state
-
     def __init__(
-        self, cost: Cost, *, dt: Array, weights: Array, rho: IntArray, v_rho: IntArray, rho_next: IntArray
+        self,
+        cost: Cost,
+        *,
+        dt: Array,
+        nx: int,
+        nu: int,
+        weights: Array,
+        rho: IntArray,
+        v_rho: IntArray,
+        rho_next: IntArray,
     ) -> None:
-        self.cost, self.dt, self.weights = cost, read_only(dt), read_only(weights)
+        super().__init__(cost, "accelerations", (len(dt), nx, nu))
+        self.dt, self.weights = read_only(dt), read_only(weights)
         self.rho, self.v_rho, self.rho_next = rho, v_rho, rho_next
-        self.nonnegative = cost.nonnegative
-
-    def check_shapes(self, N: int, nx: int, nu: int) -> None:
-        """Complain if the other cost is of other sizes, or the steps are more or fewer."""
-        if len(self.dt) != N:
-            raise ArgumentError(f"cost: accelerations are those of {len(self.dt)} steps, and the system has {N}")
-        self.cost.check_shapes(N, nx, nu)
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         """Return the costs of the stages from `start` on."""
         squares = self._accelerations(x, u, start) ** 2 @ self.weights
         return np.asarray(self.cost.stage_values(x, u, start) + 0.5 * squares)
-
-    def final_value(self, x: Array) -> float:
-        """Return the cost of the last state."""
-        return self.cost.final_value(x)
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         """Return the first derivatives."""
@@ -93,25 +90,17 @@ class CostOfAccelerations(Cost):
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         """Return the cost of the stages ``start .. stop-1``, with their accelerations; see `Cost`."""
-        return self._with(self.cost.window(start, stop, N=N, nu=nu), self.dt[start:stop])
-
-    def eased(self, ease: float) -> tuple[Cost, Array] | None:
-        """Return the other cost eased, with the same accelerations; see `Cost`."""
-        found = self.cost.eased(ease)
-        return None if found is None else (self._with(found[0], self.dt), found[1])
+        result = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
+        result.dt = self.dt[start:stop]
+        return result
 
     def refined(self, parts: int) -> Cost | None:
         """Return the cost of the same motion in shorter steps; see `Cost`."""
         cost = self.cost.refined(parts)
         if cost is None:
             return None
-        result = self._with(cost, np.repeat(self.dt, parts) / parts)
-        result.weights = self.weights / parts
-        return result
-
-    def _with(self, cost: Cost, dt: Array) -> CostOfAccelerations:
-        result = copy(self)
-        result.cost, result.dt, result.nonnegative = cost, dt, cost.nonnegative
+        result = self._beside(cost, len(self.dt) * parts)
+        result.dt, result.weights = np.repeat(self.dt, parts) / parts, self.weights / parts
         return result
 
     def _accelerations(self, x: Array, u: Array, start: int) -> Array:
@@ -158,18 +147,10 @@ class SmoothCost(CostOfAccelerations):
         super().__init__(
             cost,
             dt=np.diff(system.t),
+            nx=system.nx,
+            nu=system.nu,
             weights=weights[priced],
             rho=m.nd + priced,
             v_rho=m.nq + m.nd + priced,
             rho_next=m.n_inputs + priced,
         )
-        self._sizes = (system.nx, system.nu)
-
-    def check_shapes(self, N: int, nx: int, nu: int) -> None:
-        """Complain if the other cost, or the system whose variables are meant, is of other sizes."""
-        expected = (len(self.dt), *self._sizes)
-        if (N, nx, nu) != expected:
-            raise ArgumentError(
-                f"cost: accelerations are those of a system of N, nx, nu = {expected}, and this one has {(N, nx, nu)}"
-            )
-        super().check_shapes(N, nx, nu)

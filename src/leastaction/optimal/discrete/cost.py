@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from copy import copy
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +16,7 @@ from leastaction.optimal.cost import as_weight, final_of, owned, weigh
 from leastaction.optimal.discrete.system import check_window
 from leastaction.optimal.system import difference
 
-__all__ = ["Cost", "CostGradient", "CostHessian", "QuadraticCost", "WindowCost"]
+__all__ = ["AddedCost", "Cost", "CostGradient", "CostHessian", "QuadraticCost", "WindowCost"]
 
 
 class CostGradient(NamedTuple):
@@ -232,6 +233,53 @@ class QuadraticCost(Cost):
             R=_stages(self.R, part),
             Q_final=self.Q_final if stop == N else _weight_at(self.Q, stop),
         )
+
+
+class AddedCost(Cost):
+    """Another cost and a price of something beside it; as fit for several threads as the other cost.
+
+    What the price changes nothing of is the other cost's.
+
+    Parameters
+    ----------
+    cost : Cost
+        The other cost.
+    what : str
+        What has a price, in the plural, for messages.
+    sizes : tuple of int
+        The N, nx, nu that the price is for.
+    """
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+    def __init__(self, cost: Cost, what: str, sizes: tuple[int, int, int]) -> None:
+        self.cost, self.nonnegative = cost, cost.nonnegative
+        self._what, self._sizes = what, sizes
+
+    def check_shapes(self, N: int, nx: int, nu: int) -> None:
+        """Complain if the other cost, or what has a price, is of other sizes."""
+        if (N, nx, nu) != self._sizes:
+            raise ArgumentError(
+                f"cost: {self._what} are those of a system of N, nx, nu = {self._sizes}, and this one has {(N, nx, nu)}"
+            )
+        self.cost.check_shapes(N, nx, nu)
+
+    def final_value(self, x: Array) -> float:
+        """Return the other cost of the last state."""
+        return self.cost.final_value(x)
+
+    def eased(self, ease: float) -> tuple[Cost, Array] | None:
+        """Return the other cost eased, with the same price; see `Cost`."""
+        found = self.cost.eased(ease)
+        return None if found is None else (self._beside(found[0]), found[1])
+
+    def _beside(self, cost: Cost, N: int | None = None) -> Self:
+        """Return the same price beside another cost, of N steps where it is of others."""
+        other = copy(self)
+        other.cost, other.nonnegative = cost, cost.nonnegative
+        if N is not None:
+            other._sizes = (N, *self._sizes[1:])
+        return other
 
 
 class WindowCost(Cost):

@@ -43,6 +43,8 @@ class TrackingCost(CostOfAccelerations):
         super().__init__(
             QuadraticCost(x_reference, u_reference, Q=Q, R=R),
             dt=np.full(len(u_reference), dt),
+            nx=x_reference.shape[1],
+            nu=u_reference.shape[1],
             weights=np.full(rho.stop - rho.start, acceleration),
             rho=np.arange(rho.start, rho.stop),
             v_rho=np.arange(v_rho.start, v_rho.stop),

@@ -101,9 +101,12 @@ class TrackingRun:
     @property
     def errors(self) -> TrackingErrors:
         """How far each variable of the body is from the reference."""
-        names = self.mechanism.dynamic
-        nd = len(names)
-        return tracking_errors(self.reference[:, :nd], self.trajectory.q[:, :nd], names, lengths=ROOT)
+        return self.errors_of(self.trajectory.q)
+
+    def errors_of(self, q: Array) -> TrackingErrors:
+        """Return how far each variable of the body is from the reference in configurations q (N+1, nq)."""
+        nd = self.mechanism.nd
+        return tracking_errors(self.reference[:, :nd], q[:, :nd], self.mechanism.dynamic, lengths=ROOT)
 
     @property
     def held_error(self) -> float:
