@@ -153,7 +153,6 @@ class QuantityView(Quantity):
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
 
     def columns(self, nx: int, nu: int) -> Instants | None:
-        """Return the places on which it depends."""
         return self.whole.columns(nx, nu)
 
     def seen(self, at: Samples) -> Samples:
@@ -161,15 +160,12 @@ class QuantityView(Quantity):
         return at
 
     def values(self, at: Samples) -> Array:
-        """Return the values (n, m)."""
         return self.whole.values(self.seen(at))
 
     def jacobian(self, at: Samples) -> Array:
-        """Return the derivatives."""
         return self.whole.jacobian(self.seen(at))
 
     def curvature(self, at: Samples, y: Array) -> Array | None:
-        """Return the second derivative of ``y . values``."""
         return self.whole.curvature(self.seen(at), y)
 
 
@@ -250,15 +246,12 @@ class FunctionQuantity(Quantity):
         self._indexed = indexed
 
     def values(self, at: Samples) -> Array:
-        """Return the values (n, m)."""
         return np.asarray(self._called(at.k, self._joined(at), at.x.shape[1]), dtype=np.float64)
 
     def jacobian(self, at: Samples) -> Array:
-        """Return the first derivatives."""
         return self._derivative(at.k, self._joined(at), at.x.shape[1])
 
     def curvature(self, at: Samples, y: Array) -> Array:
-        """Return the second derivative of ``y . values``."""
         z = self._joined(at)
         n, size = z.shape
         if self._curvature is not None:

@@ -53,7 +53,6 @@ class MechanismSystem(ContinuousSystem):
         return np.asarray(self.rates(x[None, :], u[None, :], np.array([t]))[0])
 
     def rates(self, x: Array, u: Array, t: Array) -> Array:
-        """Return the rates at samples; see `ContinuousSystem`."""
         m = self.mechanism
         nq, nd = m.nq, m.nd
         points = points_of(self.mechanism, x, u)
@@ -67,16 +66,13 @@ class MechanismSystem(ContinuousSystem):
         return rates
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
-        """Return A (nx, nx) and B (nx, nu)."""
         A, B = self.linearize(x[None, :], u[None, :], np.array([t]))
         return A[0], B[0]
 
     def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:
-        """Return the Hessian (nx + nu, nx + nu) of ``z . f``."""
         return np.asarray(self.curvatures(x[None, :], u[None, :], np.array([t]), z[None, :])[0])
 
     def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
-        """Return the derivatives at samples; see `ContinuousSystem`."""
         m = self.mechanism
         nq, nd = m.nq, m.nd
         slopes = self.dynamics.linearize(*points_of(self.mechanism, x, u), t).all
@@ -90,14 +86,12 @@ class MechanismSystem(ContinuousSystem):
         return Linearization(J[:, :, : self.nx], J[:, :, self.nx :], second)
 
     def curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
-        """Return ``z . D2f`` (n, nx + nu, nx + nu) at samples."""
         m = self.mechanism
         z_a = np.ascontiguousarray(z[:, m.nq : m.nq + m.nd])
         return self.dynamics.curvature(*points_of(self.mechanism, x, u), t, z_a=z_a)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """The kinds of quantities that can be limited."""
         return KINDS
 
     def quantity(self, kind: str, t: Array | None = None) -> Quantity:

@@ -59,7 +59,6 @@ class MidpointSystem(DiscreteSystem):
         self.first_share = 1.0
 
     def when(self, k: int) -> str:
-        """Return how to speak of step k in messages."""
         return f"step {k} at t = {self.t[k]:.4g} s"
 
     def input_name(self, i: int) -> str:
@@ -68,12 +67,10 @@ class MidpointSystem(DiscreteSystem):
         return (*m.inputs, *m.variables[m.nd :])[i]
 
     def window(self, start: int, stop: int) -> DiscreteSystem:
-        """Return the steps ``start .. stop-1`` as a system of their own."""
         check_window(start, stop, self.N)
         return self._remade(self.integrator, self.t[start : stop + 1], self._share(start))
 
     def refined(self, parts: int) -> DiscreteSystem | None:
-        """Return the same system with every step made in so many parts."""
         if type(self) is not MidpointSystem:
             return super().refined(parts)
         t = np.interp(np.arange(self.N * parts + 1) / parts, np.arange(self.N + 1), self.t)
@@ -87,7 +84,6 @@ class MidpointSystem(DiscreteSystem):
         return merged
 
     def time(self, k: int) -> float:
-        """Return the time of instant k (s)."""
         return float(self.t[k])
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
@@ -183,7 +179,6 @@ class MidpointSystem(DiscreteSystem):
         return out
 
     def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array:
-        """Return the exact second derivatives by the final time; see `DiscreteSystem`."""
         t, m = self.t[start : start + len(x)], self.integrator.mechanism
         vi, share = self.integrator, self._share(start)
         found = vi.core.curvature_by_time_step(t, self._bare(x), u, z, threads=vi.threads, first_share=share)
@@ -227,7 +222,6 @@ class MidpointSystem(DiscreteSystem):
         return quantity_of(self.integrator.mechanism, kind, self.t, multipliers=self.multipliers)
 
     def f(self, x: Array, u: Array, k: int) -> Array:
-        """Return the next state (nx,); `StepError` where the step has no solution."""
         m = self.integrator.mechanism
         full, x = x, np.ascontiguousarray(x[: m.nx])
         out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None, first_share=self._share(k))
@@ -238,16 +232,13 @@ class MidpointSystem(DiscreteSystem):
         return np.asarray(self._states(out.x, out.lam, full)[1])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
-        """Return A (nx, nx) and B (nx, nu) of step k."""
         d = self._step(x, u, k)
         return d.A_all[0], d.B_all[0]
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        """Return the Hessian (nx + nu, nx + nu) of ``z . f`` of step k."""
         return np.asarray(self._step(x, u, k).curvature_all(z[None, :])[0])
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
-        """Simulate steps ``start .. stop-1`` under ``u = ubar - K (x - xbar)``; see `DiscreteSystem`."""
         m = self.integrator.mechanism
         if self.multipliers and np.any(K[start:stop, :, m.nx :]):
             # The core feeds back no multipliers. Nothing depends on them, so no optimal gain is lost with
@@ -271,7 +262,6 @@ class MidpointSystem(DiscreteSystem):
         return Rollout(x, out.u[:done], done, failure, worst, at)
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
-        """Return the derivatives along a trajectory; see `DiscreteSystem`."""
         memory = None if out is None else out.memory
         if not isinstance(memory, StepDerivatives | None):
             raise ArgumentError(
@@ -282,7 +272,6 @@ class MidpointSystem(DiscreteSystem):
         return Linearization(d.A_all, d.B_all, d.curvature_all, d)
 
     def step_each(self, x: Array, u: Array) -> Rollout:
-        """Make every step of a curve from its own state; see `DiscreteSystem`."""
         if type(self).f is not MidpointSystem.f:
             return super().step_each(x, u)
         m = self.integrator.mechanism
@@ -294,7 +283,6 @@ class MidpointSystem(DiscreteSystem):
         return Rollout(ends[: out.steps], u[: out.steps], out.steps, failure, worst, at)
 
     def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
-        """Return the derivatives along a curve whose steps lead to `ends`; see `DiscreteSystem`."""
         if type(self).derivatives is not MidpointSystem.derivatives:
             return super().linearize_each(x, u, ends)
         d = self.integrator.linearize_arrays(
@@ -308,7 +296,6 @@ class MidpointSystem(DiscreteSystem):
         return Linearization(d.A_all, d.B_all, d.curvature_all, d)
 
     def curvatures(self, x: Array, u: Array, z: Array) -> Array:
-        """Return ``z[k+1] . D2f`` of every step, (N, nx + nu, nx + nu)."""
         return self.linearize(x, u).curvature(z)
 
     def trajectory(self, x: Array, u: Array) -> Trajectory:

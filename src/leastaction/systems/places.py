@@ -59,15 +59,12 @@ class PlaceCost(AddedCost):
         self._wanted, self._weights = wanted, weighed
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        """Return the costs of the stages from `start` on."""
         return np.asarray(self.cost.stage_values(x, u, start) + self._values(x, start))
 
     def final_value(self, x: Array) -> float:
-        """Return the cost of the last state."""
         return super().final_value(x) + float(self._values(x[None, :], self.system.N)[0])
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives."""
         q, r, q_final = self.cost.gradient(x, u)
         slopes = self._slopes(x)
         q, q_final = q.copy(), q_final.copy()
@@ -87,7 +84,6 @@ class PlaceCost(AddedCost):
         return CostHessian(stages, R, S, last)
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
-        """Return the cost of the stages ``start .. stop-1``; see `Cost`."""
         system = self.system.window(start, stop)
         assert isinstance(system, MidpointSystem)
         other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)

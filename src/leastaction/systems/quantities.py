@@ -155,7 +155,6 @@ class Tensions(Quantity):
         return np.unique(np.concatenate([self._lam, self._length, self._rate]))
 
     def jacobian(self, at: Samples) -> Array:
-        """Return the first derivatives."""
         columns, lam = self.columns(0, 0), at.x[:, self._lam]
         result = np.zeros((len(at.k), len(self.names), len(columns)))
         rows = np.arange(len(self.names))

@@ -58,12 +58,10 @@ class CostOfAccelerations(AddedCost):
         self.rho, self.v_rho, self.rho_next = rho, v_rho, rho_next
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        """Return the costs of the stages from `start` on."""
         squares = self._accelerations(x, u, start) ** 2 @ self.weights
         return np.asarray(self.cost.stage_values(x, u, start) + 0.5 * squares)
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives."""
         q, r, q_final = self.cost.gradient(x, u)
         q, r, dt = q.copy(), r.copy(), self.dt[:, None]
         slope = self.weights * self._accelerations(x[:-1], u, 0)

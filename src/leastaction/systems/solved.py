@@ -78,17 +78,14 @@ class Solved(Quantity):
         self.places = np.zeros(len(rows), dtype=np.intp) if places is None else places
 
     def values(self, at: Samples) -> Array:
-        """Return the values."""
         return np.asarray(self._solved(at) * self._factor(at))
 
     def jacobian(self, at: Samples) -> Array:
-        """Return the first derivatives."""
         result = self._slopes(at) * self._factor(at)[:, :, None]
         result[:, np.arange(len(self.rows)), self.places] += self.slope * self._solved(at)
         return result
 
     def curvature(self, at: Samples, y: Array) -> Array:
-        """Return the second derivative of ``y . values``."""
         m = self.dynamics.mechanism
         weights = np.zeros((len(y), m.nq + m.nc))
         weights[:, self.rows] = y * self._factor(at)

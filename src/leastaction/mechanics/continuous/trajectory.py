@@ -117,7 +117,6 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         return np.hstack([self.inputs, self.rho_a])
 
     def state(self, k: int) -> ContinuousState:
-        """Return the state at instant k."""
         return ContinuousState(float(self.t[k]), self.q[k], self.v[k])
 
     def __call__(self, t: npt.ArrayLike) -> Array:

@@ -116,7 +116,6 @@ class MidpointVI(Integrator):
         self.core = _core.Midpoint(mechanism.core, _core.Split[split], self.tolerance, steps, at_instants=late)
 
     def like(self, mechanism: Mechanism) -> MidpointVI:
-        """Return an integrator of another mechanism with the same settings."""
         return MidpointVI(mechanism, **self._settings)
 
     def with_instants(self, inputs: Sequence[str]) -> MidpointVI:

@@ -152,7 +152,6 @@ class Trajectory(BaseTrajectory[State]):
         return "\n".join(lines)
 
     def state(self, k: int) -> State:
-        """Return the state at instant k."""
         return State(float(self.t[k]), self.q[k], self.p[k], self.v_rho[k])
 
     def velocity(self, name: str) -> Array:

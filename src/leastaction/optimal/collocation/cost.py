@@ -47,7 +47,6 @@ class CollocationCost(Cost):
         return np.asarray(np.sum(weights * rates.reshape(t.shape), axis=1))
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives."""
         states, inputs, t = self._points(x)
         by_x, by_u = self.cost.gradient(states, inputs, t)
         weights = self.weights.reshape(-1, 1)
@@ -58,7 +57,6 @@ class CollocationCost(Cost):
         return CostGradient(q[:-1], np.zeros_like(u), q[-1])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return the second derivatives."""
         states, inputs, t = self._points(x)
         Q, R, S = self.cost.hessian(states, inputs, t)
         nx, nz, N = self.layout.nx, self.layout.nz, self.mesh.N

@@ -98,7 +98,6 @@ class CollocationProblem(LimitedProblem):
         raise failure
 
     def resume(self, result: OptimizationResult) -> None:
-        """Begin where an earlier run ended."""
         own = self.own
         own.resume(result)
         self._times(own.trajectory.t0, own.trajectory.tf)
@@ -135,7 +134,6 @@ class CollocationProblem(LimitedProblem):
         self.moved = self.rounds == 0
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
-        """Make a trial the current iterate."""
         super().accept(direction, trial)
         self.moved = True
 
@@ -292,7 +290,6 @@ class CollocationProblem(LimitedProblem):
         return self.curve().sample(self.mesh.breaks)
 
     def result(self, summary: dict[str, Any]) -> ContinuousOptimizationResult:
-        """Return the result at the current iterate."""
         own = self.own
         own.trajectory = self.curve()
         own.gain = own.feedback = self._gains()

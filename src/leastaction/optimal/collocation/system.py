@@ -73,7 +73,6 @@ class CollocationSystem(DiscreteSystem):
         return f"t = {self.mesh.breaks[k]:.4g} s"
 
     def input_name(self, i: int) -> str:
-        """Return how to speak of an input in messages."""
         return self.system.input_name(i % self.system.nu)
 
     def time(self, k: int) -> float:
@@ -86,7 +85,6 @@ class CollocationSystem(DiscreteSystem):
         return np.vstack([own, np.zeros((self.nx - len(own), own.shape[1]))])
 
     def moved_start(self, x: Array, dx: Array) -> Array:
-        """Return an initial state moved along its directions."""
         moved, nx = x.copy(), self.system.nx
         moved[:nx] = self.system.moved_start(x[:nx], dx[:nx])
         return moved

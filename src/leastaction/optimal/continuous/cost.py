@@ -163,20 +163,17 @@ class ContinuousQuadraticCost(ContinuousCost):
             as_array(self.x_final, "x_final", (nx,), meaning="(nx,)")
 
     def rate(self, x: Array, u: Array, t: float) -> float:
-        """Return the rate of the cost."""
         dx, du = difference(x, self.x_wanted.at(t)), u - self.u_wanted.at(t)
         Q, R = self.Q.at(t), self.R.at(t)
         weighed = dx @ (Q * dx if Q.ndim == 1 else Q @ dx) + du @ (R * du if R.ndim == 1 else R @ du)
         return 0.5 * float(weighed)
 
     def rates(self, x: Array, u: Array, t: Array) -> Array:
-        """Return the rates of the cost at samples."""
         dx, du = difference(x, self.x_wanted.samples(t)), u - self.u_wanted.samples(t)
         weighed = weigh(_as_stages(self.Q.samples(t)), dx), weigh(_as_stages(self.R.samples(t)), du)
         return np.asarray(0.5 * (np.sum(dx * weighed[0], axis=1) + np.sum(du * weighed[1], axis=1)))
 
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
-        """Return the first derivatives of the rate."""
         return RateGradient(
             weigh(_as_stages(self.Q.samples(t)), difference(x, self.x_wanted.samples(t))),
             weigh(_as_stages(self.R.samples(t)), u - self.u_wanted.samples(t)),
@@ -188,11 +185,9 @@ class ContinuousQuadraticCost(ContinuousCost):
         return RateHessian(Q, R, None)
 
     def final_value(self, x: Array, t: float) -> float:
-        """Return the cost of the last state."""
         return 0.5 * float(difference(x, self._wanted_last(t)) @ self.final_gradient(x, t))
 
     def final_gradient(self, x: Array, t: float) -> Array:
-        """Return the derivative of the final term."""
         result: Array = self.final_hessian(x, t) @ difference(x, self._wanted_last(t))
         return result
 

@@ -56,7 +56,6 @@ class LinearContinuousSystem(ContinuousSystem):
         return result
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Return A and B."""
         return self.A, self.B
 
     def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:  # noqa: ARG002
@@ -104,15 +103,12 @@ class FunctionContinuousSystem(ContinuousSystem):
         self._functions = Functions(f, self.nx, self.nu, derivatives, curvature)
 
     def f(self, x: Array, u: Array, t: float) -> Array:
-        """Return the rate of the state."""
         return self._functions.f(x, u, t)
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
-        """Return A and B."""
         return self._functions.derivatives(x, u, t)
 
     def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:
-        """Return ``z . D2f``."""
         if not self.has_curvature:
             return super().curvature(x, u, t, z)
         return self._functions.curvature(x, u, t, z)

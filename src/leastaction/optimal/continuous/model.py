@@ -81,7 +81,6 @@ class SampledSystem(ContinuousSystem):
         return np.asarray(A @ x + B @ u)
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Return A and B."""
         nx, nu = self.nx, self.nu
         AB = self._AB(t)
         return AB[: nx * nx].reshape(nx, nx), AB[nx * nx :].reshape(nx, nu)

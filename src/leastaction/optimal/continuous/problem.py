@@ -148,7 +148,6 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self._project(curve, PiecewisePolynomial.constant(np.zeros(nu * nx + nu), curve.t0, curve.tf))
 
     def resume(self, result: OptimizationResult) -> None:
-        """Begin where an earlier run ended."""
         if not isinstance(result, ContinuousOptimizationResult):
             raise ArgumentError(f"resume: got {type(result).__name__}, expected a ContinuousOptimizationResult")
         trajectory, nx, nu = result.trajectory, self.system.nx, self.system.nu
@@ -210,7 +209,6 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     # ---- Directions -----------------------------------------------------------------------------
 
     def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> ContinuousLinearQuadraticSolution:
-        """Return the solution of a method's model."""
         if self.own_regulator and self.feedback is None:
             self.gain = self.feedback = self._solve_regulator().feedback
         if method != "quasi-newton" or shift > 0.0:
@@ -222,7 +220,6 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     def direction(
         self, method: str, model: ContinuousLinearQuadraticSolution, scale: float, shift: float = 0.0
     ) -> ContinuousDirection:
-        """Return the direction of a model that has a minimum."""
         feedback = model.feedback
         if self.own_regulator:
             feedback = self._with_own_gain(model)
@@ -398,13 +395,11 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         return self.curvature
 
     def forget(self) -> None:
-        """Drop all that was computed along the current iterate."""
         self.model = self.curvature = self.quasi_newton = self.feedback = None
 
     # ---- Steps ----------------------------------------------------------------------------------
 
     def simulate(self, direction: ContinuousDirection, length: float, bound: float) -> Trial[DenseTrajectory] | Refusal:
-        """Return the projection of a step along the direction, or why it is refused."""
         rollout = roll_out(
             self.system,
             Follower(self.trajectory, direction.feedback, length),
@@ -425,13 +420,11 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         return Trial(rollout.trajectory, rollout.cost)
 
     def accept(self, direction: ContinuousDirection, trial: Trial[DenseTrajectory]) -> None:
-        """Make a trial the current iterate."""
         self.trajectory, self.value = trial.iterate, trial.cost
         self.gain = direction.feedback
         self.forget()
 
     def keep_feedback(self, direction: ContinuousDirection) -> None:
-        """Take the direction's feedback for that of the iterate, which it hardly moved."""
         self.feedback = direction.feedback
 
     # ---- What is told ---------------------------------------------------------------------------
@@ -441,7 +434,6 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         return self.trajectory.sample(self.trajectory.t)
 
     def result(self, summary: dict[str, Any]) -> ContinuousOptimizationResult:
-        """Return the result at the current iterate."""
         nx, nu = self.system.nx, self.system.nu
         feedback = self.feedback if self.feedback is not None else self._final_feedback()
         gain = feedback.part(np.arange(nu * nx), (nu, nx))

@@ -180,7 +180,6 @@ class QuadraticCost(Cost):
                 )
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        """Return the cost of the stages from `start` on."""
         part = slice(start, start + len(u))
         values: Array = 0.5 * (
             _form(_stages(self.Q, part), difference(x, self.x_wanted[part]))
@@ -189,11 +188,9 @@ class QuadraticCost(Cost):
         return values
 
     def final_value(self, x: Array) -> float:
-        """Return the cost of the last state."""
         return 0.5 * float(_form(self.Q_final, difference(x, self.x_wanted[-1])[None])[0])
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives."""
         dx, du = difference(x, self.x_wanted), u - self.u_wanted
         return CostGradient(weigh(self.Q, dx[:-1]), weigh(self.R, du), weigh(self.Q_final, dx[-1:])[0])
 
@@ -220,7 +217,6 @@ class QuadraticCost(Cost):
         return QuadraticCost(x_wanted, np.repeat(self.u_wanted, parts, axis=0), Q=Q, R=R, Q_final=self.Q_final)
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
-        """Return the cost of the stages ``start .. stop-1``; see `Cost`."""
         if type(self) is not QuadraticCost:
             return super().window(start, stop, N=N, nu=nu)
         check_window(start, stop, N)
@@ -324,13 +320,11 @@ class WindowCost(Cost):
         return float(self.cost.stage_values(x[None], np.zeros((1, self.nu)), self.stop)[0])
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives."""
         q, r, q_final = self.cost.gradient(*self._whole(x, u))
         part = slice(self.start, self.stop)
         return CostGradient(q[part], r[part], q_final if self.stop == self.horizon else q[self.stop])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return the second derivatives."""
         Q, R, S, Q_final = self.cost.hessian(*self._whole(x, u))
         part = slice(self.start, self.stop)
         last = Q_final if self.stop == self.horizon else _weight_at(Q, self.stop)

@@ -78,7 +78,6 @@ class EasedProblem(ShootingProblem):
             self.earlier, self.sound = memory.earlier, memory.sound
 
     def memory(self) -> Memory:
-        """Return what resuming needs beside the iterate."""
         return replace(
             super().memory(), stride=self.stride, retries=self.retries, earlier=self.earlier, sound=self.sound
         )
@@ -116,17 +115,14 @@ class EasedProblem(ShootingProblem):
         )
 
     def tolerated(self, goal: float) -> float:
-        """Return the expected decrease that is small enough at this stage."""
         return super().tolerated(goal) if self.ease == 1.0 else max(goal, _LOOSE * abs(self.value))
 
     @property
     def _returned(self) -> str:
-        """What a run returns that ends with gaps."""
         return super()._returned if self.earlier is None else "the trajectory that it had come to before them"
 
     @property
     def long_run(self) -> int | None:
-        """Iterations after which gaps may be the shorter way; None where they are none."""
         if self.given is None or self.is_open or self.ease != 1.0:
             return None
         return _LONG_IF_LOST if self.given.is_lost else _LONG
@@ -223,7 +219,6 @@ class EasedProblem(ShootingProblem):
         return True
 
     def fall_back(self) -> bool:
-        """Return to where it stood before it began again, if that is better."""
         earlier, self.earlier = self.earlier, None
         if earlier is None or self._asked_at(earlier) >= self.shown:
             return False

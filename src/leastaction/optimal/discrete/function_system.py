@@ -67,7 +67,6 @@ class LinearSystem(DiscreteSystem):
         return result
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:  # noqa: ARG002
-        """Return A and B of step k."""
         return self._A[k], self._B[k]
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:  # noqa: ARG002
@@ -122,15 +121,12 @@ class FunctionSystem(DiscreteSystem):
         self._functions = Functions(f, self.nx, self.nu, derivatives, curvature)
 
     def f(self, x: Array, u: Array, k: int) -> Array:
-        """Return the next state."""
         return self._functions.f(x, u, k)
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
-        """Return A and B of step k."""
         return self._functions.derivatives(x, u, k)
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        """Return ``z . D2f`` of step k."""
         if not self.has_curvature:
             return super().curvature(x, u, k, z)
         return self._functions.curvature(x, u, k, z)

@@ -116,7 +116,6 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     # ---- Where to start -------------------------------------------------------------------------
 
     def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
-        """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
         x, u = both(initial)
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
@@ -183,7 +182,6 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.worst_step = projected.worst_step
 
     def resume(self, result: OptimizationResult) -> None:
-        """Begin where an earlier run ended."""
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         if result.gap > 0.0:
             raise ArgumentError(
@@ -211,7 +209,6 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     # ---- Directions -----------------------------------------------------------------------------
 
     def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
-        """Return the solution of a method's model."""
         self._own_gain()
         if method == "quasi-newton" and shift == 0.0 and self.quasi_newton is not None:
             return self._with_start(self.quasi_newton)
@@ -220,7 +217,6 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     def direction(
         self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
     ) -> DiscreteDirection:
-        """Return the direction of a model that has a minimum."""
         own_gain = self._own_gain()
         dx = du = None
         dx0 = self._start_step(model)
@@ -333,13 +329,11 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         return self.gain
 
     def forget(self) -> None:
-        """Drop all that was computed along the current iterate."""
         self.linearization = self.curvature = self.quasi_newton = self.feedback = self.start_directions = None
 
     # ---- Steps ----------------------------------------------------------------------------------
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
-        """Return the projection of a step along the direction, or why it is refused."""
         system, cost = self.system, self.cost
         xbar, ubar = direction.curve(self.x, self.u, length)
         x, u = np.empty_like(xbar), np.empty_like(ubar)
@@ -424,7 +418,6 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         return Refusal(reason, k, hopeless=True)
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
-        """Make a trial the current iterate."""
         x, u, self.worst_step = trial.iterate
         self.x, self.u = read_only(x), read_only(u)
         self.value, self.gain = trial.cost, direction.gain
@@ -433,7 +426,6 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.forget()
 
     def where(self, direction: DiscreteDirection) -> str:
-        """Return which input, and when, has most of the decrease that is expected of a direction."""
         A, B = self._linearize()
         gradient = self._gradient()
         z = adjoint(A, B, direction.gain, *gradient)
@@ -446,17 +438,14 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         return f"{self.system.input_name(int(i))!r} around {self.system.when(int(k))}"
 
     def keep_feedback(self, direction: DiscreteDirection) -> None:
-        """Take the direction's feedback for that of the iterate, which it hardly moved."""
         self.feedback = direction.gain
 
     # ---- What is told ---------------------------------------------------------------------------
 
     def arrays(self) -> tuple[Array, Array]:
-        """Return states and inputs of the current iterate."""
         return self.x, self.u
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        """Return the result at the current iterate."""
         feedback = self.feedback
         if feedback is None:
             feedback = self._final_feedback()

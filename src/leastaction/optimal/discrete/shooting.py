@@ -204,7 +204,6 @@ class ShootingProblem(DiscreteProblem):
         return None
 
     def resume(self, result: OptimizationResult) -> None:
-        """Begin where an earlier run ended."""
         memory = result.memory
         if self.gapped == "never" or memory is None or memory.gaps is None:
             super().resume(result)
@@ -276,7 +275,6 @@ class ShootingProblem(DiscreteProblem):
 
     @property
     def is_open(self) -> bool:
-        """Whether the iterate is a curve with gaps."""
         return self.open_curve is not None
 
     @property
@@ -315,7 +313,6 @@ class ShootingProblem(DiscreteProblem):
         return "no trajectory yet"
 
     def tolerated(self, goal: float) -> float:
-        """Return the expected decrease that is small enough at this stage."""
         return super().tolerated(goal) if self.open_curve is None else max(goal, _LOOSE * abs(self.value))
 
     def next_stage(self) -> bool:
@@ -472,7 +469,6 @@ class ShootingProblem(DiscreteProblem):
         return Trial(cast(Any, trial), trial.cost + self.penalty * trial.theta)
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
-        """Make a trial the current iterate."""
         if self.open_curve is None:
             super().accept(direction, trial)
             return
@@ -492,5 +488,4 @@ class ShootingProblem(DiscreteProblem):
         self.forget()
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        """Return the result at the current iterate."""
         return replace(super().result(summary), memory=self.memory(), gap=self.gap)

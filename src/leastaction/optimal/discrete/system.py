@@ -287,7 +287,6 @@ class WindowSystem(DiscreteSystem):
         self.has_curvature = system.has_curvature
 
     def f(self, x: Array, u: Array, k: int) -> Array:
-        """Return the next state."""
         return self.system.f(x, u, self.start + k)
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
@@ -299,11 +298,9 @@ class WindowSystem(DiscreteSystem):
         return self.system.curvature(x, u, self.start + k, z)
 
     def difference(self, x: Array, xbar: Array) -> Array:
-        """Return the difference of states."""
         return self.system.difference(x, xbar)
 
     def input_name(self, i: int) -> str:
-        """Return how to speak of entry i of the inputs in messages."""
         return self.system.input_name(i)
 
     def when(self, k: int) -> str:
@@ -316,11 +313,9 @@ class WindowSystem(DiscreteSystem):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """The kinds of quantities that can be limited."""
         return self.system.quantities
 
     def quantity(self, kind: str) -> Quantity:
-        """Return the quantities of a kind, by name."""
         whole = self.system.quantity(kind)
         return whole if isinstance(whole, Entries) else Later(whole, self.start)
 

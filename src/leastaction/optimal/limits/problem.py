@@ -87,7 +87,6 @@ class LimitedProblem(ShootingProblem):
         self._begin()
 
     def resume(self, result: OptimizationResult) -> None:
-        """Begin where an earlier run ended."""
         super().resume(result)
         self.known = result.limits
         self._begin(resumed=True)
@@ -137,7 +136,6 @@ class LimitedProblem(ShootingProblem):
         return self.shown
 
     def tolerated(self, goal: float) -> float:
-        """Return the expected decrease that is small enough at this stage."""
         return super().tolerated(self.stages.tolerated(goal, self.noise))
 
     def next_stage(self) -> bool:
@@ -223,7 +221,6 @@ class LimitedProblem(ShootingProblem):
         return self.limited.with_duals(self.plain, duals, self._jacobians())
 
     def forget(self) -> None:
-        """Drop all that was computed along the current iterate."""
         super().forget()
         self.values = self.plain_value = self.room = self.jacobians = self.plain = self.derivatives = None
 
@@ -264,7 +261,6 @@ class LimitedProblem(ShootingProblem):
         return self.duals.barrier(self.duals.room(self.limited.limits(x, u))) if self._begun else 0.0
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Any] | Refusal:
-        """Return the projection of a step along the direction, or why it is refused."""
         if self.is_open:
             return super().simulate(direction, length, bound)
         outcome = super().simulate(direction, length, np.inf)
@@ -296,7 +292,6 @@ class LimitedProblem(ShootingProblem):
     # ---- What is told ---------------------------------------------------------------------------
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        """Return the result at the current iterate."""
         return replace(super().result(summary), limits=self._report())
 
     def _duals(self) -> Sided:

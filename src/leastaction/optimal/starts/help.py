@@ -50,16 +50,13 @@ class HelpedCost(Cost):
         return np.setdiff1d(np.arange(n), self.columns)
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        """Return the cost of the stages from `start` on."""
         spent: Array = 0.5 * (u[:, self.columns] ** 2 @ self.price)
         return self.cost.stage_values(x, self._without(u), start) + spent
 
     def final_value(self, x: Array) -> float:
-        """Return the cost of the last state."""
         return self.cost.final_value(x)
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives."""
         q, r_own, q_final = self.cost.gradient(x, self._without(u))
         r = np.empty(u.shape)
         r[:, self.own(u.shape[1])] = r_own
@@ -67,7 +64,6 @@ class HelpedCost(Cost):
         return CostGradient(q, r, q_final)
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return the second derivatives."""
         Q, R_own, S_own, Q_final = self.cost.hessian(x, self._without(u))
         n = u.shape[1]
         own = self.own(n)

@@ -32,7 +32,6 @@ class ExtendedCost(Cost):
         self.nonnegative = cost.nonnegative and safe
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        """Return the cost of the stages."""
         return self.cost.stage_values(read_only(self.system.own(x)), u, start)
 
     def final_value(self, x: Array) -> float:
@@ -42,14 +41,12 @@ class ExtendedCost(Cost):
         return self.cost.final_value(read_only(self.system.own(x))) + float(prices)
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        """Return the first derivatives."""
         own = self.cost.gradient(read_only(self.system.own(x)), u)
         q, q_final = self._moved(own.q), self._moved(own.q_final)
         q_final[self.unknowns] = self.price + self.weight * (x[-1, self.unknowns] - self.wanted)
         return CostGradient(q, own.r, q_final)
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return the second derivatives."""
         Q, R, S, Q_final = self.cost.hessian(read_only(self.system.own(x)), u)
         final = self._padded(Q_final)
         diagonal = final if final.ndim == 1 else np.einsum("ii->i", final)

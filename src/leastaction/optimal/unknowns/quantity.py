@@ -34,17 +34,14 @@ class ExtendedQuantity(QuantityView):
         return np.concatenate([np.where(places < n, places, places + nx - n), parameters, kept])
 
     def values(self, at: Samples) -> Array:
-        """Return the values."""
         own, values = self._split(at)
         return self._at(values).values(own)
 
     def jacobian(self, at: Samples) -> Array:
-        """Return the first derivatives."""
         own, values = self._split(at)
         return np.asarray(self._jacobian(own, values) @ self._moves(at.u.shape[1]))
 
     def curvature(self, at: Samples, y: Array) -> Array | None:
-        """Return the second derivative of ``y . values``."""
         own, values = self._split(at)
         H, moves = self._at(values).curvature(own, y), self._moves(at.u.shape[1])
         if self.fixed:

@@ -87,18 +87,15 @@ class ExtendedSystem(DiscreteSystem):
     # ---- Steps ------------------------------------------------------------------------------------
 
     def f(self, x: Array, u: Array, k: int) -> Array:
-        """Return the next state."""
         own = self.at(self.values(x)).f(self.own(x), u, k)
         own[self.copied] -= x[self.at_copies :]
         return np.concatenate([own, x[self.n_own :]])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
-        """Return A and B of a step."""
         A, B = self._extended(*self._of_step(self.values(x), self.own(x), u, k))
         return A[0], B[0]
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        """Return ``z . D2f`` of a step."""
         own, values = self.own(x), self.values(x)
         system, weights = self.at(values), np.ascontiguousarray(z[None, : self.n_own])
         H, by_time = system.curvature(own, u, k, weights[0])[None], None
@@ -117,7 +114,6 @@ class ExtendedSystem(DiscreteSystem):
         return A[None], B[None], by
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
-        """Simulate steps ``start .. stop-1`` under ``u = ubar - K (x - xbar)``; see `DiscreteSystem`."""
         n, constants = self.n_own, x0[self.n_own :]
         try:
             system = self.at(self.values(x0))
@@ -136,7 +132,6 @@ class ExtendedSystem(DiscreteSystem):
     # ---- Derivatives ------------------------------------------------------------------------------
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
-        """Return the derivatives along a trajectory; see `DiscreteSystem`."""
         own, values, u = self.own(x), self.values(x[0]).copy(), u.copy()
         system = self.at(values)
         # A system with other parameters is another one, which cannot use the memory of the last.
@@ -233,7 +228,6 @@ class ExtendedSystem(DiscreteSystem):
         return whole
 
     def moved_start(self, x: Array, dx: Array) -> Array:
-        """Return an initial state moved along its directions."""
         values = self.values(x + dx)
         own = self.own(x)
         if self.free_start is not False:
@@ -247,20 +241,16 @@ class ExtendedSystem(DiscreteSystem):
         return self.system.when(k)
 
     def time(self, k: int) -> float:
-        """Return the time of instant k."""
         return self.system.time(k)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """The kinds of quantities that can be limited."""
         return (*self.system.quantities, "unknown")
 
     def input_name(self, i: int) -> str:
-        """Return how to speak of entry i of the inputs in messages."""
         return self.system.input_name(i)
 
     def quantity(self, kind: str) -> Quantity:
-        """Return the quantities of a kind, by name."""
         if kind != "unknown":
             return self.system.quantity(kind)
         return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
