@@ -21,7 +21,7 @@ the range of ``M^-1 Dh^T``, which the projection onto ``Dh v = 0`` in the metric
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
@@ -45,7 +45,7 @@ _STATUS = {
 
 
 def to_discrete(
-    trajectory: ContinuousTrajectory, integrator: MidpointVI, t: npt.ArrayLike | None = None, *, sampled: bool = False
+    trajectory: ContinuousTrajectory, integrator: MidpointVI, t: ArrayLike | None = None, *, sampled: bool = False
 ) -> Trajectory:
     """Return the discrete trajectory with the start, the inputs and the prescribed motion of a continuous one.
 
@@ -160,7 +160,7 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
 # Feedback gains
 
 
-def gain_to_discrete(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, K: npt.ArrayLike, dt: float) -> Array:
+def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayLike, dt: float) -> Array:
     """Return the gains on the discrete state that do what given ones do on the continuous state.
 
     Both as ``u = ubar - K (x - xbar)``, with ``x = [q; rho; v; v_rho]``, ``u = [inputs; rho_a]`` there and
@@ -196,7 +196,7 @@ def gain_to_discrete(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, K
     return result
 
 
-def gain_to_continuous(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, K: npt.ArrayLike, dt: float) -> Array:
+def gain_to_continuous(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayLike, dt: float) -> Array:
     """Return the gains on the continuous state that do what given ones do on the discrete state.
 
     The inverse of `gain_to_discrete`: ``K_u T`` for force inputs, ``(K_rho + E) T / dt^2`` for prescribed variables.
@@ -227,7 +227,7 @@ def _extrapolation(m: Mechanism, dt: float) -> Array:
     return E
 
 
-def _gains(m: Mechanism, K: npt.ArrayLike, T: Array) -> Array:
+def _gains(m: Mechanism, K: ArrayLike, T: Array) -> Array:
     return as_array(K, "K", (*T.shape[:-2], m.n_inputs + m.nrho, m.nx))
 
 

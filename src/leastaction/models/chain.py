@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.mechanics import Gravity, Mechanism, world
 from leastaction.numerics.arrays import as_count
@@ -15,7 +15,7 @@ def pendulum_chain(
     *,
     length: float = 1.0,
     mass: float = 1.0,
-    inertia: npt.ArrayLike = (0.1, 0.2, 0.3),
+    inertia: ArrayLike = (0.1, 0.2, 0.3),
     gravity: Sequence[float] = (0.0, 0.0, -9.8),
 ) -> Mechanism:
     """Return a planar chain of pendulums that turn about x and hang along -z at zero angles.

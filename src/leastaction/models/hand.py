@@ -35,10 +35,7 @@ TRAVEL = {
 }  # fmt: skip
 """Between which angles joints turn freely (rad), by the end of their names."""
 
-BONES = {
-    "thumb": ("metacarpal", "proximal", "distal"),
-    **dict.fromkeys(FINGERS[1:], ("proximal", "middle", "distal")),
-}
+BONES = {"thumb": ("metacarpal", "proximal", "distal"), **dict.fromkeys(FINGERS[1:], ("proximal", "middle", "distal"))}
 """Bones of a finger that move, outwards; a frame ``index.middle`` stands at the joint of each."""
 
 

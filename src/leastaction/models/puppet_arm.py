@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Body, Damping, Distance, Gravity, Mechanism, rz, tx, ty
@@ -65,7 +65,7 @@ def puppet_arm(
     )  # fmt: skip
 
 
-def hang(mechanism: Mechanism, angles: npt.ArrayLike) -> Array:
+def hang(mechanism: Mechanism, angles: ArrayLike) -> Array:
     """Return configurations with the carriage straight above the hand and the string taut.
 
     Parameters

@@ -10,11 +10,11 @@ import operator
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, LeastActionError, brief
 
-Array = npt.NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 def as_array(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import DescriptionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number
@@ -53,7 +53,7 @@ class Curve:
     breaks: Array
     coefficients: Array
 
-    def __init__(self, x: npt.ArrayLike, y: npt.ArrayLike) -> None:
+    def __init__(self, x: ArrayLike, y: ArrayLike) -> None:
         places = as_array(x, "Curve: x", (None,), error=DescriptionError)
         if len(places) < 2:
             raise DescriptionError(
@@ -118,7 +118,7 @@ class Curve:
         """Where the given points end."""
         return float(self.breaks[-1])
 
-    def __call__(self, x: npt.ArrayLike, derivative: int = 0) -> Any:
+    def __call__(self, x: ArrayLike, derivative: int = 0) -> Any:
         """Return the value, or a derivative, at places of any shape: a float for a single place.
 
         ``x``: places. ``derivative``: order of the derivative.

@@ -7,15 +7,15 @@ from collections.abc import Callable
 from typing import TypeGuard
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, shape_of
 
-StateLaw = Callable[[float, Array], npt.ArrayLike]
+StateLaw = Callable[[float, Array], ArrayLike]
 """An input as a function of the time (s) and the state."""
 
-Signal = npt.ArrayLike | Callable[[float], npt.ArrayLike] | None
+Signal = ArrayLike | Callable[[float], ArrayLike] | None
 """A constant, one row a step, a function of time, or nothing."""
 
 

@@ -7,7 +7,7 @@ from copy import copy
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction._core import StepStatus
 from leastaction.errors import ArgumentError
@@ -48,7 +48,7 @@ class MidpointSystem(DiscreteSystem):
         If the times do not increase.
     """
 
-    def __init__(self, integrator: MidpointVI, t: npt.ArrayLike, *, multipliers: bool = False) -> None:
+    def __init__(self, integrator: MidpointVI, t: ArrayLike, *, multipliers: bool = False) -> None:
         m = integrator.mechanism
         self.integrator = integrator
         self.t = as_times(t)
@@ -286,12 +286,7 @@ class MidpointSystem(DiscreteSystem):
         if type(self).derivatives is not MidpointSystem.derivatives:
             return super().linearize_each(x, u, ends)
         d = self.integrator.linearize_arrays(
-            self.t,
-            self._bare(x),
-            u,
-            multipliers=self.multipliers,
-            ends=self._bare(ends),
-            first_share=self.first_share,
+            self.t, self._bare(x), u, multipliers=self.multipliers, ends=self._bare(ends), first_share=self.first_share
         )
         return Linearization(d.A_all, d.B_all, d.curvature_all, d)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.discrete.midpoint import MidpointVI
@@ -38,7 +38,7 @@ class PulledSystem(MidpointSystem):
         For a mechanism with constraints, an unknown input, or times that do not increase.
     """
 
-    def __init__(self, integrator: MidpointVI, t: npt.ArrayLike, *, at_instants: Sequence[str]) -> None:
+    def __init__(self, integrator: MidpointVI, t: ArrayLike, *, at_instants: Sequence[str]) -> None:
         m = integrator.mechanism
         if m.nc:
             raise ArgumentError(

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError, InconsistentStartError, unknown
 from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
@@ -154,7 +153,7 @@ def _motion(m: Mechanism, x: Array, t: Array) -> tuple[Array, Array]:
     return q, to_velocity(m, q, p, v_rho, keep_constraints=m.nc > 0)
 
 
-def onto_constraints(m: Mechanism, q: Array, v: Array, known: npt.NDArray[np.bool_], start: State | None) -> None:
+def onto_constraints(m: Mechanism, q: Array, v: Array, known: NDArray[np.bool_], start: State | None) -> None:
     """Bring configurations and velocities onto the constraints, by what is not known of them if that is enough."""
     if start is not None:
         q[0] = start.q

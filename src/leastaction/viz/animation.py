@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.files import write_text
@@ -107,7 +107,7 @@ def write_animation(scene: Scene, path: str | os.PathLike[str], *, azimuth: floa
     return write_text(path, animation_page(scene, azimuth=azimuth))
 
 
-def _samples(t: Array) -> npt.NDArray[np.intp]:
+def _samples(t: Array) -> NDArray[np.intp]:
     """Return the indices of the times to keep: about 50 a second, first and last included."""
     count = min(t.size, max(2, math.ceil(float(t[-1] - t[0]) * _SAMPLES_PER_SECOND) + 1))
     moments = np.linspace(t[0], t[-1], count)
@@ -115,7 +115,7 @@ def _samples(t: Array) -> npt.NDArray[np.intp]:
     return np.unique(np.where(moments - t[right - 1] < t[right] - moments, right - 1, right))
 
 
-def _stack(paths: Mapping[str, Array], keep: npt.NDArray[np.intp]) -> Array:
+def _stack(paths: Mapping[str, Array], keep: NDArray[np.intp]) -> Array:
     """Return the kept positions as one array, (samples, points, 3)."""
     return np.stack([path[keep] for path in paths.values()], axis=1)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.viz.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, new_figure, styled
@@ -26,8 +26,8 @@ def _mark(method: str) -> tuple[str, str]:
 
 @styled
 def plot_convergence(
-    cost: npt.ArrayLike,
-    expected_decrease: npt.ArrayLike,
+    cost: ArrayLike,
+    expected_decrease: ArrayLike,
     methods: Sequence[str] = (),
     *,
     tolerance: float | None = None,

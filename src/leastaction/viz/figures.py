@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, ParamSpec
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
 from leastaction.numerics.files import write_bytes
 
@@ -114,7 +114,7 @@ def panel_grid(
     panel: tuple[float, float],
     margins: Margins,
     width_ratios: Sequence[float] | None = None,
-) -> tuple[Figure, npt.NDArray[np.object_]]:
+) -> tuple[Figure, NDArray[np.object_]]:
     """Return a figure and its grid of panels, all over one time axis.
 
     The places are computed, not found by a layout engine, which takes longer than all the drawing.

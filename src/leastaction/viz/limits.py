@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.optimal import LimitReport
@@ -19,7 +19,7 @@ _SPAN_DUAL: Final = 0.01  # so that the noise of limits that are never active do
 
 
 @styled
-def plot_limits(t: npt.ArrayLike, report: LimitReport, *, title: str = "Limits") -> Figure:
+def plot_limits(t: ArrayLike, report: LimitReport, *, title: str = "Limits") -> Figure:
     """Draw room and dual of each side of each limit over time.
 
     Parameters

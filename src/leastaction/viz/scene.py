@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
@@ -150,14 +150,14 @@ class Scene:
 
 def mechanism_scene(
     mechanism: Mechanism,
-    t: npt.ArrayLike,
-    q: npt.ArrayLike,
+    t: ArrayLike,
+    q: ArrayLike,
     *,
     bones: Sequence[Bone] | None = None,
     cords: Sequence[Cord] = (),
-    reference: npt.ArrayLike | None = None,
-    tension: npt.ArrayLike | None = None,
-    error: npt.ArrayLike | None = None,
+    reference: ArrayLike | None = None,
+    tension: ArrayLike | None = None,
+    error: ArrayLike | None = None,
     traces: Sequence[str] = (),
     focus: str = "",
     title: str = "leastaction",

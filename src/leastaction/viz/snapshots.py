@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
@@ -32,7 +32,7 @@ def plot_snapshots(
     scene: Scene,
     *,
     count: int = 7,
-    times: npt.ArrayLike | None = None,
+    times: ArrayLike | None = None,
     azimuth: float = 30.0,
     elevation: float = 8.0,
     ceiling: float | None = None,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
@@ -20,7 +20,7 @@ _SPAN_METRES: Final = 0.1
 
 @styled
 def plot_strings(
-    t: npt.ArrayLike, lengths: npt.ArrayLike, tensions: npt.ArrayLike, names: Sequence[str], *, title: str = "Strings"
+    t: ArrayLike, lengths: ArrayLike, tensions: ArrayLike, names: Sequence[str], *, title: str = "Strings"
 ) -> Figure:
     """Draw length and tension of each string.
 
@@ -99,7 +99,7 @@ def plot_strings(
     return figure
 
 
-def spans(times: Array, mask: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
+def spans(times: Array, mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """Return the intervals in which the mask holds, half a step wider so that one step shows."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     half = 0.5 * float(times[1] - times[0]) if times.size > 1 else 0.0

@@ -19,14 +19,7 @@ from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
 from leastaction.apps.cli.summary import checked, run_summary, speed_table, summary_tables
 from leastaction.apps.marionette.speeds import AtSpeed, fastest
-from leastaction.apps.marionette.tracking import (
-    PuppetLimits,
-    TrackingRun,
-    TrackingSearch,
-    save_run,
-    save_search,
-    track,
-)
+from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch, save_run, save_search, track
 from leastaction.errors import OutputError
 from leastaction.io.motion.motion import Motion
 from leastaction.models.marionette import Count, marionette

@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.numerics.files import atomic_write
 
-AnyArray = npt.NDArray[Any]
+AnyArray = NDArray[Any]
 
 _TEXT: Final = "leastaction_record"
 _MOST_BYTES: Final = 16 * 2**30
@@ -38,7 +38,7 @@ class Archive(NamedTuple):
     arrays: dict[str, AnyArray]
 
 
-def write_archive(path: str | os.PathLike[str], text: str, arrays: Mapping[str, npt.ArrayLike]) -> Path:
+def write_archive(path: str | os.PathLike[str], text: str, arrays: Mapping[str, ArrayLike]) -> Path:
     """Write an archive; an existing file is replaced in one step.
 
     Raises `OutputError`: the file could not be written; an older file of that name is untouched. Raises

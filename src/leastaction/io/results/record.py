@@ -20,7 +20,7 @@ from typing import Annotated, Any, Final, Generic, Literal, TypeVar, get_args, g
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction._version import __version__
 from leastaction.errors import ArgumentError, ResultFileError
@@ -78,7 +78,7 @@ def save_record(
     content: object,
     *,
     provenance: Provenance | None = None,
-    arrays: Mapping[str, npt.ArrayLike] | None = None,
+    arrays: Mapping[str, ArrayLike] | None = None,
 ) -> Path:
     """Write a dataclass into a file; an existing file is replaced in one step.
 
@@ -106,7 +106,7 @@ def save_record(
         Something in it is no plain data.
     """
     origin = provenance or Provenance.now()
-    own: dict[str, npt.ArrayLike] = {}
+    own: dict[str, ArrayLike] = {}
     text = {
         "format": "leastaction run",
         "format_version": FORMAT_VERSION,
@@ -182,7 +182,7 @@ def _unknown_format(source: Path, found: _Format) -> ResultFileError:
     )
 
 
-def _without_arrays(value: Any, name: str, arrays: dict[str, npt.ArrayLike]) -> Any:
+def _without_arrays(value: Any, name: str, arrays: dict[str, ArrayLike]) -> Any:
     """Return a value as JSON can hold it; its arrays, and numbers that JSON does not know, go to `arrays`."""
     if isinstance(value, np.generic):
         value = value.item()
@@ -199,7 +199,7 @@ def _without_arrays(value: Any, name: str, arrays: dict[str, npt.ArrayLike]) -> 
     return value.name if isinstance(value, Enum) else value
 
 
-def _put(content: Any, path: list[str], array: npt.NDArray[Any]) -> None:
+def _put(content: Any, path: list[str], array: NDArray[Any]) -> None:
     """Put an array where it was taken from; one that was not taken from there is left out."""
     for part in path[:-1]:
         if isinstance(content, list) and part.isdecimal() and int(part) < len(content):
@@ -222,7 +222,7 @@ def _name_members(kind: Any, content: Any) -> None:
                 content[name] = hint[content[name]]
 
 
-def _checked_array(kind: Any, value: Any) -> npt.NDArray[Any]:
+def _checked_array(kind: Any, value: Any) -> NDArray[Any]:
     """Return an array if it is of the type that the field asks for."""
     if not isinstance(value, np.ndarray):
         raise ValueError("an array is missing")

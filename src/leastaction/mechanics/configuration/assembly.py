@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, InconsistentStartError, worst_first
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
@@ -65,7 +65,7 @@ class VelocityProjection:
     residuals: dict[str, float]
 
 
-def check_consistent(mechanism: Mechanism, q: npt.ArrayLike, *, tolerance: float = 1e-8) -> None:
+def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = 1e-8) -> None:
     """Raise unless a configuration satisfies the constraints.
 
     Parameters
@@ -115,11 +115,11 @@ def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "
 
 def project_configuration(
     mechanism: Mechanism,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     *,
     hold: Sequence[str] = (),
     move_kinematic: bool = False,
-    weights: Mapping[str, float] | npt.ArrayLike | None = None,
+    weights: Mapping[str, float] | ArrayLike | None = None,
     tolerance: float = 1e-12,
     max_iterations: int = 200,
     attempts: int = 1,
@@ -183,12 +183,12 @@ def project_configuration(
 
 def project_velocity(
     mechanism: Mechanism,
-    q: npt.ArrayLike,
-    v: npt.ArrayLike,
+    q: ArrayLike,
+    v: ArrayLike,
     *,
     hold: Sequence[str] = (),
     move_kinematic: bool = False,
-    weights: Mapping[str, float] | npt.ArrayLike | None = None,
+    weights: Mapping[str, float] | ArrayLike | None = None,
     tolerance: float = 1e-10,
 ) -> VelocityProjection:
     """Return the velocity nearest to a given one that keeps the constraints: ``Dh(q) v = 0``.
@@ -256,7 +256,7 @@ def _worst(residuals: Mapping[str, float], limits: Array) -> str:
     return shown + (f" and {len(over) - 6} more" if len(over) > 6 else "")
 
 
-def _weights(mechanism: Mechanism, weights: Mapping[str, float] | npt.ArrayLike | None) -> Array:
+def _weights(mechanism: Mechanism, weights: Mapping[str, float] | ArrayLike | None) -> Array:
     if weights is None:
         return np.ones(mechanism.nq)
     if isinstance(weights, Mapping):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ContradictoryConstraintsError, worst_first
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
@@ -55,7 +55,7 @@ class Contradiction:
 
 def find_contradiction(
     mechanism: Mechanism,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     *,
     hold: Sequence[str] = (),
     move_kinematic: bool = False,

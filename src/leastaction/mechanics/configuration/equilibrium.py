@@ -19,7 +19,7 @@ from enum import Enum
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import EquilibriumError, worst_first
 from leastaction.mechanics.configuration.assembly import project_configuration
@@ -86,8 +86,8 @@ class Equilibrium:
     potential: float
     residual: float
     stability: Stability
-    eigenvalues: npt.NDArray[np.inexact] = field(repr=False)
-    modes: npt.NDArray[np.inexact] = field(repr=False)
+    eigenvalues: NDArray[np.inexact] = field(repr=False)
+    modes: NDArray[np.inexact] = field(repr=False)
     iterations: int
 
     __getstate__, __setstate__ = saved_state, restore_state
@@ -106,10 +106,10 @@ class Equilibrium:
 
 def equilibrium(
     mechanism: Mechanism,
-    q_guess: npt.ArrayLike,
+    q_guess: ArrayLike,
     *,
     hold: Sequence[str] = (),
-    inputs: npt.ArrayLike | None = None,
+    inputs: ArrayLike | None = None,
     kind: Kind = "minimum",
     tolerance: float = 1e-12,
     max_iterations: int = 200,
@@ -335,7 +335,7 @@ class _Search:
         )
 
 
-def _modes(stiffness: Array, mass: Array) -> tuple[npt.NDArray[np.inexact], npt.NDArray[np.inexact]]:
+def _modes(stiffness: Array, mass: Array) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:
     """Return the eigenvalues, ascending, and the modes of a stiffness relative to a mass matrix."""
     import scipy.linalg  # slow to import, and needed here only
 
@@ -356,7 +356,7 @@ def _modes(stiffness: Array, mass: Array) -> tuple[npt.NDArray[np.inexact], npt.
     return values, vectors
 
 
-def _stability(values: npt.NDArray[np.inexact]) -> Stability:
+def _stability(values: NDArray[np.inexact]) -> Stability:
     if not len(values):
         return Stability.STABLE
     finite = values[np.isfinite(values)]

@@ -13,13 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 
-Indices = npt.NDArray[np.intp]
+Indices = NDArray[np.intp]
 
 # Singular values below this fraction of the largest count as zero: redundant constraints.
 RANK_TOLERANCE = 1e-10

@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any, TypeGuard
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, DynamicsError
@@ -72,12 +72,7 @@ class ContinuousDynamics:
         return partial(ContinuousDynamics, self.mechanism, **settings), ()
 
     def accelerations(
-        self,
-        q: npt.ArrayLike,
-        v: npt.ArrayLike,
-        u: npt.ArrayLike | None = None,
-        rho_a: npt.ArrayLike | None = None,
-        t: npt.ArrayLike = 0.0,
+        self, q: ArrayLike, v: ArrayLike, u: ArrayLike | None = None, rho_a: ArrayLike | None = None, t: ArrayLike = 0.0
     ) -> Accelerations:
         """Return the accelerations and multipliers.
 
@@ -105,13 +100,7 @@ class ContinuousDynamics:
         return Accelerations(points.shaped(out.a), points.shaped(out.lam), out.rank_deficient)
 
     def inverse_dynamics(
-        self,
-        q: npt.ArrayLike,
-        v: npt.ArrayLike,
-        a: npt.ArrayLike,
-        lam: npt.ArrayLike | None = None,
-        *,
-        u: npt.ArrayLike | None = None,
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, lam: ArrayLike | None = None, *, u: ArrayLike | None = None
     ) -> Array:
         """Return the generalised force that a motion needs besides that of the elements.
 
@@ -140,12 +129,7 @@ class ContinuousDynamics:
         )
 
     def linearize(
-        self,
-        q: npt.ArrayLike,
-        v: npt.ArrayLike,
-        u: npt.ArrayLike | None = None,
-        rho_a: npt.ArrayLike | None = None,
-        t: npt.ArrayLike = 0.0,
+        self, q: ArrayLike, v: ArrayLike, u: ArrayLike | None = None, rho_a: ArrayLike | None = None, t: ArrayLike = 0.0
     ) -> AccelerationDerivatives:
         """Return the first derivatives; arguments and errors as of `accelerations`.
 
@@ -160,14 +144,14 @@ class ContinuousDynamics:
 
     def curvature(
         self,
-        q: npt.ArrayLike,
-        v: npt.ArrayLike,
-        u: npt.ArrayLike | None = None,
-        rho_a: npt.ArrayLike | None = None,
-        t: npt.ArrayLike = 0.0,
+        q: ArrayLike,
+        v: ArrayLike,
+        u: ArrayLike | None = None,
+        rho_a: ArrayLike | None = None,
+        t: ArrayLike = 0.0,
         *,
-        z_a: npt.ArrayLike | None = None,
-        z_lam: npt.ArrayLike | None = None,
+        z_a: ArrayLike | None = None,
+        z_lam: ArrayLike | None = None,
     ) -> Array:
         """Return the second derivatives, contracted with weights.
 
@@ -200,10 +184,10 @@ class ContinuousDynamics:
 
     def tensors(
         self,
-        q: npt.ArrayLike,
-        v: npt.ArrayLike,
-        u: npt.ArrayLike | None = None,
-        rho_a: npt.ArrayLike | None = None,
+        q: ArrayLike,
+        v: ArrayLike,
+        u: ArrayLike | None = None,
+        rho_a: ArrayLike | None = None,
         t: float = 0.0,
         *,
         max_bytes: float = MAX_BYTES,
@@ -226,13 +210,7 @@ class ContinuousDynamics:
         return AccelerationTensors(out[: self.mechanism.nd], out[self.mechanism.nd :])
 
     def _points(
-        self,
-        q: npt.ArrayLike,
-        v: npt.ArrayLike,
-        u: npt.ArrayLike | None,
-        rho_a: npt.ArrayLike | None,
-        *,
-        a: npt.ArrayLike | None = None,
+        self, q: ArrayLike, v: ArrayLike, u: ArrayLike | None, rho_a: ArrayLike | None, *, a: ArrayLike | None = None
     ) -> _Points:
         m = self.mechanism
         given = (q, v) if a is None else (q, v, a)
@@ -246,7 +224,7 @@ class ContinuousDynamics:
         )
         return points
 
-    def _solved(self, out: _core.Accelerations, points: _Points, t: npt.ArrayLike) -> _core.Accelerations:
+    def _solved(self, out: _core.Accelerations, points: _Points, t: ArrayLike) -> _core.Accelerations:
         """Return what the core returned, or raise the error that it tells of."""
         k, N = out.solved, points.count
         many = len(shape_of(t) or ()) == 1
@@ -284,7 +262,7 @@ class _Points:
         self.single = single
         self.arrays: tuple[Array, Array, Array, Array]
 
-    def rows(self, value: npt.ArrayLike | None, what: str, names: tuple[str, ...]) -> Array:
+    def rows(self, value: ArrayLike | None, what: str, names: tuple[str, ...]) -> Array:
         """Return one row for every point: zero if not given, the same for all if given once."""
         n = len(names)
         if value is None:

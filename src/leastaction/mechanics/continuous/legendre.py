@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.stabilisation import ConstraintMetric
@@ -11,7 +11,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, shape_of
 
 
-def to_momentum(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
     """Return the momenta ``p = dL/dv`` of the dynamic variables.
 
     Parameters
@@ -31,12 +31,7 @@ def to_momentum(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike) -> Arr
 
 
 def to_velocity(
-    mechanism: Mechanism,
-    q: npt.ArrayLike,
-    p: npt.ArrayLike,
-    v_rho: npt.ArrayLike | None = None,
-    *,
-    keep_constraints: bool = False,
+    mechanism: Mechanism, q: ArrayLike, p: ArrayLike, v_rho: ArrayLike | None = None, *, keep_constraints: bool = False
 ) -> Array:
     """Return the velocities that belong to momenta: ``v_d = M_dd^-1 (p - M_dk v_rho)``, then v_rho.
 
@@ -79,7 +74,7 @@ def to_velocity(
     return v[0] if single else v
 
 
-def legendre_jacobian(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+def legendre_jacobian(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
     """Return the derivative T of ``[q; rho; p; v_rho]`` by ``[q; rho; v; v_rho]``.
 
     Identity but for the rows of p, which are ``[L_vq, L_vv]``. By it a small deviation of one state is one of the
@@ -104,7 +99,7 @@ def legendre_jacobian(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike) 
     return T[0] if single else T
 
 
-def _rows(m: Mechanism, given: dict[str, tuple[npt.ArrayLike, int]]) -> tuple[bool, list[Array]]:
+def _rows(m: Mechanism, given: dict[str, tuple[ArrayLike, int]]) -> tuple[bool, list[Array]]:
     """Return whether arguments are single ones, and all of them as rows of equal number."""
     names = {"q": m.variables, "v": m.variables, "p": m.dynamic, "v_rho": m.kinematic}
     first = next(iter(given.values()))[0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_times, shape_of
@@ -16,7 +16,7 @@ from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.signals import StateLaw
 from leastaction.numerics.time_functions import TimeFunction
 
-ContinuousSignal = npt.ArrayLike | PiecewisePolynomial | StateLaw | None
+ContinuousSignal = ArrayLike | PiecewisePolynomial | StateLaw | None
 """A constant, one row an instant, one row an interval, a function of time, one of time and state, or nothing."""
 
 _AGREE = 1e-6  # by how much a start may be off a prescribed motion, relative to its size (at least 1)
@@ -35,9 +35,9 @@ class PrescribedMotion:
         second derivatives.
     """
 
-    value: Callable[[float], npt.ArrayLike]
-    velocity: Callable[[float], npt.ArrayLike]
-    acceleration: Callable[[float], npt.ArrayLike]
+    value: Callable[[float], ArrayLike]
+    velocity: Callable[[float], ArrayLike]
+    acceleration: Callable[[float], ArrayLike]
 
     @classmethod
     def from_spline(cls, spline: Any) -> PrescribedMotion:
@@ -45,7 +45,7 @@ class PrescribedMotion:
         return cls(spline, spline.derivative(1), spline.derivative(2))
 
     @classmethod
-    def through(cls, t: npt.ArrayLike, rho: npt.ArrayLike, *, degree: int = 5) -> PrescribedMotion:
+    def through(cls, t: ArrayLike, rho: ArrayLike, *, degree: int = 5) -> PrescribedMotion:
         """Return the interpolating spline through rows of kinematic variables.
 
         Parameters
@@ -132,7 +132,7 @@ class InputLaw:
         elif signal is not None:
             self.signal = TimeFunction(self._sampled(signal, times), what)
 
-    def _sampled(self, signal: npt.ArrayLike, times: Array) -> Array | PiecewisePolynomial:
+    def _sampled(self, signal: ArrayLike, times: Array) -> Array | PiecewisePolynomial:
         shape, N = shape_of(signal), len(times) - 1
         if shape is None or len(shape) != 2:
             meaning = f"a constant; rows are of shape ({N}, {self.n}) or ({N + 1}, {self.n})"

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError, closest
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
@@ -39,17 +39,17 @@ _SHOWN = 8  # variables of a state that a message lists
 
 def simulate(
     dynamics: ContinuousDynamics | Mechanism,
-    q0: npt.ArrayLike,
-    v0: npt.ArrayLike | None,
-    t: npt.ArrayLike,
+    q0: ArrayLike,
+    v0: ArrayLike | None,
+    t: ArrayLike,
     *,
     inputs: ContinuousSignal = None,
-    rho: PrescribedMotion | npt.ArrayLike | None = None,
+    rho: PrescribedMotion | ArrayLike | None = None,
     rho_a: ContinuousSignal = None,
     u: StateLaw | None = None,
     method: str = "DOP853",
     rtol: float = 1e-8,
-    atol: float | npt.ArrayLike = 1e-10,
+    atol: float | ArrayLike = 1e-10,
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
@@ -252,7 +252,7 @@ def _options(
     m: Mechanism,
     method: str,
     rtol: float,
-    atol: float | npt.ArrayLike,
+    atol: float | ArrayLike,
     max_step: float | None,
     first_step: float | None,
     span: float,

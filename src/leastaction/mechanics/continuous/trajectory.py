@@ -8,7 +8,7 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.events import EventRecord
@@ -119,7 +119,7 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     def state(self, k: int) -> ContinuousState:
         return ContinuousState(float(self.t[k]), self.q[k], self.v[k])
 
-    def __call__(self, t: npt.ArrayLike) -> Array:
+    def __call__(self, t: ArrayLike) -> Array:
         """Return the state at any time between the first and the last instant, by dense output.
 
         ``t``: times (s). Returns (nx,) or (n, nx): ``[q; rho; v; v_rho]``; prescribed variables are exact, and
@@ -132,7 +132,7 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         rows = np.array([self.dense(float(at)) for at in times]).reshape(len(times), 2 * self.q.shape[1])
         return rows[0] if single else rows
 
-    def input(self, t: npt.ArrayLike) -> Array:
+    def input(self, t: ArrayLike) -> Array:
         """Return the input ``[inputs; rho_a]`` at any time: (n_inputs + nrho,), or (n, n_inputs + nrho) for times (n,).
 
         From the law that was simulated with; on straight lines between the instants where there is none.
@@ -172,7 +172,7 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
             lines.append(str(self.balance))
         return "\n".join([*lines, *self.warnings])
 
-    def _times(self, t: npt.ArrayLike) -> tuple[bool, Array]:
+    def _times(self, t: ArrayLike) -> tuple[bool, Array]:
         single = not shape_of(t)
         times = as_array([t] if single else t, "t", (None,))
         outside = (times < self.t[0]) | (times > self.t[-1])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import DescriptionError
 from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, shape_of
@@ -49,8 +49,8 @@ class Body:
         self,
         mass: float,
         *,
-        com: npt.ArrayLike | None = None,
-        inertia: npt.ArrayLike | None = None,
+        com: ArrayLike | None = None,
+        inertia: ArrayLike | None = None,
         allow_nonphysical: bool = False,
     ) -> None:
         number = as_number(mass, "mass", error=DescriptionError)
@@ -87,7 +87,7 @@ def _restore_body(mass: float, com: Array, inertia: Array, allow_nonphysical: bo
     return Body(mass, com=com, inertia=inertia, allow_nonphysical=allow_nonphysical)
 
 
-def _inertia_matrix(inertia: npt.ArrayLike) -> Array:
+def _inertia_matrix(inertia: ArrayLike) -> Array:
     shape = shape_of(inertia)
     if shape is None or shape not in ((3,), (6,), (3, 3)):
         raise DescriptionError(

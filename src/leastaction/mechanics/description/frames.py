@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from typing import TypedDict, Unpack
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import DescriptionError, UnitWarning, closest
 from leastaction.mechanics.description.affine import Affine, CoordinateLike, as_affine
@@ -115,8 +115,8 @@ class FrameOptions(TypedDict, total=False):
 
     name: str | None
     mass: float | None
-    com: npt.ArrayLike | None
-    inertia: npt.ArrayLike | None
+    com: ArrayLike | None
+    inertia: ArrayLike | None
     bodies: Sequence[Body]
 
 
@@ -132,7 +132,7 @@ class JointOptions(FrameOptions, total=False):
 
 
 def bodies_of(
-    label: str, mass: float | None, com: npt.ArrayLike | None, inertia: npt.ArrayLike | None, bodies: Sequence[Body]
+    label: str, mass: float | None, com: ArrayLike | None, inertia: ArrayLike | None, bodies: Sequence[Body]
 ) -> tuple[Body, ...]:
     """Return the bodies that the options of a frame describe; `label` is the frame in messages."""
     if mass is None and (com is not None or inertia is not None):
@@ -185,8 +185,8 @@ def moving(
     kinematic: bool | Sequence[str] = False,
     name: str | None = None,
     mass: float | None = None,
-    com: npt.ArrayLike | None = None,
-    inertia: npt.ArrayLike | None = None,
+    com: ArrayLike | None = None,
+    inertia: ArrayLike | None = None,
     bodies: Sequence[Body] = (),
 ) -> Frame:
     """Return the frame that moves along a twist: the one place where such frames are made and checked.

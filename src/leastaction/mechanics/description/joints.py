@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Unpack
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.description.affine import CoordinateLike
@@ -27,8 +27,8 @@ _AXES = {
 def twist(
     value: CoordinateLike,
     *,
-    linear: npt.ArrayLike = (0.0, 0.0, 0.0),
-    angular: npt.ArrayLike = (0.0, 0.0, 0.0),
+    linear: ArrayLike = (0.0, 0.0, 0.0),
+    angular: ArrayLike = (0.0, 0.0, 0.0),
     **options: Unpack[JointOptions],
 ) -> Frame:
     """Move along a twist, the general joint of one parameter.
@@ -61,11 +61,7 @@ def twist(
 
 
 def revolute(
-    value: CoordinateLike,
-    *,
-    axis: npt.ArrayLike | str,
-    point: npt.ArrayLike = (0.0, 0.0, 0.0),
-    **options: Unpack[JointOptions],
+    value: CoordinateLike, *, axis: ArrayLike | str, point: ArrayLike = (0.0, 0.0, 0.0), **options: Unpack[JointOptions]
 ) -> Frame:
     """Rotate about any axis.
 
@@ -93,8 +89,8 @@ def revolute(
 def screw(
     value: CoordinateLike,
     *,
-    axis: npt.ArrayLike | str,
-    point: npt.ArrayLike = (0.0, 0.0, 0.0),
+    axis: ArrayLike | str,
+    point: ArrayLike = (0.0, 0.0, 0.0),
     pitch: float,
     **options: Unpack[JointOptions],
 ) -> Frame:
@@ -124,7 +120,7 @@ def screw_detail(line: str, pitch: float) -> str:
     return f"{line}, {pitch:.6g} m/rad"
 
 
-def prismatic(value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Unpack[JointOptions]) -> Frame:
+def prismatic(value: CoordinateLike, *, axis: ArrayLike | str, **options: Unpack[JointOptions]) -> Frame:
     """Translate along any axis.
 
     Parameters
@@ -141,7 +137,7 @@ def prismatic(value: CoordinateLike, *, axis: npt.ArrayLike | str, **options: Un
     return moving("prismatic", _twist(v, np.zeros(3), "prismatic"), value, detail=along, **options)
 
 
-def _unit(axis: npt.ArrayLike | str, what: str) -> Array:
+def _unit(axis: ArrayLike | str, what: str) -> Array:
     if isinstance(axis, str):
         if axis not in _AXES:
             raise DescriptionError(

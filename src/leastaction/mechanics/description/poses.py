@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.description.bodies import Body
@@ -18,14 +18,14 @@ ROTATION_TOLERANCE = 1e-8
 
 
 def pose(
-    matrix: npt.ArrayLike | None = None,
+    matrix: ArrayLike | None = None,
     *,
-    translation: npt.ArrayLike | None = None,
-    rotation: npt.ArrayLike | None = None,
+    translation: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
     name: str | None = None,
     mass: float | None = None,
-    com: npt.ArrayLike | None = None,
-    inertia: npt.ArrayLike | None = None,
+    com: ArrayLike | None = None,
+    inertia: ArrayLike | None = None,
     bodies: Sequence[Body] = (),
 ) -> Frame:
     """Place a frame by a constant pose in its parent.

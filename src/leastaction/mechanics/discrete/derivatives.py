@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, StepError
@@ -107,9 +107,9 @@ def curvature(
     vi: Integrator,
     trajectory: Trajectory,
     derivatives: StepDerivatives,
-    z: npt.ArrayLike,
+    z: ArrayLike,
     *,
-    z_lam: npt.ArrayLike | None = None,
+    z_lam: ArrayLike | None = None,
 ) -> Array:
     """Return the contracted second derivatives of a trajectory's steps, `StepDerivatives.curvature`.
 

@@ -9,7 +9,7 @@ linear in ``(q1, q2)``: the derivatives follow without a new formula.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.mechanics.discrete.derivatives import check_trajectory
 from leastaction.mechanics.discrete.integrator import Integrator
@@ -19,7 +19,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_time_step
 
 
-def discrete_lagrangian(vi: Integrator, q1: npt.ArrayLike, q2: npt.ArrayLike, dt: float) -> FunctionDerivatives:
+def discrete_lagrangian(vi: Integrator, q1: ArrayLike, q2: ArrayLike, dt: float) -> FunctionDerivatives:
     """Return ``Ld = dt L((q1 + q2)/2, (q2 - q1)/dt)`` (J s), by ``q1`` and ``q2``, to the fourth order.
 
     Parameters
@@ -45,7 +45,7 @@ def discrete_lagrangian(vi: Integrator, q1: npt.ArrayLike, q2: npt.ArrayLike, dt
 
 
 def discrete_potential(
-    vi: Integrator, q1: npt.ArrayLike, q2: npt.ArrayLike, dt: float, element: str | None = None
+    vi: Integrator, q1: ArrayLike, q2: ArrayLike, dt: float, element: str | None = None
 ) -> FunctionDerivatives:
     """Return what one potential, or all, take from `discrete_lagrangian`: ``dt V((q1 + q2)/2)`` (J s).
 
@@ -64,12 +64,7 @@ def discrete_potential(
 
 
 def discrete_force(
-    vi: Integrator,
-    q1: npt.ArrayLike,
-    q2: npt.ArrayLike,
-    u: npt.ArrayLike | None,
-    dt: float,
-    element: str | None = None,
+    vi: Integrator, q1: ArrayLike, q2: ArrayLike, u: ArrayLike | None, dt: float, element: str | None = None
 ) -> tuple[FunctionDerivatives, FunctionDerivatives]:
     """Return the discrete forces fd- and fd+ of one element, or of all, by ``q1``, ``q2`` and ``u``.
 
@@ -144,7 +139,7 @@ def driving_force(vi: Integrator, trajectory: Trajectory) -> Array:
     return force
 
 
-def _midpoint(m: Mechanism, q1: npt.ArrayLike, q2: npt.ArrayLike, dt: float) -> tuple[Array, Array]:
+def _midpoint(m: Mechanism, q1: ArrayLike, q2: ArrayLike, dt: float) -> tuple[Array, Array]:
     start, end = (as_array(q, what, (m.nq,), names=m.variables) for q, what in ((q1, "q1"), (q2, "q2")))
     return (start + end) / 2.0, (end - start) / dt
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.mechanics.discrete.integrator import Integrator
@@ -90,7 +90,7 @@ class StepDerivatives:
         """How far the dynamic configuration that each step leads to is from the given one, shape (N,)."""
         return self.core.defect
 
-    def curvature(self, z: npt.ArrayLike, *, z_lam: npt.ArrayLike | None = None) -> Array:
+    def curvature(self, z: ArrayLike, *, z_lam: ArrayLike | None = None) -> Array:
         """Return the contracted second derivatives of every step.
 
         Parameters

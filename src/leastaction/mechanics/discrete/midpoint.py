@@ -15,16 +15,10 @@ from functools import partial
 from typing import Any, Literal, cast, final, get_args
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction import _core
-from leastaction.errors import (
-    ArgumentError,
-    CoarseStepWarning,
-    StepError,
-    closest,
-    worst_first,
-)
+from leastaction.errors import ArgumentError, CoarseStepWarning, StepError, closest, worst_first
 from leastaction.mechanics.configuration.assembly import check_consistent, check_velocity
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
@@ -133,9 +127,7 @@ class MidpointVI(Integrator):
 
     # Starts
 
-    def start(
-        self, q: npt.ArrayLike, v: npt.ArrayLike | None = None, *, p: npt.ArrayLike | None = None, t: float = 0.0
-    ) -> State:
+    def start(self, q: ArrayLike, v: ArrayLike | None = None, *, p: ArrayLike | None = None, t: float = 0.0) -> State:
         """Return the state at a configuration, with a velocity, a momentum, or at rest.
 
         Parameters
@@ -171,7 +163,7 @@ class MidpointVI(Integrator):
         return State(as_number(t, "t"), q0.copy(), momentum, v0[m.nd :].copy())
 
     def start_from_configurations(
-        self, q0: npt.ArrayLike, q1: npt.ArrayLike, dt: float, *, inputs: npt.ArrayLike | None = None, t: float = 0.0
+        self, q0: ArrayLike, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
     ) -> State:
         """Return the state at q1 of a motion that went from q0 to q1 in one step.
 
@@ -199,7 +191,7 @@ class MidpointVI(Integrator):
     # Motion
 
     def step(
-        self, state: State, dt: float, *, inputs: npt.ArrayLike | None = None, rho_next: npt.ArrayLike | None = None
+        self, state: State, dt: float, *, inputs: ArrayLike | None = None, rho_next: ArrayLike | None = None
     ) -> Step:
         """Return the state one time step later.
 
@@ -248,7 +240,7 @@ class MidpointVI(Integrator):
     def simulate(
         self,
         start: State,
-        t: npt.ArrayLike,
+        t: ArrayLike,
         *,
         inputs: Signal | StateLaw = None,
         rho: Signal = None,

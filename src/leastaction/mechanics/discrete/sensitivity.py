@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.configuration.null_space import free_variables
@@ -98,8 +98,8 @@ def sensitivity(
     trajectory: Trajectory,
     names: Sequence[str],
     *,
-    v: npt.ArrayLike | None = None,
-    dx0: npt.ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    dx0: ArrayLike | None = None,
     hold: Sequence[str] | None = None,
 ) -> Sensitivity:
     """Return the exact derivatives of a trajectory by some parameters, its inputs held.
@@ -288,7 +288,7 @@ def _accumulate(A: Array, added: Array, x: Array) -> None:
     x[1:] = found.reshape(steps, nx, columns)
 
 
-def momentum_by(mechanism: Mechanism, q: npt.ArrayLike, v: npt.ArrayLike, names: Sequence[str]) -> Array:
+def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequence[str]) -> Array:
     """Return the derivatives (nd, len(names)) of the momentum dL/dv by parameters, q and v held.
 
     Parameters

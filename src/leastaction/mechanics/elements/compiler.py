@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import DescriptionError
@@ -121,7 +121,7 @@ class Compiler:
             self._points[frame] = self.builder.add_point(placed.joint, offset)
         return self._points[frame]
 
-    def direction(self, frame: str, vector: npt.ArrayLike) -> int:
+    def direction(self, frame: str, vector: ArrayLike) -> int:
         """Index of a vector (3,) in the axes of a frame, made once."""
         placed = self.context.placed(frame)
         turned = placed.pose[:3, :3] @ np.asarray(vector, dtype=np.float64)
@@ -146,12 +146,12 @@ class Compiler:
         """Add what a field of the kind `SumOrPath` holds."""
         return self.sum(given) if isinstance(given, (str, Mapping)) else self.path(given)
 
-    def component(self, frame1: str, frame2: str, carrier: str, vector: npt.ArrayLike) -> int:
+    def component(self, frame1: str, frame2: str, carrier: str, vector: ArrayLike) -> int:
         """Add ``e . (p1 - p2)`` with a vector e in the axes of a third frame."""
         direction = self.direction(carrier, vector)
         return self.builder.component_coordinate(self.point(frame1), self.point(frame2), direction)
 
-    def product(self, frame1: str, vector1: npt.ArrayLike, frame2: str, vector2: npt.ArrayLike) -> int:
+    def product(self, frame1: str, vector1: ArrayLike, frame2: str, vector2: ArrayLike) -> int:
         """Add ``e . d`` with e fixed in one frame and d in the other."""
         e, d = self.direction(frame1, vector1), self.direction(frame2, vector2)
         return self.builder.product_coordinate(e, d)

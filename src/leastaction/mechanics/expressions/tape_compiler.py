@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
+from numpy.typing import NDArray
 
 from leastaction import _core
 from leastaction.errors import DescriptionError, brief
@@ -32,8 +32,8 @@ class TapeCode:
     """
 
     n_inputs: int
-    instructions: npt.NDArray[np.int64]
-    constants: npt.NDArray[np.float64]
+    instructions: NDArray[np.int64]
+    constants: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         self.instructions.setflags(write=False)

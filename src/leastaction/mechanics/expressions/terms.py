@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import DescriptionError
 from leastaction.numerics.arrays import as_array, as_number
@@ -53,7 +53,7 @@ def point(frame: str) -> sympy.Matrix:
     return module.sympy.ImmutableMatrix([module.Quantity("point", frame, axis) for axis in range(3)])
 
 
-def direction(frame: str, vector: str | npt.ArrayLike) -> sympy.Matrix:
+def direction(frame: str, vector: str | ArrayLike) -> sympy.Matrix:
     """Return a unit vector that is fixed in a frame, in world axes: a column of three symbols.
 
     Parameters
@@ -78,7 +78,7 @@ def direction(frame: str, vector: str | npt.ArrayLike) -> sympy.Matrix:
     return module.sympy.ImmutableMatrix([module.Quantity("direction", frame, unit, axis) for axis in range(3)])
 
 
-def unit_vector(frame: str, vector: str | npt.ArrayLike) -> tuple[float, ...]:
+def unit_vector(frame: str, vector: str | ArrayLike) -> tuple[float, ...]:
     """Return a direction in a frame, as `direction` takes it, as three numbers of length one."""
     if isinstance(vector, str):
         if vector not in UNITS:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, unknown
@@ -41,24 +41,24 @@ def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = 
         raise ArgumentError(f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}{advice}")
 
 
-def single(m: Compiled, q: npt.ArrayLike, what: str = "q") -> Array:
+def single(m: Compiled, q: ArrayLike, what: str = "q") -> Array:
     """Return one configuration, velocity or the like (nq,)."""
     return as_array(q, what, (m.nq,), names=m.variables)
 
 
-def inputs_of(m: Compiled, inputs: npt.ArrayLike | None, what: str = "inputs") -> Array:
+def inputs_of(m: Compiled, inputs: ArrayLike | None, what: str = "inputs") -> Array:
     """Return inputs (n_inputs,), zero if not given."""
     return np.zeros(m.n_inputs) if inputs is None else as_array(inputs, what, (m.n_inputs,), names=m.inputs)
 
 
-def batch(m: Compiled, q: npt.ArrayLike, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
+def batch(m: Compiled, q: ArrayLike, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
     """Return q as (N, nq), and whether it was a single configuration."""
     if len(shape_of(q) or ()) == 2:
         return as_array(q, what, (rows, m.nq), names=m.variables), False
     return single(m, q, what)[None, :], True
 
 
-def batch_of_states(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> tuple[Array, Array, bool]:
+def batch_of_states(m: Compiled, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array, bool]:
     """Return q and v as (N, nq), and whether it was a single state."""
     values, one = batch(m, q)
     return values, batch(m, v, "v", rows=None if one else len(values))[0], one

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, frame_index, shaped
@@ -14,7 +14,7 @@ from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.memory import MAX_BYTES, check_memory
 
 
-def frame_pose(m: Compiled, q: npt.ArrayLike, name: str, *, inverse: bool = False) -> Array:
+def frame_pose(m: Compiled, q: ArrayLike, name: str, *, inverse: bool = False) -> Array:
     """Return the pose of a frame in the world.
 
     Parameters
@@ -37,11 +37,11 @@ def frame_pose(m: Compiled, q: npt.ArrayLike, name: str, *, inverse: bool = Fals
 
 def frame_pose_derivative(
     m: Compiled,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     frame: str,
     *,
     order: int = 1,
-    along: Sequence[npt.ArrayLike] = (),
+    along: Sequence[ArrayLike] = (),
     inverse: bool = False,
     max_bytes: float = MAX_BYTES,
 ) -> Array:
@@ -78,7 +78,7 @@ def frame_pose_derivative(
     return shaped(_without(along, pose_derivative(motion, slots, inverse=inverse)), one)
 
 
-def positions(m: Compiled, q: npt.ArrayLike, names: Sequence[str] | None = None) -> Array:
+def positions(m: Compiled, q: ArrayLike, names: Sequence[str] | None = None) -> Array:
     """Return the origins of frames in the world.
 
     Parameters
@@ -100,7 +100,7 @@ def positions(m: Compiled, q: npt.ArrayLike, names: Sequence[str] | None = None)
 
 
 def frame_jacobian(
-    m: Compiled, q: npt.ArrayLike, frame: str, *, point: npt.ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
+    m: Compiled, q: ArrayLike, frame: str, *, point: ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
 ) -> Array:
     """Return the Jacobian of a frame: its velocity is ``J v``.
 
@@ -129,13 +129,7 @@ def frame_jacobian(
 
 
 def frame_velocity(
-    m: Compiled,
-    q: npt.ArrayLike,
-    v: npt.ArrayLike,
-    frame: str,
-    *,
-    point: npt.ArrayLike = (0.0, 0.0, 0.0),
-    axes: Axes = "world",
+    m: Compiled, q: ArrayLike, v: ArrayLike, frame: str, *, point: ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
 ) -> Array:
     """Return the velocity of a frame.
 
@@ -156,13 +150,13 @@ def frame_velocity(
 
 def frame_jacobian_derivative(
     m: Compiled,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     frame: str,
     *,
-    point: npt.ArrayLike = (0.0, 0.0, 0.0),
+    point: ArrayLike = (0.0, 0.0, 0.0),
     axes: Axes = "world",
     order: int = 1,
-    along: Sequence[npt.ArrayLike] = (),
+    along: Sequence[ArrayLike] = (),
     max_bytes: float = MAX_BYTES,
 ) -> Array:
     """Return the derivative of `frame_jacobian` by the configuration, of any order.
@@ -200,14 +194,14 @@ def frame_jacobian_derivative(
 
 def frame_velocity_derivative(
     m: Compiled,
-    q: npt.ArrayLike,
-    v: npt.ArrayLike,
+    q: ArrayLike,
+    v: ArrayLike,
     frame: str,
     *,
-    point: npt.ArrayLike = (0.0, 0.0, 0.0),
+    point: ArrayLike = (0.0, 0.0, 0.0),
     axes: Axes = "world",
     order: int = 1,
-    along: Sequence[npt.ArrayLike] = (),
+    along: Sequence[ArrayLike] = (),
     max_bytes: float = MAX_BYTES,
 ) -> Array:
     """Return the derivative of `frame_velocity` by the configuration, of any order.
@@ -244,7 +238,7 @@ def _slots(
     m: Compiled,
     motion: PathMotion,
     order: int,
-    along: Sequence[npt.ArrayLike],
+    along: Sequence[ArrayLike],
     lead: tuple[int, ...],
     max_bytes: float,
     what: str,
@@ -259,6 +253,6 @@ def _slots(
     return [motion.E[None]] * free + [(motion.E @ direction)[None, :, None] for direction in directions]
 
 
-def _without(along: Sequence[npt.ArrayLike], result: Array) -> Array:
+def _without(along: Sequence[ArrayLike], result: Array) -> Array:
     """Return a result without its last axes, of length one, for directions."""
     return result.reshape(result.shape[: result.ndim - len(along)])

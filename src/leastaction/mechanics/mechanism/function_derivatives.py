@@ -9,7 +9,7 @@ from itertools import combinations_with_replacement, pairwise, permutations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import Array, as_array, as_count
@@ -145,7 +145,7 @@ class FunctionDerivatives:
 
     # Higher orders
 
-    def along(self, **directions: npt.ArrayLike) -> FunctionDerivatives:
+    def along(self, **directions: ArrayLike) -> FunctionDerivatives:
         """Return the derivative along a direction, with its own gradient and Hessian.
 
         Parameters
@@ -166,7 +166,7 @@ class FunctionDerivatives:
         added = np.concatenate([self.directions, direction[None]])
         return self._made(self.name, self.arguments, self.rows, self.highest_order, self.evaluate, added)
 
-    def weighed(self, weights: npt.ArrayLike) -> FunctionDerivatives:
+    def weighed(self, weights: ArrayLike) -> FunctionDerivatives:
         """Return the sum of several functions with weights (m,), as a single one.
 
         Raises

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, closest
@@ -20,7 +20,7 @@ from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivat
 from leastaction.numerics.arrays import Array
 
 
-def lagrangian(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> FunctionDerivatives:
+def lagrangian(m: Compiled, q: ArrayLike, v: ArrayLike) -> FunctionDerivatives:
     """Return the Lagrangian ``L = T - V`` (J) at a state, by ``q`` and ``v``, to the fourth order.
 
     Parameters
@@ -45,7 +45,7 @@ def lagrangian(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> FunctionDeriv
     return FunctionDerivatives.of("L", arguments, evaluate, highest_order=_highest_order(m, None, Potential))
 
 
-def potential(m: Compiled, q: npt.ArrayLike, element: str | None = None) -> FunctionDerivatives:
+def potential(m: Compiled, q: ArrayLike, element: str | None = None) -> FunctionDerivatives:
     """Return the potential energy (J) at a configuration, by ``q``, to the fourth order.
 
     Parameters
@@ -71,7 +71,7 @@ def potential(m: Compiled, q: npt.ArrayLike, element: str | None = None) -> Func
 
 
 def force(
-    m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike, u: npt.ArrayLike | None = None, element: str | None = None
+    m: Compiled, q: ArrayLike, v: ArrayLike, u: ArrayLike | None = None, element: str | None = None
 ) -> FunctionDerivatives:
     """Return the generalised forces (N or N m) on all variables, by ``q``, ``v`` and ``u``, to the third order.
 
@@ -102,7 +102,7 @@ def force(
     return FunctionDerivatives.of(_called("f", element), arguments, evaluate, rows=m.variables, highest_order=order)
 
 
-def constraint(m: Compiled, q: npt.ArrayLike, element: str | None = None) -> FunctionDerivatives:
+def constraint(m: Compiled, q: ArrayLike, element: str | None = None) -> FunctionDerivatives:
     """Return the constraint functions h(q) at a configuration, by ``q``, to the fourth order.
 
     Parameters

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD
@@ -27,7 +27,7 @@ class Energy:
         return self.kinetic + self.potential
 
 
-def energy(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> Energy:
+def energy(m: Compiled, q: ArrayLike, v: ArrayLike) -> Energy:
     """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch."""
     values, speeds, one = batch_of_states(m, q, v)
     kinetic = np.array([m.core.kinetic_energy(*state) for state in zip(values, speeds, strict=True)])
@@ -35,13 +35,13 @@ def energy(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> Energy:
     return Energy(float(kinetic[0]), float(potential[0])) if one else Energy(kinetic, potential)
 
 
-def momentum(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+def momentum(m: Compiled, q: ArrayLike, v: ArrayLike) -> Array:
     """Return dL/dv at q, v of shape (nq,): the momentum of every variable, kinematic ones too."""
     found: Array = m.core.gradient(single(m, q), single(m, v, "v"))[1]
     return found
 
 
-def mass_matrix(m: Compiled, q: npt.ArrayLike) -> Array:
+def mass_matrix(m: Compiled, q: ArrayLike) -> Array:
     """Return the inertia matrix (nq, nq) of all variables at q of shape (nq,)."""
     # L is quadratic in v, so its second derivative by v is the same at any velocity.
     inertia: Array = m.core.hessian(single(m, q), np.zeros(m.nq))[2]
@@ -53,7 +53,7 @@ def mass_of(m: Compiled) -> float:
     return float(sum(body.mass for _, body, _ in m.tree.bodies()))
 
 
-def center_of_mass(m: Compiled, q: npt.ArrayLike) -> Array:
+def center_of_mass(m: Compiled, q: ArrayLike) -> Array:
     """Return the centre of mass of all bodies, those fixed in the world too.
 
     Parameters
@@ -83,7 +83,7 @@ def center_of_mass(m: Compiled, q: npt.ArrayLike) -> Array:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def total_momentum(m: Compiled, q: npt.ArrayLike, v: npt.ArrayLike) -> Array:
+def total_momentum(m: Compiled, q: ArrayLike, v: ArrayLike) -> Array:
     """Return the linear and angular momentum of all bodies.
 
     Parameters

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, final
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import unknown
@@ -199,7 +199,7 @@ class Mechanism:
             q[order[name]] = as_number(value, f"the value of {name!r}")
         return q
 
-    def named(self, q: npt.ArrayLike) -> dict[str, Any]:
+    def named(self, q: ArrayLike) -> dict[str, Any]:
         """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""
         values, single = batch(self, q)
         columns = values.T

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.mechanics.description.tree import WORLD, Tree
 from leastaction.mechanics.mechanism.arguments import Compiled, frame_index
@@ -58,7 +58,7 @@ class PathMotion:
     turn: Array | None
 
     @classmethod
-    def of(cls, m: Compiled, q: Array, frame: str, point: npt.ArrayLike, axes: Axes) -> PathMotion:
+    def of(cls, m: Compiled, q: Array, frame: str, point: ArrayLike, axes: Axes) -> PathMotion:
         """Look at a point (3,) of a frame at configurations q (N, nq)."""
         index, offset = frame_index(m, frame), as_array(point, "point", (3,))
         as_choice(axes, "axes", get_args(Axes))

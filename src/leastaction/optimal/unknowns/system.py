@@ -45,11 +45,7 @@ class ExtendedSystem(DiscreteSystem):
     """
 
     def __init__(
-        self,
-        system: DiscreteSystem,
-        parameters: Sequence[str],
-        copied: Sequence[int],
-        free_start: bool | Sequence[str],
+        self, system: DiscreteSystem, parameters: Sequence[str], copied: Sequence[int], free_start: bool | Sequence[str]
     ) -> None:
         self.system, self.names, self.free_start = system, tuple(parameters), free_start
         self.copied = np.array(copied, dtype=np.intp)

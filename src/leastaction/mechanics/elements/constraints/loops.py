@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.elements.compiler import Compiler
@@ -107,7 +107,7 @@ class FixedOrientation(Constraint):
 
     frame1: str = field(metadata=FRAME)
     frame2: str = field(metadata=FRAME)
-    rotation: npt.ArrayLike | None = field(default=None, metadata=ROTATION)
+    rotation: ArrayLike | None = field(default=None, metadata=ROTATION)
 
     called = "fixed_orientation"
     task = "hold the attitude"

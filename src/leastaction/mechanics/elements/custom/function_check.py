@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.elements.custom.python_function import PythonFunction
@@ -56,7 +56,7 @@ class FunctionReport:
 
 
 def check_derivatives(
-    function: PythonFunction, z: npt.ArrayLike, *, tolerance: float = 1e-10, strict: bool = True
+    function: PythonFunction, z: ArrayLike, *, tolerance: float = 1e-10, strict: bool = True
 ) -> FunctionReport:
     """Compare gradient and Hessian of a function with the complex-step derivatives of its value and gradient.
 
@@ -126,7 +126,7 @@ def _message(function: PythonFunction, name: str, entry: tuple[int, ...], ours: 
     )
 
 
-def _call(function: PythonFunction, name: str, z: npt.NDArray[Any], shape: tuple[int, ...]) -> npt.NDArray[Any]:
+def _call(function: PythonFunction, name: str, z: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
     given = z.copy()
     given.setflags(write=False)
     result = np.asarray(getattr(function, name)(given))
@@ -139,16 +139,16 @@ def _call(function: PythonFunction, name: str, z: npt.NDArray[Any], shape: tuple
 
 
 def _complex_step(
-    function: PythonFunction, name: str, z: npt.NDArray[np.float64], shape: tuple[int, ...]
-) -> npt.NDArray[np.float64]:
+    function: PythonFunction, name: str, z: NDArray[np.float64], shape: tuple[int, ...]
+) -> NDArray[np.float64]:
     """Return the derivatives of a method by every entry of z, along the last axis."""
     columns = [_call(function, name, z + 1j * STEP * direction, shape).imag / STEP for direction in np.eye(z.size)]
     return np.stack(columns, axis=-1)
 
 
 def _differences(
-    function: PythonFunction, name: str, z: npt.NDArray[np.float64], shape: tuple[int, ...]
-) -> npt.NDArray[np.float64]:
+    function: PythonFunction, name: str, z: NDArray[np.float64], shape: tuple[int, ...]
+) -> NDArray[np.float64]:
     columns = []
     for j, direction in enumerate(np.eye(z.size)):
         h = DIFFERENCE * max(1.0, abs(float(z[j])))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics.elements.base import Constraint, Force, Potential
@@ -40,15 +40,15 @@ class PythonFunction(abc.ABC):
     """
 
     @abc.abstractmethod
-    def value(self, z: npt.NDArray[Any]) -> Any:
+    def value(self, z: NDArray[Any]) -> Any:
         """Return f(z), a scalar."""
 
     @abc.abstractmethod
-    def gradient(self, z: npt.NDArray[Any]) -> npt.ArrayLike:
+    def gradient(self, z: NDArray[Any]) -> ArrayLike:
         """Return df/dz, shape (m,)."""
 
     @abc.abstractmethod
-    def hessian(self, z: npt.NDArray[Any]) -> npt.ArrayLike:
+    def hessian(self, z: NDArray[Any]) -> ArrayLike:
         """Return d2f/dz2, shape (m, m), symmetric."""
 
 
@@ -59,14 +59,14 @@ class _Called:
     function: PythonFunction
     title: str
 
-    def __call__(self, z: npt.NDArray[Any], order: int) -> tuple[Any, Any, Any]:
+    def __call__(self, z: NDArray[Any], order: int) -> tuple[Any, Any, Any]:
         z.setflags(write=False)  # what one method did to it, the next would see
         value = self.array("value", z, ())
         gradient = self.array("gradient", z, (z.size,)) if order >= 1 else None
         hessian = self.array("hessian", z, (z.size, z.size)) if order >= 2 else None
         return value[()], gradient, hessian
 
-    def array(self, method: str, z: npt.NDArray[Any], shape: tuple[int, ...]) -> npt.NDArray[Any]:
+    def array(self, method: str, z: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
         result = np.asarray(getattr(self.function, method)(z))
         if result.shape != shape or result.dtype.kind not in "iufc":
             raise ArgumentError(
