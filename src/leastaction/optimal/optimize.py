@@ -289,8 +289,7 @@ def optimize(
             problem.resume(resume)
         else:
             problem.start(initial)
-        loop: Loop[Any, Any, Any] = Loop(problem, settings, callback, resume)
-        result = loop.run()
+        result = Loop(problem, settings, callback, resume).run()
     return result if extension is None else extension.result(result)
 
 

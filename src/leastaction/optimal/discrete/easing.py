@@ -26,7 +26,7 @@ from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Memory, Place
-from leastaction.optimal.result import OptimizationResult, Settings, Status
+from leastaction.optimal.result import NewtonSchedule, OptimizationResult, Settings, Status
 
 __all__ = ["EasedProblem"]
 
@@ -237,9 +237,7 @@ class EasedProblem(ShootingProblem):
         try:
             finer = EasedProblem(system, cost, self.settings)
             finer.start((self.x[0], eased[1]))
-            loop: Loop[Any, Any, Any] = Loop(finer, self.settings, None, None)
-            loop.schedule = replace(loop.schedule, finer=True)
-            found = loop.run()
+            found = Loop(finer, self.settings, schedule=NewtonSchedule(finer=True)).run()
             self.rollouts += found.rollouts
             if found.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt

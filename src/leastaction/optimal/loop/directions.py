@@ -1,0 +1,150 @@
+"""Which direction to follow, and whether there is any left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from leastaction.optimal.loop.ending import Found, Outcome
+from leastaction.optimal.loop.problem import Direction
+from leastaction.optimal.loop.run import Run
+from leastaction.optimal.result import NewtonSchedule, Status
+
+__all__ = ["Directions"]
+
+# Methods in the order in which they replace one another when a direction cannot be followed.
+_CHAIN = ("newton", "quasi-newton", "steepest")
+
+# Levenberg-Marquardt's weights: the least, and the factor from one to the next.
+_LEAST_SHIFT, _MORE_SHIFT = 1e-3, 10.0
+
+# A model without a minimum is tried again with this part of its curvature; less than the least is not worth having.
+_LESS_CURVATURE = 0.3
+_LEAST_CURVATURE = 1.0 / 128.0
+
+# A quadratic tail is foretold to be over where this part of what is small enough is left, from a step whose model was
+# right to the second part of the decrease.
+_FORETOLD, _RIGHT = 0.01, 0.05
+
+# A cost that does not fall any more is at its minimum if no more than this part of it is expected to be gained; if
+# more is, so many steps are made to gain it.
+_STALLED_CLOSE, _STALLED_STEPS = 1e-7, 5
+
+
+class Directions:
+    """The choice of a direction at the current iterate of a run."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+
+    def each(self, notes: list[str]) -> Iterator[Direction]:
+        """Yield one direction after the other, for as long as they cannot be followed.
+
+        First those of the methods, each of which is simpler than the one before; then, of the automatic choice,
+        ever shorter ones (Levenberg-Marquardt). Raises `Found` at a minimum.
+        """
+        run = self.run
+        shift = run.schedule.shift
+        while shift < run.problem.largest_shift:
+            searched = False
+            for method in self._methods():
+                if method == "steepest" and run.is_automatic and (searched or shift > 0.0):
+                    break
+                direction = self._direction(method, shift)
+                if isinstance(direction, str):
+                    notes.append(f"{method}: {direction}")
+                    run.note_failure(method)
+                    continue
+                if run.stalled or -direction.slope <= run.goal:
+                    if shift > run.schedule.shift:
+                        return  # So short a step leads nowhere.
+                    direction = self._confirm(direction)
+                searched = True
+                run.set_shift(shift)
+                yield direction
+            if not run.is_automatic or (shift == 0.0 and not searched):
+                return
+            shift = max(_MORE_SHIFT * shift, _LEAST_SHIFT)
+
+    def _methods(self) -> tuple[str, ...]:
+        """Return the methods for this iteration: each replaces the one before if that fails."""
+        first = self.run.settings.method
+        if first == "auto":
+            newton = self.run.problem.has_curvature and self.run.schedule.wait == 0
+            first = "newton" if newton else "quasi-newton"
+        return _CHAIN[_CHAIN.index(first) :]
+
+    def _direction(self, method: str, shift: float) -> Direction | str:
+        """Return the direction of a method, or why there is none.
+
+        Newton's model gets as much of the dynamics' curvature as leaves it a minimum.
+        """
+        run, problem = self.run, self.run.problem
+        scale = run.schedule.scale if method == "newton" else 0.0
+        model = problem.minimise_model(method, scale, shift)
+        while not model.definite and scale > _LEAST_CURVATURE:
+            scale *= _LESS_CURVATURE
+            run.note_indefinite(scale)
+            model = problem.minimise_model(method, scale, shift)
+        if not model.definite:
+            return f"the model has no minimum, {model.message}"
+        damped = "-damped" if 0.0 < scale < 1.0 else ""
+        shifted = "-shifted" if shift > 0.0 else ""
+        return problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
+
+    # ---- Whether it is a minimum ----------------------------------------------------------------
+
+    def _confirm(self, direction: Direction) -> Direction:
+        """Return a direction along which the cost still falls, where a model expects no more of its own.
+
+        Damped and shifted models have a minimum at a saddle too: only the undamped second derivative tells.
+        Raises `Found` if there is nowhere to go.
+        """
+        run, problem = self.run, self.run.problem
+        expected = -direction.slope
+        status = Status.STALLED if run.stalled else Status.CONVERGED
+        run.set_shift(0.0)
+        if not problem.tells_saddles:
+            raise Found(Outcome(status, expected=expected))
+        goes_on = run.settings.method in ("auto", "newton")
+        if direction.curvature_scale == 1.0 > direction.shift:
+            return self._unless_close(direction, status)
+        model = problem.minimise_model("newton", 1.0)
+        if model.definite:
+            newton = problem.direction("newton", model, 1.0)
+            if not goes_on:
+                raise Found(Outcome(status, expected=expected))
+            return self._unless_close(newton, status)
+        scale = 0.0 if direction.shift > 0.0 else direction.curvature_scale
+        down = problem.negative_curvature(scale) if goes_on else None
+        if down is None:
+            raise Found(Outcome(Status.SADDLE, model.message, expected))
+        promise = -(down.slope + 0.5 * down.bend)
+        if promise <= max(run.goal, problem.noise):
+            detail = f"So is the decrease that negative curvature promises along the direction found, {promise:.2g}."
+            raise Found(Outcome(status, detail, max(expected, promise)))
+        return down
+
+    def _unless_close(self, newton: Direction, status: Status) -> Direction:
+        """Return the direction of Newton's undamped model, unless it leads hardly any further down: then it ends."""
+        run, problem, expected = self.run, self.run.problem, -newton.slope
+        enough = max(run.goal, problem.noise)
+        if run.stalled:
+            enough = max(enough, _STALLED_CLOSE * abs(problem.value))
+        if expected <= enough:
+            raise Found(Outcome(status, expected=expected))
+        if run.still >= problem.patience + _STALLED_STEPS:
+            detail = "The cost has not fallen for several steps."
+            raise Found(Outcome(Status.LINE_SEARCH_FAILED, detail, expected))
+        return newton
+
+    def foretold(self, before: NewtonSchedule, expected: float, agreement: float) -> Outcome | None:
+        """Return that it has converged where the next step can be foretold to be too short to matter.
+
+        The expected decrease of full Newton steps is squared, but for a factor, by each of them.
+        """
+        following = expected**3 / before.expected**2 if before.full else np.inf
+        if abs(agreement - 1.0) < _RIGHT and following <= _FORETOLD * self.run.goal:
+            return Outcome(Status.CONVERGED, expected=following)
+        return None

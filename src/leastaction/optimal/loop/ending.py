@@ -1,0 +1,73 @@
+"""How an optimisation ended, or will end, in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from leastaction.optimal.loop.problem import Direction, Problem
+from leastaction.optimal.loop.run import Run
+from leastaction.optimal.result import Status
+
+__all__ = ["STUCK", "Found", "Outcome", "message", "outlook"]
+
+STUCK = (Status.STALLED, Status.LINE_SEARCH_FAILED, Status.SADDLE)
+"""How a stage ends that another way may lead out of."""
+
+# So many iterations tell how fast a run is; it is fast where each leaves this part of the expected decrease.
+_LOOKED_BACK, _FAST = 10, 0.9
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a stage ended: the status, its particulars in words, and the expected decrease there."""
+
+    status: Status
+    detail: str = ""
+    expected: float = np.nan
+
+
+class Found(Exception):
+    """The search for a direction has come to an end of the optimisation."""
+
+    def __init__(self, outcome: Outcome) -> None:
+        super().__init__(outcome.detail)
+        self.outcome = outcome
+
+
+def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
+    """Return how it ended in words; of an end that is no proper one, with the instant at which time is coarsest."""
+    parts = [outcome.status.value, outcome.detail, problem.unfinished]
+    worst = problem.worst_step
+    if worst is not None and outcome.status in STUCK:
+        parts.append(f"Along the last iterate {worst}.")
+    return " ".join(part for part in parts if part)
+
+
+def outlook(run: Run, direction: Direction) -> str:
+    """Return what a run that is cut off was about to do, how fast it was, and what may help."""
+    if run.problem.unfinished:
+        return ""
+    expected, goal = -direction.slope, run.goal
+    where = run.problem.where(direction)
+    parts = [f"The expected decrease is still {expected:.2g}, where {goal:.2g} is asked for"]
+    parts.append(f"; most of it is that of {where}. " if where else ". ")
+    costs = run.history.cost[-1 - _LOOKED_BACK :]
+    fall = (costs[0] - costs[-1]) / max(abs(costs[-1]), 1e-300) if len(costs) > 1 else np.nan
+    if not fall > 0.0:
+        return "".join(parts).strip()
+    parts.append(f"The last {len(costs) - 1} iterations lowered the cost by {fall:.2g} of itself")
+    before = run.history.expected_decreases[-len(costs) + 1]
+    rate = (expected / before) ** (1.0 / (len(costs) - 1))
+    if rate < _FAST:
+        more = int(np.ceil(np.log(goal / expected) / np.log(rate)))
+        parts.append(f"; at their rate some {more} more are needed.")
+    else:
+        parts.append(
+            "; it creeps along a flat valley. Weigh in the cost what moves there, which determines the minimum "
+            f"better (a larger R for that input), take a tolerance above {expected / abs(costs[-1]):.1g}, or start "
+            "elsewhere."
+        )
+    return "".join(parts)

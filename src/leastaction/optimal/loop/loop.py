@@ -1,0 +1,177 @@
+"""The loop: one iteration after the other, until there is a reason to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import LeastActionError
+from leastaction.optimal.line_search import Step, Trial
+from leastaction.optimal.loop.directions import Directions
+from leastaction.optimal.loop.ending import Found, Outcome, message, outlook
+from leastaction.optimal.loop.problem import Direction, Problem
+from leastaction.optimal.loop.run import Run
+from leastaction.optimal.loop.search import Search
+from leastaction.optimal.loop.stages import Stages
+from leastaction.optimal.result import IterationRecord, NewtonSchedule, OptimizationResult, Settings, Status
+
+__all__ = ["Callback", "Loop"]
+
+Callback = Callable[[IterationRecord], object]
+
+
+class Loop:
+    """One optimisation.
+
+    ``problem``: standing at its first iterate. ``callback``: told of every iteration; a true answer ends it.
+    ``resume``: the result whose history goes on. ``schedule``: what a run that does not resume begins with.
+    """
+
+    def __init__(
+        self,
+        problem: Problem[Any, Any, Any],
+        settings: Settings,
+        callback: Callback | None = None,
+        resume: OptimizationResult | None = None,
+        schedule: NewtonSchedule | None = None,
+    ) -> None:
+        self.callback = callback
+        self.progress = Run(problem, settings, resume, schedule)
+        self.stages = Stages(self.progress)
+        self.directions = Directions(self.progress)
+        self.search = Search(self.progress)
+
+    def run(self) -> OptimizationResult:
+        """Iterate until there is a reason to stop."""
+        problem = self.progress.problem
+        try:
+            outcome = None
+            if not self.progress.history.cost:
+                outcome = self._tell(None, None, np.nan, problem.note)
+            while outcome is None or self.stages.go_on(outcome):
+                self.stages.look()
+                outcome = self._advance()
+            outcome = self.stages.verdict(outcome)
+        except KeyboardInterrupt:
+            # A solution may have been left half written; none of it belongs to the iterate.
+            problem.forget()
+            outcome = Outcome(Status.INTERRUPTED)
+        return self._finish(outcome)
+
+    def _advance(self) -> Outcome | None:
+        """Make one iteration; the outcome if it was the last."""
+        run = self.progress
+        notes: list[str] = []
+        expected = np.nan
+        refusal = None
+        try:
+            for direction in self.directions.each(notes):
+                expected = -direction.slope
+                if run.history.iterations >= run.limit:
+                    return Outcome(Status.ITERATION_LIMIT, outlook(run, direction), expected)
+                step = self.search(direction)
+                if step.trial is not None:
+                    return self._accept(direction, step, step.trial, "; ".join([*run.remarks(), *notes]))
+                refusal = step.refusal
+                assert refusal is not None
+                notes.append(f"{direction.method}: no step was short enough, {refusal.reason}")
+                run.note_failure(direction.method)
+                if direction.bend < 0.0:
+                    return Outcome(Status.SADDLE, f"The search along it ended: {refusal.reason}.", expected)
+                if refusal.hopeless and direction.shift > 0.0:
+                    break
+        except Found as found:
+            return found.outcome
+        except LeastActionError as error:
+            return Outcome(Status.DERIVATIVES_FAILED, str(error))
+        if refusal is None:
+            return Outcome(Status.NO_DIRECTION, "; ".join(notes))
+        if expected < max(1e-10 * abs(run.problem.value), run.problem.noise):
+            return Outcome(Status.STALLED, notes[-1], expected)
+        return Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected)
+
+    def _accept(self, direction: Direction, step: Step[Any], trial: Trial[Any], note: str) -> Outcome | None:
+        run, problem = self.progress, self.progress.problem
+        decrease, expected = problem.value - trial.cost, -direction.slope
+        agreement = decrease / max(0.5 * expected, 1e-300)
+        before = run.schedule
+        run.note_step(direction, step, decrease, agreement, trial.cost)
+        foretold = None
+        if not run.stalled and step.length == 1.0 and direction.method == "newton":
+            foretold = self.directions.foretold(before, expected, agreement)
+        problem.accept(direction, trial)
+        if foretold is not None:
+            problem.keep_feedback(direction)
+        return self._tell(direction, step, decrease, note) or foretold
+
+    def _tell(self, direction: Direction | None, step: Step[Any] | None, decrease: float, note: str) -> Outcome | None:
+        """Tell the history and the callback of an iteration, or of where it all starts."""
+        run, problem = self.progress, self.progress.problem
+        x, u = problem.arrays()
+        told: dict[str, Any] = {
+            "iteration": run.history.iterations,
+            "method": "start",
+            "expected_decrease": np.nan,
+            "step_length": np.nan,
+            "rollouts": problem.rollouts,
+            "curvature_scale": 0.0,
+        }
+        if direction is not None and step is not None:
+            cut = None if step.refusal is None else step.refusal.step
+            told = {
+                "iteration": run.history.iterations + 1,
+                "method": direction.method,
+                "expected_decrease": -direction.slope,
+                "step_length": step.length,
+                "rollouts": step.rollouts,
+                "curvature_scale": direction.curvature_scale,
+                "shift": direction.shift,
+                "cut_at": -1 if cut is None else cut,
+            }
+        record = IterationRecord(
+            cost=problem.shown,
+            decrease=decrease,
+            note=note,
+            worst_step=problem.worst_step,
+            gap=problem.gap,
+            seconds=problem.clock.seconds,
+            x=x,
+            u=u,
+            snapshot=self._snapshot,
+            **told,
+        )
+        run.history.add(record)
+        if self.callback is not None and self.callback(record):
+            return Outcome(Status.STOPPED_BY_CALLBACK)
+        return None
+
+    def _snapshot(self) -> OptimizationResult:
+        result = self._finish(Outcome(Status.STOPPED_BY_CALLBACK))
+        # The run goes on in the memory of these.
+        return replace(result, K=result.K.copy(), projection_gain=result.projection_gain.copy())
+
+    def _finish(self, outcome: Outcome) -> OptimizationResult:
+        run, problem = self.progress, self.progress.problem
+        # The last feedback may still have to be computed: its time belongs to the total.
+        clock = problem.clock
+        timings = dict(clock.timings)
+        result = problem.result(
+            {
+                "status": outcome.status,
+                "message": message(problem, outcome),
+                "cost": problem.shown,
+                "expected_decrease": outcome.expected,
+                "history": run.history.build(),
+                "timings": MappingProxyType(timings),
+                "rollouts": problem.rollouts + run.searched,
+                "settings": run.settings,
+                "schedule": run.schedule,
+                "worst_step": problem.worst_step,
+            }
+        )
+        timings["total"] = clock.seconds
+        return result

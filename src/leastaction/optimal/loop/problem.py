@@ -1,0 +1,268 @@
+"""What the loop knows of a problem: a system, a cost and the current iterate, in either kind of time."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.line_search import Refusal, Trial, rounding_of
+from leastaction.optimal.result import OptimizationResult, Status
+
+__all__ = ["Clock", "Direction", "Model", "Problem", "both"]
+
+
+class Clock:
+    """Adds up the seconds spent in each part of the work."""
+
+    def __init__(self) -> None:
+        self.began = time.perf_counter()
+        self.timings = dict.fromkeys(("linearize", "curvature", "lq", "rollout"), 0.0)
+
+    def __call__(self, part: str) -> _Part:
+        """Count the time inside of a ``with`` to a part."""
+        return _Part(self.timings, part)
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since the clock was made."""
+        return time.perf_counter() - self.began
+
+
+class _Part:
+    """The time inside of a ``with``; a class, because short iterations have many and a generator takes longer."""
+
+    __slots__ = ("began", "part", "timings")
+
+    def __init__(self, timings: dict[str, float], part: str) -> None:
+        self.timings, self.part = timings, part
+
+    def __enter__(self) -> None:
+        self.began = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.timings[self.part] += time.perf_counter() - self.began
+
+
+class Model(Protocol):
+    """The solution of a linear-quadratic problem, as far as the loop looks into it."""
+
+    @property
+    def definite(self) -> bool:
+        """Whether there is a minimum."""
+
+    @property
+    def message(self) -> str:
+        """Why there is none."""
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A descent direction.
+
+    Attributes
+    ----------
+    method : str
+        Which model it minimises.
+    slope : float
+        ``Dg . dxi``, negative.
+    curvature_scale : float
+        The part of the dynamics' curvature in the model; 0 for the methods without curvature.
+    shift : float
+        What its model adds to the weights of all deviations.
+    bend : float
+        The second derivative along it, if it is negative and the direction is followed for that; else 0.
+    """
+
+    method: str
+    slope: float
+    curvature_scale: float
+    shift: float = 0.0
+    bend: float = 0.0
+
+
+M = TypeVar("M", bound=Model)
+D = TypeVar("D", bound=Direction)
+I = TypeVar("I")  # noqa: E741 - an iterate
+
+
+class Problem(ABC, Generic[M, D, I]):
+    """A system, a cost and the current iterate: all that the loop knows of either kind of time.
+
+    Everything computed along an iterate is kept until the next one is accepted.
+    """
+
+    value: float
+    """Cost of the current iterate."""
+    rollouts: int = 0
+    """Roll-outs made so far, other than those of line searches."""
+    has_curvature: bool
+    """Whether Newton's method is available."""
+    tells_saddles: bool = False
+    """Whether Newton's undamped model can be trusted to tell a minimum from a saddle."""
+    note: str = ""
+    """What is to be said of where it starts."""
+    worst_step: StepQuality | None = None
+    """The coarsest step along the current iterate; None where that is not known."""
+    largest_shift: float = 1e9
+    """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
+    ease: float = 1.0
+    """How much easier the problem of this stage is than the one that was asked for."""
+
+    def __init__(self) -> None:
+        self.clock = Clock()
+
+    @property
+    def noise(self) -> float:
+        """What the cost may be off: steps are not refused for that much."""
+        return rounding_of(self.value)
+
+    @property
+    def magnitude(self) -> float:
+        """The cost that the tolerance is relative to."""
+        return self.value
+
+    @property
+    def gap(self) -> float:
+        """The largest gap between a step's end and the next state, in parts of the states' sizes; 0 of a trajectory."""
+        return 0.0
+
+    @property
+    def unfinished(self) -> str:
+        """What is to be said of a run that ends before its last stage."""
+        return ""
+
+    @property
+    def patience(self) -> int:
+        """Steps in a row that lower the cost by no more than its noise, after which it is at its minimum."""
+        return 1
+
+    def tolerated(self, goal: float) -> float:
+        """Return the expected decrease that is small enough at this stage, given what is so at the end."""
+        return goal
+
+    def next_stage(self) -> bool:
+        """Go on from the minimum of one stage to the next, and return whether there is one."""
+        return False
+
+    @property
+    def longest_stage(self) -> int | None:
+        """Iterations after which a stage is over wherever it stands; None: not before its minimum."""
+        return None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the iterate is a curve with gaps."""
+        return False
+
+    @property
+    def long_run(self) -> int | None:
+        """Iterations after which gaps may be the shorter way; None where they are none."""
+        return None
+
+    @property
+    def prefers_gaps(self) -> bool:
+        """Whether gaps are more promising than an easier stage, where a run gets lost."""
+        return False
+
+    def begin_with_gaps(self, *, brief: bool) -> bool:  # noqa: ARG002
+        """Begin again with gaps between the steps, and return whether that can be done.
+
+        If `brief`, they have to close soon: there are other ways.
+        """
+        return False
+
+    def begin_again(self) -> bool:
+        """Begin again with an easier stage, and return whether there is one."""
+        return False
+
+    def retry_stage(self) -> bool:
+        """Make a stage again that led nowhere, from a better place, and return whether there is one."""
+        return False
+
+    def fall_back(self) -> bool:
+        """Return to where it stood before it began again, if that is better, and return whether it was."""
+        return False
+
+    def begin_finer(self) -> bool:
+        """Begin again from what shorter steps of time lead to, and return whether there is such a thing."""
+        return False
+
+    def verdict(self) -> tuple[Status, str] | None:
+        """Return another ending than that of the last stage's minimum, and its particulars."""
+        return None
+
+    @property
+    def shown(self) -> float:
+        """The cost of the current iterate as it is told: without what only guides the search."""
+        return self.value
+
+    @abstractmethod
+    def start(self, initial: Any) -> None:
+        """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
+
+    @abstractmethod
+    def resume(self, result: Any) -> None:
+        """Begin where an earlier run ended."""
+
+    @abstractmethod
+    def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> M:
+        """Return the minimum of a method's quadratic model, with a part of the dynamics' curvature.
+
+        The shift is added to the weights of all deviations.
+        """
+
+    @abstractmethod
+    def direction(self, method: str, model: M, scale: float, shift: float = 0.0) -> D:
+        """Return the direction of a model that has a minimum."""
+
+    def negative_curvature(self, scale: float) -> D | None:  # noqa: ARG002
+        """Return a direction of negative curvature, where the undamped Newton model has one.
+
+        The model with this part of the curvature has a minimum.
+        """
+        return None
+
+    def first_step(self, direction: D, length: float) -> float:  # noqa: ARG002
+        """Return how far to go along a direction at first, at most this far."""
+        return length
+
+    @abstractmethod
+    def simulate(self, direction: D, length: float, bound: float) -> Trial[I] | Refusal:
+        """Return the projection of a step along the direction, or why it is refused."""
+
+    @abstractmethod
+    def accept(self, direction: D, trial: Trial[I]) -> None:
+        """Make a trial the current iterate."""
+
+    def where(self, direction: D) -> str:  # noqa: ARG002
+        """Return which input, and when, has most of the decrease that is expected of a direction; empty if unknown."""
+        return ""
+
+    @abstractmethod
+    def keep_feedback(self, direction: D) -> None:
+        """Take the direction's feedback for that of the iterate, which it hardly moved."""
+
+    @abstractmethod
+    def forget(self) -> None:
+        """Drop all that was computed along the current iterate."""
+
+    @abstractmethod
+    def arrays(self) -> tuple[Array, Array]:
+        """Return states and inputs of the current iterate, for callbacks."""
+
+    @abstractmethod
+    def result(self, summary: dict[str, Any]) -> OptimizationResult:
+        """Return the result at the current iterate, given all that the loop knows of it."""
+
+
+def both(initial: Any) -> tuple[Any, Any]:
+    """Return the pair (x, u) that was given to start from, or complain."""
+    if not isinstance(initial, (tuple, list)) or len(initial) != 2:
+        raise ArgumentError(f"initial: got {type(initial).__name__}, expected a pair (x, u).")
+    x, u = initial
+    return x, u

@@ -1,0 +1,110 @@
+"""How far an optimisation has come: what its parts share, and remember from one iteration to the next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from leastaction.optimal.line_search import Step
+from leastaction.optimal.loop.problem import Direction, Problem
+from leastaction.optimal.result import HistoryBuilder, NewtonSchedule, OptimizationResult, Settings
+
+__all__ = ["Run"]
+
+# Of so many first steps, most were shorter than the last where a run is likely to get lost.
+_FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
+
+
+class Run:
+    """How far an optimisation has come.
+
+    ``problem``: standing at its current iterate. ``history``: of all iterations. ``limit``: how many there may be.
+    ``schedule``: what the choice of a direction remembers. ``still``: steps in a row that lowered the cost by no more
+    than its noise; ``stalled``: whether that were too many. ``remark``: what is to be said of the next iteration.
+    ``searched``: roll-outs of searches.
+    """
+
+    def __init__(
+        self,
+        problem: Problem[Any, Direction, Any],
+        settings: Settings,
+        resume: OptimizationResult | None,
+        schedule: NewtonSchedule | None,
+    ) -> None:
+        self.problem = problem
+        self.settings = settings
+        self.searched = 0
+        self.still = 0
+        self.stalled = False
+        self.remark = ""
+        if resume is None:
+            self.history = HistoryBuilder()
+            self.limit = settings.max_iterations
+            self.schedule = schedule or NewtonSchedule()
+        else:
+            self.history = HistoryBuilder(resume.history)
+            self.limit = settings.max_iterations + resume.iterations
+            self.schedule = resume.schedule
+
+    @property
+    def is_automatic(self) -> bool:
+        """Whether the method is chosen here."""
+        return self.settings.method == "auto"
+
+    @property
+    def goal(self) -> float:
+        """The expected decrease that is small enough."""
+        settings = self.settings
+        goal = settings.tolerance * abs(self.problem.magnitude) + settings.absolute_tolerance
+        return self.problem.tolerated(goal)
+
+    @property
+    def has_just_begun(self) -> bool:
+        """Whether it has made the steps by which `was_violent` judges, and no more."""
+        return self.history.iterations == _FIRST_STEPS
+
+    @property
+    def was_violent(self) -> bool:
+        """Whether most of the first steps had to be cut short: the run is likely to get lost."""
+        return sum(length < _CUT for length in self.history.step_lengths[:_FIRST_STEPS]) >= _MOST
+
+    def set_out(self, schedule: NewtonSchedule, why: str = "") -> None:
+        """Begin a stage of the problem; the note of the next iteration says why."""
+        self.still, self.stalled = 0, False
+        self.schedule = replace(schedule, ease=self.problem.ease, spent=0)
+        self.remark = why or self.remark
+
+    def note_failure(self, method: str) -> None:
+        """Remember that a direction of a method could not be found or followed."""
+        if method.startswith("newton"):
+            self.schedule = self.schedule.after_failure()
+
+    def note_indefinite(self, scale: float) -> None:
+        """Remember that a Newton model had no minimum; this part of the curvature is tried next."""
+        self.schedule = self.schedule.after_indefinite(scale)
+
+    def set_shift(self, shift: float) -> None:
+        """Take a shift of the weights for that of the iterations to come."""
+        if shift != self.schedule.shift:
+            self.schedule = replace(self.schedule, shift=shift)
+
+    def note_step(self, direction: Direction, step: Step[Any], decrease: float, agreement: float, cost: float) -> None:
+        """Remember a step that is to be accepted.
+
+        ``decrease``: by how much it lowers the cost. ``agreement``: that in parts of what the model promised. ``cost``:
+        that after it.
+        """
+        self.still = self.still + 1 if decrease <= self.problem.noise else 0
+        # Whether that is at a minimum or at a saddle is looked at before the next step.
+        self.stalled = self.still >= self.problem.patience
+        self.schedule = self.schedule.after_step(
+            direction.method, direction.curvature_scale, step.length, agreement, -direction.slope, cost
+        )
+
+    def remarks(self) -> list[str]:
+        """Return what is to be said of the stage that an iteration begins."""
+        said, self.remark = [self.remark] * bool(self.remark), ""
+        ease = self.problem.ease
+        if ease != 1.0 and self.schedule.spent == 0:
+            said.append(f"inputs are {ease:.4g} times as dear as asked for")
+        return said

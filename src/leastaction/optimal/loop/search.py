@@ -1,0 +1,87 @@
+"""How far to go along a direction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from leastaction.optimal.line_search import LineSearch, Step
+from leastaction.optimal.loop.ending import Found, Outcome
+from leastaction.optimal.loop.problem import Direction
+from leastaction.optimal.loop.run import Run
+from leastaction.optimal.result import Status
+
+__all__ = ["Search"]
+
+# Shorter steps that are tried along a direction which another one can replace.
+_BACKTRACKS = {"newton": 4, "quasi-newton": 6, "negative-curvature": 8}
+_BACKTRACKS_SHIFTED = 2
+
+# A search begins with a step that is longer by this than the last one, if that had to be cut so much.
+_LONGER = 4.0
+
+# Whether a negative second derivative is right is looked at where it changes the cost by so many times its noise; it is
+# wrong if there is less of it than this part.
+_ABOVE_NOISE, _SOME = 1e7, 0.1
+
+
+class Search:
+    """The searches of a run."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.line_search = LineSearch(run.settings.alpha, run.settings.beta)
+
+    def __call__(self, direction: Direction) -> Step[Any]:
+        """Return the step along a direction; raises `Found` where its negative curvature is seen to be wrong."""
+        return self._along(direction) if direction.bend == 0.0 else self._down(direction)
+
+    def _along(self, direction: Direction, first: float | None = None) -> Step[Any]:
+        run, problem = self.run, self.run.problem
+        if first is None:
+            first = min(1.0, _LONGER * run.schedule.length)
+            if direction.method == run.schedule.method:
+                first = max(first, run.schedule.reach)
+            first = problem.first_step(direction, first)
+        backtracks = run.settings.max_backtracks
+        name = direction.method
+        if name != "steepest" and run.settings.method in ("auto", "newton"):
+            # Another direction takes over, so very short steps are not worth their roll-outs.
+            most = _BACKTRACKS.get(name.removesuffix("-damped"), _BACKTRACKS_SHIFTED)
+            backtracks = min(backtracks, most)
+        with problem.clock("rollout"):
+            step = self.line_search(
+                lambda length, bound: problem.simulate(direction, length, bound),
+                value=problem.value,
+                noise=problem.noise,
+                slope=direction.slope,
+                bend=direction.bend,
+                max_backtracks=backtracks,
+                first=first,
+            )
+        run.searched += step.rollouts
+        return step
+
+    def _down(self, direction: Direction) -> Step[Any]:
+        """Search along negative curvature; if need be, with steps so short that the second derivative holds.
+
+        Raises `Found` if the cost is seen not to bend downwards there: then the given second derivative is wrong,
+        and there is nothing that speaks against a minimum.
+        """
+        problem = self.run.problem
+        length = min(1.0, float(np.sqrt(_ABOVE_NOISE * problem.noise / -direction.bend)))
+        costs = []
+        with problem.clock("rollout"):
+            for side in (length, -length):
+                costs.append(problem.simulate(direction, side, np.inf).cost)
+                self.run.searched += 1
+        # A roll-out that failed has a cost of NaN, and says nothing.
+        if sum(costs) - 2.0 * problem.value > _SOME * length**2 * direction.bend:
+            detail = (
+                "The second derivative of the system has it fall along a direction in which it rises: hold it to "
+                "check_derivatives."
+            )
+            raise Found(Outcome(Status.CONVERGED, detail, -direction.slope))
+        step = self._along(direction)
+        return step if step.trial is not None else self._along(direction, first=length)

@@ -1,0 +1,109 @@
+"""From one stage of a problem to the next, and other ways to begin where a run is stuck."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from leastaction.optimal.loop.ending import STUCK, Outcome
+from leastaction.optimal.loop.run import Run
+from leastaction.optimal.result import NewtonSchedule, Status
+
+__all__ = ["Stages"]
+
+# Where a stage of the problem may be followed by the next.
+_ENDS = (Status.CONVERGED, Status.STALLED)
+
+
+class Stages:
+    """The stages of a run: all but the first are tried for the automatic choice of a method only."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+
+    def look(self) -> None:
+        """Leave a stage that has lasted too long, or a run that is about to get lost.
+
+        Looked at before each iteration, so that one which is resumed does as well.
+        """
+        run = self.run
+        if run.schedule.spent >= (run.problem.longest_stage or np.inf):
+            self._next()
+        elif run.has_just_begun and run.was_violent:
+            _ = self._begin_with_gaps() or self._begin_again()
+        elif run.schedule.spent == run.problem.long_run and not run.schedule.again:
+            self._begin_with_gaps()
+
+    def go_on(self, outcome: Outcome) -> bool:
+        """Return whether the problem has more to do where a stage ended so."""
+        run, problem = self.run, self.run.problem
+        stuck = outcome.status in STUCK
+        if (outcome.status in _ENDS or (stuck and problem.longest_stage is not None)) and self._next():
+            return True
+        if outcome.status in _ENDS:
+            return False
+        # Stages that end at steps of time that are too coarse lead there again, however they are made.
+        if stuck and run.schedule.again and self._begin_finer():
+            return True
+        if stuck and problem.retry_stage():
+            run.set_out(
+                NewtonSchedule(again=True, finer=run.schedule.finer),
+                "led nowhere, back to the last stage that ended well",
+            )
+            return True
+        if stuck and ((problem.prefers_gaps and self._begin_with_gaps()) or self._begin_again()):
+            return True
+        if stuck and problem.fall_back():
+            run.set_out(
+                NewtonSchedule(again=True, finer=run.schedule.finer),
+                "the way before it began again had led further: it goes on there",
+            )
+            return True
+        return stuck and self._begin_finer()
+
+    def verdict(self, outcome: Outcome) -> Outcome:
+        """Return another outcome than that of the last stage's minimum, if the problem has one."""
+        verdict = self.run.problem.verdict() if outcome.status in _ENDS else None
+        return outcome if verdict is None else Outcome(*verdict, expected=outcome.expected)
+
+    def _next(self) -> bool:
+        """Go on to the problem's next stage, if it has one."""
+        run = self.run
+        was_open = run.problem.is_open
+        if run.problem.next_stage():
+            run.set_out(replace(run.schedule, expected=np.nan, full=False))
+            return True
+        if not was_open:
+            return False
+        again = NewtonSchedule(again=run.schedule.again, finer=run.schedule.finer)
+        run.set_out(again, "the gaps did not close, back to where it stood")
+        if run.was_violent:
+            self._begin_again()
+        return True
+
+    def _begin_with_gaps(self) -> bool:
+        """Begin again with gaps between the steps, for the automatic choice only."""
+        run = self.run
+        if not run.is_automatic or not run.problem.begin_with_gaps(brief=run.was_violent):
+            return False
+        schedule = NewtonSchedule(again=run.schedule.again, finer=run.schedule.finer)
+        run.set_out(schedule, "began again, with gaps between the steps")
+        return True
+
+    def _begin_again(self) -> bool:
+        """Begin again with an easier stage, once and for the automatic choice only."""
+        run = self.run
+        if run.schedule.again or not run.is_automatic or not run.problem.begin_again():
+            return False
+        schedule = NewtonSchedule(again=True, finer=run.schedule.finer)
+        run.set_out(schedule, "began again, where searches would lead nowhere")
+        return True
+
+    def _begin_finer(self) -> bool:
+        """Begin again from what shorter steps of time lead to, once and for the automatic choice only."""
+        run = self.run
+        if run.schedule.finer or not run.is_automatic or not run.problem.begin_finer():
+            return False
+        run.set_out(NewtonSchedule(again=True, finer=True), "began again, from a minimum with half the steps of time")
+        return True
