@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import IO, Any
@@ -30,7 +29,7 @@ _COLUMNS = (
 
 
 class Table:
-    """Prints rows as they happen, under a heading; in colour on a terminal, and if rich is installed.
+    """Prints rows as they happen, under a heading; in colour on a terminal.
 
     ``columns``: headings and widths. ``file``: where to. ``then``: another callback, called after printing. Threads do
     not share one.
@@ -39,9 +38,11 @@ class Table:
     columns: tuple[tuple[str, int], ...]
 
     def __init__(self, *, file: IO[str] | None = None, then: Callable[[Any], object] | None = None) -> None:
+        from rich.console import Console  # here, so that to import the package is quick
+
         self._file = file
         self._then = then
-        self._console = _console(file)
+        self._console = Console(file=file)
         self._has_header = False
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -60,10 +61,7 @@ class Table:
 
     def _print(self, cells: Sequence[str], style: str) -> None:
         line = "  ".join(cell.rjust(width) for cell, (_, width) in zip(cells, self.columns, strict=False))
-        if self._console is not None:
-            self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
-        else:
-            print(line, file=self._file if self._file is not None else sys.stdout, flush=True)
+        self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
 
 
 class IterationTable(Table):
@@ -78,7 +76,7 @@ class IterationTable(Table):
     Parameters
     ----------
     file : text stream, optional
-        Where to; the standard output if left out. On a terminal, and if rich is installed, the table is in colour.
+        Where to; the standard output if left out. On a terminal the table is in colour.
     then : callable, optional
         Another callback to call after printing; its answer is passed on.
     """
@@ -110,12 +108,3 @@ class IterationTable(Table):
 
 
 _STYLES = {"newton": "green", "newton-damped": "cyan", "steepest": "yellow"}
-
-
-def _console(file: IO[str] | None) -> Any:
-    """Return a console of rich, or None where that is not installed."""
-    try:
-        from rich.console import Console
-    except ImportError:
-        return None
-    return Console(file=file)

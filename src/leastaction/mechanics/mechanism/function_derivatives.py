@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations_with_replacement, pairwise, permutations
 from typing import Any
@@ -52,12 +52,15 @@ class FunctionDerivatives:
     highest_order: int
     evaluate: Evaluate = field(repr=False)
     directions: Array = field(repr=False)
-    values: Array = field(repr=False)
-    gradients: Array = field(repr=False)
+    values: Array = field(init=False, repr=False)
+    gradients: Array = field(init=False, repr=False)
 
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
+        values, gradients, _ = self.evaluate(self.directions, np.ones(1 if self.rows is None else len(self.rows)))
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "gradients", gradients)
         freeze_arrays(self)
 
     @classmethod
@@ -74,20 +77,7 @@ class FunctionDerivatives:
         ends = np.cumsum([0, *arguments.values()]).tolist()
         places = dict(zip(arguments, pairwise(ends), strict=True))
         named = None if rows is None else tuple(rows)
-        return cls._made(name, places, named, highest_order, evaluate, np.zeros((0, ends[-1])))
-
-    @classmethod
-    def _made(
-        cls,
-        name: str,
-        arguments: Mapping[str, tuple[int, int]],
-        rows: tuple[str, ...] | None,
-        highest_order: int,
-        evaluate: Evaluate,
-        directions: Array,
-    ) -> FunctionDerivatives:
-        values, gradients, _ = evaluate(directions, np.ones(1 if rows is None else len(rows)))
-        return cls(name, arguments, rows, highest_order, evaluate, directions, values, gradients)
+        return cls(name, places, named, highest_order, evaluate, np.zeros((0, ends[-1])))
 
     # What it is
 
@@ -163,8 +153,7 @@ class FunctionDerivatives:
             place = self._place(name)
             direction[place] = as_array(value, f"{self.name}: along: {name}", (place.stop - place.start,))
         self._check_order(3 + len(self.directions))
-        added = np.concatenate([self.directions, direction[None]])
-        return self._made(self.name, self.arguments, self.rows, self.highest_order, self.evaluate, added)
+        return replace(self, directions=np.concatenate([self.directions, direction[None]]))
 
     def weighed(self, weights: ArrayLike) -> FunctionDerivatives:
         """Return the sum of several functions with weights (m,), as a single one.
@@ -177,8 +166,7 @@ class FunctionDerivatives:
         if self.rows is None:
             raise ArgumentError(f"{self.name}: weighed: it is a single function; multiply its derivatives")
         given = as_array(weights, f"{self.name}: weights", (len(self.rows),), names=self.rows)
-        evaluate = Weighed(self.evaluate, given)
-        return self._made(self.name, self.arguments, None, self.highest_order, evaluate, self.directions)
+        return replace(self, rows=None, evaluate=Weighed(self.evaluate, given))
 
     def tensor(self, order: int, *, max_bytes: float = MAX_BYTES) -> Array:
         """Return all derivatives of an order, uncontracted (for analysis: `along` is what algorithms need).
