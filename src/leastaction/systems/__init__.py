@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from leastaction.systems.continuous import MechanismSystem
+from leastaction.systems.costs.places import PlaceCost
+from leastaction.systems.costs.smooth import SmoothCost
 from leastaction.systems.embedding import embed
 from leastaction.systems.follow import Followed, follow
 from leastaction.systems.keep import Ball, Box, HalfSpace, Keep, Region
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.places import PlaceCost
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.relaxation import by_tensions, relax
 from leastaction.systems.rig import Played, Rig, play
-from leastaction.systems.smooth import SmoothCost
 from leastaction.systems.warm_start import warm_start
 
 __all__ = [

@@ -16,7 +16,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous import ContinuousSystem
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
-from leastaction.systems.solved import KINDS, points_of, quantity_of
+from leastaction.systems.quantities.continuous import KINDS, points_of, quantity_of
 
 _FEW = 8  # samples, for which threads are not worth it
 

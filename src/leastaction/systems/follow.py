@@ -23,10 +23,10 @@ from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.quantity import Instants
 from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.systems.costs.places import PlaceCost
+from leastaction.systems.costs.smooth import SmoothCost
 from leastaction.systems.embedding import embed
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.places import PlaceCost
-from leastaction.systems.smooth import SmoothCost
 from leastaction.systems.warm_start import onto_constraints
 
 __all__ = ["Followed", "Wanted", "follow"]

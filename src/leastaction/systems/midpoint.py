@@ -23,7 +23,7 @@ from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
-from leastaction.systems.quantities import KINDS, quantity_of
+from leastaction.systems.quantities.discrete import KINDS, quantity_of
 
 
 class MidpointSystem(DiscreteSystem):

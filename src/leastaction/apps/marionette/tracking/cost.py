@@ -6,7 +6,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import QuadraticCost
-from leastaction.systems.smooth import CostOfAccelerations
+from leastaction.systems.costs.smooth import CostOfAccelerations
 
 
 class TrackingCost(CostOfAccelerations):

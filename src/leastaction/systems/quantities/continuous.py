@@ -11,7 +11,7 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
-from leastaction.systems.strings import Strings
+from leastaction.systems.quantities.strings import Strings
 
 __all__ = ["KINDS", "Solved", "points_of", "quantity_of"]
 

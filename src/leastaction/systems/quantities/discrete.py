@@ -10,7 +10,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
-from leastaction.systems.strings import Strings
+from leastaction.systems.quantities.strings import Strings
 
 __all__ = ["KINDS", "Accelerations", "Rates", "Tensions", "quantity_of"]
 
