@@ -14,8 +14,8 @@ pytest.importorskip("jax")
 import jax
 import jax.numpy as jnp
 
-from derivatives.element_cases import Case, problem
-from derivatives.element_checks import FIRST, SECOND, THIRD, assert_near, every, oracle_of, points
+from derivatives.elements.cases import Case, problem
+from derivatives.elements.checks import FIRST, SECOND, THIRD, assert_near, every, oracle_of, points
 from derivatives.random_tree import random_tree
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import (

@@ -3,7 +3,7 @@
 It takes the description that the user gave (the tree and the elements with their public attributes) and nothing of
 what the package derives from it. Poses are 4x4 matrices, velocities their derivatives along v, the kinetic energy
 of a body is ``tr(G' J G'^T) / 2`` with its 4x4 pseudo-inertia J, generalised forces are virtual work, and every
-derivative is JAX's. What an element means is in `element_formulas.py`.
+derivative is JAX's. What an element means is in `derivatives/elements/formulas.py`.
 
 All functions of `Oracle` are pure, so they can be differentiated; a time domain is built on `kinetic`, `potential`,
 `constraints` and `force` alone, as `step_residuals` is.
@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from derivatives import element_formulas as formulas
+from derivatives.elements import formulas
 from leastaction.mechanics import Body, Element, Mechanism
 from leastaction.mechanics.description.tree import Joint
 

@@ -2,7 +2,7 @@
 
 `step_residuals` is the definition. `step_orders` gives the same and its first two derivatives from those of T, V, h
 and f, by nothing but the linear substitutions of the midpoint rule: that way no graph is compiled for the step
-itself. `test_elements_step.py` holds the two to each other.
+itself. `derivatives/elements/test_step.py` holds the two to each other.
 """
 
 from __future__ import annotations

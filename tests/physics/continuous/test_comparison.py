@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_a_quick_comparison_prints_a_table_and_draws(tmp_path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("jax")
 
-from derivatives.element_cases import Plant
+from derivatives.elements.cases import Plant
 from leastaction.mechanics import (
     Distance,
     Element,

@@ -29,7 +29,7 @@ from leastaction.optimal.continuous import (
 )
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.settings import check_settings
-from optimal.continuous_systems import CartPendulum
+from optimal.continuous.systems import CartPendulum
 
 T = 3.0
 REST = {"initial": (np.zeros(4), [0.0]), "horizon": (0.0, T)}

@@ -15,7 +15,7 @@ from leastaction.optimal.continuous import (
     PiecewisePolynomial,
     regulate_continuous,
 )
-from optimal.continuous_systems import CartPendulum
+from optimal.continuous.systems import CartPendulum
 
 SYSTEM = CartPendulum()
 TIGHT = Accuracy(rtol=1e-11, atol=1e-13)

@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("jax")
 
-from derivatives import element_formulas as formulas
-from derivatives.element_cases import CASES, problem
+from derivatives.elements import formulas
+from derivatives.elements.cases import CASES, problem
 from leastaction import mechanics
 from leastaction.mechanics import Constraint, Element, Force, Potential
 
@@ -45,9 +45,9 @@ def test_every_type_has_a_case(cls: type[Element]) -> None:
     assert getattr(mechanics, name, None) is cls, f"{name} is not exported from leastaction.mechanics"
     assert name in mechanics.__all__
     family = next(key for key, (base, _) in FAMILIES.items() if issubclass(cls, base))
-    assert name in FAMILIES[family][1], f"{name} has no formula in element_formulas.py"
+    assert name in FAMILIES[family][1], f"{name} has no formula in derivatives/elements/formulas.py"
     proofs = [case for case in CASES.values() if name in case.types and case.family == family]
-    assert proofs, f"{name} has no case in element_cases.py, so nothing proves its derivatives"
+    assert proofs, f"{name} has no case in derivatives/elements/cases.py, so nothing proves its derivatives"
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=lambda case: case.name)

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("jax")
 
-from derivatives.element_cases import Case, problem
-from derivatives.element_checks import FIRST, SECOND, assert_near, every, oracle_of, points
+from derivatives.elements.cases import Case, problem
+from derivatives.elements.checks import FIRST, SECOND, assert_near, every, oracle_of, points
 
 
 @every("constraint")

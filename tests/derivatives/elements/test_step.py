@@ -16,8 +16,8 @@ pytest.importorskip("jax")
 import jax
 import jax.numpy as jnp
 
-from derivatives.element_cases import CASES, Case, problem
-from derivatives.element_checks import every, oracle_of
+from derivatives.elements.cases import CASES, Case, problem
+from derivatives.elements.checks import every, oracle_of
 from leastaction.mechanics import MidpointVI, State, Trajectory
 from oracles import lagrangian as implicit
 from oracles.step_oracle import Orders, shape_of, step_orders, step_residuals

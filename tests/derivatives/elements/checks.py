@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from derivatives.element_cases import CASES, Case, problem
+from derivatives.elements.cases import CASES, Case, problem
 from oracles.mechanism_oracle import Oracle
 
 SEEDS = (0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6)))

@@ -13,8 +13,8 @@ pytest.importorskip("jax")
 import jax
 import jax.numpy as jnp
 
-from derivatives.element_cases import CASES, Case, problem
-from derivatives.element_checks import every, oracle_of
+from derivatives.elements.cases import CASES, Case, problem
+from derivatives.elements.checks import every, oracle_of
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import ContinuousDynamics, PythonConstraint
 from oracles.continuous_oracle import (
