@@ -353,6 +353,10 @@ def test_what_led_further_before_is_gone_back_to():
     result = optimize(given.system, given.cost, initial=(given.x, given.u), callback=records.append)
     assert result.status is Status.LINE_SEARCH_FAILED
     assert "time step is coarse" in result.message
+    # What saves it is told, and nothing that does not: see the next test.
+    assert result.message.startswith("The cost falls towards motions that the steps of time cannot follow")
+    assert re.search(r"Take steps of time [234] times shorter, or weigh inputs \(R\) or rates", result.message)
+    assert "check_derivatives" not in result.message
     assert any("began again" in record.note for record in records)
     assert result.cost <= min(record.cost for record in records) * (1.0 + 1e-9)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.result import Status
@@ -15,6 +16,13 @@ __all__ = ["STUCK", "Found", "Outcome", "message", "outlook"]
 
 STUCK = (Status.STALLED, Status.LINE_SEARCH_FAILED, Status.SADDLE)
 """How a stage ends that another way may lead out of."""
+
+# How a run ends whose minimum is no motion that the steps of time resolve: they do where angles move by less (rad).
+_COARSE = (
+    "The cost falls towards motions that the steps of time cannot follow, and the search ended where the next steps "
+    "have no solution."
+)
+_RESOLVED = 0.5
 
 # So many iterations tell how fast a run is; it is fast where each leaves this part of the expected decrease.
 _LOOKED_BACK, _FAST = 10, 0.9
@@ -39,11 +47,21 @@ class Found(Exception):
 
 def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
     """Return how it ended in words; of an end that is no proper one, with the instant at which time is coarsest."""
-    parts = [outcome.status.value, outcome.detail, problem.unfinished]
-    worst = problem.worst_step
-    if worst is not None and outcome.status in STUCK:
+    status, worst = outcome.status, problem.worst_step
+    detail = outcome.detail and outcome.detail.removesuffix(".") + "."
+    parts = [status.value, detail, problem.unfinished]
+    if worst is not None and status in (*STUCK, Status.NO_DIRECTION):
         parts.append(f"Along the last iterate {worst}.")
+        if worst.is_coarse and status is not Status.STALLED:
+            parts = [_COARSE, *_what_helps(worst), *parts[1:]]
     return " ".join(part for part in parts if part)
+
+
+def _what_helps(worst: StepQuality) -> list[str]:
+    """Return what to try where the coarsest step is too long."""
+    shorter = max(2, int(np.ceil(worst.angle / _RESOLVED)))
+    thrown = f", so that {worst.variable!r} is not thrown that fast" * bool(worst.variable)
+    return [f"Take steps of time {shorter} times shorter, or weigh inputs (R) or rates (Q) more{thrown}."]
 
 
 def outlook(run: Run, direction: Direction) -> str:
