@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import dataclasses
 import errno
 import json
@@ -320,7 +321,8 @@ def test_damage_anywhere_is_a_typed_error_or_none(
 
 def test_what_cannot_be_saved_is_refused_before_writing(result: OptimizationResult, tmp_path: Path) -> None:
     path = tmp_path / "trajectory.npz"
-    settings = dataclasses.replace(result.settings, method=object())
+    settings = copy.copy(result.settings)
+    object.__setattr__(settings, "method", object())  # which no `Settings` that was made takes
     objects = np.array([object()])
     for bad in (
         dataclasses.replace(result, settings=settings),
@@ -399,3 +401,11 @@ def test_output_folder_that_refuses_files(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(Path, "write_bytes", refuse)
     with pytest.raises(OutputError, match=r"cannot write into.*Permission denied"):
         prepare_output_folder(tmp_path)
+
+
+def test_settings_out_of_range_are_refused_when_a_file_is_read(result: OptimizationResult, tmp_path: Path) -> None:
+    settings = copy.copy(result.settings)
+    object.__setattr__(settings, "beta", 2.0)
+    path = save_result(tmp_path / "trajectory.npz", dataclasses.replace(result, settings=settings))
+    with pytest.raises(ResultFileError, match="beta"):
+        load_result(path)

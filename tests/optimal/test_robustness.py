@@ -12,7 +12,7 @@ import pytest
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
-from leastaction.optimal.result import NewtonSchedule
+from leastaction.optimal.schedule import NewtonSchedule
 from optimal.systems import CartPendulum
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))

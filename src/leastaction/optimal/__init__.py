@@ -42,7 +42,8 @@ from leastaction.optimal.limit_report import LimitReport, LimitState
 from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
 from leastaction.optimal.optimize import optimize, optimize_continuous
 from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
-from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Settings, Status
+from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Status
+from leastaction.optimal.settings import Settings
 from leastaction.optimal.starts import (
     HelpedCost,
     StageRecord,

@@ -33,7 +33,7 @@ from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.loop import Callback, Loop, Problem
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.settings import check_settings
+from leastaction.optimal.settings import Method, Regulator, Settings
 from leastaction.optimal.system import check_system
 from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
 from leastaction.optimal.unknowns.periodic import Periodic
@@ -41,8 +41,6 @@ from leastaction.optimal.unknowns.unknown import Unknown
 
 __all__ = ["Callback", "optimize", "optimize_continuous"]
 
-Method = Literal["auto", "steepest", "quasi-newton", "newton"]
-Regulator = Literal["descent", "lqr"]
 Shooting = Literal["auto", "single", "multiple"]
 
 
@@ -211,9 +209,7 @@ def optimize(
     check_system(system, (DiscreteSystem, ContinuousSystem), ("nx", "nu"))
     problem: Problem[Any, Any, Any]
     extension: Extension | None = None
-    settings = check_settings(
-        has_curvature=system.has_curvature,
-        system=type(system).__name__,
+    settings = Settings(
         method=method,
         regulator=regulator,
         max_iterations=max_iterations,
@@ -224,6 +220,11 @@ def optimize(
         max_backtracks=max_backtracks,
         chunk=chunk,
     )
+    if method == "newton" and not system.has_curvature:
+        raise ArgumentError(
+            f"method: got 'newton', but {type(system).__name__} has no second derivative. Give it a `curvature`, or "
+            "use 'auto' or 'quasi-newton'."
+        )
     as_choice(shooting, "shooting", get_args(Shooting))
     if (initial is None) == (resume is None):
         raise ArgumentError(f"initial, resume: got {'neither' if initial is None else 'both'}, expected one of them.")

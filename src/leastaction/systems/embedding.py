@@ -15,8 +15,9 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.loop import both
-from leastaction.optimal.optimize import Method, optimize
+from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.settings import Method
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
 from leastaction.optimal.starts.stages import StageCallback, Stages
 from leastaction.systems.midpoint import MidpointSystem

@@ -27,7 +27,8 @@ from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.line_search import Trial
-from leastaction.optimal.result import OptimizationResult, Settings
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.settings import Settings
 
 __all__ = ["CollocationProblem"]
 

@@ -25,7 +25,8 @@ from leastaction.optimal.continuous.time_functions import TimeFunctionLike, as_h
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.loop import Direction, Problem, both
-from leastaction.optimal.result import OptimizationResult, Settings
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.settings import Settings
 
 __all__ = ["ContinuousDirection", "ContinuousProblem"]
 

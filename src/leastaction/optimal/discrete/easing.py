@@ -26,7 +26,9 @@ from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Memory, Place
-from leastaction.optimal.result import NewtonSchedule, OptimizationResult, Settings, Status
+from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.settings import Settings
 
 __all__ = ["EasedProblem"]
 

@@ -25,7 +25,8 @@ from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Direction, Problem, both
-from leastaction.optimal.result import OptimizationResult, Settings
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import Linearization
 
 __all__ = ["COARSE", "DiscreteDirection", "DiscreteProblem", "Iterate"]

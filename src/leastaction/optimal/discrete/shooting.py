@@ -36,7 +36,8 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import both
 from leastaction.optimal.memory import Gaps, Memory, Start
-from leastaction.optimal.result import OptimizationResult, Settings
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import Linearization
 
 __all__ = ["Curve", "Gapped", "ShootingProblem"]

@@ -21,7 +21,8 @@ from leastaction.optimal.limits.duals import Room, Stages
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.line_search import Refusal, Trial
-from leastaction.optimal.result import OptimizationResult, Settings, Status
+from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.settings import Settings
 
 __all__ = ["LimitedProblem"]
 

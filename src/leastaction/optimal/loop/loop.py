@@ -17,7 +17,9 @@ from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.search import Search
 from leastaction.optimal.loop.stages import Stages
-from leastaction.optimal.result import IterationRecord, NewtonSchedule, OptimizationResult, Settings, Status
+from leastaction.optimal.result import IterationRecord, OptimizationResult, Status
+from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.settings import Settings
 
 __all__ = ["Callback", "Loop"]
 

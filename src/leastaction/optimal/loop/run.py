@@ -7,7 +7,9 @@ from typing import Any
 
 from leastaction.optimal.line_search import Step
 from leastaction.optimal.loop.problem import Direction, Problem
-from leastaction.optimal.result import HistoryBuilder, NewtonSchedule, OptimizationResult, Settings
+from leastaction.optimal.result import HistoryBuilder, OptimizationResult
+from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.settings import Settings
 
 __all__ = ["Run"]
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
-from leastaction.optimal.result import NewtonSchedule, Status
+from leastaction.optimal.result import Status
+from leastaction.optimal.schedule import NewtonSchedule
 
 __all__ = ["Stages"]
 

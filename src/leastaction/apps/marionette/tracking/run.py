@@ -31,7 +31,8 @@ from leastaction.io.results.record import Provenance
 from leastaction.mechanics import Mechanism, Trajectory
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
-from leastaction.optimal.optimize import Callback, Method
+from leastaction.optimal.optimize import Callback
+from leastaction.optimal.settings import Method
 from leastaction.viz.tracking import TrackingErrors, tracking_errors
 
 _CHECKPOINTS_SHARE = 0.05  # of the time may go into checkpoints

@@ -1,0 +1,140 @@
+"""What the choice of a direction remembers: which method is tried when, and how much of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+__all__ = ["NewtonSchedule"]
+
+# Factor by which the part of the curvature grows from one good step to the next, and how fast that recovers.
+_LEAST_GROWTH, _LARGEST_GROWTH, _RECOVERY = 1.1, 2.0, 1.03
+
+# An expected decrease that falls to this part of the one before is that of an end near a minimum; to the second,
+# if it is less than the third of the cost.
+_ARRIVING = 0.1, 0.5, 1e-3
+
+# Less of a shift than this is none, less of the curvature is tried only after more failed.
+_LEAST_SHIFT, _LEAST_SCALE = 1e-3, 1.0 / 64.0
+
+# A step is made longer than a full one where it should have been this much longer, by that factor at a time, and to
+# this length.
+_FURTHER, _FURTHEST = 4.0, 8.0
+
+
+@dataclass(frozen=True)
+class NewtonSchedule:
+    """What the choice of a direction remembers from one iteration to the next.
+
+    The automatic choice begins with quasi-Newton, whose model holds far from the minimum too, stays with
+    it while it foretells the decrease of the cost, and then tries Newton's. While that fails, it waits for
+    ever more iterations until it tries again.
+
+    Attributes
+    ----------
+    wait : int
+        Iterations to go until Newton's method is tried.
+    failures : int
+        How often it failed since it last worked.
+    scale : float
+        The part of the curvature that is tried first.
+    growth : float
+        Factor by which that part grows after a step that went well. Every model that turns out to have no
+        minimum costs time, so it is the smaller the more often that happened.
+    shift : float
+        What is added to the weights of every deviation where nothing else lowers the cost
+        (Levenberg-Marquardt); 0 while that is not needed.
+    expected : float
+        Expected decrease of the last step; NaN before the first.
+    length : float
+        Length of the last step.
+    full : bool
+        Whether that was a full step of Newton's method.
+    reach : float
+        Where the cost was seen to fall much further than to the end of the last step, how long the next one may be
+        if it is of the same method; else 0.
+    method : str
+        That of the last step.
+    again : bool
+        Whether the run has begun again.
+    finer : bool
+        Whether it has begun from what shorter steps of time led to.
+    ease : float
+        How much easier the problem of this stage is than the one that was asked for.
+    spent : int
+        Iterations in this stage.
+    """
+
+    wait: int = 1
+    failures: int = 0
+    scale: float = 1.0
+    growth: float = 2.0
+    shift: float = 0.0
+    expected: float = np.nan
+    length: float = 1.0
+    full: bool = False
+    reach: float = 0.0
+    method: str = ""
+    again: bool = False
+    finer: bool = False
+    ease: float = 1.0
+    spent: int = 0
+
+    def after_failure(self) -> NewtonSchedule:
+        """Return the schedule after a Newton direction that could not be followed."""
+        # One more than the wait, for the iteration that is still to be made by another method.
+        wait = min(2**self.failures, 8) + 1
+        scale = max(self.scale, _LEAST_SCALE)
+        return replace(self, wait=wait, failures=self.failures + 1, scale=scale)
+
+    def after_indefinite(self, scale: float) -> NewtonSchedule:
+        """Return the schedule after a Newton model that had no minimum; this part is tried next."""
+        return replace(self, scale=scale, growth=max(self.growth**0.5, _LEAST_GROWTH))
+
+    def after_step(
+        self, method: str, curvature_scale: float, length: float, agreement: float, expected: float, value: float
+    ) -> NewtonSchedule:
+        """Return the schedule after an accepted step.
+
+        ``method``: whose direction it followed. ``curvature_scale``: the part of the dynamics' curvature in its model.
+        ``length``: its length. ``agreement``: decrease of the cost, relative to the decrease of the model over its full
+        step. ``expected``, ``value``: expected decrease, and the cost.
+        """
+        shift = self.shift * (0.1 if length == 1.0 else 1.0)
+        new: dict[str, Any] = {
+            "shift": 0.0 if shift < _LEAST_SHIFT else shift,
+            "expected": expected,
+            "length": length,
+            "full": method == "newton" and length == 1.0,
+            # Of an exact model it would be noise.
+            "reach": _reach(length, agreement) if method == "newton-damped" else 0.0,
+            "method": method,
+            "spent": self.spent + 1,
+        }
+        if method == "negative-curvature":
+            new |= {"shift": 0.0, "length": 1.0}
+        elif curvature_scale > 0.0:
+            fast, falling, little = _ARRIVING
+            part = falling if expected < little * abs(value) else fast
+            arriving = expected < part * self.expected
+            new |= {
+                "wait": 0,
+                "failures": 0,
+                "scale": 1.0 if arriving else min(1.0, self.growth * curvature_scale),
+                "growth": min(_LARGEST_GROWTH, self.growth * _RECOVERY),
+            }
+        else:
+            # A quasi-Newton model that is off by a share s of the true curvature is off by s in the
+            # decrease too, and the expected decrease falls by s^2 with every step: good enough if s < 0.1.
+            new["wait"] = max(self.wait - 1, 1 if abs(agreement - 1.0) < 0.1 else 0)
+        return replace(self, **new)
+
+
+def _reach(length: float, agreement: float) -> float:
+    """Return how long a step should have been, if that is much more than it was; else 0."""
+    # The parabola through the cost before, its slope, and the cost after.
+    bend = (2.0 * length - agreement) / length**2
+    best = 1.0 / max(bend, 1e-3)
+    return min(best, _FURTHER * length, _FURTHEST) if best > _FURTHER else 0.0
