@@ -25,11 +25,15 @@ from leastaction.optimal import (
     adjoint,
     optimize,
 )
+from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.limits.barrier import barrier_value, split, stiffness
 from leastaction.optimal.limits.duals import Duals, Stages
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.limits.sides import Layout
+from leastaction.optimal.line_search import Step, Trial
+from leastaction.optimal.loop.problem import Direction
+from leastaction.optimal.loop.run import Run
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
 
@@ -454,3 +458,19 @@ def test_a_limit_on_a_start_that_costs_nothing_is_enforced(rng):
     assert np.abs(bounded.u).max() <= 3.0 * (1.0 + 1e-9)
     zero = QuadraticCost(x, u, Q=[1e3, 0.0], R=[1e-3])
     assert optimize(system, zero, initial=(x, u), limits=[Bound("push", -3.0, 3.0)]).cost == pytest.approx(bounded.cost)
+
+
+@pytest.mark.parametrize("rollouts", [1, 3])
+def test_a_step_that_barriers_alone_shortened_does_not_shorten_the_next(rollouts):
+    """One that was cut where a roll-out failed does, within limits as without."""
+    system = MidpointSystem(MidpointVI(cart_pendulum()), np.linspace(0.0, 0.5, 6))
+    cost = QuadraticCost(np.zeros((6, 4)), np.zeros((5, 1)), Q=np.ones(4), R=[1.0])
+    settings = optimize(system, cost, initial=(np.zeros(4), np.zeros((5, 1)))).settings
+    limited = LimitedProblem(system, cost, Bound("x-force", max=1.0).rows(system, 1), settings)
+    limited.start((np.zeros(4), np.zeros((5, 1))))
+    for problem in (limited, DiscreteProblem(system, cost, settings)):
+        run = Run(problem, settings, None, None)
+        step = Step(Trial(None, 1.0), 0.01, rollouts, None)
+        problem.value = 1.0
+        run.note_step(Direction("newton", -1.0, 1.0), step, decrease=0.1, agreement=0.2, cost=0.9)
+        assert run.schedule.length == (1.0 if problem is limited and rollouts == 1 else 0.01)

@@ -68,32 +68,43 @@ def _string(part: str) -> PuppetString:
 
 
 _SIX = ("right_leg", "left_arm", "upper_torso", "right_arm", "lower_torso", "left_leg")
-_NINE = (*_SIX, "left_foot", "right_foot", "back")
+_FEET, _ELBOWS = ("left_foot", "right_foot"), ("left_elbow", "right_elbow")
+_ALL = tuple(_string(part) for part in (*_SIX, *_FEET, "back", *_ELBOWS, "neck"))
 
-STRINGS: tuple[PuppetString, ...] = tuple(_string(part) for part in _SIX)
+
+def _strings(*parts: str) -> tuple[PuppetString, ...]:
+    return tuple(string for string in _ALL if string.name in {f"{part}_string" for part in parts})
+
+
+STRINGS: tuple[PuppetString, ...] = _strings(*_SIX)
 """The six strings, in the order of the constraints and of the kinematic variables."""
 
-NINE_STRINGS: tuple[PuppetString, ...] = tuple(_string(part) for part in _NINE)
-"""Nine strings: the six, one at each foot, which holds the shin, and one behind the pelvis, which holds the lean."""
+NINE_STRINGS: tuple[PuppetString, ...] = _strings(
+    "right_leg", "left_arm", "right_arm", "left_leg", *_FEET, *_ELBOWS, "neck"
+)
+"""Nine strings: two at each leg, at the knee and at the foot, two at each arm, at the wrist and behind the elbow, and
+one at the neck. A limb of four angles on a single string swings about the line from its joint to the hook: at rest its
+elbow or knee hangs straight below that line. So the second strings are at the limbs, which hold the trunk as well."""
 
 Count = Literal[6, 7, 8, 9, 11]
 
 STRING_SETS: Mapping[Count, tuple[PuppetString, ...]] = MappingProxyType(
     {
         6: STRINGS,
-        7: (*STRINGS, _string("back")),
-        8: NINE_STRINGS[:8],
+        7: _strings(*_SIX, "back"),
+        8: _strings(*_SIX, *_FEET),
         9: NINE_STRINGS,
-        11: (*NINE_STRINGS, _string("left_elbow"), _string("right_elbow")),
+        11: _strings(*_SIX, *_FEET, "back", *_ELBOWS),
     }
 )
-"""The sets of strings by their number: the six; and the back; or the feet; both; and the elbows, from behind."""
+"""The sets of strings by their number: the six; and the back; or the feet; two at each limb and the neck; the six with
+feet, back, and elbows."""
 
 
 def strings_of(mechanism: Mechanism) -> tuple[PuppetString, ...]:
     """Return the strings of a marionette, in the order of its constraints, or of its tensions as inputs."""
     names = mechanism.constraints or mechanism.inputs
-    return tuple(string for string in STRING_SETS[11] if string.name in names)
+    return tuple(string for string in _ALL if string.name in names)
 
 
 def set_of(mechanism: Mechanism) -> Count:
@@ -122,7 +133,7 @@ def marionette(*, damping: float = 0.2, strings: Count = 6, by: Literal["length"
             "by 'length' or by 'tension'"
         )
     table = STRING_SETS[strings]
-    feet, back, elbows = strings in (8, 9, 11), strings in (7, 9, 11), strings == 11
+    feet, back, elbows, neck = (_string(part) in table for part in ("left_foot", "back", "left_elbow", "neck"))
     puppet = [
         tx("torso_tx"), [ty("torso_ty"), [tz("torso_tz"), [
             rz("torso_rz"), [ry("torso_ry"), [
@@ -140,6 +151,7 @@ def marionette(*, damping: float = 0.2, strings: Count = 6, by: Literal["length"
                         ],
                         *_arm("l", "left", elbows),
                         *_arm("r", "right", elbows),
+                        *([tz(0.0, name="neck_string_hook")] if neck else []),
                         tx(-HOOK_REACH, name="upper_torso_string_hook"),
                         tx(HOOK_REACH, name="lower_torso_string_hook"),
                     ],

@@ -51,18 +51,20 @@ _BONES: Final = (
     *(Bone(start=a, end=b, radius=r) for a, b, r in _BODY_BONES),
     *(Bone(start=s + a, end=s + b, radius=r) for s in "lr" for a, b, r in _SIDE_BONES),
 )
-# Each hook stands on a stub on the frame that carries it.
-_STUBS: Final = tuple(
-    Bone(start=carrier, end=hook, radius=0.009)
-    for hook, carrier in (
-        ("left_leg_string_hook", "lfemur_end"),
-        ("right_leg_string_hook", "rfemur_end"),
-        ("left_arm_string_hook", "lhand"),
-        ("right_arm_string_hook", "rhand"),
-        ("upper_torso_string_hook", "spine_top"),
-        ("lower_torso_string_hook", "spine_top"),
-    )
-)
+# Each hook stands on a stub on the frame that carries it; that at the neck is at the end of the spine itself.
+_CARRIERS: Final = {
+    "left_leg_string_hook": "lfemur_end",
+    "right_leg_string_hook": "rfemur_end",
+    "left_arm_string_hook": "lhand",
+    "right_arm_string_hook": "rhand",
+    "upper_torso_string_hook": "spine_top",
+    "lower_torso_string_hook": "spine_top",
+    "left_foot_string_hook": "lfoot",
+    "right_foot_string_hook": "rfoot",
+    "left_elbow_string_hook": "lhumerus_end",
+    "right_elbow_string_hook": "rhumerus_end",
+    "back_string_hook": "pelvis",
+}
 
 
 def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
@@ -79,12 +81,14 @@ def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
     Scene
         Puppet, strings, the reference as a ghost, tracking error in degrees, and the paths of both hands.
     """
+    strings = strings_of(run.mechanism)
+    stubs = [Bone(start=_CARRIERS[s.hook], end=s.hook, radius=0.009) for s in strings if s.hook in _CARRIERS]
     return mechanism_scene(
         run.mechanism,
         run.trajectory.t,
         run.trajectory.q,
-        bones=(*_BONES, *_STUBS),
-        cords=[Cord(name=string_label(s.name), start=s.hook, end=s.control) for s in strings_of(run.mechanism)],
+        bones=(*_BONES, *stubs),
+        cords=[Cord(name=string_label(s.name), start=s.hook, end=s.control) for s in strings],
         reference=run.reference,
         tension=run.tension,
         error=run.errors.over_time,

@@ -53,6 +53,8 @@ class LimitedProblem(ShootingProblem):
     settings : Settings
     """
 
+    sees_walls = True
+
     def __init__(
         self,
         system: DiscreteSystem,

@@ -112,6 +112,8 @@ class Problem(ABC, Generic[M, D, I]):
     """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
     ease: float = 1.0
     """How much easier the problem of this stage is than the one that was asked for."""
+    sees_walls: bool = False
+    """Whether `first_step` sees what steps are shortened for: one taken as it came then says nothing of the next."""
 
     def __init__(self) -> None:
         self.clock = Clock()

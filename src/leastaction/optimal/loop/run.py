@@ -102,6 +102,8 @@ class Run:
         self.schedule = self.schedule.after_step(
             direction.method, direction.curvature_scale, step.length, agreement, -direction.slope, cost
         )
+        if self.problem.sees_walls and step.rollouts == 1:
+            self.schedule = replace(self.schedule, length=1.0)
 
     def remarks(self) -> list[str]:
         """Return what is to be said of the stage that an iteration begins."""

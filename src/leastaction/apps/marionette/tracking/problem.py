@@ -127,7 +127,7 @@ class TrackingProblem:
 
 def _columns(mechanism: Mechanism, motion: Motion) -> Array:
     """Return the motion's columns in the order of the mechanism's dynamic variables, checked."""
-    needed = {name for string in STRINGS for name in (string.x, string.y, string.length)}
+    needed = {name for string in strings_of(mechanism) or STRINGS for name in (string.x, string.y, string.length)}
     if not needed <= set(mechanism.kinematic):
         missing = ", ".join(sorted(needed - set(mechanism.kinematic))[:4])
         raise ArgumentError(
