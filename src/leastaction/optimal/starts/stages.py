@@ -225,7 +225,7 @@ _COLUMNS = (
 class StageTable(Table):
     """Prints the stages of a search as they happen; give it as the callback, one for each search.
 
-    On a terminal, and if rich is installed, it is in colour. Threads do not share it.
+    On a terminal it is in colour. Threads do not share it.
 
     Parameters
     ----------
