@@ -2,8 +2,9 @@
 
 Every problem of `benchmarks.robustness_problems` and of `benchmarks.robustness_further` is solved under default
 settings, and its end is held against the exact second order: see `certify`. With ``--curves`` it is those of
-`benchmarks.robustness_curves`, with ``--drawn SEED ...`` those of `benchmarks.robustness_drawn`; with ``--shooting
-multiple`` gaps are part of the iterates from the start, with ``single`` never.
+`benchmarks.robustness_curves`, with ``--others`` those of `benchmarks.robustness_others`, with ``--drawn SEED ...``
+those of `benchmarks.robustness_drawn`; with ``--shooting multiple`` gaps are part of the iterates from the start, with
+``single`` never.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import numpy as np  # noqa: E402
 from benchmarks.robustness_curves import CURVES  # noqa: E402
 from benchmarks.robustness_drawn import drawn  # noqa: E402
 from benchmarks.robustness_further import FURTHER  # noqa: E402
+from benchmarks.robustness_others import OTHERS  # noqa: E402
 from benchmarks.robustness_problems import PROBLEMS, QUICK, Given, Problem  # noqa: E402
 from leastaction import _core  # noqa: E402
 from leastaction.errors import LeastActionError  # noqa: E402
@@ -175,10 +177,15 @@ def solve(problem: Problem, **options: Any) -> Outcome:
 
 
 def selected(
-    *, quick: bool = False, curves: bool = False, drawn_by: list[int] | None = None, only: str | None = None
+    *,
+    quick: bool = False,
+    curves: bool = False,
+    others: bool = False,
+    drawn_by: list[int] | None = None,
+    only: str | None = None,
 ) -> list[Problem]:
     """Return the problems of a run."""
-    problems = CURVES if curves else PROBLEMS + FURTHER
+    problems = OTHERS if others else CURVES if curves else PROBLEMS + FURTHER
     if drawn_by is not None:
         problems = [problem for seed in drawn_by for problem in drawn(seed)]
     chosen = [p for p in problems if not quick or p.mechanism in QUICK]
@@ -216,6 +223,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="only a few mechanisms")
     parser.add_argument("--curves", action="store_true", help="the starts that are no trajectories")
+    parser.add_argument("--others", action="store_true", help="springs, prescribed sliders, turns of any size")
     parser.add_argument("--drawn", type=int, nargs="*", metavar="SEED", help="problems drawn by chance")
     parser.add_argument("--shooting", default="auto")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
@@ -227,7 +235,13 @@ def main() -> int:
     if arguments.max_iterations is not None:
         options["max_iterations"] = arguments.max_iterations
     outcomes = []
-    problems = selected(quick=arguments.quick, curves=arguments.curves, drawn_by=arguments.drawn, only=arguments.only)
+    problems = selected(
+        quick=arguments.quick,
+        curves=arguments.curves,
+        others=arguments.others,
+        drawn_by=arguments.drawn,
+        only=arguments.only,
+    )
     for problem in problems:
         outcomes.append(solve(problem, **options))
         print(_line(outcomes[-1]), file=sys.stderr if arguments.json else sys.stdout, flush=True)

@@ -18,9 +18,10 @@ from optimal.systems import CartPendulum
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.robustness import certify, solve, summary
 from benchmarks.robustness_further import FURTHER
+from benchmarks.robustness_others import OTHERS
 from benchmarks.robustness_problems import PROBLEMS, Given, arm, chain, constant, posed
 
-BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
+BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER + OTHERS}
 N = 20
 
 
@@ -248,9 +249,18 @@ CURVES = [name for name in BY_NAME if name.endswith("line") and name.split(",")[
 TINY = [name for name in BY_NAME if ", R 1e-06," in name and name.split(",")[0] in ("planar arm", "slider-crank")]
 
 
-@pytest.mark.parametrize("name", CURVES + TINY)
+SPRINGS_AND_SLIDERS = [
+    "pole on a slider, swing-up, R 1e-06, final 10000, rest 3",
+    "two poles on a cross slide, swing-up, R 0.01, final 10000, random 3",
+    "elastic rope, over, R 1, final 10000, line 3",
+    "pogo, leaning, R 0.0001, final 1e+06, noise 3",
+    "load, carried, R 0.01, final 10000, random 3",
+]
+
+
+@pytest.mark.parametrize("name", CURVES + TINY + SPRINGS_AND_SLIDERS)
 def test_a_problem_ends_in_a_minimum(name):
-    """Curves that are no trajectories, and inputs that cost next to nothing."""
+    """Curves that are no trajectories, inputs that cost next to nothing, springs, variables that are prescribed."""
     outcome = solve(BY_NAME[name])
     assert outcome.status == "CONVERGED", outcome.message
     assert outcome.minimum
@@ -278,7 +288,9 @@ def test_the_table_shows_it(capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("problems", "share"), [(PROBLEMS, 0.95), (FURTHER, 0.85)], ids=["first", "further"])
+@pytest.mark.parametrize(
+    ("problems", "share"), [(PROBLEMS, 0.95), (FURTHER, 0.85), (OTHERS, 0.8)], ids=["first", "further", "others"]
+)
 def test_all_of_the_benchmark(problems, share):
     outcomes = [solve(problem) for problem in problems]
     figures = summary(outcomes)
