@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
+from leastaction.apps.marionette.resting import RestingPoses, plot_resting
 from leastaction.apps.marionette.scene import GROUPS, marionette_scene, string_label, string_lengths
 from leastaction.apps.marionette.speeds import AtSpeed, plot_speeds
 from leastaction.apps.marionette.tracking import TrackingRun, load_run
@@ -35,6 +36,7 @@ _FILES: Final = {
     "strings.png": "string tensions and lengths",
     "snapshots.png": "poses over time",
     "speeds.png": "error over speed",
+    "resting.png": "what strings can hold at rest",
     "animation.html": "open it in a browser",
 }
 
@@ -75,15 +77,17 @@ def write_report(
     progress: Callable[[str], object] = lambda _: None,
     tried: Sequence[AtSpeed] = (),
     error: float = np.inf,
+    rest: RestingPoses | None = None,
 ) -> RenderableType:
     """Write summary, plots and animation of a run into a folder.
 
     ``run``: the run. ``folder``: an existing folder; files of the same names are replaced, each in one step. ``plots``,
     ``animation``: which of them to write. ``progress``: called with the name of each file before it is made. ``tried``,
-    ``error``: at which speeds it was followed, for which error (degrees). Returns the run's files in the folder with
-    their sizes, to print. Raises `OutputError`: a file could not be written.
+    ``error``: at which speeds it was followed, for which error (degrees). ``rest``: what strings can hold at rest, if
+    that is to be told. Returns the run's files in the folder with their sizes, to print. Raises `OutputError`: a file
+    could not be written.
     """
-    summary = run_summary(run)
+    summary = run_summary(run, rest)
     scene = marionette_scene(run) if plots or animation else None
     makers: dict[str, Callable[[Path], object]] = {
         "summary.json": lambda path: write_text(path, json.dumps(summary, indent=2, ensure_ascii=False) + "\n"),
@@ -101,6 +105,8 @@ def write_report(
             ),
             "snapshots.png": lambda: plot_snapshots(scene, title=scene.title),
         }
+        if rest is not None:
+            figures["resting.png"] = lambda: plot_resting(run, rest)
         if tried:
             figures["speeds.png"] = lambda: plot_speeds(tried, goal=error)
         for name, figure in figures.items():

@@ -18,6 +18,7 @@ from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
 from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
 from leastaction.apps.cli.summary import checked, run_summary, speed_table, summary_tables
+from leastaction.apps.marionette.resting import resting
 from leastaction.apps.marionette.speeds import AtSpeed, fastest
 from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch, save_run, save_search, track
 from leastaction.errors import OutputError
@@ -77,7 +78,8 @@ def run(
         with uninterrupted():
             kept.append(_keep(found, folder, complain))
         console.print()
-        console.print(summary_tables(run_summary(found)))
+        rest = resting(found) if found.plan is not None else None
+        console.print(summary_tables(run_summary(found, rest)))
         console.print()
         if tried:
             console.print(speed_table(tried, error))
@@ -96,6 +98,7 @@ def run(
                 progress=lambda name: status.update(f"writing {name}"),
                 tried=tried,
                 error=error,
+                rest=rest,
             )
     except KeyboardInterrupt:
         if not kept:

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from leastaction.apps.marionette.check import check
+from leastaction.apps.marionette.resting import RestingPoses
 from leastaction.apps.marionette.scene import GROUPS, string_label, string_lengths
 from leastaction.apps.marionette.speeds import AtSpeed
 from leastaction.apps.marionette.tracking import TrackingRun
@@ -33,10 +34,11 @@ _MESSAGES: Final = {
 }
 
 
-def run_summary(run: TrackingRun) -> dict[str, Any]:
+def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str, Any]:
     """Return the numbers of a run as plain data for JSON.
 
-    Returns ``run``, ``settings``, ``versions``, ``cost``, ``tracking`` (errors in degrees and metres) and ``strings``.
+    ``rest``: what strings can hold at rest, if that is to be told. Returns ``run``, ``settings``, ``versions``,
+    ``cost``, ``tracking`` (errors in degrees and metres) and ``strings``.
     """
     result, t = run.result, run.trajectory.t
     far, against = _not_followed(run)
@@ -62,6 +64,7 @@ def run_summary(run: TrackingRun) -> dict[str, Any]:
         "tracking": _tracking(run.errors),
         "not_followed": far,
         "limits_reached": against,
+        "held_joints": {"rms_deg": run.held_error} | ({} if rest is None else {"at_rest_rms_deg": rest.error}),
         "strings": {
             name: _string(run.tension[:, i], string_lengths(run)[:, i])
             for i, name in enumerate(run.mechanism.constraints)
@@ -169,9 +172,13 @@ def _headline(summary: Mapping[str, Any]) -> Text:
 def _not_followed_lines(summary: Mapping[str, Any]) -> RenderableType | None:
     """Return what could not be followed, and what stood against it; None where there is nothing to say."""
     far, against = summary["not_followed"][:_MOST_LINES], summary["limits_reached"][:_MOST_LINES]
-    if not far and not against:
+    held = summary["held_joints"]
+    if not far and not against and "at_rest_rms_deg" not in held:
         return None
     table = Table(box=None, pad_edge=False, show_header=False)
+    if "at_rest_rms_deg" in held:
+        row = f"{held['rms_deg']:.1f}° rms as made, {held['at_rest_rms_deg']:.1f}° in poses at rest"
+        table.add_row(Text("Off", style="dim"), "held joints", row)
     for i, entry in enumerate(far):
         row = f"{entry['rms_deg']:.1f}° rms, at most {entry['max_deg']:.1f}° at {entry['at_s']:.2f} s"
         table.add_row(Text("Not followed" if i == 0 else "", style="dim"), entry["joint"], row)
