@@ -5,7 +5,7 @@ from strings that are held, from strings that are forces at first, and in contin
 made: a walk on the spot that stands for a captured one, or a BVH file of yours, under strings that only pull; in
 discrete time, and from there a window of it in continuous time.
 
-    python examples/18_marionette.py --out pictures --motion walk.bvh
+    python examples/18_marionette.py --out pictures --motion walk.bvh --strings 9
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from scipy.interpolate import CubicSpline
 from leastaction import (
     Bound,
     ContinuousQuadraticCost,
+    Mechanism,
     MechanismSystem,
     MidpointSystem,
     MidpointVI,
@@ -31,10 +32,9 @@ from leastaction import (
     Trajectory,
     by_tensions,
     optimize,
-    project_velocity,
 )
-from leastaction.apps.marionette import GENTLE, TrackingRun, load_motion, marionette_scene, track, walk_in_place
-from leastaction.models.marionette import marionette, rest_pose
+from leastaction.apps.marionette import FORCED, GENTLE, TrackingRun, load_motion, marionette_scene, track, walk_in_place
+from leastaction.models.marionette import STRING_SETS, UNHELD, Count, marionette, rest_pose, set_of
 from leastaction.optimal import (
     Accuracy,
     ContinuousOptimizationResult,
@@ -118,16 +118,17 @@ def follow_simulated() -> Simulated:
     return Simulated(wanted, from_held, from_forces, continuous, dict(zip(names, np.diff(begun), strict=True)))
 
 
-def follow_captured(file: Path | None) -> TrackingRun:
+def follow_captured(file: Path | None, strings: Count = 6) -> TrackingRun:
     """Follow a captured motion, or the made-up walk, with strings that only pull."""
     motion = walk_in_place(5.0) if file is None else load_motion(file).motion
-    return track(marionette(), motion)
+    return track(marionette(strings=strings), motion)
 
 
 @dataclass(frozen=True)
 class Window:
     """A part of a captured motion in continuous time: times (s) of the discrete instants in it, and what was found."""
 
+    mechanism: Mechanism
     t: np.ndarray
     start: int
     run: TrackingRun
@@ -136,22 +137,22 @@ class Window:
 
     @property
     def q(self) -> np.ndarray:
-        """Configurations at the instants."""
-        return self.result.trajectory.sample(self.t)[0][:, : self.run.mechanism.nq]
+        """Configurations of the puppet at the instants."""
+        return self.result.trajectory.sample(self.t)[0][:, : self.run.mechanism.nd]
 
     @property
     def off(self) -> tuple[float, float]:
         """How far joints are from the wanted motion, in continuous and in discrete time (degrees, rms)."""
         there, joints = slice(self.start, self.start + len(self.t)), slice(3, self.run.mechanism.nd)
-        wanted = self.run.reference[there]
-        found = (self.q - wanted)[:, joints], (self.run.trajectory.q[there] - wanted)[:, joints]
+        wanted = self.run.reference[there, joints]
+        found = self.q[:, 3:] - wanted, self.run.trajectory.q[there, joints] - wanted
         return tuple(float(np.degrees(np.sqrt(np.mean(each**2)))) for each in found)
 
     @property
     def apart(self) -> float:
         """How far joints in both kinds of time are from each other (degrees, rms)."""
-        q = self.run.trajectory.q[self.start : self.start + len(self.t)]
-        return float(np.degrees(np.sqrt(np.mean((self.q - q)[:, 3 : self.run.mechanism.nd] ** 2))))
+        q = self.run.trajectory.q[self.start : self.start + len(self.t), 3 : self.run.mechanism.nd]
+        return float(np.degrees(np.sqrt(np.mean((self.q[:, 3:] - q) ** 2))))
 
     @property
     def tension(self) -> tuple[np.ndarray, np.ndarray]:
@@ -161,14 +162,14 @@ class Window:
 
     def integrated(self) -> float:
         """Return how far joints are off where the found inputs and gains are integrated accurately (degrees)."""
-        system = MechanismSystem(self.run.mechanism)
+        system = MechanismSystem(self.mechanism)
         again = ContinuousProjection(system, self.result.feedback, accuracy=Accuracy(rtol=1e-7, atol=1e-9))(
             self.result.trajectory
         )
         if again.trajectory is None:
             return np.inf
-        q = again.trajectory.sample(self.t)[0][:, : self.run.mechanism.nq]
-        return float(np.degrees(np.abs(q - self.q)[:, 3 : self.run.mechanism.nd].max()))
+        q = again.trajectory.sample(self.t)[0][:, : self.run.mechanism.nd]
+        return float(np.degrees(np.abs(q - self.q)[:, 3:].max()))
 
 
 def window_of(times: np.ndarray, window: tuple[float, float]) -> tuple[int, int]:
@@ -181,34 +182,38 @@ def window_of(times: np.ndarray, window: tuple[float, float]) -> tuple[int, int]
 def follow_continuously(run: TrackingRun, window: tuple[float, float]) -> Window:
     """Follow a part of a captured motion in continuous time, with the weights and the limit of the discrete run.
 
-    It begins with the discrete optimum: its configurations as a function of time, with the velocities and accelerations
-    of that.
+    The strings are forces, with the same motions, and with bounds on inputs in the place of limits that the whole
+    motion takes part in. It begins with the discrete optimum: its configurations as a function of time, with the
+    velocities and accelerations of that, and its tensions.
     """
-    m, w = run.mechanism, GENTLE
+    m, w = marionette(strings=set_of(run.mechanism), by="tension"), FORCED if run.embedded else GENTLE
+    columns = [run.mechanism.variables.index(name) for name in m.variables]
     times = run.trajectory.t
     first, last = window_of(times, window)
     t = times[first : last + 1]
-    found, wanted = CubicSpline(times, run.trajectory.q), CubicSpline(times, run.reference)
-    x = np.hstack([found(t), found(t, 1)])
-    x[0, m.nq :] = project_velocity(m, x[0, : m.nq], x[0, m.nq :]).v
-    x_wanted = np.hstack([wanted(t), wanted(t, 1)[:, : m.nd], np.zeros((len(t), m.nrho))])
-    body = [w.root if name.startswith("torso_t") else w.joint for name in m.dynamic]
+    found, wanted = CubicSpline(times, run.trajectory.q[:, columns]), CubicSpline(times, run.reference[:, columns])
+    pulls = run.tension[first : last + 1]
+    free = UNHELD if len(m.inputs) < 8 else ()
+    held = np.array([w.unheld if name in free else 1.0 for name in m.dynamic])
+    body = np.array([w.root if name.startswith("torso_t") else w.joint for name in m.dynamic])
     cost = ContinuousQuadraticCost(
-        PiecewisePolynomial.through(t, x_wanted),
-        np.zeros(m.nrho),
-        Q=np.r_[body, np.full(m.nrho, w.string), np.full(m.nd, w.rate), np.full(m.nrho, 1e-9)],
-        R=np.full(m.nrho, w.string_acceleration),
+        PiecewisePolynomial.through(t, np.hstack([wanted(t), wanted(t, 1)[:, : m.nd], np.zeros((len(t), m.nrho))])),
+        np.r_[pulls.mean(axis=0), np.zeros(m.nrho)],
+        Q=np.r_[held * body, np.full(m.nrho, w.string), held * w.rate, np.full(m.nrho, 1e-9)],
+        R=np.r_[np.full(len(m.inputs), w.tension), np.full(m.nrho, w.string_acceleration)],
     )
     begun = time.process_time()
     result = optimize(
         MechanismSystem(m),
         cost,
-        initial=DenseTrajectory.from_samples(t, x, found(t, 2)[:, m.nd :]),
-        limits=[Bound("*_string", min=LEAST, of="tension")],
+        initial=DenseTrajectory.from_samples(
+            t, np.hstack([found(t), found(t, 1)]), np.hstack([pulls, found(t, 2)[:, m.nd :]])
+        ),
+        limits=[Bound(m.inputs, min=LEAST, of="input")],
         accuracy=ROUGHLY,
         tolerance=1e-4,
     )
-    return Window(t, first, run, result, time.process_time() - begun)
+    return Window(m, t, first, run, result, time.process_time() - begun)
 
 
 @dataclass(frozen=True)
@@ -260,13 +265,13 @@ def draw(result: Result) -> Figure:
     return figure
 
 
-def main(output: Path, motion: Path | None = None) -> Result:
+def main(output: Path, motion: Path | None = None, strings: Count = 6) -> Result:
     """Follow both motions, print and draw."""
     part = follow_simulated()
     for (name, off), one in zip(part.followed.items(), (part.held, part.forces, part.continuous), strict=True):
         print(f"{name:13} {one.status.name} in {one.iterations} iterations, {part.seconds[name]:.1f} s, "
               f"joints off by {off:.2g} degrees rms, cost {one.cost:.9g}")  # fmt: skip
-    run = follow_captured(motion)
+    run = follow_captured(motion, strings)
     print(f"{run.source}: {run.result.status.name} in {run.result.iterations} iterations, joints off by "
           f"{run.errors.joint_rms:.2g} degrees rms, least tension {run.tension.min():.2f} N")  # fmt: skip
     window = follow_continuously(run, WINDOW)
@@ -285,5 +290,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "output")
     parser.add_argument("--motion", type=Path, help="a BVH file; the made-up walk if left out")
+    parser.add_argument("--strings", type=int, choices=list(STRING_SETS), default=6, help="how many; 6 if left out")
     given = parser.parse_args()
-    main(given.out, given.motion)
+    main(given.out, given.motion, given.strings)

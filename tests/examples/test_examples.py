@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -19,10 +21,14 @@ pytest.importorskip("matplotlib")
 from matplotlib.image import imread
 
 from leastaction import Status
-from leastaction.apps.marionette import walk_in_place
+from leastaction.apps.marionette import load_motion, track, walk_in_place
 from leastaction.mechanics import Stability
+from leastaction.models.marionette import marionette
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+REPOSITORY = Path(__file__).parents[2]
+EXAMPLES = REPOSITORY / "examples"
+SHARED = Path(os.environ.get("SHARED_DIR", REPOSITORY.parent / "shared")) / "data" / "mocap"
+CAPTURE = SHARED / "cmu_02_01_walk.bvh"
 SCRIPTS = sorted(path.stem for path in EXAMPLES.glob("[0-9]*.py"))
 
 
@@ -325,6 +331,39 @@ def test_marionette_follows_a_captured_motion_in_continuous_time(monkeypatch: py
     # A window that the motion does not reach is its last part.
     assert example.window_of(np.linspace(0.0, 1.0, 101), (1.6, 2.0)) == (60, 100)
     assert example.window_of(np.linspace(0.0, 1.0, 101), (1.6, 3.1)) == (0, 100)
+
+
+@pytest.mark.slow
+def test_marionette_follows_in_continuous_time_what_it_has_to_be_made_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Like a capture: faster and wider than a puppet walks, and unsteady. Strings as rods end at a saddle with it.
+    example = load("18_marionette", monkeypatch)
+    walk = walk_in_place(1.2)
+    fast = replace(walk, t=walk.t / 1.5).resample(0.01)
+    noise = replace(fast, q=np.random.default_rng(0).normal(size=fast.q.shape)).low_pass(4.0).q
+    unsteady = 0.1 * noise / noise.std() * [0.1 if name.startswith("torso_t") else 1.0 for name in fast.names]
+    mean = fast.q.mean(axis=0)
+    run = track(marionette(), replace(fast, q=mean + 1.5 * (fast.q - mean) + unsteady))
+    assert run.embedded
+    window = example.follow_continuously(run, (0.2, 0.6))
+    assert window.result.status is Status.CONVERGED, window.result.message
+    found, discrete = window.off
+    assert found < 1.1 * discrete
+    assert window.integrated() < 0.05
+    assert window.tension[1].min() > example.LEAST - 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not CAPTURE.exists(), reason="the captured walk is not part of the package")
+def test_marionette_follows_a_real_capture_in_continuous_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = load("18_marionette", monkeypatch)
+    motion = load_motion(CAPTURE).motion
+    run = track(marionette(strings=9), replace(motion, t=motion.t[:121], q=motion.q[:121]))
+    window = example.follow_continuously(run, (0.4, 0.9))
+    assert window.result.status is Status.CONVERGED, window.result.message
+    found, discrete = window.off
+    assert found < 1.1 * discrete
+    assert window.integrated() < 0.05
+    assert window.tension[1].min() > example.LEAST - 1e-3
 
 
 def test_hand(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, ty, tz
+from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, tx, ty, tz
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import (
     Accuracy,
@@ -397,3 +397,30 @@ def test_rates_and_costs_of_many_samples_are_those_of_each(rng):
         Q=lambda t: np.full(system.nx, 1.0 + t), R=np.eye(system.nu) + 0.1,
     )  # fmt: skip
     np.testing.assert_allclose(cost.rates(x, u, t), [cost.rate(*at) for at in zip(x, u, t, strict=True)], rtol=1e-13)
+
+
+def test_a_way_around_is_found_from_the_saddle_in_front_of_it() -> None:
+    # Nothing bends but the limit: by symmetry the way to the other side leads no further than to the ball.
+    m = Mechanism([tx("x"), [ty("y", name="bob", mass=1.0)]], [JointForce("x", "push-x"), JointForce("y", "push-y")])
+    cost = ContinuousQuadraticCost(
+        np.zeros(4),
+        np.zeros(2),
+        Q=np.full(4, 1e-6),
+        R=np.ones(2),
+        Q_final=np.full(4, 100.0),
+        x_final=[1.0, 0.0, 0.0, 0.0],
+    )
+    result = optimize(
+        MechanismSystem(m),
+        cost,
+        initial=(np.array([-1.0, 0.0, 0.0, 0.0]), np.zeros(2)),
+        horizon=(0.0, 1.0),
+        limits=[Keep("bob", outside=Ball((0.0, 0.0, 0.0), 0.3))],
+        tolerance=1e-4,
+        accuracy=Accuracy(rtol=1e-3),
+    )
+    assert result.status is Status.CONVERGED, result.message
+    x, _ = result.trajectory.sample(np.linspace(0.0, 1.0, 101))
+    assert np.hypot(x[:, 0], x[:, 1]).min() > 0.29
+    assert np.abs(x[:, 1]).max() > 0.25
+    assert x[-1, 0] > 0.7

@@ -23,6 +23,8 @@ be followed far, and took up to twice the iterations and three times the roll-ou
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from leastaction.numerics.arrays import Array
@@ -106,7 +108,7 @@ def _add(weight: Array, amount: float) -> Array:
 def escape(
     linearization: Linearization,
     gradient: CostGradient,
-    hessian: CostHessian,
+    hessian: Callable[[float], CostHessian],
     curvature: Array,
     workspace: Workspace,
     scale: float,
@@ -115,21 +117,22 @@ def escape(
 
     Between the part of the curvature that leaves the model a minimum and the whole of it there is one at which
     the model is flat along some direction: the exact second derivative is negative along it. It is found by
-    inverse iteration with models that come close.
+    inverse iteration with models that come close. ``hessian``: the weights that go with a part of the curvature.
     """
     A, B = linearization
-    Q, R, S, Q_final = hessian
+    whole = hessian(1.0)
 
     def solve(scale: float, du: Array) -> LinearQuadraticSolution:
+        Q, R, S, Q_final = hessian(scale)
         return solve_linear_quadratic(
             A, B, Q=Q, R=R, S=S, H=curvature, H_scale=scale, r=-du, Q_final=Q_final, workspace=workspace
         )  # fmt: skip
 
     du = np.random.default_rng(0).normal(size=B.shape[::2])
     low, high = scale, 1.0
-    best = None
+    best, clear = None, False
     for solved in range(60):
-        if best is not None and solved >= 8:
+        if clear and solved >= 8:
             break
         trial = 0.5 * (low + high)
         model = solve(trial, du)
@@ -140,11 +143,14 @@ def escape(
         dx, du = sweep_forward(A, B, model)
         size = float(np.sqrt(np.sum(du**2)))
         dx, du = dx / size, du / size
-        bend = _along(hessian, curvature, dx, du)
+        bend = _along(whole, curvature, dx, du)
         if bend < 0.0:
             slope = float(np.sum(gradient.q * dx[:-1]) + np.sum(gradient.r * du) + gradient.q_final @ dx[-1])
             sign = -1.0 if slope > 0.0 else 1.0
             best = sign * dx, sign * du, model.K.copy(), sign * slope, bend
+            # As long as the model bends up by more than the whole bends down, most of it is what has nothing to do
+            # with that, and on which cost and model may differ by as much.
+            clear = -bend > _along(hessian(trial), trial * curvature, dx, du)
     return best
 
 

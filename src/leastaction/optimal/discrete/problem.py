@@ -261,7 +261,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         found = escape(
             self._linearize(),
             gradient,
-            self._hessian(),
+            self._hessian,
             self._curvature_along(gradient),
             self.free,
             scale,
@@ -288,7 +288,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self, method: str, workspace: Workspace, scale: float = 0.0, shift: float = 0.0
     ) -> LinearQuadraticSolution:
         gradient = self._gradient()
-        hessian = self._hessian()
+        hessian = self._hessian(scale)
         if shift > 0.0:
             hessian = shifted(hessian, shift)
         linearization = self._linearize()
@@ -300,8 +300,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         """Return the first derivatives of what is minimised."""
         return self.cost.gradient(self.x, self.u)
 
-    def _hessian(self) -> CostHessian:
-        """Return the second derivatives of what is minimised, without the dynamics' part."""
+    def _hessian(self, scale: float = 1.0) -> CostHessian:  # noqa: ARG002
+        """Return the second derivatives of what is minimised, to go with this part of the dynamics' curvature."""
         return self.cost.hessian(self.x, self.u)
 
     def _linearize(self) -> Linearization:

@@ -204,8 +204,8 @@ class LimitedProblem(ShootingProblem):
     def _gradient(self) -> CostGradient:
         return self._derivatives()[0] if self._begun else super()._gradient()
 
-    def _hessian(self) -> CostHessian:
-        return self._derivatives()[1] if self._begun else super()._hessian()
+    def _hessian(self, scale: float = 1.0) -> CostHessian:
+        return self._derivatives()[1] if self._begun else super()._hessian(scale)
 
     def _derivatives(self) -> tuple[CostGradient, CostHessian]:
         if self.derivatives is None:

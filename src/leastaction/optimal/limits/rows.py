@@ -127,7 +127,7 @@ class Rows:
         quantity, nx = self.quantity, x.shape[1]
         columns, nz = self._columns(nx, u.shape[1]), nx + u.shape[1]
         H = (jacobian * sigma[:, :, None]).transpose(0, 2, 1) @ jacobian
-        bent = quantity.curvature(self._at(x, u), self.sign * y)
+        bent = quantity.curvature(self._at(x, u), self.sign * y) if y.any() else None
         if bent is not None:
             H -= bent
         ahead = columns >= nz
