@@ -30,6 +30,10 @@ try:
     import mujoco
 except ImportError:  # it is shown beside where it is installed
     mujoco = None
+try:
+    import ode  # of the Open Dynamics Engine: Debian's package python3-pyode, for the system's Python
+except ImportError:
+    ode = None
 
 LENGTH, MASS, SLIDER, GRAVITY = 1.0, 1.0, 0.5, 9.8
 INERTIA = MASS * LENGTH**2 / 12.0
@@ -107,6 +111,44 @@ def mujoco_swing(segments: int, t: np.ndarray) -> np.ndarray:
         mujoco.mj_step(model, data)
         angles.append(data.joint("L0").qpos[0])
     return np.array(angles)
+
+
+def ode_swing(segments: int, t: np.ndarray) -> np.ndarray:
+    """Return the angle of the first link by the Open Dynamics Engine, with its joints as they are by default."""
+    world = ode.World()
+    world.setGravity((0.0, 0.0, -GRAVITY))
+    wide, deep = LENGTH * np.cos(START), LENGTH * np.sin(START)
+
+    def body(x: float, z: float, mass: float, inertia: float) -> ode.Body:
+        made, about = ode.Body(world), ode.Mass()
+        about.setParameters(mass, 0.0, 0.0, 0.0, inertia, inertia, inertia, 0.0, 0.0, 0.0)
+        made.setMass(about)
+        made.setPosition((x, 0.0, z))
+        return made
+
+    pins = []
+
+    def pin(one: ode.Body, other: ode.Body, x: float, z: float) -> None:
+        pins.append(ode.HingeJoint(world))
+        pins[-1].attach(one, other)
+        pins[-1].setAnchor((x, 0.0, z))
+        pins[-1].setAxis((0.0, 1.0, 0.0))
+
+    slider, rail = body(wide, 0.0, SLIDER, 1e-6), ode.SliderJoint(world)
+    rail.attach(slider, ode.environment)
+    rail.setAxis((1.0, 0.0, 0.0))
+    left, right = ode.environment, slider  # what holds the upper ends
+    for n in range(segments):
+        down, up = (body(0.5 * wide, -(n + 0.5) * deep, MASS, INERTIA) for _ in range(2))
+        pin(down, left, 0.0, -n * deep)
+        pin(up, right, wide, -n * deep)
+        pin(down, up, 0.5 * wide, -(n + 0.5) * deep)
+        left, right = up, down
+    angles = [START]
+    for dt in np.diff(t):
+        world.step(float(dt))
+        angles.append(START + pins[0].getAngle())
+    return np.unwrap(angles)
 
 
 def passages(t: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -204,7 +246,7 @@ class Result:
     exact: np.ndarray
     run: Trajectory
     seconds: float  # of the run
-    others: dict[float, np.ndarray]  # MuJoCo's angle by its time step
+    others: dict[tuple[str, float], np.ndarray]  # another engine's angle, by its name and time step
     efforts: list[Effort]
     damping: list[float]  # by the steps of the fit
     error: float
@@ -218,10 +260,13 @@ def solve() -> Result:
     begun = time.process_time()
     run = swing(5, t)
     seconds = time.process_time() - begun
-    others = {}
-    if mujoco is not None:
-        for dt in (1e-2, 1e-3):
-            others[dt] = mujoco_swing(5, dt * np.arange(round(10.0 / dt) + 1))
+    engines = (("MuJoCo", mujoco, mujoco_swing), ("ODE", ode, ode_swing))
+    others = {
+        (name, dt): swings(5, dt * np.arange(round(10.0 / dt) + 1))
+        for name, engine, swings in engines
+        if engine is not None
+        for dt in (1e-2, 1e-3)
+    }
     experiment = Experiment()
     damping, error = experiment.identify()
     dampings = np.linspace(0.1, 1.0, 10)
@@ -235,12 +280,13 @@ def draw(result: Result) -> Figure:
     """Return the figure: the swing, its error, the effort by segments, and what tells of damping."""
     figure = Figure(figsize=(11.5, 7.4), layout="constrained")
     (angle, error), (by_segments, amplitude) = figure.subplots(2, 2)
-    for (dt, values), color in zip(result.others.items(), ("tab:orange", "tab:red"), strict=False):
-        t = dt * np.arange(len(values))
-        angle.plot(t, np.degrees(values), color=color, lw=1, label=f"MuJoCo, steps of {1e3 * dt:g} ms")
+    colors = {"MuJoCo": ("tab:orange", "tab:red"), "ODE": ("tab:green", "tab:olive")}
+    for (name, dt), values in result.others.items():
+        t, color = dt * np.arange(len(values)), colors[name][dt < DT]
+        angle.plot(t, np.degrees(values), color=color, lw=1, label=f"{name}, steps of {1e3 * dt:g} ms")
     angle.plot(result.t, np.degrees(result.exact), color="0.6", lw=4, label="reference")
     angle.plot(result.t, np.degrees(result.run["L0"]), color="tab:blue", lw=1, label="midpoint, steps of 10 ms")
-    angle.set(xlabel="time (s)", ylabel="angle of the links (degrees)", xlim=(0.0, 5.0), ylim=(0.0, 180.0))
+    angle.set(xlabel="time (s)", ylabel="angle of the links (degrees)", xlim=(0.0, 5.0), ylim=(-20.0, 180.0))
     angle.set_title("five segments, let go")
     angle.legend(fontsize=8, loc="lower center", ncols=2)
     error.plot(result.t, np.degrees(result.run["L0"] - result.exact), color="tab:blue", lw=1)
@@ -274,9 +320,9 @@ def main(output: Path) -> Result:
     )
     swings, late, grown = endurance()
     print(f"after 1000 s and {swings} swings it is {late:+.2f} s late, its amplitude {grown:+.0e} rad off")
-    for dt, values in result.others.items():
+    for (name, dt), values in result.others.items():
         top = np.degrees(values[len(values) // 2 :].max())
-        print(f"MuJoCo at {1e3 * dt:g} ms: after 5 s up to {top:.0f} instead of {180 - np.degrees(START):.0f} degrees")
+        print(f"{name} at {1e3 * dt:g} ms: after 5 s up to {top:.0f} instead of {180 - np.degrees(START):.0f} degrees")
     for one in result.efforts:
         print(
             f"{one.segments:2} segments: steps of {1e3 * one.dt:5.2f} ms for the error, "
