@@ -289,14 +289,16 @@ def test_the_table_shows_it(capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("problems", "share"), [(PROBLEMS, 0.95), (FURTHER, 0.85), (OTHERS, 0.8)], ids=["first", "further", "others"]
+    ("problems", "share", "indefinite"),
+    [(PROBLEMS, 0.95, 0.2), (FURTHER, 0.85, 0.2), (OTHERS, 0.8, 0.25)],
+    ids=["first", "further", "others"],
 )
-def test_all_of_the_benchmark(problems, share):
+def test_all_of_the_benchmark(problems, share, indefinite):
     outcomes = [solve(problem) for problem in problems]
     figures = summary(outcomes)
     assert figures["said converged, is no minimum"] == 0
     assert figures["certified"] >= share * len(problems), [o.name for o in outcomes if not o.minimum]
-    assert figures["indefinite share"] <= 0.2
+    assert figures["indefinite share"] <= indefinite
     assert figures["roll-outs per iteration, converged"] <= 2.0
     # The rest says when in the motion it was stuck, and what may help.
     assert all("at t = " in o.message for o in outcomes if not o.minimum)
