@@ -392,6 +392,26 @@ def test_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     assert pulled.x[100, third] > np.radians(50.0)
 
 
+@pytest.mark.slow
+def test_hand_that_only_pulls_from_the_first_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the wanted motion, which is none of the hand's and which its projection loses, without the free optimum."""
+    example = load("17_hand", monkeypatch)
+    m = example.hand()
+    system = example.MidpointSystem(example.MidpointVI(m), example.T)
+    angles = example.wanted(m)
+    curve, slack = np.hstack([angles, np.zeros_like(angles)]), np.zeros((system.N, system.nu))
+    cost = example.QuadraticCost(
+        curve, slack, Q=[1.0] * m.nq + [0.0] * m.nq, R=[example.EFFORT] * m.n_inputs
+    )  # fmt: skip
+    result = example.optimize(
+        system, cost, initial=(curve, slack), limits=[example.Bound("*", min=0.0, of="input")]
+    )  # fmt: skip
+    assert result.status is Status.CONVERGED, result.message
+    assert result.iterations <= 60
+    assert result.u.min() >= 0.0
+    assert result.cost < 4.82
+
+
 # What the author's own examples show beyond
 
 

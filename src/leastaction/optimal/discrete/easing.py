@@ -43,10 +43,8 @@ _PARTS = 2
 _LOOSE, _LONGEST = 1e-2, 20
 
 # A search over trajectories is a long one after so many iterations, and after the second number if it began with a
-# projection that lost the start; one with gaps that takes its place is over after so many, and after the second number
-# where there are other ways.
-_LONG, _LONG_IF_LOST = 200, 100
-_LONGEST_INSTEAD, _BRIEF = 100, 40
+# projection that lost the start; one with gaps that takes its place, where there are other ways, is over after so many.
+_LONG, _LONG_IF_LOST, _BRIEF = 200, 100, 40
 
 
 class EasedProblem(ShootingProblem):
@@ -138,23 +136,12 @@ class EasedProblem(ShootingProblem):
 
     def begin_with_gaps(self, *, brief: bool) -> bool:
         """Begin again with gaps from the given start, once; return whether that can be done."""
-        if self.is_open or self.given is None or self.ease != 1.0:
-            return False
-        now, given = self._place(), self.given
-        try:
-            refusal = self._open(given)
-        except BaseException as error:  # an interruption too leaves it where it stood
-            self._go_to(now)
-            if isinstance(error, LeastActionError):
-                return False
-            raise
-        self.forget()
-        if refusal is not None:
-            self.given = None
-            self._go_to(now)
+        given, now = self.given, self._place()
+        if self.ease != 1.0 or given is None or not super().begin_with_gaps(brief=brief):
             return False
         self._remember(now)
-        self.longest = _BRIEF if brief and not given.is_lost else _LONGEST_INSTEAD
+        if brief and not given.is_lost:
+            self.longest = _BRIEF
         return True
 
     def _begin_without_gaps(self) -> bool:

@@ -45,8 +45,9 @@ __all__ = ["Curve", "Gapped", "ShootingProblem"]
 Gapped = Literal["never", "where needed", "at once"]
 """When steps may have gaps: never; where the start cannot be projected, or the loop asks for them; from the start."""
 
-# Gaps below this part of the states' sizes are closed, after a full step; so many iterations are made with gaps.
-_CLOSED, _LONGEST = 1e-6, 300
+# Gaps below this part of the states' sizes are closed, after a full step; so many iterations are made with gaps, and
+# so many where they take the place of a search that was stuck.
+_CLOSED, _LONGEST, _LONGEST_INSTEAD = 1e-6, 300, 100
 
 # A curve is lost by a projection that costs so much more.
 _DEAR = 10.0
@@ -184,6 +185,26 @@ class ShootingProblem(DiscreteProblem):
             super().start((x, u))
         elif failure is not None:
             self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
+
+    def begin_with_gaps(self, *, brief: bool) -> bool:  # noqa: ARG002
+        """Begin again with gaps from the given start, once; return whether that can be done."""
+        if self.is_open or self.given is None:
+            return False
+        before = self.x, self.u, self.gain, self.value, self.worst_step
+        try:
+            refused = self._open(self.given) is not None
+        except BaseException as error:  # an interruption too leaves it where it stood
+            self.open_curve = None
+            self.x, self.u, self.gain, self.value, self.worst_step = before
+            if not isinstance(error, LeastActionError):
+                raise
+            refused = True
+        if refused:
+            self.given = None
+            return False
+        self.forget()
+        self.longest = _LONGEST_INSTEAD
+        return True
 
     def _open(self, start: Start) -> Refusal | None:
         """Stand at a curve with its gaps, or return why that is not possible."""
@@ -377,7 +398,7 @@ class ShootingProblem(DiscreteProblem):
     ) -> LinearQuadraticSolution:
         if self.open_curve is None:
             return super()._solve(method, workspace, scale, shift)
-        gradient, hessian = self._gradient(), self._hessian()
+        gradient, hessian = self._gradient(), self._hessian(scale)
         if shift > 0.0:
             hessian = shifted(hessian, shift)
         linearization = self._linearize()

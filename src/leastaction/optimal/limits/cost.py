@@ -48,6 +48,7 @@ class LimitedCost:
         self.layout = self.duals.layout
         self.of_states = EntryRows(self.rows, self.layout, of_state=True, width=nx)
         self.of_inputs = EntryRows(self.rows, self.layout, of_state=False, width=nu)
+        self.spare: Array | None = None  # memory that is used again
         self.others = [i for i, each in enumerate(self.rows) if not isinstance(each.quantity, Entries)]
 
     @property
@@ -91,7 +92,7 @@ class LimitedCost:
         *,
         bent: float = 1.0,
     ) -> CostHessian:
-        """Return the second derivatives of the primal-dual model.
+        """Return the second derivatives of the primal-dual model; the next whole ones are written where they are.
 
         Parameters
         ----------
@@ -105,18 +106,21 @@ class LimitedCost:
         """
         Q, R, S, Q_final = self.cost.hessian(x, u)
         nx = x.shape[1]
-        weights = Weights(len(u), nx, u.shape[1])
+        # What is compared with the whole has memory of its own.
+        weights = Weights(len(u), nx, u.shape[1], self.spare if bent == 1.0 else None)
         sigmas = self.duals.stiffnesses(room)
         self.of_states.add_hessian(sigmas, weights.state)
         self.of_inputs.add_hessian(sigmas, weights.input)
         for i, jacobian in jacobians.items():
             self.rows[i].add_hessian(x, u, jacobian, bent * self.duals.y[i], sigmas[i], weights, dynamics)
-        final = matrix_of(Q_final) + np.diag(weights.state[-1])
-        if weights.state_matrix is not None:
-            final = final + weights.state_matrix[-1]
-            Q = matrix_of(Q) + weights.state_matrix[:-1]
-        Q, R = _with(Q, weights.state[:-1]), _with(R, weights.input)
         H = weights.matrix
+        if bent == 1.0:
+            self.spare = weights.spare
+        R = _with(R, weights.input)
+        if weights.state_matrix is None:
+            Q, final = _with(Q, weights.state[:-1]), matrix_of(Q_final) + np.diag(weights.state[-1])
+        else:
+            Q, final = _summed(weights.state_matrix, weights.state, Q, Q_final)
         if H is None:
             return CostHessian(Q, R, S, final)
         cross = H[:, :nx, nx:] if S is None else S + H[:, :nx, nx:]
@@ -132,6 +136,18 @@ class LimitedCost:
         for i, jacobian in jacobians.items():
             found[i] = self.rows[i].along(jacobian, dx, du)
         return found
+
+
+def _summed(to: Array, diagonal: Array, Q: Array, Q_final: Array) -> tuple[Array, Array]:
+    """Return the weights of the states and of the last one, added to matrices together with their diagonals."""
+    on = np.einsum("kii->ki", to)
+    on += diagonal
+    if is_diagonal(Q):
+        on[:-1] += Q if Q.ndim == 1 else Q[:, :, 0]
+    else:
+        to[:-1] += Q
+    to[-1] += matrix_of(Q_final)
+    return to[:-1], to[-1]
 
 
 def _with(weight: Array, diagonal: Array) -> Array:

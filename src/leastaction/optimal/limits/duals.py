@@ -32,7 +32,8 @@ _ACTIVE = 100.0  # times mu: dual times scale of a limit that is active
 _FIRST, _LESS, _POWER = 0.1, 0.1, 1.5
 _FIRST_AGAIN = 1e-4  # where duals are known
 _LAST = 0.1  # of the tolerated change of the cost is the barriers' part in the end
-_LOOSE = 10.0  # times mu: the expected decrease with which a stage but the last is over
+# Times mu: the expected decrease with which a stage but the last is over; of more rows than these, by the root more.
+_LOOSE, _MANY = 10.0, 100.0
 _LITTLE, _NOTHING = 1e-6, 1e-12  # a start that costs less than the first, and that part of doing nothing, costs nothing
 _ROUGH = 1e-4  # a tolerance from which on duals need not be exact
 _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
@@ -339,11 +340,17 @@ class Stages:
         """Whether the barrier does not get smaller any more, or there is none."""
         return not self.duals.sides or self.duals.mu <= self.last
 
+    @property
+    def is_near_end(self) -> bool:
+        """Whether the next stage is the last, or this: few steps are left for the duals to settle in."""
+        return not self.duals.sides or self._following <= self.last
+
     def tolerated(self, goal: float, noise: float) -> float:
         """Return the expected decrease that is small enough at this stage."""
         mu = self.duals.mu
         if mu > self.last:
-            return max(goal, _LOOSE * mu)
+            many = 1.0 if self.is_near_end else float(np.sqrt(max(1.0, self.count / _MANY)))
+            return max(goal, _LOOSE * many * mu)
         if self._rough:
             return max(goal, 10.0 * noise)
         # The duals are worth no more than the motion is near the barrier's minimum.
@@ -360,10 +367,15 @@ class Stages:
             return False
         # Who asks for few digits need not see what a price comes to before the next barrier.
         if not dearer or (self._rough and not was_last):
-            unit = self.first_mu / _FIRST
-            part = duals.mu / unit
-            duals.mu = min(duals.mu, max(self.last, unit * min(_LESS * part, part**_POWER)))
+            duals.mu = min(duals.mu, max(self.last, self._following))
         return True
+
+    @property
+    def _following(self) -> float:
+        """The barrier's parameter of the next stage, if that is not the last."""
+        unit = self.first_mu / _FIRST
+        part = self.duals.mu / unit
+        return float(unit * min(_LESS * part, part**_POWER))
 
     def are_met(self, c: Sided) -> bool:
         """Whether all limits are met, as well as can be asked."""

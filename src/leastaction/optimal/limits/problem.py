@@ -26,7 +26,6 @@ from leastaction.optimal.settings import Settings
 
 __all__ = ["LimitedProblem"]
 
-_LONGEST_INSTEAD = 100  # iterations with gaps that take the place of a search that was stuck
 _DIGITS = 1e4 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
 
@@ -77,7 +76,8 @@ class LimitedProblem(ShootingProblem):
         # Of the iterate and this stage; None: not yet.
         self.room: Room | None = None
         # Of both and the duals; None: not yet.
-        self.derivatives: tuple[CostGradient, CostHessian] | None = None
+        self.gradient: CostGradient | None = None
+        self.hessian: CostHessian | None = None
 
     # ---- Where to start -------------------------------------------------------------------------
 
@@ -159,12 +159,17 @@ class LimitedProblem(ShootingProblem):
     def _set_out(self) -> None:
         """Begin a stage: another cost, the same dynamics."""
         self.tells_saddles = self.system.has_curvature and self.stages.is_last and not self.is_open
-        self.curvature = self.quasi_newton = self.feedback = self.derivatives = self.room = None
+        self.curvature = self.quasi_newton = self.feedback = self.gradient = self.hessian = self.room = None
         barrier = self.duals.barrier(self._room())
         if self.open_curve is not None:
             self._take(self.open_curve._replace(cost=self.shown + barrier))
         else:
             self.value = self.shown + barrier
+
+    @property
+    def tells_violence(self) -> bool:
+        """Whether first steps that are cut short tell of a run that gets lost: not where barriers cut them."""
+        return not self._begun
 
     @property
     def prefers_gaps(self) -> bool:
@@ -173,18 +178,9 @@ class LimitedProblem(ShootingProblem):
 
     def begin_with_gaps(self, *, brief: bool) -> bool:
         """Begin again with gaps from the given start, once, and with other duals; return whether that can be done."""
-        given = self.given
-        if self.is_open or given is None or (brief and not given.is_lost):
+        lost = self.given is not None and self.given.is_lost
+        if (brief and not lost) or not super().begin_with_gaps(brief=brief):
             return False
-        try:
-            refusal = self._open(given)
-        except LeastActionError:
-            refusal = Refusal("a step of it cannot be made")
-        if refusal is not None:
-            self.given = None
-            return False
-        self.forget()
-        self.longest = _LONGEST_INSTEAD
         self._begin()
         return True
 
@@ -202,20 +198,21 @@ class LimitedProblem(ShootingProblem):
         return self.duals.begun
 
     def _gradient(self) -> CostGradient:
-        return self._derivatives()[0] if self._begun else super()._gradient()
+        if not self._begun:
+            return super()._gradient()
+        if self.gradient is None:
+            self.gradient = self._with_duals(self.duals.of_barrier(self._room()))
+        return self.gradient
 
     def _hessian(self, scale: float = 1.0) -> CostHessian:
-        return self._derivatives()[1] if self._begun else super()._hessian(scale)
-
-    def _derivatives(self) -> tuple[CostGradient, CostHessian]:
-        if self.derivatives is None:
+        if not self._begun:
+            return super()._hessian(scale)
+        if self.hessian is None:
             dynamics = None
             if any(rows.quantity.looks_ahead for rows in self.limited.rows):
                 dynamics = np.concatenate(list(self._linearize()), axis=2)
-            room, jacobians = self._room(), self._jacobians()
-            gradient = self._with_duals(self.duals.of_barrier(room))
-            self.derivatives = gradient, self.limited.hessian(self.x, self.u, room, jacobians, dynamics)
-        return self.derivatives
+            self.hessian = self.limited.hessian(self.x, self.u, self._room(), self._jacobians(), dynamics)
+        return self.hessian
 
     def _with_duals(self, duals: Sided) -> CostGradient:
         """Return the first derivatives of the cost less the duals times the limits."""
@@ -225,7 +222,8 @@ class LimitedProblem(ShootingProblem):
 
     def forget(self) -> None:
         super().forget()
-        self.values = self.plain_value = self.room = self.jacobians = self.plain = self.derivatives = None
+        self.values = self.plain_value = self.room = self.jacobians = self.plain = None
+        self.gradient = self.hessian = None
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
         # The multipliers of the dynamics are those of the Lagrangian.

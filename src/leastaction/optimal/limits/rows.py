@@ -13,12 +13,16 @@ __all__ = ["Rows", "Weights"]
 
 
 class Weights:
-    """What rows add to the second derivative of a cost; matrices only where some row is no single entry."""
+    """What rows add to the second derivative of a cost; matrices only where some row is no single entry.
 
-    def __init__(self, N: int, nx: int, nu: int) -> None:
+    ``spare`` (N+1, nx, nx): memory for those of the states, which is that of many such sums one after the other.
+    """
+
+    def __init__(self, N: int, nx: int, nu: int, spare: Array | None = None) -> None:
         self.state, self.input = np.zeros((N + 1, nx)), np.zeros((N, nu))
         self.matrix: Array | None = None
         self.state_matrix: Array | None = None
+        self.spare = spare
 
     def of_steps(self) -> Array:
         """Return the matrices of the steps (N, nx+nu, nx+nu), to be added to."""
@@ -30,7 +34,10 @@ class Weights:
     def of_states(self) -> Array:
         """Return the matrices of the states (N+1, nx, nx), to be added to."""
         if self.state_matrix is None:
-            self.state_matrix = np.zeros((*self.state.shape, self.state.shape[1]))
+            if self.spare is None:
+                self.spare = np.empty((*self.state.shape, self.state.shape[1]))
+            self.state_matrix = self.spare
+            self.state_matrix.fill(0.0)
         return self.state_matrix
 
 

@@ -167,6 +167,11 @@ class Problem(ABC, Generic[M, D, I]):
         return None
 
     @property
+    def tells_violence(self) -> bool:
+        """Whether first steps that are cut short tell of a run that is likely to get lost."""
+        return True
+
+    @property
     def prefers_gaps(self) -> bool:
         """Whether gaps are more promising than an easier stage, where a run gets lost."""
         return False

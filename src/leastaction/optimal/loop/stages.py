@@ -31,7 +31,7 @@ class Stages:
         run = self.run
         if run.schedule.spent >= (run.problem.longest_stage or np.inf):
             self._next()
-        elif run.has_just_begun and run.was_violent:
+        elif run.has_just_begun and run.was_violent and run.problem.tells_violence:
             _ = self._begin_with_gaps() or self._begin_again()
         elif run.schedule.spent == run.problem.long_run and not run.schedule.again:
             self._begin_with_gaps()
@@ -73,7 +73,7 @@ class Stages:
         run = self.run
         was_open = run.problem.is_open
         if run.problem.next_stage():
-            run.set_out(replace(run.schedule, expected=np.nan, full=False))
+            run.set_out(replace(run.schedule, scale=1.0, expected=np.nan, full=False))
             return True
         if not was_open:
             return False
