@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from leastaction import MidpointSystem, MidpointVI, optimize
 from leastaction.errors import ArgumentError
+from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import QuadraticCost, check_derivatives
+from leastaction.optimal.discrete.cost import CostGradient, CostHessian, convex
 from optimal.systems import CartPendulum
 
 N, NX, NU = 9, 4, 1
@@ -118,3 +121,57 @@ def test_the_callers_arrays_are_copied_and_the_costs_own_cannot_be_written_to(cu
     for name in ("x_wanted", "u_wanted", "Q", "R", "Q_final"):
         with pytest.raises(ValueError, match="read-only"):
             getattr(cost, name)[0] = 1.0
+
+
+def test_the_convex_part_of_a_hessian():
+    rng = np.random.default_rng(8)
+    W = rng.normal(size=(5, 4, 4))
+    bent, stiff = W + np.swapaxes(W, 1, 2), W @ np.swapaxes(W, 1, 2)
+    R = np.ones((5, 2, 1))
+    same = CostHessian(stiff, R, None, np.ones(4))
+    assert convex(same) is same
+    found = convex(CostHessian(bent, R, None, -np.ones(4)))
+    values, vectors = np.linalg.eigh(bent)
+    wanted = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
+    np.testing.assert_allclose(found.Q, wanted, atol=1e-13)
+    assert found.R is R
+    np.testing.assert_array_equal(found.Q_final, np.zeros(4))
+    # What couples states and inputs counts too.
+    crossed = CostHessian(np.ones(4), np.ones(2), 2.0 * np.eye(4, 2), np.ones(4))
+    Q, R, S, _ = convex(crossed)
+    whole = np.block([[Q[0], S[0]], [S[0].T, R[0]]])
+    assert np.linalg.eigvalsh(whole).min() > -1e-13
+    np.testing.assert_allclose(np.linalg.eigvalsh(whole)[-2:], [3.0, 3.0])
+
+
+class Wavy(QuadraticCost):
+    """A cost of one's own that bends downwards: ``w (1 - cos(pole - pi))`` beside the weights."""
+
+    def stage_values(self, x, u, start):
+        return super().stage_values(x, u, start) + 10.0 * (1.0 + np.cos(x[:, 1]))
+
+    def gradient(self, x, u):
+        q, r, q_final = super().gradient(x, u)
+        q = q.copy()
+        q[:, 1] -= 10.0 * np.sin(x[:-1, 1])
+        return CostGradient(q, r, q_final)
+
+    def hessian(self, x, u):
+        Q, R, S, Q_final = super().hessian(x, u)
+        stages = np.tile(Q, (len(u), 1))[:, :, None]
+        stages[:, 1, 0] -= 10.0 * np.cos(x[:-1, 1])
+        return CostHessian(stages, R, S, Q_final)
+
+
+def test_a_cost_that_bends_downwards_is_no_reason_for_steepest_descent():
+    """Where the cost's own second derivative is indefinite, its convex part is followed, and the minimum certified."""
+    vi = MidpointVI(cart_pendulum())
+    system = MidpointSystem(vi, np.linspace(0.0, 2.0, 101))
+    start = vi.start([0.0, 0.3])
+    wanted = np.zeros((101, 4))
+    cost = Wavy(wanted, np.zeros((100, 1)), Q=[0.1, 0.0, 0.0, 0.0], R=[0.001])
+    found = optimize(system, cost, initial=(start.x, np.zeros((100, 1))))
+    assert check_derivatives(system, found.x, found.u, cost=cost).ok
+    assert found.success
+    assert "steepest" not in found.history.method
+    assert found.iterations < 60

@@ -7,19 +7,26 @@ import pytest
 
 from leastaction import (
     Bound,
+    Damping,
     Gravity,
     JointForce,
     Mechanism,
     MidpointSystem,
     MidpointVI,
     PlaceCost,
+    PointToPoint,
     QuadraticCost,
+    Status,
     follow,
     optimize,
     play,
+    project_configuration,
     rx,
+    ry,
     rz,
+    tx,
     ty,
+    tz,
 )
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion
@@ -64,11 +71,83 @@ def test_the_hand_of_an_arm_goes_where_it_is_wanted() -> None:
     assert np.abs(made - CIRCLE)[20:].max() < 2e-3
     assert set(found.errors) == {"hand"}
     # As found by hand, with the cost that its weights are short for.
+    found = follow(ARM, {"hand": CIRCLE}, {"hand": 100.0, "shoulder": 0.0, "elbow": 0.0}, t=T)
     m = found.system.integrator.mechanism
     plain = QuadraticCost(0.0 * found.result.x, 0.0 * found.result.u, Q=np.zeros(m.nx), R=[1e-6, 1e-6])
     cost = PlaceCost(plain, found.system, {"hand": CIRCLE}, {"hand": 100.0})
     again = optimize(found.system, cost, initial=(found.result.x, found.result.u))
     assert again.cost == pytest.approx(found.result.cost, rel=1e-6)
+
+
+def test_the_convex_part_of_a_places_price_is_gauss_and_newtons() -> None:
+    m = ARM
+    system = MidpointSystem(MidpointVI(m), T[:5])
+    rng = np.random.default_rng(2)
+    plain = QuadraticCost(np.zeros((5, 4)), np.zeros((4, 2)), Q=np.zeros(4), R=[0.1, 0.1])
+    cost = PlaceCost(plain, system, {"hand": 3.0 * rng.normal(size=(5, 3))}, {"hand": 2.0})
+    x, u = rng.normal(size=(5, 4)), rng.normal(size=(4, 2))
+    J = m.frame_jacobian(x[:, :2], "hand")[:, :3]
+    convex, exact = cost.convex_hessian(x, u), cost.hessian(x, u)
+    np.testing.assert_allclose(convex.Q[:, :2, :2], 2.0 * (np.swapaxes(J, 1, 2) @ J)[:-1], atol=1e-14)
+    assert np.linalg.eigvalsh(exact.Q).min() < -0.1  # so far away it does bend downwards
+
+
+# Six joints, of which the last three hardly move the tool; and two arms that hold one point together.
+SIX = Mechanism(
+    [rz("j1"), [tz(0.3), [ry("j2"), [tx(0.2, mass=3, inertia=(0.01, 0.05, 0.05)), tx(0.4), [
+        ry("j3"), [tx(0.2, mass=2, inertia=(0.01, 0.03, 0.03)), tx(0.4), [
+            rx("j4"), [ry("j5"), [rz("j6"), [
+                tx(0.1, mass=0.5, inertia=(0.001, 0.001, 0.001)), tx(0.15, name="tool")]]]]]]]]]],
+    [Gravity(), Damping({f"j{i}": 0.1 for i in range(1, 7)}), *(JointForce(f"j{i}", f"u{i}") for i in range(1, 7))],
+)  # fmt: skip
+FIVE_BAR = Mechanism(
+    [ry("a"), [tx(0.25, mass=0.3), tx(0.5), [ry("b"), [tx(0.3, mass=0.2), tx(0.6, name="tip")]]],
+     tx(0.4), [ry("c"), [tx(0.25, mass=0.3), tx(0.5), [ry("d"), [tx(0.3, mass=0.2), tx(0.6, name="other tip")]]]]],
+    [Gravity(), JointForce("a", "left"), JointForce("c", "right"), PointToPoint("tip", "other tip", axes="xz")],
+)  # fmt: skip
+LONG = np.linspace(0.0, 3.0, 301)
+EIGHT = np.stack(
+    [
+        0.5 + 0.1 * np.cos(2 * np.pi * LONG / 3),
+        0.3 * np.sin(2 * np.pi * LONG / 3),
+        0.4 + 0.1 * np.sin(4 * np.pi * LONG / 3),
+    ],
+    axis=1,
+)
+ROUND = np.stack(
+    [0.2 + 0.1 * np.sin(4 * np.pi * LONG / 3), 0.0 * LONG, -0.8 + 0.1 * np.cos(4 * np.pi * LONG / 3)], axis=1
+)
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "frame", "path", "weight", "error", "most"),
+    [(SIX, "tool", EIGHT, 100.0, 1e-3, 15), (FIVE_BAR, "tip", ROUND, 1.0, 4e-3, 8)],
+    ids=["arm of six joints", "five-bar"],
+)
+def test_places_are_followed_at_once(
+    mechanism: Mechanism, frame: str, path: np.ndarray, weight: float, error: float, most: int
+) -> None:
+    """The inputs of the start are those of the wanted motion, and a loop stays on its branch."""
+    found = follow(mechanism, {frame: path}, {frame: weight}, t=LONG)
+    assert found.result.success
+    assert found.way == "from the wanted motion"
+    assert found.result.iterations <= most
+    assert found.errors[frame] < error
+
+
+def test_a_heavily_shifted_model_that_expects_nothing_is_no_minimum() -> None:
+    """Of a loop that jumps from one branch to the other: an end that claims a minimum has one."""
+    system = MidpointSystem(MidpointVI(FIVE_BAR), LONG[:151], multipliers=True)
+    q = np.zeros((151, 4))
+    for k in range(151):
+        guess = [0.55, 1.06, 0.82, 1.35] if k < 2 else [-0.9, 0.5, -0.05, -1.58]
+        q[k] = project_configuration(FIVE_BAR, guess, attempts=1).q
+    x = np.hstack([q, np.zeros((151, 6))])
+    u = np.zeros((150, 2))
+    cost = PlaceCost(QuadraticCost(x, u, Q=np.zeros(10), R=[1e-6, 1e-6]), system, {"tip": ROUND[:151]}, {"tip": 1.0})
+    found = optimize(system, cost, initial=(x, u), shooting="multiple", max_iterations=40, tolerance=1e-6)
+    if found.status is Status.CONVERGED:
+        assert found.expected_decrease <= 1e-6 * found.cost
 
 
 def test_limits_are_kept_to_and_what_they_cost_is_seen() -> None:

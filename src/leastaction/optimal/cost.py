@@ -8,7 +8,11 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, read_only
 
-__all__ = ["as_weight", "check_weight", "final_of", "is_diagonal", "matrix_of", "owned", "weigh"]
+__all__ = ["as_weight", "check_weight", "clipped", "final_of", "is_diagonal", "matrix_of", "owned", "weigh"]
+
+
+# What of a weight's size its least eigenvalue may be below zero by rounding.
+_SEMI = 1e-12
 
 
 def owned(value: ArrayLike, what: str) -> Array:
@@ -75,6 +79,22 @@ def weigh(weight: Array, d: Array) -> Array:
     else:
         result = np.einsum("kij,kj->ki", weight, d)
     return result
+
+
+def clipped(weight: Array) -> Array:
+    """Return a weight whose eigenvalues below zero are zero; itself where there are none."""
+    if is_diagonal(weight):
+        return weight if (weight >= 0.0).all() else np.maximum(weight, 0.0)
+    size = np.abs(np.diagonal(weight, axis1=-2, axis2=-1)).max(axis=-1, initial=0.0)
+    raised = weight.copy()
+    places = np.arange(weight.shape[-1])
+    raised[..., places, places] += (_SEMI * size + np.finfo(np.float64).tiny)[..., None]
+    try:
+        np.linalg.cholesky(raised)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(weight)
+        return np.asarray((vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2))
+    return weight
 
 
 def matrix_of(weight: Array) -> Array:

@@ -17,7 +17,7 @@ _LEAST_GROWTH, _LARGEST_GROWTH, _RECOVERY = 1.1, 2.0, 1.03
 _ARRIVING = 0.1, 0.5, 1e-3
 
 # Less of a shift than this is none, less of the curvature is tried only after more failed.
-_LEAST_SHIFT, _LEAST_SCALE = 1e-3, 1.0 / 64.0
+_LEAST_SHIFT, _LEAST_SCALE = 1e-8, 1.0 / 64.0
 
 # A step is made longer than a full one where it should have been this much longer, by that factor at a time, and to
 # this length.
@@ -127,8 +127,9 @@ class NewtonSchedule:
             }
         else:
             # A quasi-Newton model that is off by a share s of the true curvature is off by s in the
-            # decrease too, and the expected decrease falls by s^2 with every step: good enough if s < 0.1.
-            new["wait"] = max(self.wait - 1, 1 if abs(agreement - 1.0) < 0.1 else 0)
+            # decrease too, and the expected decrease falls by s^2 with every step: good enough if s < 0.1. Short steps
+            # are foretold by any model.
+            new["wait"] = max(self.wait - 1, 1 if abs(agreement - 1.0) < 0.1 and self.shift == 0.0 else 0)
         return replace(self, **new)
 
 

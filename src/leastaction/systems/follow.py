@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError, closest
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import to_momentum
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
@@ -27,14 +28,15 @@ from leastaction.systems.costs.places import PlaceCost
 from leastaction.systems.costs.smooth import SmoothCost
 from leastaction.systems.embedding import embed
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.warm_start import onto_constraints
+from leastaction.systems.warm_start import configurations_onto_constraints, velocities_onto_constraints
 
 __all__ = ["Followed", "Wanted", "follow"]
 
 # Weights of what none is given for: of what is wanted, prescribed variables and their places to come, their
-# accelerations, and inputs.
-_WANTED, _PLACE, _NEXT, _ACCELERATION, _INPUT = 1.0, 1e-3, 1e-5, 1e-6, 1e-6
+# accelerations, inputs, and the pose that reaches wanted frames.
+_WANTED, _PLACE, _NEXT, _ACCELERATION, _INPUT, _POSE = 1.0, 1e-3, 1e-5, 1e-6, 1e-6, 1e-3
 _ENDED = Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK
+_RIDGE = 1e-10  # of the least squares of inputs, in parts of their normal matrix
 _STEPS, _CLOSE, _DAMPING = 100, 1e-8, 1e-6  # of the search for a pose whose frames are where they are wanted
 
 
@@ -131,7 +133,8 @@ def follow(
         By names or patterns of them, of half the squares of: the distance of a wanted variable or frame from where it
         is wanted (1 if left out); the place of a kinematic variable that is not wanted, about where it goes along with
         the motion (1e-3); an input (1e-6); ``"acceleration of NAME"`` of a kinematic variable (1e-6); ``"momentum of
-        NAME"``, about that of the wanted motion (0); a variable that is not wanted (0). Later ones count.
+        NAME"``, about that of the wanted motion (0); a variable that is not wanted (0, but 1e-3 where frames are,
+        about a pose that reaches them). Later ones count.
     limits : sequence of Limit, optional
         As of `optimize`. Tensions can be limited.
     t : array_like (N+1,), optional
@@ -164,6 +167,8 @@ def follow(
     x, u = _curve(system, wanted, start)
     cost = _cost(system, wanted, x, u, weights or {})
     solve = {"max_iterations": max_iterations, "tolerance": tolerance, **options}
+    if m.n_inputs:
+        u = _cheaper(system, cost, x, [_with_inputs(system, x, u), u])
 
     def directly() -> OptimizationResult:
         return optimize(system, cost, initial=(x, u), limits=limits, **solve)
@@ -240,21 +245,61 @@ def _curve(system: MidpointSystem, wanted: Mapping[str, Array], start: State | N
             q[:, m.variables.index(name)] = values
         else:
             places[name] = values
-    if places:
-        free = np.flatnonzero(~known[: m.nd])
-        known[free] = True
-        for k in range(len(q)):
-            q[k, free] = q[max(k - 1, 0), free]
-            _reach(m, q[k], free, {name: values[k] for name, values in places.items()})
+    free = np.flatnonzero(~known[: m.nd])
+
+    def reach(k: int, at: Array) -> None:
+        _reach(m, at, free, {name: values[k] for name, values in places.items()})
+
+    configurations_onto_constraints(m, q, known, start, reach if places else None)
     v = np.gradient(q, t, axis=0)
+    if places:
+        known[: m.nd] = True
     v[:, ~known] = 0.0
-    onto_constraints(m, q, v, known, start)
+    velocities_onto_constraints(m, q, v, known)
     x = np.zeros((len(t), system.nx))
     x[:, : m.nq] = q
     x[:, m.nq : m.nq + m.nd] = to_momentum(m, q, v)
     x[1:, m.nq + m.nd : m.nx] = np.diff(q[:, m.nd :], axis=0) / np.diff(t)[:, None]
     x[0, : m.nx] = (system.integrator.start(q[0]) if start is None else start).x
     return x, np.hstack([np.zeros((system.N, m.n_inputs)), q[1:, m.nd :]])
+
+
+def _cheaper(system: MidpointSystem, cost: Cost, x: Array, candidates: Sequence[Array]) -> Array:
+    """Return the inputs with which the projection of a curve costs least."""
+    costs = []
+    for u in candidates:
+        try:
+            costs.append(optimize(system, cost, initial=(x, u), max_iterations=0).cost)
+        except LeastActionError:
+            costs.append(np.inf)
+    return candidates[int(np.argmin(costs))]
+
+
+def _with_inputs(system: MidpointSystem, x: Array, u: Array) -> Array:
+    """Return inputs with those that make a motion as nearly as inputs can, by inverse dynamics between the instants."""
+    m, dt = system.integrator.mechanism, np.diff(system.t)[:, None]
+    q = x[:, : m.nq]
+    v = np.gradient(q, system.t, axis=0)
+    middle, speed, change = 0.5 * (q[1:] + q[:-1]), np.diff(q, axis=0) / dt, np.diff(v, axis=0) / dt
+    dynamics = ContinuousDynamics(m)
+
+    def missing(inputs: Array, multipliers: Array) -> Array:
+        shape = (system.N, 1)
+        given = np.tile(multipliers, shape), np.tile(inputs, shape)
+        return dynamics.inverse_dynamics(middle, speed, change, given[0], u=given[1])[:, : m.nd]
+
+    still, none = np.zeros(m.n_inputs), np.zeros(m.nc)
+    needed = missing(still, none)
+    each = [needed - missing(one, none) for one in np.eye(m.n_inputs)]
+    each += [needed - missing(still, one) for one in np.eye(m.nc)]
+    effect = np.stack(each, axis=2)
+    square = np.swapaxes(effect, 1, 2) @ effect
+    size = np.trace(square, axis1=1, axis2=2)[:, None, None]
+    square += (_RIDGE * size + np.finfo(np.float64).tiny) * np.eye(square.shape[-1])
+    found = np.linalg.solve(square, np.swapaxes(effect, 1, 2) @ needed[:, :, None])[:, :, 0]
+    result = u.copy()
+    result[:, : m.n_inputs] = found[:, : m.n_inputs]
+    return result
 
 
 def _reach(m: Mechanism, q: Array, free: Instants, places: Mapping[str, Array]) -> None:
@@ -284,7 +329,9 @@ def _cost(
     system: MidpointSystem, wanted: Mapping[str, Array], x: Array, u: Array, weights: Mapping[str, float]
 ) -> Cost:
     m = system.integrator.mechanism
-    value = {name: _PLACE if name in m.kinematic else 0.0 for name in m.variables}
+    # Where frames are wanted, so is the pose that reaches them, a little: what they leave open is not left to wander.
+    reached = any(values.ndim == 2 for values in wanted.values())
+    value = {name: _PLACE if name in m.kinematic else _POSE * reached for name in m.variables}
     value |= dict.fromkeys(m.inputs, _INPUT) | dict.fromkeys(wanted, _WANTED)
     value |= {f"acceleration of {name}": _ACCELERATION for name in m.kinematic}
     value |= {f"momentum of {name}": 0.0 for name in m.dynamic}

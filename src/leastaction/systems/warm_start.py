@@ -24,6 +24,7 @@ __all__ = ["warm_start"]
 
 # Of the change that brings a configuration onto the constraints: variables that are known hardly take part.
 _KNOWN, _NEW = 1e3, 1.0
+_ROUNDS = 3  # of reaching for where it is wanted, and back onto the constraints
 _ATTEMPTS = 10  # for the first, where zero may be no guess at all, such as of the length of a string
 
 
@@ -94,7 +95,8 @@ def warm_start(
             column = variables.index(name)
             configurations[:, i] = np.interp(times, t, q[:, column])
             velocities[:, i] = np.where(outside, 0.0, np.interp(times, t, v[:, column]))
-    onto_constraints(new, configurations, velocities, np.array(known), start)
+    configurations_onto_constraints(new, configurations, np.array(known), start)
+    velocities_onto_constraints(new, configurations, velocities, np.array(known))
     steps = np.diff(times)
     result[:, : new.nq] = configurations
     result[:, new.nq : new.nq + new.nd] = to_momentum(new, configurations, velocities)
@@ -153,16 +155,55 @@ def _motion(m: Mechanism, x: Array, t: Array) -> tuple[Array, Array]:
     return q, to_velocity(m, q, p, v_rho, keep_constraints=m.nc > 0)
 
 
-def onto_constraints(m: Mechanism, q: Array, v: Array, known: NDArray[np.bool_], start: State | None) -> None:
-    """Bring configurations and velocities onto the constraints, by what is not known of them if that is enough."""
+def configurations_onto_constraints(
+    m: Mechanism,
+    q: Array,
+    known: NDArray[np.bool_],
+    start: State | None,
+    reach: Callable[[int, Array], None] | None = None,
+) -> None:
+    """Bring configurations onto the constraints, in place, by what is not known of them if that is enough.
+
+    ``reach``: moves the configuration of an instant, in place, to where it is wanted; what is not known of it, and what
+    is reached, begins as it was an instant before.
+    """
     if start is not None:
         q[0] = start.q
+    projected = _projection(m, known)
+    strings = {element.length_variable for element in m.elements.values() if isinstance(element, Constraint)}
+    lengths = [i for i, name in enumerate(m.variables) if name in strings and not known[i]]
+    for k in range(len(q)):
+        if k > 0:
+            q[k, ~known] = q[k - 1, ~known]
+        if k > 0 or start is None:
+            for _ in range(1 if reach is None else _ROUNDS):
+                if reach is not None:
+                    reach(k, q[k])
+                if m.nc > 0:
+                    q[k] = projected(project_configuration, m, q[k], attempts=_ATTEMPTS if k == 0 else 1).q
+        if k == 0 and start is None:
+            q[k, lengths] = np.abs(q[k, lengths])  # the square of a distance is met by its mirrored length too
+
+
+def velocities_onto_constraints(m: Mechanism, q: Array, v: Array, known: NDArray[np.bool_]) -> None:
+    """Bring velocities onto the constraints, in place, as configurations are."""
     if m.nc == 0:
         return
+    projected = _projection(m, known)
+    for k in range(len(q)):
+        if k > 0:
+            v[k, ~known] = v[k - 1, ~known]
+        v[k] = projected(project_velocity, m, q[k], v[k]).v
+
+
+def _projection(m: Mechanism, known: NDArray[np.bool_]) -> Callable[..., Any]:
+    """Return a call of a projection that holds what is known.
+
+    It is held where anything else is left to move; if that is not enough, it gives way a little, and the kinematic
+    variables too where they are out of reach.
+    """
     moves = not known[m.nd :].all()
     held = [name for name, is_known in zip(m.variables, known, strict=True) if is_known]
-    # All that is known is held, where anything else is left to move; if that is not enough, it gives way a little, and
-    # the kinematic variables too where they are out of reach.
     weights = np.where(known, _KNOWN, _NEW)
     ways: list[dict[str, Any]] = [{"weights": weights, "move_kinematic": moves}]
     if m.nrho and not moves:
@@ -170,7 +211,7 @@ def onto_constraints(m: Mechanism, q: Array, v: Array, known: NDArray[np.bool_],
     if not known.all():
         ways.insert(0, {"hold": held, "move_kinematic": moves})
 
-    def project(function: Callable[..., Any], *given: Any, **options: Any) -> Any:
+    def projected(function: Callable[..., Any], *given: Any, **options: Any) -> Any:
         for way in ways[:-1]:
             try:
                 return function(*given, **way, **options)
@@ -178,13 +219,4 @@ def onto_constraints(m: Mechanism, q: Array, v: Array, known: NDArray[np.bool_],
                 continue
         return function(*given, **ways[-1], **options)
 
-    strings = {element.length_variable for element in m.elements.values() if isinstance(element, Constraint)}
-    lengths = [i for i, name in enumerate(m.variables) if name in strings and not known[i]]
-    for k in range(len(q)):
-        if k > 0:
-            q[k, ~known], v[k, ~known] = q[k - 1, ~known], v[k - 1, ~known]
-        if k > 0 or start is None:
-            q[k] = project(project_configuration, m, q[k], attempts=_ATTEMPTS if k == 0 else 1).q
-        if k == 0 and start is None:
-            q[k, lengths] = np.abs(q[k, lengths])  # the square of a distance is met by its mirrored length too
-        v[k] = project(project_velocity, m, q[k], v[k]).v
+    return projected

@@ -20,7 +20,6 @@ from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
-from leastaction.optimal.discrete.cost import CostHessian
 from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic
 from leastaction.optimal.discrete.problem import DiscreteDirection, Iterate
 from leastaction.optimal.limit_report import LimitReport
@@ -148,7 +147,6 @@ class CollocationProblem(LimitedProblem):
         cost = CollocationCost(own.cost, mesh, system.layout)
         clock, rollouts = getattr(self, "clock", own.clock), self.rollouts
         super().__init__(system, cost, list(_rows(self.sides)), self.settings, self.free_start)
-        self.straight: CostHessian | None = None  # of the iterate and this stage, where limits are not bent
         self.clock, self.rollouts = clock, rollouts
 
     def _nodes(self, curve: DenseTrajectory) -> tuple[Array, Array]:
@@ -166,29 +164,7 @@ class CollocationProblem(LimitedProblem):
         """Where states and inputs of points are."""
         return self.system.layout  # type: ignore[attr-defined]
 
-    # ---- Directions -----------------------------------------------------------------------------
-
-    def _hessian(self, scale: float = 1.0) -> CostHessian:
-        """Return the second derivatives, with as much of the limits' curvature as of the dynamics'."""
-        whole = super()._hessian()
-        if scale == 1.0 or not self.limited.others or not self._begun:
-            return whole
-        if self.straight is None:
-            self.straight = self.limited.hessian(self.x, self.u, self._room(), self._jacobians(), bent=0.0)
-        # Points are states of the discrete system: nothing else bends.
-        Q, Q_final = (
-            flat + scale * (bent - flat)
-            for flat, bent in ((self.straight.Q, whole.Q), (self.straight.Q_final, whole.Q_final))
-        )
-        return whole._replace(Q=Q, Q_final=Q_final)
-
-    def forget(self) -> None:
-        """Drop all that was computed along the current iterate."""
-        super().forget()
-        self.straight = None
-
     def _set_out(self) -> None:
-        self.straight = None
         super()._set_out()
         # Along a limit that is bent there is a way down from a saddle as far as its barrier is soft: later, none.
         self.tells_saddles |= self.system.has_curvature and bool(self.limited.others)

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.optimal.cost import as_weight, final_of, owned, weigh
+from leastaction.optimal.cost import as_weight, clipped, final_of, is_diagonal, matrix_of, owned, weigh
 from leastaction.optimal.discrete.system import check_window
 from leastaction.optimal.system import difference
 
-__all__ = ["AddedCost", "Cost", "CostGradient", "CostHessian", "QuadraticCost", "WindowCost"]
+__all__ = ["AddedCost", "Cost", "CostGradient", "CostHessian", "QuadraticCost", "WindowCost", "between", "convex"]
 
 
 class CostGradient(NamedTuple):
@@ -84,6 +84,14 @@ class Cost(ABC):
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the second derivatives along ``x`` (N+1, nx), ``u`` (N, nu)."""
 
+    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return second derivatives without what bends downwards: those of models that hold far from a minimum.
+
+        What is semidefinite by itself is to be returned as it is; else each stage's eigenvalues below zero count as
+        zero. A cost that is a sum of squares does better with Gauss and Newton's.
+        """
+        return convex(self.hessian(x, u))
+
     def value(self, x: Array, u: Array) -> float:
         """Return the cost of ``x`` (N+1, nx), ``u`` (N, nu)."""
         return float(np.sum(self.stage_values(x[:-1], u, 0))) + self.final_value(x[-1])
@@ -113,6 +121,50 @@ class Cost(ABC):
         `optimize` begins with it where it is stuck because its steps are too coarse.
         """
         return None
+
+
+def convex(hessian: CostHessian) -> CostHessian:
+    """Return a Hessian whose stages' eigenvalues below zero are zero; itself where there are none."""
+    Q, R, S, Q_final = hessian
+    nx = len(Q_final)
+    final = clipped(Q_final)
+    if S is None:
+        found = clipped(Q), clipped(R)
+        same = found[0] is Q and found[1] is R and final is Q_final
+        return hessian if same else CostHessian(*found, None, final)
+    N = max((len(W) for W in (Q, R, S) if W.ndim == 3), default=1)
+    whole = np.empty((N, nx + S.shape[-1], nx + S.shape[-1]))
+    whole[:, :nx, :nx], whole[:, nx:, nx:], whole[:, :nx, nx:] = matrix_of(Q), matrix_of(R), S
+    whole[:, nx:, :nx] = whole[:, :nx, nx:].transpose(0, 2, 1)
+    less = clipped(whole)
+    if less is whole:
+        return hessian if final is Q_final else CostHessian(Q, R, S, final)
+    return CostHessian(less[:, :nx, :nx], less[:, nx:, nx:], np.ascontiguousarray(less[:, :nx, nx:]), final)
+
+
+def between(low: CostHessian, high: CostHessian, share: float) -> CostHessian:
+    """Return ``low + share (high - low)`` of two Hessians of a cost."""
+    if share == 0.0 or all(a is b for a, b in zip(low, high, strict=True)):
+        return low
+    parts: list[Array | None] = []
+    for a, b in zip(low, high, strict=True):
+        if a is None or b is None:
+            one = a if b is None else b
+            parts.append(None if one is None else (1.0 - share if b is None else share) * one)
+        elif is_diagonal(a) and a.ndim == b.ndim and is_diagonal(b):
+            parts.append(a + share * (b - a))
+        else:
+            low_matrix = matrix_of(a)
+            part = np.array(np.broadcast_to(matrix_of(b), np.broadcast_shapes(low_matrix.shape, matrix_of(b).shape)))
+            part -= low_matrix
+            part *= share
+            part += low_matrix
+            parts.append(part)
+    Q, R, S, Q_final = parts
+    assert Q is not None
+    assert R is not None
+    assert Q_final is not None
+    return CostHessian(Q, R, S, Q_final)
 
 
 class QuadraticCost(Cost):
@@ -197,6 +249,9 @@ class QuadraticCost(Cost):
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
         """Return the weights."""
         return CostHessian(self.Q, self.R, None, self.Q_final)
+
+    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+        return self.hessian(x, u) if type(self) is QuadraticCost else super().convex_hessian(x, u)
 
     def eased(self, ease: float) -> tuple[Cost, Array] | None:
         """Return the cost with R times `ease` and Q_final over its root, and the wanted inputs; see `Cost`."""
@@ -325,7 +380,13 @@ class WindowCost(Cost):
         return CostGradient(q[part], r[part], q_final if self.stop == self.horizon else q[self.stop])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        Q, R, S, Q_final = self.cost.hessian(*self._whole(x, u))
+        return self._part(self.cost.hessian(*self._whole(x, u)))
+
+    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+        return self._part(self.cost.convex_hessian(*self._whole(x, u)))
+
+    def _part(self, whole: CostHessian) -> CostHessian:
+        Q, R, S, Q_final = whole
         part = slice(self.start, self.stop)
         last = Q_final if self.stop == self.horizon else _weight_at(Q, self.stop)
         return CostHessian(_stages(Q, part), _stages(R, part), None if S is None else _stages(S, part), last)

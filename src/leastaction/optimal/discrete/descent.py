@@ -5,9 +5,9 @@ cost as its linear part. They differ in the quadratic part:
 
 =============  ===========================================================================
 steepest       the identity
-quasi-newton   ``D2l``: the cost's own Hessian
+quasi-newton   ``C``: the cost's own Hessian ``D2l``, without what of it bends downwards
 newton         ``D2l + z_{k+1} . D2f``: the exact second derivative of the projected cost
-newton-damped  ``D2l + s z_{k+1} . D2f`` with 0 < s < 1, where the exact one has no minimum
+newton-damped  ``C + s (D2l - C + z_{k+1} . D2f)`` with 0 < s < 1, where the exact one has no minimum
 =============  ===========================================================================
 
 with the adjoint ``z_k = l_x - K'l_u + (A - BK)'z_{k+1}`` of the loop closed with the projection's

@@ -193,7 +193,7 @@ class EasedProblem(ShootingProblem):
             self.sound = self._place()
         self._set_stage(max(1.0, self.ease / self.stride))
         self.value = self.cost.value(self.x, self.u)
-        self.curvature = self.quasi_newton = self.feedback = None
+        self._forget_cost()
         return True
 
     def retry_stage(self) -> bool:

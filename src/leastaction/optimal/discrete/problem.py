@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.step_quality import StepQuality, coarsest
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian, between
 from leastaction.optimal.discrete.descent import escape, minimise_model, shifted
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
@@ -102,6 +102,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.gain: Array
         # What was computed along it; None: not yet.
         self.linearization: Linearization | None = None
+        self.exact: CostHessian | None = None
+        self.convex: CostHessian | None = None
         self.curvature: Array | None = None
         self.quasi_newton: LinearQuadraticSolution | None = None
         self.feedback: Array | None = None
@@ -171,7 +173,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if not found or found[0][0] > _DEAR * found[-1][0]:
             # The regulator above may not even exist where the curve's next states are no ends of steps.
             along = linearize_along_curve(self.system, x, u)
-            Q, R, _, Q_final = self.cost.hessian(x, u)
+            Q, R, _, Q_final = self.cost.convex_hessian(x, u)
             follow(lambda: regulate(*along, Q=Q, R=R, Q_final=Q_final))
             follow(lambda: regulate(*along))
         elif found:
@@ -288,7 +290,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self, method: str, workspace: Workspace, scale: float = 0.0, shift: float = 0.0
     ) -> LinearQuadraticSolution:
         gradient = self._gradient()
-        hessian = self._hessian(scale)
+        hessian = self._hessian(scale if method == "newton" else 0.0)
         if shift > 0.0:
             hessian = shifted(hessian, shift)
         linearization = self._linearize()
@@ -300,9 +302,22 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         """Return the first derivatives of what is minimised."""
         return self.cost.gradient(self.x, self.u)
 
-    def _hessian(self, scale: float = 1.0) -> CostHessian:  # noqa: ARG002
-        """Return the second derivatives of what is minimised, to go with this part of the dynamics' curvature."""
-        return self.cost.hessian(self.x, self.u)
+    def _hessian(self, share: float = 1.0) -> CostHessian:
+        """Return the second derivatives of what is minimised, without the dynamics' part.
+
+        Of what bends downwards only a share is in it, as of the curvature of the dynamics.
+        """
+        if self.exact is None:
+            self.exact = self._second_derivatives(convex=False)
+        if share == 1.0:
+            return self.exact
+        if self.convex is None:
+            self.convex = self._second_derivatives(convex=True)
+        return between(self.convex, self.exact, share)
+
+    def _second_derivatives(self, *, convex: bool) -> CostHessian:
+        """Return them with all of what bends downwards, or with none."""
+        return (self.cost.convex_hessian if convex else self.cost.hessian)(self.x, self.u)
 
     def _linearize(self) -> Linearization:
         if self.linearization is None:
@@ -330,7 +345,12 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         return self.gain
 
     def forget(self) -> None:
-        self.linearization = self.curvature = self.quasi_newton = self.feedback = self.start_directions = None
+        self.linearization = self.start_directions = None
+        self._forget_cost()
+
+    def _forget_cost(self) -> None:
+        """Forget what the cost had a part in."""
+        self.exact = self.convex = self.curvature = self.quasi_newton = self.feedback = None
 
     # ---- Steps ----------------------------------------------------------------------------------
 

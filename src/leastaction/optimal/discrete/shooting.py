@@ -398,7 +398,7 @@ class ShootingProblem(DiscreteProblem):
     ) -> LinearQuadraticSolution:
         if self.open_curve is None:
             return super()._solve(method, workspace, scale, shift)
-        gradient, hessian = self._gradient(), self._hessian(scale)
+        gradient, hessian = self._gradient(), self._hessian(scale if method == "newton" else 0.0)
         if shift > 0.0:
             hessian = shifted(hessian, shift)
         linearization = self._linearize()

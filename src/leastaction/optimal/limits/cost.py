@@ -48,7 +48,7 @@ class LimitedCost:
         self.layout = self.duals.layout
         self.of_states = EntryRows(self.rows, self.layout, of_state=True, width=nx)
         self.of_inputs = EntryRows(self.rows, self.layout, of_state=False, width=nu)
-        self.spare: Array | None = None  # memory that is used again
+        self.spare: dict[bool, Array | None] = {}  # memory that is used again, of whole and of convex ones
         self.others = [i for i, each in enumerate(self.rows) if not isinstance(each.quantity, Entries)]
 
     @property
@@ -90,9 +90,9 @@ class LimitedCost:
         jacobians: Jacobians,
         dynamics: Array | None = None,
         *,
-        bent: float = 1.0,
+        convex: bool = False,
     ) -> CostHessian:
-        """Return the second derivatives of the primal-dual model; the next whole ones are written where they are.
+        """Return the second derivatives of the primal-dual model; the next of the same kind are written where they are.
 
         Parameters
         ----------
@@ -101,21 +101,20 @@ class LimitedCost:
             Of the limits there, and their derivatives.
         dynamics : ndarray (N, nx, nx+nu) or None
             ``[A B]``, for what looks ahead.
-        bent : float
-            The part of the limits' own curvature that is taken.
+        convex : bool
+            Whether to leave out what may bend downwards: the limits' own curvature, and that part of the cost's.
         """
-        Q, R, S, Q_final = self.cost.hessian(x, u)
+        Q, R, S, Q_final = (self.cost.convex_hessian if convex else self.cost.hessian)(x, u)
         nx = x.shape[1]
-        # What is compared with the whole has memory of its own.
-        weights = Weights(len(u), nx, u.shape[1], self.spare if bent == 1.0 else None)
+        weights = Weights(len(u), nx, u.shape[1], self.spare.get(convex))
         sigmas = self.duals.stiffnesses(room)
         self.of_states.add_hessian(sigmas, weights.state)
         self.of_inputs.add_hessian(sigmas, weights.input)
         for i, jacobian in jacobians.items():
-            self.rows[i].add_hessian(x, u, jacobian, bent * self.duals.y[i], sigmas[i], weights, dynamics)
+            duals = np.zeros_like(self.duals.y[i]) if convex else self.duals.y[i]
+            self.rows[i].add_hessian(x, u, jacobian, duals, sigmas[i], weights, dynamics)
         H = weights.matrix
-        if bent == 1.0:
-            self.spare = weights.spare
+        self.spare[convex] = weights.spare
         R = _with(R, weights.input)
         if weights.state_matrix is None:
             Q, final = _with(Q, weights.state[:-1]), matrix_of(Q_final) + np.diag(weights.state[-1])

@@ -76,8 +76,7 @@ class LimitedProblem(ShootingProblem):
         # Of the iterate and this stage; None: not yet.
         self.room: Room | None = None
         # Of both and the duals; None: not yet.
-        self.gradient: CostGradient | None = None
-        self.hessian: CostHessian | None = None
+        self.gradient: CostGradient | None = None  # with the barriers
 
     # ---- Where to start -------------------------------------------------------------------------
 
@@ -159,7 +158,8 @@ class LimitedProblem(ShootingProblem):
     def _set_out(self) -> None:
         """Begin a stage: another cost, the same dynamics."""
         self.tells_saddles = self.system.has_curvature and self.stages.is_last and not self.is_open
-        self.curvature = self.quasi_newton = self.feedback = self.gradient = self.hessian = self.room = None
+        self._forget_cost()
+        self.room = None
         barrier = self.duals.barrier(self._room())
         if self.open_curve is not None:
             self._take(self.open_curve._replace(cost=self.shown + barrier))
@@ -204,15 +204,13 @@ class LimitedProblem(ShootingProblem):
             self.gradient = self._with_duals(self.duals.of_barrier(self._room()))
         return self.gradient
 
-    def _hessian(self, scale: float = 1.0) -> CostHessian:
+    def _second_derivatives(self, *, convex: bool) -> CostHessian:
         if not self._begun:
-            return super()._hessian(scale)
-        if self.hessian is None:
-            dynamics = None
-            if any(rows.quantity.looks_ahead for rows in self.limited.rows):
-                dynamics = np.concatenate(list(self._linearize()), axis=2)
-            self.hessian = self.limited.hessian(self.x, self.u, self._room(), self._jacobians(), dynamics)
-        return self.hessian
+            return super()._second_derivatives(convex=convex)
+        dynamics = None
+        if any(rows.quantity.looks_ahead for rows in self.limited.rows):
+            dynamics = np.concatenate(list(self._linearize()), axis=2)
+        return self.limited.hessian(self.x, self.u, self._room(), self._jacobians(), dynamics, convex=convex)
 
     def _with_duals(self, duals: Sided) -> CostGradient:
         """Return the first derivatives of the cost less the duals times the limits."""
@@ -223,7 +221,10 @@ class LimitedProblem(ShootingProblem):
     def forget(self) -> None:
         super().forget()
         self.values = self.plain_value = self.room = self.jacobians = self.plain = None
-        self.gradient = self.hessian = None
+
+    def _forget_cost(self) -> None:
+        super()._forget_cost()
+        self.gradient = None
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
         # The multipliers of the dynamics are those of the Lagrangian.

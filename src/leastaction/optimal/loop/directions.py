@@ -17,8 +17,8 @@ __all__ = ["Directions"]
 # Methods in the order in which they replace one another when a direction cannot be followed.
 _CHAIN = ("newton", "quasi-newton", "steepest")
 
-# Levenberg-Marquardt's weights: the least, and the factor from one to the next.
-_LEAST_SHIFT, _MORE_SHIFT = 1e-3, 10.0
+# Levenberg-Marquardt's weights: the first, and the factor from one to the next.
+_FIRST_SHIFT, _MORE_SHIFT = 1e-3, 10.0
 
 # A model without a minimum is tried again with this part of its curvature; less than the least is not worth having.
 _LESS_CURVATURE = 0.3
@@ -46,10 +46,10 @@ class Directions:
         ever shorter ones (Levenberg-Marquardt). Raises `Found` at a minimum.
         """
         run = self.run
-        shift = run.schedule.shift
+        shift, methods = run.schedule.shift, self._methods()
         while shift < run.problem.largest_shift:
             searched = False
-            for method in self._methods():
+            for method in methods:
                 if method == "steepest" and run.is_automatic and (searched or shift > 0.0):
                     break
                 direction = self._direction(method, shift)
@@ -66,7 +66,7 @@ class Directions:
                 yield direction
             if not run.is_automatic or (shift == 0.0 and not searched):
                 return
-            shift = max(_MORE_SHIFT * shift, _LEAST_SHIFT)
+            shift = _MORE_SHIFT * shift if shift > 0.0 else _FIRST_SHIFT
 
     def _methods(self) -> tuple[str, ...]:
         """Return the methods for this iteration: each replaces the one before if that fails."""

@@ -66,8 +66,8 @@ class Search:
     def _down(self, direction: Direction) -> Step[Any]:
         """Search along negative curvature; if need be, with steps so short that the second derivative holds.
 
-        Raises `Found` if the cost is seen not to bend downwards there: then the given second derivative is wrong,
-        and there is nothing that speaks against a minimum.
+        Raises `Found` if the cost is seen not to bend downwards there: then the given second derivative is wrong, or
+        holds for much shorter steps only. Nothing speaks against a minimum if the convex model expects none either.
         """
         problem = self.run.problem
         length = min(1.0, float(np.sqrt(_ABOVE_NOISE * problem.noise / -direction.bend)))
@@ -82,6 +82,14 @@ class Search:
                 "The second derivative of the system has it fall along a direction in which it rises: hold it to "
                 "check_derivatives."
             )
-            raise Found(Outcome(Status.CONVERGED, detail, -direction.slope))
+            expected = self._least_expected()
+            status = Status.CONVERGED if expected <= self.run.goal else Status.LINE_SEARCH_FAILED
+            raise Found(Outcome(status, detail, expected))
         step = self._along(direction)
         return step if step.trial is not None else self._along(direction, first=length)
+
+    def _least_expected(self) -> float:
+        """Return the decrease of the cost that the convex model expects, without any shift."""
+        problem = self.run.problem
+        model = problem.minimise_model("quasi-newton", 0.0)
+        return -problem.direction("quasi-newton", model, 0.0).slope if model.definite else np.inf

@@ -73,7 +73,9 @@ class Stages:
         run = self.run
         was_open = run.problem.is_open
         if run.problem.next_stage():
-            run.set_out(replace(run.schedule, scale=1.0, expected=np.nan, full=False))
+            # How short steps among curves had to be says nothing of those among trajectories.
+            shift = 0.0 if was_open and not run.problem.is_open else run.schedule.shift
+            run.set_out(replace(run.schedule, scale=1.0, expected=np.nan, full=False, shift=shift))
             return True
         if not was_open:
             return False

@@ -74,10 +74,16 @@ class PlaceCost(AddedCost):
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the second derivatives: a matrix for each stage."""
-        Q, R, S, Q_final = self.cost.hessian(x, u)
-        bent = self._bent(x)
+        return self._added(self.cost.hessian(x, u), x, self._stiff(x) + self._bent(x))
+
+    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return those of Gauss and Newton, as if places were linear in the configuration; see `Cost`."""
+        return self._added(self.cost.convex_hessian(x, u), x, self._stiff(x))
+
+    def _added(self, other: CostHessian, x: Array, bent: Array) -> CostHessian:
+        Q, R, S, Q_final = other
         nq, nx = bent.shape[1], x.shape[1]
-        stages = np.array(np.broadcast_to(matrix_of(Q), (len(u), nx, nx)))
+        stages = np.array(np.broadcast_to(matrix_of(Q), (len(bent) - 1, nx, nx)))
         stages[:, :nq, :nq] += bent[:-1]
         last = np.array(matrix_of(Q_final))
         last[:nq, :nq] += bent[-1]
@@ -118,13 +124,19 @@ class PlaceCost(AddedCost):
             total += np.einsum("na,nai->ni", weight * away, self._mechanism.frame_jacobian(q, name)[:, :3])
         return total
 
+    def _stiff(self, x: Array) -> Array:
+        q = np.ascontiguousarray(x[:, : self._mechanism.nq])
+        total = np.zeros((len(q), q.shape[1], q.shape[1]))
+        for name in self._wanted:
+            J = self._mechanism.frame_jacobian(q, name)[:, :3]
+            total += np.einsum("nai,na,naj->nij", J, self._weights[name], J)
+        return total
+
     def _bent(self, x: Array) -> Array:
         q = np.ascontiguousarray(x[:, : self._mechanism.nq])
         total = np.zeros((len(q), q.shape[1], q.shape[1]))
         for name in self._wanted:
             away, weight = self._away(q, name, 0)
-            J = self._mechanism.frame_jacobian(q, name)[:, :3]
-            total += np.einsum("nai,na,naj->nij", J, weight, J)
             bent = self._mechanism.frame_jacobian_derivative(q, name)[:, :3]
             total += np.einsum("na,naij->nij", weight * away, bent)
         return total

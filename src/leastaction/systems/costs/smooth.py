@@ -72,6 +72,13 @@ class CostOfAccelerations(AddedCost):
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the second derivatives: matrices, one for each stage where steps are not all as long."""
+        return self._added(self.cost.hessian(x, u), x, u)
+
+    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return the other cost's, with the price, which is convex; see `Cost`."""
+        return self._added(self.cost.convex_hessian(x, u), x, u)
+
+    def _added(self, other: CostHessian, x: Array, u: Array) -> CostHessian:
         dt = self.dt[:, None]
         if np.ptp(dt) < 1e-9 * dt.max():
             dt = dt.mean(keepdims=True)
@@ -82,7 +89,7 @@ class CostOfAccelerations(AddedCost):
         bent[:, self.rho, self.v_rho] = bent[:, self.v_rho, self.rho] = by_rate / dt
         bent[:, self.v_rho, self.v_rho] = by_rate
         cross[:, self.rho, self.rho_next], cross[:, self.v_rho, self.rho_next] = -by_rate / dt**2, -by_rate / dt
-        Q, R, S, Q_final = self.cost.hessian(x, u)
+        Q, R, S, Q_final = other
         bent, turned, cross = (part[0] if n == 1 else part for part in (bent, turned, cross))
         return CostHessian(matrix_of(Q) + bent, matrix_of(R) + turned, cross if S is None else S + cross, Q_final)
 
