@@ -29,7 +29,9 @@ from leastaction.systems.midpoint import MidpointSystem
 __all__ = ["Played", "Rig", "play"]
 
 _HELD, _PLACES, _SPEEDS = 20.0, 0.1, 10.0  # weights of the regulator: joints, prescribed variables and their speeds
-_SURPRISE = 0.15  # m/s^2 or rad/s^2, with which the estimate reckons beside what the model says
+# m/s^2 or rad/s^2, with which the estimate reckons beside what the model says, and where strings may go slack: then a
+# limb falls, or is pulled, by newtons that the model along the plan does not have.
+_SURPRISE, _SLACK = 0.15, 12.0
 _UNSURE = 0.1  # m, rad, m/s or rad/s: how far off the start may be
 _LEAST_NOISE = 1e-6  # m or rad
 
@@ -228,7 +230,9 @@ def play(
     noise = rig.noise * np.random.default_rng([rig.seed, 1]).standard_normal((N + 1, m.nd))
     controller = None
     if feedback:
-        controller = _Controller(MidpointSystem(system.integrator.like(rig.model(m)), t), x, u, Q, R, rig.noise)
+        model = rig.model(m)
+        surprise = _SURPRISE if model.nc == m.nc else _SLACK
+        controller = _Controller(MidpointSystem(system.integrator.like(model), t), x, u, Q, R, rig.noise, surprise)
     now = x[0] if start is None else np.concatenate([start.q, start.p, start.v_rho])
     states, commands, failure = [now], [], None
     parts = np.arange(1, rig.substeps + 1)[:, None] / rig.substeps
@@ -273,7 +277,14 @@ class _Controller:
     """A regulator along a plan, on what a Kalman filter makes of late readings. It goes once through the plan."""
 
     def __init__(
-        self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike | None, R: ArrayLike | None, noise: float
+        self,
+        model: MidpointSystem,
+        x: Array,
+        u: Array,
+        Q: ArrayLike | None,
+        R: ArrayLike | None,
+        noise: float,
+        surprise: float,
     ) -> None:
         m = model.integrator.mechanism
         made = model.step_each(x, u)
@@ -286,7 +297,7 @@ class _Controller:
             squares = np.mean(u[:, : m.n_inputs] ** 2, axis=0)
             R = np.concatenate([1.0 / np.where(squares > 0.0, squares, 1.0), np.ones(m.nrho)])
         self.K = regulate(self.A, self.B, Q=Q, R=R)
-        self.L = _estimator(model, self.A, x[0], noise)
+        self.L = _estimator(model, self.A, x[0], noise, surprise)
         self.planned = x[:, : m.nd]
         self.known = np.zeros(m.nx)  # the deviation at the instant of the last reading
         self.added = np.zeros_like(u)
@@ -307,7 +318,7 @@ class _Controller:
         return np.asarray(self.A[k] @ deviation + self.B[k] @ self.added[k])
 
 
-def _estimator(model: MidpointSystem, A: Array, x0: Array, noise: float) -> Array:
+def _estimator(model: MidpointSystem, A: Array, x0: Array, noise: float, surprise: float) -> Array:
     """Return the gains (N+1, nx, nd) of the Kalman filter that reads the dynamic variables."""
     m, dt = model.integrator.mechanism, np.diff(model.t)
     # What is off at the start keeps to the constraints.
@@ -322,5 +333,5 @@ def _estimator(model: MidpointSystem, A: Array, x0: Array, noise: float) -> Arra
         if k < model.N:
             P = A[k] @ (P - L[k] @ P[: m.nd]) @ A[k].T
             P = 0.5 * (P + P.T)
-            P[momenta, momenta] += (inertia * _SURPRISE * dt[k]) ** 2
+            P[momenta, momenta] += (inertia * surprise * dt[k]) ** 2
     return L
