@@ -26,7 +26,7 @@ from leastaction.optimal.settings import Settings
 
 __all__ = ["LimitedProblem"]
 
-_DIGITS = 1e4 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
+_DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
 
 class LimitedIterate(NamedTuple):

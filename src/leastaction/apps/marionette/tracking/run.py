@@ -43,6 +43,7 @@ _CUT_SHORT = (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
 _GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
 _AGAIN = "the motion found with longer steps cannot be followed: the search begins again with these"
 _HANGING = "the motion found cannot be followed: it begins with a puppet that hangs still"
+_PATIENCE = 100  # iterations of a puppet that began hanging; then its motion is planned by tensions
 _FEW = 100  # steps, for which a search with longer ones is not worth it
 
 
@@ -298,7 +299,9 @@ def track(
     left, best = max_iterations, np.inf
     start: tuple[Array, Array] | OptimizationResult | None = initial
     stood: OptimizationResult | None = None
+    patience = _PATIENCE - (0 if earlier is None else earlier.iterations)
     while True:
+        budget = left if plan else min(left, max(patience, 1))
         try:
             result = optimize(
                 system,
@@ -309,7 +312,7 @@ def track(
                 free_start=plan.free_start if plan else False,
                 shooting="single",
                 method=method,
-                max_iterations=left,
+                max_iterations=budget,
                 tolerance=tolerance,
                 callback=watch,
             )
@@ -327,7 +330,8 @@ def track(
             start, most, lost = find(), np.inf, False
             continue
         stood, most = result, np.inf
-        left -= result.iterations - (0 if earlier is None else earlier.iterations)
+        made = result.iterations - (0 if earlier is None else earlier.iterations)
+        left, patience = left - made, patience - made
         if plan is not None and result.status in _STUCK and left > 0 and result.cost < _GAINED * best:
             # Walls of low barriers are close together: with higher ones, and inside of them, there is a way on.
             best, start, earlier = result.cost, plan.inside(result.x, result.u, result.cost), None
@@ -336,7 +340,8 @@ def track(
         more = bounds.broken(mechanism_used, problem.t, place, result.x) - kinds
         if "tension" not in kinds and run_of(result).tension.min() < bounds.tension:
             more |= {"tension"}
-        if not more or left < 1 or result.status in _CUT_SHORT:
+        lost_patience = plan is None and patience < 1
+        if not more or left < 1 or lost_patience or result.status in _CUT_SHORT:
             break
         kinds, start, earlier = kinds | more, result, None
     if plan is not None:
@@ -351,13 +356,15 @@ def track(
         plan, embedded = Plan(TrackingProblem(mechanism, motion, FORCED, threads), weights or FORCED, bounds), True
         pulling = run_of(plan.pulling(plan.by_tensions(run.trajectory, run.tension, result)))
         return replace(pulling, unfinished=result)
-    if plan is None and run.tension.min() < 0.0:
+    creeps = not result.success and not ended and left > 0
+    if plan is None and (creeps or run.tension.min() < 0.0):
         if progress is not None:
-            progress("hanging strings end up pushing: the motion is planned by tensions")
+            why = "a hanging puppet finds no way" if creeps else "hanging strings end up pushing"
+            progress(f"{why}: the motion is planned by tensions")
         return track(
             mechanism, motion, weights=weights, limits=limits, planned=True, method=method,
-            max_iterations=max_iterations, callback=callback, progress=progress, checkpoint=checkpoint,
-            checkpoint_seconds=checkpoint_seconds, threads=threads,
+            max_iterations=left if creeps else max_iterations, callback=callback, progress=progress,
+            checkpoint=checkpoint, checkpoint_seconds=checkpoint_seconds, threads=threads,
         )  # fmt: skip
     return run
 
