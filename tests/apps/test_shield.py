@@ -177,7 +177,7 @@ sys.meta_path.insert(0, Interrupting())
 
 def test_a_killed_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
     whole, cut = tmp_path / "whole", tmp_path / "cut"
-    words = ["demo", "--duration", "0.5", "--no-plots", "--no-animation", "--checkpoint", "0"]
+    words = ["demo", "--duration", "2", "--no-plots", "--no-animation", "--checkpoint", "0"]
     assert run([*words, "--out", whole])[0] == 0
     code, _ = run_until(r"^ +3 ", [*words, "--out", cut], signal.SIGKILL)
     assert code == -signal.SIGKILL
