@@ -119,8 +119,9 @@ def follow(
     """Find the motion of a mechanism that follows a wanted one best, with its inputs and gains.
 
     The wanted motion need not be possible, nor say anything of inputs, strings, or other variables. It is tried from
-    the wanted motion itself, brought onto the constraints; with limits, from what is found without them; and by dynamic
-    embedding (`embed`), where forces on all variables help at first. The first way that converges is taken.
+    the wanted motion itself, brought onto the constraints, with the inputs that it needs (inverse dynamics); with
+    limits, from what is found without them; and by dynamic embedding (`embed`), where forces on all variables help at
+    first. The first way that converges is taken.
 
     Parameters
     ----------
