@@ -122,12 +122,6 @@ def escape(
     A, B = linearization
     whole = hessian(1.0)
 
-    def solve(scale: float, du: Array) -> LinearQuadraticSolution:
-        Q, R, S, Q_final = hessian(scale)
-        return solve_linear_quadratic(
-            A, B, Q=Q, R=R, S=S, H=curvature, H_scale=scale, r=-du, Q_final=Q_final, workspace=workspace
-        )  # fmt: skip
-
     du = np.random.default_rng(0).normal(size=B.shape[::2])
     low, high = scale, 1.0
     best, clear = None, False
@@ -135,7 +129,19 @@ def escape(
         if clear and solved >= 8:
             break
         trial = 0.5 * (low + high)
-        model = solve(trial, du)
+        weights = hessian(trial)
+        model = solve_linear_quadratic(
+            A,
+            B,
+            Q=weights.Q,
+            R=weights.R,
+            S=weights.S,
+            H=curvature,
+            H_scale=trial,
+            r=-du,
+            Q_final=weights.Q_final,
+            workspace=workspace,
+        )
         if not model.definite:
             high = trial
             continue
@@ -150,7 +156,7 @@ def escape(
             best = sign * dx, sign * du, model.K.copy(), sign * slope, bend
             # As long as the model bends up by more than the whole bends down, most of it is what has nothing to do
             # with that, and on which cost and model may differ by as much.
-            clear = -bend > _along(hessian(trial), trial * curvature, dx, du)
+            clear = -bend > _along(weights, trial * curvature, dx, du)
     return best
 
 
