@@ -274,6 +274,49 @@ def test_values_belong_to_the_instants_in_the_order_given(cart: MidpointSystem, 
     np.testing.assert_allclose(result.x[[125, 75], 1], [0.5, 0.9], atol=1e-6)
 
 
+@pytest.mark.parametrize("width", [None, 1, 2])
+def test_bounds_on_states_may_be_given_for_all_instants(width: int | None, cart: MidpointSystem) -> None:
+    """The first of them, whose state is fixed, is no row."""
+    bounds = np.linspace(0.5, 2.0, N + 1)
+    given = bounds if width is None else np.tile(bounds[:, None], (1, width))
+    (whole,) = Bound(["x", "theta"], max=given).rows(cart, 1)
+    (late,) = Bound(["x", "theta"], max=given[1:]).rows(cart, 1)
+    np.testing.assert_array_equal(whole.k, np.arange(1, N + 1))
+    np.testing.assert_array_equal(whole.bounds, late.bounds)
+    np.testing.assert_array_equal(whole.bounds, np.tile(bounds[1:, None], (1, 2)))
+    (free,) = Bound(["x", "theta"], max=given).rows(cart, 0)
+    np.testing.assert_array_equal(free.k, np.arange(N + 1))
+
+
+FORBIDDEN = {
+    "a constant": ([Bound("x", min=0.2)], ("Bound('x')", "violates 'x >= 0.2' by 0.2", "free_start")),
+    "of one name": ([Bound(["x", "theta"], [[-1.0, 0.1]], 2.0)], ("'theta >= 0.1' by 0.1",)),
+    "a function": ([Bound("x", max=lambda t: t - 0.1)], ("'x <= -0.1' by 0.1",)),
+    "all instants": ([Bound("x", min=np.r_[0.3, np.full(N, -1.0)])], ("'x >= 0.3' by 0.3",)),
+    "a place": ([Keep("bob", outside=Ball((0.0, -1.0, 0.0), 0.3))], ("'bob not within 0.3 m of", " by 0.")),
+    "equations": ([Equal("x", 1.0, at=None)], ("Equal('x')", "'x = 1' by 1")),
+}
+
+
+@pytest.mark.parametrize("name", FORBIDDEN)
+def test_a_fixed_initial_state_that_violates_a_limit_is_named(name: str, cart: MidpointSystem, cost) -> None:
+    limits, words = FORBIDDEN[name]
+    with pytest.raises(ArgumentError) as caught:
+        optimize(cart, cost, limits=limits, initial=REST)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_limits_that_begin_later_say_nothing_of_the_initial_state(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    later = [Bound("x", min=np.full(N, -0.01)), Bound("x", min=0.0, at=[1.0, 2.0]), Bound("x", min=-1e-9)]
+    for limit in later:
+        assert optimize(cart, cost, limits=[limit], initial=(np.r_[-1e-8, 0.0, 0.0, 0.0], REST[1])).success
+    wanted = [Bound("x", min=0.01)]
+    found = optimize(cart, cost, limits=wanted, initial=REST, free_start=["x"])
+    assert found.success, found.message
+    assert found.x[0, 0] >= 0.01 - 1e-6
+
+
 @pytest.mark.parametrize("of", ["input", "state", "momentum", "rate"])
 def test_a_window_of_a_system_has_its_quantities(of: str, cart: MidpointSystem, rng: np.random.Generator) -> None:
     start, stop = 40, 60
@@ -307,7 +350,9 @@ def test_limits_that_contradict_each_other_are_named(cart: MidpointSystem, cost:
         ([Bound("x-force")], ("neither min nor max",)),
         ([Bound("x", 1.0, of="force")], ("of='force'", "'rate'")),
         ([Bound("x", np.nan)], ("NaN",)),
-        ([Bound("x", np.zeros(7))], ("(7,)", "(150,)")),
+        ([Bound("x", np.zeros(7))], ("(7,)", "(150,)", "(151,)")),
+        ([Bound("x-force", np.zeros(N + 1))], ("(151,)", "(150,)")),
+        ([Bound("x", np.r_[1.0, np.zeros(N)], 0.5)], ("min 1", "max 0.5", "t = 0 s")),
         ([Bound("x", max="high")], ("'high'",)),
         ([Bound("x", 0.0, at=0)], ("initial state is fixed",)),
         ([Bound("x", 0.0, at=1.234567)], ("1.23457", "1.24")),

@@ -24,7 +24,7 @@ def test_convex_problems_agree_with_a_dense_quadratic_program(seed: int) -> None
     most = 0.5 * np.abs(free.u).max()
     high = 0.7 * free.x[1:, 1].max() + 0.3 * free.x[1:, 1].min()
     end = free.x[-1, 0] + 0.1
-    limits = [Bound("u*", -most, most), Bound("x[1]", max=high), Equal("x[0]", end)]
+    limits = [Bound("u*", -most, most), Bound("x[1]", max=np.full(N, high)), Equal("x[0]", end)]
 
     # All states as linear functions of all inputs.
     map_u, offset = [np.zeros((nx, N * nu))], [x0]

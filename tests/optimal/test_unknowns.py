@@ -205,6 +205,65 @@ def test_the_shortest_time_is_bang_bang() -> None:
     assert result.K.shape == (40, 1, 2)
 
 
+@pytest.mark.parametrize(("way", "push", "guess"), [(10.0, 0.5, 2.0), (1.0, 1.0, 30.0), (1.0, 1.0, 0.3)])
+def test_the_shortest_time_from_poor_guesses(way: float, push: float, guess: float) -> None:
+    """No time at all costs nothing, and must not be what a search ends at."""
+    system = slide(40, guess)
+    result = optimize(
+        system,
+        nothing_wanted(system, Q=[0.0, 0.0], R=[1e-7]),
+        initial=rest(system),
+        unknowns=[FinalTime(price=1.0)],
+        limits=[Bound("push", -push, push), Equal("x", way), Equal("*", 0.0, of="momentum")],
+    )
+    assert result.success, result.message
+    assert result.unknowns["final time"] == pytest.approx(2.0 * np.sqrt(way / push), rel=1e-6)
+
+
+@pytest.mark.parametrize(("angle", "T"), [(0.1, 3.191469), (0.2, 2.497400), (0.3, 2.248846)])
+def test_the_shortest_time_of_a_cart_whose_pole_may_hardly_swing(angle: float, T: float) -> None:
+    m = la.Mechanism(
+        [la.ty("cart", mass=4.0), [la.rx("pole"), [la.tz(-1.0, mass=1.0, name="bob")]]],
+        [la.Gravity((0.0, 0.0, -9.8)), la.JointForce("cart", input="push"), la.Damping({"pole": 0.05})],
+    )
+    system = MidpointSystem(la.MidpointVI(m, threads=1), np.linspace(0.0, 3.0, 51))
+    limits = [
+        Bound("push", -15.0, 15.0),
+        Bound("pole", -angle, angle),
+        Equal(["cart", "pole"], [2.0, 0.0]),
+        Equal("*", 0.0, of="momentum"),
+    ]
+    cost = nothing_wanted(system, Q=np.zeros(4), R=[1e-5])
+    unknowns = [FinalTime(0.1, 50.0, price=1.0)]
+    result = optimize(system, cost, initial=rest(system), unknowns=unknowns, limits=limits)
+    assert result.success, result.message
+    assert result.iterations < 50
+    assert result.unknowns["final time"] == pytest.approx(T, rel=1e-5)
+    assert np.abs(result.x[:, 1]).max() == pytest.approx(angle, abs=1e-5)
+
+
+def test_the_shortest_time_around_an_obstacle() -> None:
+    """Where the search cannot be told any better by rounding, it must not set out with other prices."""
+    m = la.Mechanism(
+        [la.tx("x"), [la.ty("y", mass=1.0, name="bob")]],
+        [la.JointForce("x", input="fx"), la.JointForce("y", input="fy")],
+    )
+    system = MidpointSystem(la.MidpointVI(m, threads=1), np.linspace(0.0, 1.0, 41))
+    limits = [
+        Bound("*", -1.0, 1.0, of="input"),
+        la.Keep("bob", outside=la.Ball((0.5, 0.1, 0.0), 0.2)),
+        Equal(["x", "y"], [1.0, 0.0]),
+        Equal("*", 0.0, of="momentum"),
+    ]
+    cost = nothing_wanted(system, Q=np.zeros(4), R=[1e-5, 1e-5])
+    unknowns = [FinalTime(0.1, 50.0, price=1.0)]
+    result = optimize(system, cost, initial=rest(system), unknowns=unknowns, limits=limits)
+    assert result.status in (Status.CONVERGED, Status.STALLED), result.message
+    assert result.unknowns["final time"] == pytest.approx(2.0, rel=1e-5)
+    assert result.limits is not None
+    assert result.limits.excess < 1e-8
+
+
 def test_the_shortest_time_with_a_largest_speed() -> None:
     """Rates know how long the steps are: half of the way at full speed, the rest speeding up and braking."""
     system = slide(60)

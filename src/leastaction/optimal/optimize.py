@@ -258,7 +258,8 @@ def optimize(
         gapped: Gapped = "never" if shooting == "single" or not own_way else "where needed"
         gapped = "at once" if shooting == "multiple" else gapped
         if rows:
-            problem = LimitedProblem(system, stages, rows, settings, free, gapped)
+            final_time = None if extension is None else extension.system.final_time
+            problem = LimitedProblem(system, stages, rows, settings, free, gapped, final_time)
         else:
             problem = EasedProblem(system, stages, settings, free, gapped)
             if isinstance(initial, OptimizationResult):

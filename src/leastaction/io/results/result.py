@@ -83,7 +83,7 @@ def check_result(result: OptimizationResult, source: str) -> None:
                 }
         if memory.start is not None:
             start = memory.start.x
-            shapes["memory.start.x"] = start, (least,) if start.ndim == 1 else (steps + 1, least)
+            shapes["memory.start.x"] = start, (gains,) if start.ndim == 1 else (steps + 1, gains)
             shapes["memory.start.u"] = memory.start.u, (steps, nu)
         if memory.gaps is not None:
             gaps = memory.gaps

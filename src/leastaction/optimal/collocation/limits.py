@@ -99,6 +99,7 @@ def stated(limits: Sequence[Limit], system: ContinuousSystem, mesh: RadauMesh, f
                     quantity=_at_stage(side.quantity, layout, stage),
                     bounds=side.bounds[here],
                     k=-(-side.k[here] // STAGES),
+                    start=side.start if stage == STAGES - 1 else None,
                 )
             )
             at.append(side.k[here])

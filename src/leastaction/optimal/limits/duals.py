@@ -39,6 +39,7 @@ _ROUGH = 1e-4  # a tolerance from which on duals need not be exact
 _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
 # Of its scale a limit may be off where the problem cannot be met otherwise, and that part of a rough tolerance.
 _MET, _MET_ROUGHLY = 1e-6, 1e-2
+_EXACTLY = 1e-3  # of what it may be off a limit is off that no price would enforce any better
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +84,17 @@ class Duals:
         self.y = layout.empty()
         self.prices = np.empty(0)  # of all entries
 
-    def begin(self, c: Sided, mu: float, price: float) -> None:
-        """Choose scales, prices and duals from where the optimisation starts."""
+    def begin(self, c: Sided, mu: float, price: float, dearer: float = 1.0) -> None:
+        """Choose scales, prices and duals from where the optimisation starts.
+
+        ``price``: of an excess of a limit's scale; of equations, and of limits at a single instant, times ``dearer``.
+        """
         self.mu, self.begun, self.scale = mu, bool(self.sides), []
         for side, values in zip(self.sides, c, strict=True):
             seen = np.maximum(np.abs(values).max(axis=0), 1e-6 * (1.0 + side.size))
             self.scale.append(np.where(side.scale > 0.0, side.scale, seen))
-        self.rho = [price / scale for scale in self.scale]
+        single = [side.equal or len(values) == 1 for side, values in zip(self.sides, c, strict=True)]
+        self.rho = [price * (dearer if alone else 1.0) / scale for alone, scale in zip(single, self.scale, strict=True)]
         self.settle_prices()
         self.y = Sided(first_duals(self.of_barrier(self.room(c)).flat, self.prices), self.layout)
 
@@ -269,10 +274,11 @@ class Stages:
     """The stages of an optimisation with limits: one barrier problem after the other.
 
     ``tolerance``: of the optimisation. ``digits``: of a limit's size is the least room that is told from none.
+    ``dearer``: than others are at first equations and what is asked at a single instant.
     """
 
-    def __init__(self, duals: Duals, tolerance: float, digits: float) -> None:
-        self.duals, self.tolerance, self.digits = duals, tolerance, digits
+    def __init__(self, duals: Duals, tolerance: float, digits: float, dearer: float = 1.0) -> None:
+        self.duals, self.tolerance, self.digits, self.dearer = duals, tolerance, digits, dearer
         self.count = duals.layout.ends[-1]
         self.size = self.first_mu = self.last = np.nan
 
@@ -289,7 +295,7 @@ class Stages:
                 self.size = idle if 0.0 < idle < np.inf else 1.0
         self.first_mu = _FIRST * self.size / max(self.count, 1)
         self.last = self._last(self.size)
-        self.duals.begin(c, self.first_mu, self.size)
+        self.duals.begin(c, self.first_mu, self.size, self.dearer)
 
     def take(self, given: LimitReport | None, *, resumed: bool) -> None:
         """Go on with the duals of an earlier run, if it had these limits.
@@ -362,6 +368,9 @@ class Stages:
         was_last = self.is_last
         # The cost of the start may be far from that of the end.
         self.last = max(self._last(abs(cost)), duals.least_mu(self.digits))
+        if was_last and duals.excess(c) <= _EXACTLY * self.met:
+            # All is met; where rounding ended the search, its duals are no reason to set out with other prices.
+            return False
         dearer = duals.price(c, _DEAREST * self.size, met=self.met if self._rough else None)
         if not dearer and (was_last or duals.hopeless()):
             return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,7 +15,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Quantity
 
-__all__ = ["Bound", "Equal", "Horizon", "Limit", "When", "Within"]
+__all__ = ["Bound", "Equal", "FromSecond", "Horizon", "Limit", "When", "Within"]
 
 When = str | int | float | Sequence[int] | Sequence[float] | None
 Value = ArrayLike | Callable[[float], Any] | None
@@ -75,7 +75,7 @@ class Bound(Limit):
         Such as ``"push"``, or with wildcards, ``"*_string"``.
     min, max : float, array_like (n,) or (n, m), or callable
         For all names and instants, over the instants, for each of the m names too, or a function of the time (s).
-        None is no bound.
+        None is no bound. Of states n is N + 1, or N from the second instant on.
     of : str, optional
         Which quantity of the system: "input" or "state"; of a `MidpointSystem` also "variable", "rate", "momentum",
         "acceleration", "multiplier" and "tension", of a `MechanismSystem` all of these but "momentum". The first that
@@ -86,7 +86,9 @@ class Bound(Limit):
 
     Notes
     -----
-    The fixed initial state is not asked: bounds on quantities of the state hold from the second instant on.
+    A fixed initial state cannot be moved: bounds on quantities of the state are looked for from the second instant on.
+    If they are for all instants, the first one too, the initial state has to keep to them, or `optimize` says that it
+    does not. N values, or `at`, say nothing of it.
     """
 
     names: str | Sequence[str]
@@ -158,9 +160,20 @@ class Equal(Limit):
             what = f"Equal({self.names!r})"
             quantity = selected(system, self.names, self.of, what)
         k = _instants(system, quantity, self.at, first, what)
-        value = _values(system, self.value, k, len(quantity.names), f"{what}: value")
+        fixed = _fixed(quantity, self.at, first)
+        value, at_start = _values(system, self.value, k, len(quantity.names), f"{what}: value", fixed)
         scale = np.maximum(np.abs(value).max(axis=0), 1.0)
-        return [Rows(what, quantity, sign, value, k, scale, equal=True) for sign in (1.0, -1.0)]
+        return [Rows(what, quantity, sign, value, k, scale, equal=True, start=at_start) for sign in (1.0, -1.0)]
+
+
+@dataclass(frozen=True)
+class FromSecond(Limit):
+    """Another limit, which says nothing of a fixed initial state: one that was found, and may be off a little."""
+
+    limit: Limit
+
+    def rows(self, system: Any, first: int) -> list[Rows]:
+        return [replace(rows, start=None) for rows in self.limit.rows(system, first)]
 
 
 def selected(system: Horizon, names: str | Sequence[str], of: str | None, what: str) -> Quantity:
@@ -185,38 +198,50 @@ def _bounded(
     system: Horizon, quantity: Quantity, least: Value, most: Value, at: When, first: int, what: str
 ) -> list[Rows]:
     k = _instants(system, quantity, at, first, what)
-    m = len(quantity.names)
-    low = None if least is None else _values(system, least, k, m, f"{what}: min")
-    high = None if most is None else _values(system, most, k, m, f"{what}: max")
+    m, fixed = len(quantity.names), _fixed(quantity, at, first)
+    low, low_start = (None, None) if least is None else _values(system, least, k, m, f"{what}: min", fixed)
+    high, high_start = (None, None) if most is None else _values(system, most, k, m, f"{what}: max", fixed)
     scale = np.zeros(m)
     if low is not None and high is not None:
-        crossed = np.argwhere(low >= high)
-        if crossed.size:
-            i, j = crossed[0]
-            raise ArgumentError(
-                f"{what}: got min {low[i, j]:.6g} and max {high[i, j]:.6g} for {quantity.names[j]!r} at "
-                f"{system.when(int(k[i]))}, expected the least value below the largest. Equations are `Equal`"
-            )
+        _check_order(system, quantity, low, high, k, what)
+        if low_start is not None and high_start is not None:
+            _check_order(system, quantity, low_start[None], high_start[None], np.zeros(1, dtype=np.intp), what)
         scale = np.where(np.isfinite(high - low), high - low, np.inf).min(axis=0)
         scale = np.where(np.isfinite(scale), scale, 0.0)
     rows = []
-    for sign, bounds in ((1.0, low), (-1.0, high)):
+    for sign, bounds, start in ((1.0, low, low_start), (-1.0, high, high_start)):
         if bounds is None:
             continue
         # Where a bound is infinite at every instant there is none.
         columns = [j for j in range(m) if np.isfinite(bounds[:, j]).any()]
         if not columns:
             continue
-        kept = bounds[:, columns]
+        kept, start = bounds[:, columns], None if start is None else start[columns]
         if not np.isfinite(kept).all():
             raise ArgumentError(
                 f"{what}: got bounds that are infinite at some instants only; give `at`, and two bounds"
             )
         part = quantity if len(columns) == m else quantity.select(columns)
-        if not kept.any():
+        if not kept.any() and (start is None or not start.any()):
             part = part.sign
-        rows.append(Rows(what, part, sign, kept, k, scale[columns]))
+        rows.append(Rows(what, part, sign, kept, k, scale[columns], start=start))
     return rows
+
+
+def _check_order(system: Horizon, quantity: Quantity, low: Array, high: Array, k: Any, what: str) -> None:
+    """Complain about a least value (n, m) that is not below the largest."""
+    crossed = np.argwhere(low >= high)
+    if crossed.size:
+        i, j = crossed[0]
+        raise ArgumentError(
+            f"{what}: got min {low[i, j]:.6g} and max {high[i, j]:.6g} for {quantity.names[j]!r} at "
+            f"{system.when(int(k[i]))}, expected the least value below the largest. Equations are `Equal`"
+        )
+
+
+def _fixed(quantity: Quantity, at: When, first: int) -> bool:
+    """Whether a limit is for all instants, and the first of them cannot be moved."""
+    return at is None and quantity.of_state and quantity.first == 0 and first == 1
 
 
 def _instants(system: Horizon, quantity: Quantity, at: When, first: int, what: str) -> Any:
@@ -250,24 +275,30 @@ def _instants(system: Horizon, quantity: Quantity, at: When, first: int, what: s
     return np.array(found, dtype=np.intp)
 
 
-def _values(system: Horizon, value: Any, k: Any, m: int, what: str) -> Array:
-    """Return bounds (n, m)."""
+def _values(system: Horizon, value: Any, k: Any, m: int, what: str, fixed: bool) -> tuple[Array, Array | None]:
+    """Return bounds (n, m), and those at the start (m,), which is fixed; None where they say nothing of it."""
     n = len(k)
-    if callable(value):
-        value = [value(system.time(int(i))) for i in k]
+    function = callable(value)
+    if function:
+        value = [value(system.time(int(i))) for i in ((0, *k) if fixed else k)]
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise ArgumentError(f"{what}: got {value!r}, expected numbers") from None
     if np.isnan(array).any():
         raise ArgumentError(f"{what}: got NaN, expected numbers")
-    if array.ndim == 1 and n == 1 and array.shape == (m,):
+    if array.ndim == 1 and n == 1 and array.shape == (m,) and not function:
         array = array[None, :]
-    elif array.ndim == 1 and array.shape == (n,):
+    elif array.ndim == 1 and array.shape in ((n,), (n + fixed,)):
         array = array[:, None]
+    if fixed and array.shape in ((n + 1, 1), (n + 1, m)):
+        whole = np.array(np.broadcast_to(array, (n + 1, m)))
+        return whole[1:], whole[0]
     if array.ndim > 2 or (array.ndim and array.shape not in ((n, m), (n, 1), (1, m))):
+        counts = f"({n + 1},) over the instants, ({n},) from the second on" if fixed else f"({n},) over the instants"
         raise ArgumentError(
-            f"{what}: got shape {np.shape(value)}, expected a number, ({n},) over the instants, or ({n}, {m}) for each "
-            "of the names too"
+            f"{what}: got shape {np.shape(value)}, expected a number, {counts}, or ({n}, {m}) for each of the names too"
         )
-    return np.array(np.broadcast_to(array, (n, m)))
+    bounds = np.array(np.broadcast_to(array, (n, m)))
+    constant = array.ndim == 0 or (n > 1 and len(array) == 1)
+    return bounds, bounds[0].copy() if fixed and constant else None

@@ -21,11 +21,17 @@ from leastaction.optimal.limits.duals import Room, Stages
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.line_search import Refusal, Trial
+from leastaction.optimal.loop import both
+from leastaction.optimal.memory import Start
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.settings import Settings
 
 __all__ = ["LimitedProblem"]
 
+# Where steps of time may shrink, what is asked at one instant is so much dearer than elsewhere; and than that where the
+# search is stuck.
+_DEARER, _DEARER_AGAIN = 20.0, 10.0
+_SHORTER = 0.7  # of what it lasts is what a step of the search takes off at most
 _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
 
@@ -50,6 +56,11 @@ class LimitedProblem(ShootingProblem):
     cost : Cost
     rows : sequence of Rows
     settings : Settings
+    final_time : int, optional
+        The place in the state of the time (s) at which the motion ends, if that is found too. The motion may then be
+        made to last ever shorter, which also costs ever less: only the price of what is not reached stands against a
+        motion of no time at all, where every search ends. It has to be high from the beginning, and higher still where
+        a search ends so.
     """
 
     sees_walls = True
@@ -62,11 +73,13 @@ class LimitedProblem(ShootingProblem):
         settings: Settings,
         free_start: bool | Sequence[str] = False,
         gapped: Gapped = "never",
+        final_time: int | None = None,
     ) -> None:
         super().__init__(system, cost, settings, free_start, gapped)
+        self.final_time = final_time
         self.limited = LimitedCost(cost, rows, system.nx, system.nu)
         self.duals = self.limited.duals
-        self.stages = Stages(self.duals, settings.tolerance, _DIGITS)
+        self.stages = Stages(self.duals, settings.tolerance, _DIGITS, 1.0 if final_time is None else _DEARER)
         self.known: LimitReport | None = None  # from an earlier run
         # Of the iterate; None: not yet.
         self.values: Sided | None = None
@@ -86,6 +99,9 @@ class LimitedProblem(ShootingProblem):
             self.known = initial.limits
             initial = initial.x, initial.u
         super().start(initial)
+        if self.final_time is not None:
+            x, u = both(initial)
+            self.given = Start(np.array(x, dtype=np.float64), np.array(u, dtype=np.float64))
         self._begin()
 
     def resume(self, result: OptimizationResult) -> None:
@@ -100,6 +116,7 @@ class LimitedProblem(ShootingProblem):
         )
         for rows in self.limited.rows:
             rows.check(self.x, self.u)
+            rows.check_start(self.x[0])
         self.stages.take(self.known, resumed=resumed)
         self._set_out()
 
@@ -148,6 +165,8 @@ class LimitedProblem(ShootingProblem):
             return more
         before = self.duals.y.flat.copy()
         more = self.stages.advance(self.shown, self._limits())
+        if not more and self.begin_again():
+            return True
         self.room = None  # it is one of other prices, even where there is no more
         curvature = self.curvature if np.array_equal(before, self.duals.y.flat) else None
         if more:
@@ -174,13 +193,25 @@ class LimitedProblem(ShootingProblem):
     @property
     def prefers_gaps(self) -> bool:
         """Whether gaps are worth trying where a run is stuck: once."""
-        return self.given is not None
+        return self.given is not None and self.final_time is None
 
     def begin_with_gaps(self, *, brief: bool) -> bool:
         """Begin again with gaps from the given start, once, and with other duals; return whether that can be done."""
         lost = self.given is not None and self.given.is_lost
-        if (brief and not lost) or not super().begin_with_gaps(brief=brief):
+        if self.final_time is not None or (brief and not lost) or not super().begin_with_gaps(brief=brief):
             return False
+        self._begin()
+        return True
+
+    def begin_again(self) -> bool:
+        """Begin again with higher prices where the motion was made too short; return whether that can be done."""
+        if self.final_time is None or self.given is None or self.stages.are_met(self._limits()):
+            return False
+        start, self.given = self.given, None
+        self.forget()
+        self.duals.begun = False
+        super().start((start.x, start.u))
+        self.stages.dearer *= _DEARER_AGAIN
         self._begin()
         return True
 
@@ -250,6 +281,11 @@ class LimitedProblem(ShootingProblem):
     def first_step(self, direction: DiscreteDirection, length: float) -> float:
         """Return how far to go at first: no further than to where the barriers begin to rise."""
         length = super().first_step(direction, length)
+        if self.final_time is not None and direction.dx0 is not None:
+            # No model holds as far as to a motion that lasts much shorter.
+            lasts, change = self.x[0, self.final_time] - self.system.time(0), direction.dx0[self.final_time]
+            if length * change < -_SHORTER * lasts:
+                length = float(-_SHORTER * lasts / change)
         if direction.limited is None:
             return length
         dc = Sided(direction.limited, self.limited.layout)

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants, Quantity, Samples
 
 __all__ = ["Rows", "Weights"]
+
+_OFF = 1e-6  # of what is large for it a limit may be off at a fixed initial state
 
 
 class Weights:
@@ -60,6 +63,8 @@ class Rows:
         What is large, in the quantity's unit; 0 where that is to be seen from where the optimisation starts.
     equal : bool
         Whether these are one side of equations, whose other side follows.
+    start : ndarray (m,) or None
+        Bounds that the fixed initial state has to keep to; None where nothing is asked of it.
     """
 
     limit: str
@@ -69,14 +74,18 @@ class Rows:
     k: Instants
     scale: Array
     equal: bool = False
+    start: Array | None = None
 
     @property
     def labels(self) -> tuple[str, ...]:
         """What each column says."""
-        if self.quantity.says_all and not self.bounds.any():
+        return self._labels(self.bounds)
+
+    def _labels(self, bounds: Array) -> tuple[str, ...]:
+        if self.quantity.says_all and not bounds.any():
             return self.quantity.names
         relation = "=" if self.equal else ">=" if self.sign > 0.0 else "<="
-        least, most = self.bounds.min(axis=0), self.bounds.max(axis=0)
+        least, most = bounds.min(axis=0), bounds.max(axis=0)
         unit = f" {self.quantity.unit}" if self.quantity.unit else ""
         kind = f"{self.quantity.kind} " if self.quantity.kind else ""
         return tuple(
@@ -100,6 +109,30 @@ class Rows:
         at = Samples(k[:1], x[:1], u[:1], x_next[:1])
         self.quantity.jacobian(at)
         self.quantity.curvature(at, np.ones((1, len(self.quantity.names))))
+
+    def check_start(self, x: Array) -> None:
+        """Complain about a fixed initial state (nx,) that is outside of the limit.
+
+        Raises
+        ------
+        ArgumentError
+            It is off by more than rounding.
+        """
+        if self.start is None:
+            return
+        nothing = np.empty((1, 0))
+        value = self.quantity.values(Samples(np.zeros(1, dtype=np.intp), x[None], nothing, nothing))[0]
+        size = np.where(self.scale > 0.0, self.scale, 1.0 + np.abs(self.start))
+        room = self.sign * (value - self.start)
+        j = int(np.argmin(room / size))
+        if room[j] < -_OFF * size[j]:
+            unit = f" {self.quantity.unit}" if self.quantity.unit else ""
+            label = self._labels(self.start[None])[j]
+            raise ArgumentError(
+                f"{self.limit}: the initial state is fixed and violates {label!r} by {-room[j]:.4g}{unit}. Begin where it "
+                "holds, have the initial state found too (free_start), or ask for it at later instants only (`at`, or "
+                "bounds over the instants from the second on)"
+            )
 
     def jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives of the quantity along a trajectory (n, m, ...), without the sign."""

@@ -13,6 +13,7 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import as_array, as_count
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.limit import FromSecond, Limit
 from leastaction.optimal.loop import both
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult
@@ -109,7 +110,12 @@ def receding_horizon(
     planned = k
     result: OptimizationResult | None = None
 
+    limits = options.pop("limits", ())
+    given_limits = [limits] if isinstance(limits, Limit) else list(limits)
+    later = [FromSecond(each) if isinstance(each, Limit) else each for each in given_limits]
+
     def solve(start: int, stop: int) -> OptimizationResult:
+        options["limits"] = given_limits if start == 0 else later
         part = system.window(start, stop)
         weights = cost.window(start, stop, N=N, nu=nu) if cost_of is None else cost_of(start, stop)
         states = x[start : stop + 1].copy()

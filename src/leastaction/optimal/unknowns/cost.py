@@ -47,10 +47,26 @@ class ExtendedCost(Cost):
         return CostGradient(q, own.r, q_final)
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        Q, R, S, Q_final = self.cost.hessian(read_only(self.system.own(x)), u)
+        return self._extended(self.cost.hessian(read_only(self.system.own(x)), u), self.weight)
+
+    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return the cost's own, and a curvature of the final time, which the cost is linear in.
+
+        Of a motion that begins at rest no model tells how much longer it should last: with that of ``T log T`` steps
+        are no longer than what holds.
+        """
+        weight, time = self.weight, self.system.final_time
+        if time is not None:
+            j = time - self.system.n_own
+            weight = weight.copy()
+            weight[j] += abs(self.price[j]) / (x[-1, time] - self.system.time(0))
+        return self._extended(self.cost.convex_hessian(read_only(self.system.own(x)), u), weight)
+
+    def _extended(self, own: CostHessian, weight: Array) -> CostHessian:
+        Q, R, S, Q_final = own
         final = self._padded(Q_final)
         diagonal = final if final.ndim == 1 else np.einsum("ii->i", final)
-        diagonal[self.unknowns] = self.weight
+        diagonal[self.unknowns] = weight
         if S is not None:
             S = np.ascontiguousarray(np.swapaxes(self._moved(np.swapaxes(S, -1, -2)), -1, -2))
         return CostHessian(self._padded(Q), R, S, final)

@@ -101,7 +101,8 @@ class Extension:
         if isinstance(own, Entries) and not (own.of_state and np.isin(own.places, self.system.copied).any()):
             return row  # They stand where they stood.
         quantity = ExtendedQuantity(self.system, own, lambda system: limit.rows(system, self.first)[i].quantity)
-        return replace(row, quantity=quantity)
+        # What a parameter moves is not known of the start yet.
+        return replace(row, quantity=quantity, start=row.start if quantity.fixed else None)
 
     # ---- There ------------------------------------------------------------------------------------
 

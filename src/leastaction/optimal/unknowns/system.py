@@ -54,6 +54,11 @@ class ExtendedSystem(DiscreteSystem):
         self.nx = self.at_copies + len(self.copied)
         self.has_curvature = system.has_curvature
 
+    @property
+    def final_time(self) -> int | None:
+        """The place of the final time in the state, if it is found."""
+        return self.n_own + self.names.index(FINAL_TIME) if FINAL_TIME in self.names else None
+
     # ---- Its state --------------------------------------------------------------------------------
 
     def at(self, values: Array) -> DiscreteSystem:
