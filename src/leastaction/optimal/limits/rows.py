@@ -129,9 +129,9 @@ class Rows:
             unit = f" {self.quantity.unit}" if self.quantity.unit else ""
             label = self._labels(self.start[None])[j]
             raise ArgumentError(
-                f"{self.limit}: the initial state is fixed and violates {label!r} by {-room[j]:.4g}{unit}. Begin where it "
-                "holds, have the initial state found too (free_start), or ask for it at later instants only (`at`, or "
-                "bounds over the instants from the second on)"
+                f"{self.limit}: the initial state is fixed and violates {label!r} by {-room[j]:.4g}{unit}. Begin where "
+                "it holds, have the initial state found too (free_start), or ask for it at later instants only (`at`, "
+                "or bounds over the instants from the second on)"
             )
 
     def jacobian(self, x: Array, u: Array) -> Array:
