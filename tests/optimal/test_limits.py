@@ -27,7 +27,7 @@ from leastaction.optimal import (
 )
 from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.limits.barrier import barrier_value, split, stiffness
-from leastaction.optimal.limits.duals import Duals, Stages
+from leastaction.optimal.limits.duals import Duals, Side, Stages
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.limits.sides import Layout
@@ -208,7 +208,28 @@ def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:
         stages = Stages(Duals([], Layout([(1000, 1)])), tolerance, 1e-12)
         stages.duals.mu = stages.last = 1e-6
         assert stages.tolerated(1.0, 0.0) == pytest.approx(enough)
+        # What limits are off by costs little: with all of a rough tolerance it would be left as it is.
+        assert stages.tolerated(1.0, 0.0, met=False) == pytest.approx(min(enough, 1e-2))
         assert stages.met == pytest.approx(off)
+
+
+def test_what_is_off_keeps_its_price() -> None:
+    """Its dual has hardly begun to grow; by that it would be given away, and bought back in many stages."""
+    side = Side("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
+    duals = Duals([side], Layout([(4, 1)]))
+    c = duals.layout.empty()
+    c.flat[:] = 1.0
+    duals.begin(c, 1e-6, 1.0)
+    c.flat[2] = -1e-2
+    duals.y.flat[:] = 1e-6
+    assert duals.price(c, 1e6, met=1e-4)
+    assert duals.rho[0] == pytest.approx(10.0)
+    assert not duals.price(c, 10.0, met=1e-4)
+    assert duals.rho[0] == pytest.approx(10.0)
+    c.flat[2] = 1.0
+    duals.y.flat[:] = 1e-6
+    assert not duals.price(c, 1e6, met=1e-4)
+    assert duals.rho[0] < 0.1
 
 
 def test_the_duals_tell_what_more_room_is_worth(cart: MidpointSystem, cost: QuadraticCost) -> None:

@@ -40,6 +40,9 @@ _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
 # Of its scale a limit may be off where the problem cannot be met otherwise, and that part of a rough tolerance.
 _MET, _MET_ROUGHLY = 1e-6, 1e-2
 _EXACTLY = 1e-3  # of what it may be off a limit is off that no price would enforce any better
+# Times a rough tolerance, where limits are not met: what they are off by costs less than that often, and is a matter of
+# some more steps, where dearer excess would only bend the way to the minimum.
+_CLOSER = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,14 +197,15 @@ class Duals:
         for i, (net, side) in enumerate(zip(self.net(), self.sides, strict=True)):
             rho, most = self.rho[i], dearest / self.scale[i]
             binding = np.max(np.abs(net), axis=0, initial=0.0) > _BINDING * rho
+            off = np.zeros_like(binding)
             if met is not None:
-                binding |= np.min(c[i], axis=0, initial=0.0) < -met * self.scale[i]
-            binding &= rho < most
+                off = np.min(c[i], axis=0, initial=0.0) < -met * self.scale[i]
+            binding = (binding | off) & (rho < most)
             new = np.where(
                 binding,
                 np.minimum(_DEARER * rho, most),
-                # Equations are met the better the dearer they are.
-                rho if side.equal else np.clip(_DEAR * np.max(net, axis=0), _CHEAPER * rho, rho),
+                # Equations are met the better the dearer they are, and what is off has no dual yet to go by.
+                np.where(off | side.equal, rho, np.clip(_DEAR * np.max(net, axis=0), _CHEAPER * rho, rho)),
             )
             unmet = unmet or bool(binding.any())
             self.rho[i] = new
@@ -351,14 +355,14 @@ class Stages:
         """Whether the next stage is the last, or this: few steps are left for the duals to settle in."""
         return not self.duals.sides or self._following <= self.last
 
-    def tolerated(self, goal: float, noise: float) -> float:
-        """Return the expected decrease that is small enough at this stage."""
+    def tolerated(self, goal: float, noise: float, *, met: bool = True) -> float:
+        """Return the expected decrease that is small enough at this stage; ``met``: whether all limits are."""
         mu = self.duals.mu
         if mu > self.last:
             many = 1.0 if self.is_near_end else float(np.sqrt(max(1.0, self.count / _MANY)))
             return max(goal, _LOOSE * many * mu)
         if self._rough:
-            return max(goal, 10.0 * noise)
+            return max(goal if met else _CLOSER * goal, 10.0 * noise)
         # The duals are worth no more than the motion is near the barrier's minimum.
         return max(min(goal, _LOOSE * mu), 10.0 * noise)
 
