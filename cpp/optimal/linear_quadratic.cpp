@@ -4,8 +4,11 @@
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
+
+#include "numerics/small_products.hpp"
 
 namespace leastaction {
 namespace {
@@ -17,7 +20,7 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 using ConstVector = Eigen::Map<const VectorXd>;
 using ConstRows = Eigen::Map<const RowMajor>;
 
-constexpr Index panel = 32;                // width of the column panels of a triangle
+constexpr Index panel = 16;                // columns between which memory is asked for
 constexpr double pivot_tolerance = 1e-14;  // of the square of a pivot, relative to its diagonal entry of H_uu
 
 // Regularisation: below this fraction of R an input's curvature counts as none, and after this many stages
@@ -25,18 +28,33 @@ constexpr double pivot_tolerance = 1e-14;  // of the square of a pivot, relative
 constexpr double curvature_floor = 1e-3;
 constexpr Index max_regularized_stages = 16;
 
-// Calls add(j, width, rows) for panels of columns j, j + 1, ..., of which the first `rows` reach the upper triangle.
-template <class Add>
-void each_panel(Index n, const Add& add) {
-    for (Index j = 0; j < n; j += panel) {
-        const Index width = std::min(panel, n - j);
-        add(j, width, j + width);
-    }
-}
+Columns columns_of(const MatrixXd& M, Index first = 0) { return {M.col(first).data(), M.outerStride()}; }
+Target whole(MatrixXd& M) { return {M.data(), M.outerStride()}; }
 
+// Asks for numbers that are needed soon, a line of the cache at a time.
+class Prefetch {
+public:
+    void aim(const double* data, Index size) {
+        next_ = data;
+        lines_ = (size + line - 1) / line;
+    }
+
+    void ask(Index lines) {
+        for (lines = std::min(lines, lines_); lines > 0; --lines, --lines_, next_ += line) {
+            Eigen::internal::prefetch(next_);
+        }
+    }
+
+private:
+    static constexpr Index line = 8;  // numbers
+    const double* next_ = nullptr;
+    Index lines_ = 0;
+};
+
+// Of a square matrix, with padding below.
 void mirror_upper(MatrixXd& M) {
     constexpr Index tile = 4;
-    const Index n = M.rows(), whole = n - n % tile;
+    const Index n = M.cols(), whole = n - n % tile;
     for (Index j = 0; j < whole; j += tile) {
         for (Index i = 0; i < j; i += tile) {
             const Eigen::Matrix4d block = M.block<tile, tile>(i, j);
@@ -68,6 +86,7 @@ public:
 
     StageStructure(Index nx, Index nu) : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(3 * nx) {
         values_.resize(2 * nx);
+        sizes_.resize(nx);
         for (Index i = 0; i < 3 * nx; ++i) last_columns_[i] = i % 3;
         for (auto* list : {&dense_, &sparse_}) list->reserve(nx);
         dense_runs_.reserve(nx);
@@ -97,9 +116,9 @@ public:
         std::fill(used_.begin(), used_.begin() + nx_, false);
         std::fill(used_.begin() + nx_, used_.end(), true);
         for (Index i = 0; i < nx_; ++i) scan_row(i, A + i * nx_, B + i * nu_);
-        for (Index j = 0; j < nx_; ++j) {
-            for (std::size_t d = 0; !used_[j] && d < dense_.size(); ++d) used_[j] = A[dense_[d] * nx_ + j] != 0.0;
-        }
+        sizes_.setZero();
+        for (const Index i : dense_) sizes_ += Eigen::Map<const VectorXd>(A + i * nx_, nx_).cwiseAbs();
+        for (Index j = 0; j < nx_; ++j) used_[j] = used_[j] || sizes_[j] != 0.0;
         number_columns();
         for (Index e = 0; e < 2; ++e) {
             for (const Index i : sparse_) add_entry(i, last_columns_[3 * i + e], A, B);
@@ -191,6 +210,7 @@ private:
     std::vector<Run> dense_runs_, runs_;
     std::vector<Diagonal> diagonals_;
     VectorXd values_;
+    VectorXd sizes_;  // of the columns of A: the sums of their absolute values in dense rows
 };
 
 // The recursion and its work space; nothing is allocated inside the loop over the stages.
@@ -203,24 +223,25 @@ public:
           output_(output),
           nx_(problem.nx),
           nu_(problem.nu),
+          lines_a_panel_(panel * (nx_ + nu_) / 8),
           structure_(nx_, nu_),
-          G_(nx_ * (nx_ + nu_)),
-          P_columns_(nx_ * nx_),
-          GP_(nx_ * (nx_ + nu_)),
-          GP_dense_(nx_ * (nx_ + nu_)),
-          GPG_((nx_ + nu_) * (nx_ + nu_)),
-          P_(nx_, nx_),
+          G_(MatrixXd::Zero(padded(nx_ + nu_), nx_)),
+          PG_(MatrixXd::Zero(padded(nx_), nx_ + nu_)),
+          GPG_(MatrixXd::Zero(padded(nx_ + nu_), nx_ + nu_)),
+          P_padded_(MatrixXd::Zero(padded(nx_), nx_)),
+          P_(P_padded_.topRows(nx_)),
           H_(MatrixXd::Zero(nx_ + nu_, nx_ + nu_)),
           H_uu_(nu_, nu_),
-          V_(nx_, nu_),
-          gains_(nx_, nu_),
+          V_(padded(nx_), nu_),
+          gains_(padded(nx_), nu_),
           factor_(nu_),
           eigenvalues_(nu_),
           spectrum_(nx_),
-          b_(nx_),
+          b_padded_(VectorXd::Zero(padded(nx_))),
+          b_(b_padded_.head(nx_)),
           b_shifted_(nx_),
           h_(nx_ + nu_),
-          h_used_(nx_ + nu_),
+          h_used_(padded(nx_ + nu_)),
           w_(nu_) {}
 
     LinearQuadraticReport run() {
@@ -256,7 +277,7 @@ private:
                 P_.diagonal() = ConstVector(problem_.Q_final.data, nx_);
             } else {
                 P_ = ConstRows(problem_.Q_final.data, nx_, nx_);
-                mirror_upper(P_);
+                mirror_upper(P_padded_);
             }
         }
         b_.setZero();
@@ -271,55 +292,66 @@ private:
         const double* B = problem_.B + k * nx_ * nu_;
         if (options_.use_structure) structure_.scan(A, B);
         const auto& dense = structure_.dense();
+        for (std::size_t i = 0; i < dense.size(); ++i) structure_.gather_row(dense[i], A, B, G_.col(i).data());
+        multiply_P(k);
+        multiply_PG();
+        spread(GPG_);
+        add_cost(k);
+        propagate_linear(k);
+    }
+
+    // P G, the used columns. By the way it asks for what the next stage reads.
+    void multiply_P(Index k) {
         const Index m = structure_.columns();
-        const Index d = static_cast<Index>(dense.size());
-
-        Eigen::Map<RowMajor> G(G_.data(), d, m);
-        for (Index i = 0; i < d; ++i) structure_.gather_row(dense[i], A, B, G.row(i).data());
-
+        aim_at_stage(k - 1);
         // Rows of P beyond `coupled` hold nothing but their own block, and no dense row lies there.
         const Index coupled = coupled_rows();
-        Eigen::Map<MatrixXd> P_columns(P_columns_.data(), coupled, d);
-        for (const auto& run : structure_.dense_runs()) {
-            P_columns.middleCols(run.offset, run.length) = P_.block(0, run.first, coupled, run.length);
+        for (Index j = 0; j < m; j += panel) {
+            for (const auto& run : structure_.dense_runs()) {
+                product(first_set(run), coupled, std::min(panel, m - j), run.length, columns_of(P_padded_, run.first),
+                        {G_.col(run.offset).data() + j, G_.outerStride(), 1}, {PG_.col(j).data(), PG_.outerStride()});
+            }
+            for (Prefetch& part : soon_) part.ask(lines_a_panel_);
         }
-        Eigen::Map<MatrixXd> GP(GP_.data(), m, nx_);  // G'P
-        GP.leftCols(coupled).noalias() = G.transpose() * P_columns.transpose();
-        GP.rightCols(nx_ - coupled).setZero();
+        PG_.block(coupled, 0, nx_ - coupled, m).setZero();
         for (const auto& of : structure_.diagonals()) {
             const auto values = structure_.values(of);
-            for (Index i = 0; i < nx_; ++i) {
-                GP.col(i).segment(of.column, of.length) += values.cwiseProduct(P_.col(i).segment(of.row, of.length));
-            }
+            for (Index e = 0; e < of.length; ++e) PG_.col(of.column + e).head(nx_) += values[e] * P_.col(of.row + e);
         }
+    }
 
-        Eigen::Map<MatrixXd> GPG(GPG_.data(), m, m);
-        Eigen::Map<MatrixXd> GP_dense(GP_dense_.data(), m, d);
+    // The upper triangle of G'P G: that of neither part alone is that of a symmetric matrix.
+    void multiply_PG() {
+        const Index m = structure_.columns();
+        if (structure_.dense().empty()) GPG_.setZero();
         for (const auto& run : structure_.dense_runs()) {
-            GP_dense.middleCols(run.offset, run.length) = GP.middleCols(run.first, run.length);
+            upper_product(first_set(run), m, run.length, columns_of(G_, run.offset),
+                          {PG_.data() + run.first, 1, PG_.outerStride()}, whole(GPG_));
         }
-        // The upper triangle of G'P G: that of neither part alone is that of a symmetric matrix.
-        each_panel(m, [&](Index j, Index width, Index rows) {
-            GPG.block(0, j, rows, width).noalias() = GP_dense.topRows(rows) * G.middleCols(j, width);
-        });
         for (const auto& of : structure_.diagonals()) {
             const auto values = structure_.values(of);
-            for (Index e = 0; e < of.length; ++e) {
-                const Index j = of.column + e;
-                GPG.col(j).head(j + 1) += values[e] * GP.col(of.row + e).head(j + 1);
+            for (Index j = of.column; j < m; ++j) {
+                const Index length = std::min(of.length, j - of.column + 1);
+                GPG_.col(j).segment(of.column, length) +=
+                    values.head(length).cwiseProduct(PG_.col(j).segment(of.row, length));
             }
         }
-        spread(GPG);
-        add_cost(k);
+    }
 
+    // h: G'(b + P c) and the stage's own, which add_cost has set.
+    void propagate_linear(Index k) {
+        const Index m = structure_.columns();
         b_shifted_ = b_;
         if (problem_.c != nullptr) {
             const ConstVector c(problem_.c + k * nx_, nx_);
             b_shifted_.noalias() += P_ * c;
             constant_ += 0.5 * c.dot(b_ + b_shifted_);
         }
-        h_used_.head(m).setZero();
-        for (Index i = 0; i < d; ++i) h_used_.head(m) += b_shifted_[dense[i]] * G.row(i).transpose();
+        if (structure_.dense().empty()) h_used_.setZero();
+        for (const auto& run : structure_.dense_runs()) {
+            product(first_set(run), m, 1, run.length, columns_of(G_, run.offset), {b_shifted_.data() + run.first, 1, 0},
+                    {h_used_.data(), 0});
+        }
         for (const auto& of : structure_.diagonals()) {
             h_used_.segment(of.column, of.length) +=
                 structure_.values(of).cwiseProduct(b_shifted_.segment(of.row, of.length));
@@ -327,6 +359,18 @@ private:
         for (const auto& run : structure_.runs()) {
             h_.segment(run.first, run.length) += h_used_.segment(run.offset, run.length);
         }
+    }
+
+    // The first run of dense rows sets a product, the others add to it.
+    static Into first_set(const StageStructure::Run& run) { return run.offset == 0 ? Into::set : Into::add; }
+
+    // The arrays of a stage come from main memory, so they are asked for while the one after it is computed.
+    void aim_at_stage(Index k) {
+        if (k < 0) return;
+        soon_[0].aim(problem_.A + k * nx_ * nx_, nx_ * nx_);
+        soon_[1].aim(problem_.B + k * nx_ * nu_, nx_ * nu_);
+        const Index n = nx_ + nu_;
+        if (problem_.H != nullptr && use_H_) soon_[2].aim(problem_.H + k * n * n, n * n);
     }
 
     Index coupled_rows() const {
@@ -338,7 +382,7 @@ private:
     }
 
     // Upper triangle of H_ from that of the used columns.
-    void spread(const Eigen::Map<MatrixXd>& used) {
+    void spread(const MatrixXd& used) {
         Index next = 0;
         const auto skip = [&](Index to) {
             for (; next < to; ++next) H_.col(next).head(next + 1).setZero();
@@ -433,7 +477,7 @@ private:
         report_.largest_change = std::max(report_.largest_change, -values[0]);
         const MatrixXd& vectors = spectrum_.eigenvectors();
         P_.noalias() = vectors * values.cwiseMax(0.0).asDiagonal() * vectors.transpose();
-        mirror_upper(P_);
+        mirror_upper(P_padded_);
     }
 
     // K, C, P, b of the stage.
@@ -442,32 +486,22 @@ private:
         Index active = nx_;
         while (active > 0 && (H_.row(active - 1).tail(nu_).array() == 0.0).all()) --active;
 
-        // V' = H_xu L^-T and K' = V' L^-1, column by column: the columns are long, L is small.
-        const MatrixXd& L = factor_.matrixLLT();
-        auto V = V_.topRows(active);
-        for (Index j = 0; j < nu_; ++j) {
-            V.col(j) = H_.col(nx_ + j).head(active);
-            V.col(j).noalias() -= V.leftCols(j) * L.row(j).head(j).transpose();
-            V.col(j) *= 1.0 / L(j, j);
-        }
-        auto gains = gains_.topRows(active);
-        for (Index j = nu_ - 1; j >= 0; --j) {
-            const Index later = nu_ - 1 - j;
-            gains.col(j) = V.col(j);
-            gains.col(j).noalias() -= gains.rightCols(later) * L.col(j).tail(later);
-            gains.col(j) *= 1.0 / L(j, j);
-        }
-        gains_.bottomRows(nx_ - active).setZero();
+        // V = H_xu L^-T and K' = V L^-1; the rows of V that are left out must be numbers too.
+        const Columns L = columns_of(factor_.matrixLLT());
+        V_.topRows(active) = H_.topRightCorner(active, nu_);
+        V_.bottomRows(V_.rows() - active).setZero();
+        solve_lower_transposed(active, nu_, L, whole(V_));
+        gains_ = V_;
+        solve_lower(active, nu_, L, whole(gains_));
         w_ = h_.tail(nu_);
         factor_.matrixL().solveInPlace(w_);
 
         P_ = H_.topLeftCorner(nx_, nx_);
-        each_panel(active, [&](Index j, Index width, Index rows) {
-            P_.block(0, j, rows, width).noalias() -= V.topRows(rows) * V.middleRows(j, width).transpose();
-        });
-        mirror_upper(P_);
+        const Columns V = columns_of(V_);
+        upper_product(Into::subtract, active, nu_, V, {V.data, V.stride, 1}, whole(P_padded_));
+        mirror_upper(P_padded_);
         b_ = h_.head(nx_);
-        b_.head(active).noalias() -= V * w_;
+        product(Into::subtract, active, 1, nu_, V, {w_.data(), 1, 0}, {b_padded_.data(), 0});
         constant_ -= 0.5 * w_.squaredNorm();
         factor_.matrixU().solveInPlace(w_);
     }
@@ -479,8 +513,7 @@ private:
     }
 
     void store(Index k) {
-        // gains_ holds K' by columns, which is K by rows.
-        std::copy_n(gains_.data(), nu_ * nx_, output_.K + k * nu_ * nx_);
+        Eigen::Map<MatrixXd>(output_.K + k * nu_ * nx_, nx_, nu_) = gains_.topRows(nx_);  // K' by columns: K by rows
         Eigen::Map<VectorXd>(output_.C + k * nu_, nu_) = w_;
         store_value(k);
     }
@@ -499,12 +532,18 @@ private:
     Index nx_, nu_;
     double constant_ = 0.0;
     bool use_H_ = true;
+    std::array<Prefetch, 3> soon_;  // of A, B, H
+    Index lines_a_panel_;
     StageStructure structure_;
-    VectorXd G_, P_columns_, GP_, GP_dense_, GPG_;  // storage, mapped to the size of the stage
-    MatrixXd P_, H_, H_uu_, V_, gains_;
+    // Column i of G_ holds the used columns of row dense[i] of G; PG_ and GPG_ have the used columns only.
+    MatrixXd G_, PG_, GPG_, P_padded_;
+    Eigen::Ref<MatrixXd> P_;
+    MatrixXd H_, H_uu_, V_, gains_;
     Eigen::LLT<MatrixXd> factor_;
     Eigen::SelfAdjointEigenSolver<MatrixXd> eigenvalues_, spectrum_;
-    VectorXd b_, b_shifted_, h_, h_used_, w_;
+    VectorXd b_padded_;
+    Eigen::Ref<VectorXd> b_;
+    VectorXd b_shifted_, h_, h_used_, w_;
 };
 
 }  // namespace

@@ -255,6 +255,32 @@ def test_large_enough_for_several_panels():
     np.testing.assert_allclose(structured.P0, P, atol=1e-11 * np.abs(P).max())
 
 
+@pytest.mark.parametrize("nu", [1, 2, 3, 4, 5, 6, 7, 8, 9, 18])
+@pytest.mark.parametrize("columns", ["all", "some"])
+def test_every_stage_to_rounding_in_any_size(nu, columns):
+    """Products are summed in tiles of a few packets and columns, and each size ends in others."""
+    rng = np.random.default_rng(nu)
+    N = 2
+    for nx in range(1, 43):
+        A, B = rng.standard_normal((N, nx, nx)) / np.sqrt(nx), rng.standard_normal((N, nx, nu)) / np.sqrt(nx)
+        if columns == "some":
+            A[:, :, nx // 2 :: 5] = 0.0
+            A[:, nx // 3 : nx // 2] = 0.0
+        Q, R = _positive(rng, nx, 1.0), _positive(rng, nu, 1.0)
+        q, r, c = rng.standard_normal((N, nx)), rng.standard_normal((N, nu)), rng.standard_normal((N, nx))
+        found = solve_linear_quadratic(A, B, Q=Q, R=R, q=q, r=r, c=c, Q_final=Q, q_final=q[0], keep_P=True)
+        for k in range(N):
+            P, b = found.P[k + 1].astype(np.longdouble), found.b[k + 1].astype(np.longdouble)
+            K, C = found.K[k].astype(np.longdouble), found.C[k].astype(np.longdouble)
+            PA, PB, shifted = P @ A[k], P @ B[k], b + P @ c[k]
+            gamma, coupling, h_u = R + B[k].T @ PB, B[k].T @ PA, r[k] + B[k].T @ shifted
+            close = {"rtol": 0.0, "atol": 1e-14 * float(np.abs(P).max() + np.abs(b).max()) * (nx + nu)}
+            np.testing.assert_allclose(gamma @ K, coupling, **close)
+            np.testing.assert_allclose(gamma @ C, h_u, **close)
+            np.testing.assert_allclose(found.P[k], Q + A[k].T @ PA - K.T @ coupling, **close)
+            np.testing.assert_allclose(found.b[k], q[k] + A[k].T @ shifted - K.T @ h_u, **close)
+
+
 def test_an_indefinite_stage_is_reported(problem):
     R = problem["R"].copy()
     R[4] -= 100.0 * np.eye(3)
