@@ -505,8 +505,43 @@ def test_a_window_limits_what_reaches_over_two_steps(of: str, rng: np.random.Gen
     y = rng.normal(size=(len(part.k), 1))
     bends = Weights(3, system.nx, system.nu)
     part.add_hessian(x[2:], u[2:], part.jacobian(x[2:], u[2:]), y, np.abs(y), bends, None)
-    total = np.abs(bends.of_steps()).sum() + np.abs(bends.of_states()).sum() + np.abs(bends.state).sum()
-    assert total > 0.0
+    added = (bends.state, bends.of_states, bends.of_inputs, bends.crossed)
+    assert sum(np.abs(each).sum() for each in added if each is not None) > 0.0
+
+
+@pytest.mark.parametrize("instants", [[0, 1, 2, 3], [1, 2], [0, 3]])
+@pytest.mark.parametrize("columns", [[0, 1, 2, 3, 4], [3, 4], [0, 1], [1, 2, 4], [4, 0, 2, 3]])
+def test_matrices_of_steps_are_summed_by_their_places(
+    instants: list[int], columns: list[int], rng: np.random.Generator
+) -> None:
+    k, at = np.array(instants), np.array(columns)
+    weights = Weights(4, 3, 2)
+    for _ in range(2):  # memory that is used again
+        weights.clear()
+        dense = np.zeros((4, 5, 5))
+        for _ in range(2):
+            H = rng.normal(size=(len(k), len(at), len(at)))
+            H += H.transpose(0, 2, 1)
+            weights.add_at_steps(k, at, H)
+            dense[np.ix_(k, at, at)] += H
+        assert weights.of_states is not None
+        assert weights.of_inputs is not None
+        assert weights.crossed is not None
+        np.testing.assert_array_equal(weights.of_states[:-1], dense[:, :3, :3])
+        np.testing.assert_array_equal(weights.of_inputs, dense[:, 3:, 3:])
+        np.testing.assert_array_equal(weights.crossed, dense[:, :3, 3:])
+
+
+def test_what_does_not_bend_has_one_model(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    """Where limits and cost are convex as they are, their second derivatives are summed once."""
+    settings = optimize(cart, cost, initial=REST, max_iterations=0).settings
+    straight = Bound("x", -1.0, 1.0, of="rate").rows(cart, 1)
+    bent = Keep("bob", outside=Ball((0.3, -0.95, 0.0), 0.05)).rows(cart, 1)
+    for rows, same in ((straight, True), (bent, False)):
+        problem = LimitedProblem(cart, cost, rows, settings)
+        problem.start(REST)
+        exact = problem._hessian(1.0)
+        assert (problem._hessian(0.0) is exact) is same
 
 
 def test_a_limit_on_a_start_that_costs_nothing_is_enforced(rng):

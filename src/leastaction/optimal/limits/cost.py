@@ -48,7 +48,7 @@ class LimitedCost:
         self.layout = self.duals.layout
         self.of_states = EntryRows(self.rows, self.layout, of_state=True, width=nx)
         self.of_inputs = EntryRows(self.rows, self.layout, of_state=False, width=nu)
-        self.spare: dict[bool, Array | None] = {}  # memory that is used again, of whole and of convex ones
+        self.spare: dict[bool, Weights] = {}  # memory that is used again, of whole and of convex ones
         self.others = [i for i, each in enumerate(self.rows) if not isinstance(each.quantity, Entries)]
 
     @property
@@ -106,26 +106,34 @@ class LimitedCost:
         """
         Q, R, S, Q_final = (self.cost.convex_hessian if convex else self.cost.hessian)(x, u)
         nx = x.shape[1]
-        weights = Weights(len(u), nx, u.shape[1], self.spare.get(convex))
+        if convex not in self.spare:
+            self.spare[convex] = Weights(len(u), nx, u.shape[1])
+        weights = self.spare[convex]
+        weights.clear()
         sigmas = self.duals.stiffnesses(room)
         self.of_states.add_hessian(sigmas, weights.state)
         self.of_inputs.add_hessian(sigmas, weights.input)
         for i, jacobian in jacobians.items():
             duals = np.zeros_like(self.duals.y[i]) if convex else self.duals.y[i]
             self.rows[i].add_hessian(x, u, jacobian, duals, sigmas[i], weights, dynamics)
-        H = weights.matrix
-        self.spare[convex] = weights.spare
-        R = _with(R, weights.input)
-        if weights.state_matrix is None:
+        if weights.of_states is None:
             Q, final = _with(Q, weights.state[:-1]), matrix_of(Q_final) + np.diag(weights.state[-1])
         else:
-            Q, final = _summed(weights.state_matrix, weights.state, Q, Q_final)
-        if H is None:
-            return CostHessian(Q, R, S, final)
-        cross = H[:, :nx, nx:] if S is None else S + H[:, :nx, nx:]
-        return CostHessian(
-            matrix_of(Q) + H[:, :nx, :nx], matrix_of(R) + H[:, nx:, nx:], np.ascontiguousarray(cross), final
-        )
+            Q = _summed(weights.of_states[:-1], weights.state[:-1], Q)
+            final = _summed(weights.of_states[-1:], weights.state[-1:], Q_final)[0]
+        if weights.of_inputs is None or weights.crossed is None:
+            return CostHessian(Q, _with(R, weights.input), S, final)
+        R = _summed(weights.of_inputs, weights.input, R)
+        if S is not None:
+            weights.crossed += S
+        return CostHessian(Q, R, weights.crossed, final)
+
+    def bends(self, x: Array, u: Array) -> bool:
+        """Whether the convex part of the second derivatives is another than all of them."""
+        if any(self.rows[i].bends(x, u) for i in self.others):
+            return True
+        pairs = zip(self.cost.convex_hessian(x, u), self.cost.hessian(x, u), strict=True)
+        return any(a is not b and (a is None or b is None or not np.array_equal(a, b)) for a, b in pairs)
 
     def along(self, dx: Array, du: Array, jacobians: Jacobians) -> Sided:
         """Return the changes of the limits along a direction."""
@@ -137,16 +145,15 @@ class LimitedCost:
         return found
 
 
-def _summed(to: Array, diagonal: Array, Q: Array, Q_final: Array) -> tuple[Array, Array]:
-    """Return the weights of the states and of the last one, added to matrices together with their diagonals."""
+def _summed(to: Array, diagonal: Array, weight: Array) -> Array:
+    """Return matrices (n, m, m) with a weight of the same instants, and a diagonal of each, added to them."""
     on = np.einsum("kii->ki", to)
     on += diagonal
-    if is_diagonal(Q):
-        on[:-1] += Q if Q.ndim == 1 else Q[:, :, 0]
+    if is_diagonal(weight):
+        on += weight if weight.ndim == 1 else weight[:, :, 0]
     else:
-        to[:-1] += Q
-    to[-1] += matrix_of(Q_final)
-    return to[:-1], to[-1]
+        to += weight
+    return to
 
 
 def _with(weight: Array, diagonal: Array) -> Array:

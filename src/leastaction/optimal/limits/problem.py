@@ -239,6 +239,8 @@ class LimitedProblem(ShootingProblem):
     def _second_derivatives(self, *, convex: bool) -> CostHessian:
         if not self._begun:
             return super()._second_derivatives(convex=convex)
+        if convex and self.exact is not None and not self.limited.bends(self.x, self.u):
+            return self.exact
         dynamics = None
         if any(rows.quantity.looks_ahead for rows in self.limited.rows):
             dynamics = np.concatenate(list(self._linearize()), axis=2)

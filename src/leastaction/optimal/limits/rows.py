@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,36 +13,54 @@ from leastaction.optimal.quantity import Instants, Quantity, Samples
 
 __all__ = ["Rows", "Weights"]
 
+_MANY_RUNS = 64  # of entries that follow each other, from which on they are added one by one
+
 _OFF = 1e-6  # of what is large for it a limit may be off at a fixed initial state
 
 
 class Weights:
     """What rows add to the second derivative of a cost; matrices only where some row is no single entry.
 
-    ``spare`` (N+1, nx, nx): memory for those of the states, which is that of many such sums one after the other.
+    ``state`` (N+1, nx), ``input`` (N, nu): diagonals. ``of_states`` (N+1, nx, nx), ``of_inputs`` (N, nu, nu),
+    ``crossed`` (N, nx, nu): matrices, None until something is added. Their memory is used again by the next sum after
+    `clear`.
     """
 
-    def __init__(self, N: int, nx: int, nu: int, spare: Array | None = None) -> None:
+    def __init__(self, N: int, nx: int, nu: int) -> None:
         self.state, self.input = np.zeros((N + 1, nx)), np.zeros((N, nu))
-        self.matrix: Array | None = None
-        self.state_matrix: Array | None = None
-        self.spare = spare
+        self.of_states: Array | None = None
+        self.of_inputs: Array | None = None
+        self.crossed: Array | None = None
+        self._memory: dict[str, Array] = {}
 
-    def of_steps(self) -> Array:
-        """Return the matrices of the steps (N, nx+nu, nx+nu), to be added to."""
-        if self.matrix is None:
-            n = self.state.shape[1] + self.input.shape[1]
-            self.matrix = np.zeros((len(self.input), n, n))
-        return self.matrix
+    def clear(self) -> None:
+        """Begin another sum."""
+        self.state.fill(0.0)
+        self.input.fill(0.0)
+        self.of_states = self.of_inputs = self.crossed = None
 
-    def of_states(self) -> Array:
-        """Return the matrices of the states (N+1, nx, nx), to be added to."""
-        if self.state_matrix is None:
-            if self.spare is None:
-                self.spare = np.empty((*self.state.shape, self.state.shape[1]))
-            self.state_matrix = self.spare
-            self.state_matrix.fill(0.0)
-        return self.state_matrix
+    def add_at_states(self, k: Instants, columns: Instants, H: Array) -> None:
+        """Add matrices (n, m, m) by some entries of the states at instants."""
+        if self.of_states is None:
+            self.of_states = self._zeros("states", (*self.state.shape, self.state.shape[1]))
+        _add(self.of_states, k, columns, columns, H)
+
+    def add_at_steps(self, k: Instants, columns: Instants, H: Array) -> None:
+        """Add matrices (n, m, m) by some entries of states and inputs, one behind the other, of steps."""
+        (N, nu), nx = self.input.shape, self.state.shape[1]
+        if self.of_inputs is None or self.crossed is None:
+            self.of_inputs, self.crossed = self._zeros("inputs", (N, nu, nu)), self._zeros("crossed", (N, nx, nu))
+        x, u = np.flatnonzero(columns < nx), np.flatnonzero(columns >= nx)
+        state, steered = columns[x], columns[u] - nx
+        self.add_at_states(k, state, _part(H, x, x))
+        _add(self.of_inputs, k, steered, steered, _part(H, u, u))
+        _add(self.crossed, k, state, steered, _part(H, x, u))
+
+    def _zeros(self, name: str, shape: tuple[int, ...]) -> Array:
+        if name not in self._memory:
+            self._memory[name] = np.empty(shape)
+        self._memory[name].fill(0.0)
+        return self._memory[name]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +153,12 @@ class Rows:
                 "or bounds over the instants from the second on)"
             )
 
+    def bends(self, x: Array, u: Array) -> bool:
+        """Whether the quantity is not linear."""
+        k, x, u, x_next = self._at(x, u)
+        at = Samples(k[:1], x[:1], u[:1], x_next[:1])
+        return self.quantity.curvature(at, np.ones((1, len(self.quantity.names)))) is not None
+
     def jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives of the quantity along a trajectory (n, m, ...), without the sign."""
         return self.quantity.jacobian(self._at(x, u))
@@ -177,7 +202,7 @@ class Rows:
             J[:, np.flatnonzero(~ahead), columns[~ahead]] = 1.0
             J[:, ahead] = dynamics[self.k][:, columns[ahead] - nz]
             H, columns = J.transpose(0, 2, 1) @ (H @ J), np.arange(nz)
-        _add(to.of_states() if quantity.of_state else to.of_steps(), self.k, columns, H)
+        (to.add_at_states if quantity.of_state else to.add_at_steps)(self.k, columns, H)
 
     def along(self, jacobian: Array, dx: Array, du: Array) -> Array:
         """Return ``dc (n, m)`` along a direction."""
@@ -201,9 +226,32 @@ class Rows:
         return Samples(k, x[k], u[k], x[k + 1])
 
 
-def _add(to: Array, k: Instants, columns: Instants, H: Array) -> None:
+def _add(to: Array, k: Instants, rows: Instants, columns: Instants, H: Array) -> None:
     """Add matrices to some rows and columns of those of instants, each of which is given once."""
-    if len(columns) == to.shape[1] and len(k) == len(to):
-        to += H
-    else:
-        to[np.ix_(k, columns, columns)] += H
+    at = _runs(k)
+    down, across = _runs(rows), _runs(columns)
+    if len(at) > 1 or len(down) * len(across) > _MANY_RUNS:
+        to[np.ix_(k, rows, columns)] += H
+        return
+    for here, there in at:
+        for own_row, row in down:
+            for own, column in across:
+                to[there, row, column] += H[here, own_row, own]
+
+
+def _part(H: Array, rows: Instants, columns: Instants) -> Array:
+    """Return some rows and columns of matrices, which each follow each other in most."""
+    down, across = _runs(rows), _runs(columns)
+    if len(down) == len(across) == 1:
+        return H[:, down[0][1], across[0][1]]
+    return H[:, rows[:, None], columns]
+
+
+def _runs(places: Instants) -> list[tuple[slice, slice]]:
+    """Return where places follow each other: the slice of them, and that of what they are places in."""
+    ends = [0, *(np.flatnonzero(np.diff(places) != 1) + 1), len(places)]
+    return [
+        (slice(low, high), slice(int(places[low]), int(places[low]) + high - low))
+        for low, high in itertools.pairwise(ends)
+        if high > low
+    ]

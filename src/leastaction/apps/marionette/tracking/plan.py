@@ -8,7 +8,7 @@ that of the puppet on strings of prescribed lengths, and `Plan.by_lengths` says 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -34,7 +34,7 @@ from leastaction.systems import PulledSystem
 
 # Prices of a motor's square on the way to the motion without motors, and the iterations at each.
 PRICES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1e3, 1e4)
-_ITERATIONS, _LAST_ITERATIONS = 12, 40
+_ITERATIONS, _LAST_ITERATIONS = 12, 80
 SEARCH_STAGES = len(PRICES) + 1
 """Optimisations that a search takes at most, one after the other: one at each price, and one without motors."""
 _RELEASED = 4  # stage from which on it is tried whether the motion goes on without motors
@@ -130,10 +130,11 @@ class Plan:
 
         for number in range(stage, SEARCH_STAGES):
             if result is not None and number >= _RELEASED:
-                found = ended(self._release(result, motors), number)
+                stated = self._broken(result.x)
+                found = ended(self._release(result, motors, stated), number)
                 if found.status is not Status.STOPPED_BY_CALLBACK:
                     say(f"without motors: cost {found.cost:.4g}")
-                    found = ended(self._within(found), number)
+                    found = ended(self._within(found, stated), number)
                     return found.x, found.u
             if number == len(PRICES):
                 break
@@ -176,15 +177,25 @@ class Plan:
                 return solve(initial=self.driven(smooth, tensions))
         return solve(initial=self.driven(np.tile(q[0], (len(q), 1)), tensions))
 
-    def _options(self) -> dict[str, Any]:
+    def _options(self, more: Collection[str] = (), tolerance: float = _ROUGHLY) -> dict[str, Any]:
+        """Return options of a stage: limits of the first kinds and `more`, what is free of the start, the tolerance."""
         return {
-            "limits": self.limits.of(self.mechanism, self.problem.reference[:, :2], _FIRST),
+            "limits": self.limits.of(self.mechanism, self.problem.reference[:, :2], {*_FIRST, *more}),
             "free_start": self.free_start,
-            "tolerance": _ROUGHLY,
+            "tolerance": tolerance,
         }
 
-    def _release(self, result: OptimizationResult, motors: range) -> OptimizationResult:
-        """Return what is found without motors from where they did something; stopped at once where that is far off."""
+    def _broken(self, x: Array) -> frozenset[str]:
+        """Return the kinds of limits that states break, of those that are not stated from the first stage on."""
+        place = self.problem.reference[:, :2]
+        return self.limits.broken(self.mechanism, self.t, place, x) - frozenset(_FIRST)
+
+    def _release(self, result: OptimizationResult, motors: range, stated: frozenset[str]) -> OptimizationResult:
+        """Return what is found without motors from where they did something; stopped at once where that is far off.
+
+        ``stated``: kinds of limits that the motion with motors breaks. Without motors it would break them by far, and
+        the way back from there is long.
+        """
         most = _JUMP * result.cost
 
         def lost(record: IterationRecord) -> bool:
@@ -197,24 +208,22 @@ class Plan:
                 initial=(result.x, np.delete(result.u, motors, axis=1)),
                 callback=lost,
                 max_iterations=_LAST_ITERATIONS,
-                **self._options() | {"tolerance": _WITHOUT_MOTORS},
+                **self._options(stated, _WITHOUT_MOTORS),
             )
         except ProjectionError:
             return replace(result, status=Status.STOPPED_BY_CALLBACK)
 
-    def _within(self, result: OptimizationResult) -> OptimizationResult:
-        """Return a motion without motors that keeps to the limits which one that was found breaks, too."""
-        place = self.problem.reference[:, :2]
-        broken = self.limits.broken(self.mechanism, self.t, place, result.x) - frozenset(_FIRST)
-        if not broken:
+    def _within(self, result: OptimizationResult, stated: frozenset[str]) -> OptimizationResult:
+        """Return a motion without motors that keeps to limits which one that was found breaks, and to those stated."""
+        kinds = stated | self._broken(result.x)
+        if kinds == stated:
             return result
-        options = self._options() | {"limits": self.limits.of(self.mechanism, place, broken | frozenset(_FIRST))}
         return optimize(
             self.system,
             self.cost(),
             initial=(result.x, result.u),
             max_iterations=_LAST_ITERATIONS,
-            **options | {"tolerance": _WITHOUT_MOTORS},
+            **self._options(kinds, _WITHOUT_MOTORS),
         )
 
     def driven(self, q: Array, tensions: Array) -> tuple[Array, Array]:
