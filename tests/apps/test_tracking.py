@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ from leastaction.io import Motion
 from leastaction.io.results.record import load_record, save_record
 from leastaction.mechanics import JointForce
 from leastaction.models.marionette import JOINT_LIMITS, PLANE_HEIGHT, REST, STRINGS, UNHELD, marionette
-from leastaction.optimal import Status
+from leastaction.optimal import OptimizationResult, Status
 from leastaction.systems import PulledSystem
 
 PUPPET = marionette()
@@ -242,6 +243,28 @@ def test_limits_of_the_upper_ends_are_kept_to() -> None:
     assert fastest(free) > 1.0
     assert fastest(run) < 0.8 * (1.0 + 1e-4)
     assert run.tension.min() > 1.0 - 1e-4
+
+
+def test_limits_that_help_leads_beyond_are_stated_when_it_is_taken_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without them the motion would go on beyond, and have to be pulled back in an optimisation of its own."""
+    stated = []
+    optimize = plan.optimize
+
+    def seen(system: PulledSystem, cost: TrackingCost, **options: Any) -> OptimizationResult:
+        limited = {limit.of for limit in options["limits"]}
+        stated.append((system.integrator.mechanism.n_inputs, "state" in limited))
+        return optimize(system, cost, **options)
+
+    monkeypatch.setattr(plan, "optimize", seen)
+    limits = PuppetLimits(speed=0.8)
+    problem = TrackingProblem(PUPPET, leap(), FORCED, 0)
+    wanted = plan.Plan(problem, FORCED, limits)
+    x, _ = wanted.search(lambda _: None, keep=lambda *_: None)
+    released = [speed for inputs, speed in stated if inputs == len(STRINGS)]
+    assert released == [True]
+    assert not any(speed for inputs, speed in stated if inputs > len(STRINGS))
+    speeds = np.diff(x[:, PUPPET.nd : wanted.mechanism.nq], axis=0) / wanted.dt
+    assert np.abs(speeds).max() < 0.8 * 1.01
 
 
 def test_nine_strings_hold_the_shins(tmp_path: Path) -> None:
