@@ -96,7 +96,7 @@ variants: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test
 	  LEASTACTION_CORE=$$variant $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(VARIED) $(ARGS) || exit 1; \
 	done
 
-# An environment of its own beside $(VENV), with the modules that are compiled already. (Matplotlib 3.8 calls what
+# An environment of its own beside $(VENV), with the modules that are compiled already. (Matplotlib 3.9 calls what
 # pyparsing 3.3 deprecates.)
 lowest: $(STAMPS)/compiled
 	@test -x $(LOWEST)/bin/python || $(PYTHON) -m venv $(LOWEST)

@@ -358,16 +358,38 @@ def test_gaps_close_within_limits_where_trajectories_lead_nowhere(bounded):
     assert again.cost == pytest.approx(result.cost, rel=1e-8)
 
 
-def test_the_automatic_choice_takes_gaps_within_limits(bounded):
-    given, limits, _ = bounded
+@pytest.mark.parametrize("part", [0.7, 0.75, 0.85])
+def test_the_automatic_choice_takes_gaps_within_limits(bounded, part):
+    """Trajectories lead to minima that cost many times as much, or nowhere, as rounding has it."""
+    given, _, most = bounded
+    limits = [Bound("push", -most * part / 0.8, most * part / 0.8)]
     records = []
     result = optimize(
         given.system, given.cost, initial=(given.x, given.u), limits=limits, callback=records.append
     )  # fmt: skip
     assert result.status is Status.CONVERGED
     assert any("began again, with gaps" in record.note for record in records)
+    assert result.iterations < 150
     best = optimize(given.system, given.cost, initial=(given.x, given.u), limits=limits, shooting="multiple")
     assert result.cost == pytest.approx(best.cost, rel=1e-8)
+
+
+def test_a_run_that_is_stopped_within_limits_while_it_tries_gaps_returns_where_it_stood(bounded, tmp_path):
+    given, limits, _ = bounded
+    start = given.x, given.u
+    whole = optimize(given.system, given.cost, initial=start, limits=limits)
+    before = optimize(given.system, given.cost, initial=start, limits=limits, max_iterations=100, shooting="single")
+    part = optimize(given.system, given.cost, initial=start, limits=limits, max_iterations=101)
+    assert "Gaps are still open" in part.message
+    np.testing.assert_array_equal(part.x, before.x)
+    assert part.cost == before.cost
+    assert part.gap == 0.0
+    assert "the trajectory that it had come to before" in part.message
+    np.testing.assert_array_equal(part.limits.sides[0].value, before.limits.sides[0].value)
+    part = load_result(save_result(tmp_path / "part.npz", part))
+    rest = optimize(given.system, given.cost, resume=part, limits=limits, max_iterations=400)
+    np.testing.assert_array_equal(rest.history.cost, whole.history.cost)
+    np.testing.assert_array_equal(rest.x, whole.x)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,9 @@ import pytest
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
+from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.settings import Settings
 from optimal.systems import CartPendulum
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -81,6 +83,33 @@ def test_negative_curvature_that_promises_less_than_the_tolerance_is_no_reason_t
     fine = optimize(system, cost, initial=rest, tolerance=1e-3)
     assert fine.history.method[0] == "negative-curvature"
     assert fine.cost < 0.3 * rough.cost
+
+
+def test_the_cost_bends_along_negative_curvature_as_the_model_says():
+    """Also where its gradient is not zero, and how a curve is projected matters in the second order."""
+    system, cost = parabola(), to_be_raised()
+    problem = DiscreteProblem(system, cost, Settings("auto", "descent", 10, 1e-6, 0.0, 1e-4, 0.5, 20, 64))
+    problem.start((np.zeros(2), np.full((N, 1), 0.1)))
+    down = problem.negative_curvature(0.0)
+    assert down is not None
+    length = 1e-3
+    ahead, back = (problem.simulate(down, side, np.inf).cost for side in (length, -length))
+    assert (ahead - back) / (2.0 * length) == pytest.approx(down.slope, rel=1e-4)
+    assert (ahead + back - 2.0 * problem.value) / length**2 == pytest.approx(down.bend, rel=1e-3)
+
+
+def test_negative_curvature_that_holds_for_very_short_steps_only_is_not_called_wrong():
+    """From its saddle the cost falls by a thousand millionth, and rises steeply behind."""
+
+    def f(x, u, k):
+        rise = x[0] ** 2 - 1e8 * x[0] ** 4
+        return np.array([x[0] + 0.1 * u[0], x[1] + 0.1 * rise])
+
+    narrow = FunctionSystem(f, nx=2, nu=1, N=N, derivatives="complex-step", curvature="differences")
+    result = optimize(narrow, to_be_raised(), initial=(np.zeros(2), np.zeros((N, 1))), tolerance=1e-13)
+    assert "check_derivatives" not in result.message
+    assert result.history.method[0] == "negative-curvature"
+    assert result.cost < result.history.cost[0]
 
 
 def test_a_saddle_whose_way_down_is_barred_is_no_minimum():

@@ -140,8 +140,8 @@ def optimize(
         What is turned ahead: the way that the person faces, travels, or the capture's forward axis; straight
         takes out the slow turns of one who walks in a circle.
     strings
-        How many strings: 6; 7, with one behind the pelvis; 8, with one at each foot; 9, with both; 11, with one behind
-        each elbow too.
+        How many strings: 6; 7, with one behind the pelvis; 8, with one at each foot; 9, two at each limb and one at the
+        neck; 11, the six with feet, pelvis and elbows.
     tension
         Least tension of every string at every instant, N.
     reach

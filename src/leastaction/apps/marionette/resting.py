@@ -8,6 +8,7 @@ tells what the strings' table cannot hold from what is too fast.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -165,19 +166,22 @@ class _Search:
             i = m.variables.index(name)
             least[i], most[i] = bounds
         goal = wanted * scale
-        done = minimize(
-            lambda z: 0.5 * float(np.sum((z - goal) ** 2)),
-            np.clip(start, least, most) * scale,
-            jac=lambda z: z - goal,
-            bounds=np.stack([least * scale, most * scale], axis=1),
-            constraints={
-                "type": "eq",
-                "fun": lambda z: self.net(z / scale),
-                "jac": lambda z: self.net_derivative(z / scale) / scale,
-            },
-            method="SLSQP",
-            options={"ftol": _DIGITS, "maxiter": _STEPS},
-        )
+        with warnings.catch_warnings():
+            # Older versions of SciPy tell of a step past a bound by rounding, which they take back.
+            warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
+            done = minimize(
+                lambda z: 0.5 * float(np.sum((z - goal) ** 2)),
+                np.clip(start, least, most) * scale,
+                jac=lambda z: z - goal,
+                bounds=np.stack([least * scale, most * scale], axis=1),
+                constraints={
+                    "type": "eq",
+                    "fun": lambda z: self.net(z / scale),
+                    "jac": lambda z: self.net_derivative(z / scale) / scale,
+                },
+                method="SLSQP",
+                options={"ftol": _DIGITS, "maxiter": _STEPS},
+            )
         pose = done.x / scale
         balanced = np.isfinite(pose).all() and float(np.abs(self.net(pose)).max()) < _BALANCED
         return (float(done.fun), pose) if balanced else (np.inf, pose)

@@ -65,7 +65,7 @@ class MidpointLaw:
             elif correction > 0:
                 slope = slope + np.outer(gap - before - slope @ step, step) / (step @ step)
                 age += 1
-            step = np.asarray(-np.linalg.lstsq(slope, gap)[0], dtype=np.float64)
+            step = np.asarray(-np.linalg.lstsq(slope, gap, rcond=None)[0], dtype=np.float64)
             u = u + step
             out = self._made(t, x, u, rho_next)
         m = self.integrator.mechanism

@@ -112,8 +112,8 @@ def escape(
     curvature: Array,
     workspace: Workspace,
     scale: float,
-) -> tuple[Array, Array, Array, float, float] | None:
-    """Return a direction of negative curvature, the gains to follow it with, its slope and curvature.
+) -> tuple[Array, Array, float, float] | None:
+    """Return a direction of negative curvature, its slope and curvature.
 
     Between the part of the curvature that leaves the model a minimum and the whole of it there is one at which
     the model is flat along some direction: the exact second derivative is negative along it. It is found by
@@ -153,7 +153,7 @@ def escape(
         if bend < 0.0:
             slope = float(np.sum(gradient.q * dx[:-1]) + np.sum(gradient.r * du) + gradient.q_final @ dx[-1])
             sign = -1.0 if slope > 0.0 else 1.0
-            best = sign * dx, sign * du, model.K.copy(), sign * slope, bend
+            best = sign * dx, sign * du, sign * slope, bend
             # As long as the model bends up by more than the whole bends down, most of it is what has nothing to do
             # with that, and on which cost and model may differ by as much.
             clear = -bend > _along(weights, trial * curvature, dx, du)

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -42,9 +41,9 @@ _PARTS = 2
 # A stage but the last is over where no more than this part of the cost is to be gained, or after so many iterations.
 _LOOSE, _LONGEST = 1e-2, 20
 
-# A search over trajectories is a long one after so many iterations, and after the second number if it began with a
-# projection that lost the start; one with gaps that takes its place, where there are other ways, is over after so many.
-_LONG, _LONG_IF_LOST, _BRIEF = 200, 100, 40
+# A search over trajectories is a long one after so many iterations; one with gaps that takes its place, where there are
+# other ways, is over after so many.
+_LONG, _BRIEF = 200, 40
 
 
 class EasedProblem(ShootingProblem):
@@ -65,7 +64,6 @@ class EasedProblem(ShootingProblem):
         self.asked = cost
         self.settings = settings
         self.stride, self.retries = _STRIDE, _RETRIES
-        self.earlier: Place | None = None
         self.sound: Place | None = None
 
     def resume(self, result: OptimizationResult) -> None:
@@ -74,23 +72,10 @@ class EasedProblem(ShootingProblem):
         super().resume(result)
         memory = result.memory
         if memory is not None:
-            self.stride, self.retries = memory.stride, memory.retries
-            self.earlier, self.sound = memory.earlier, memory.sound
+            self.stride, self.retries, self.sound = memory.stride, memory.retries, memory.sound
 
     def memory(self) -> Memory:
-        return replace(
-            super().memory(), stride=self.stride, retries=self.retries, earlier=self.earlier, sound=self.sound
-        )
-
-    def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        """Return the result at the current iterate; before there is a trajectory again, at the one before."""
-        result, before = super().result(summary), self.earlier
-        if not self.is_open or before is None:
-            return result
-        return replace(
-            result, x=before.x, u=before.u, K=before.gain, projection_gain=before.gain, cost=self._asked_at(before),
-            worst_step=before.worst_step, gap=0.0,
-        )  # fmt: skip
+        return replace(super().memory(), stride=self.stride, retries=self.retries, sound=self.sound)
 
     # ---- What the loop knows of a stage ---------------------------------------------------------
 
@@ -118,14 +103,10 @@ class EasedProblem(ShootingProblem):
         return super().tolerated(goal) if self.ease == 1.0 else max(goal, _LOOSE * abs(self.value))
 
     @property
-    def _returned(self) -> str:
-        return super()._returned if self.earlier is None else "the trajectory that it had come to before them"
-
-    @property
     def long_run(self) -> int | None:
         if self.given is None or self.is_open or self.ease != 1.0:
             return None
-        return _LONG_IF_LOST if self.given.is_lost else _LONG
+        return super().long_run or _LONG
 
     @property
     def prefers_gaps(self) -> bool:
@@ -136,30 +117,12 @@ class EasedProblem(ShootingProblem):
 
     def begin_with_gaps(self, *, brief: bool) -> bool:
         """Begin again with gaps from the given start, once; return whether that can be done."""
-        given, now = self.given, self._place()
+        given = self.given
         if self.ease != 1.0 or given is None or not super().begin_with_gaps(brief=brief):
             return False
-        self._remember(now)
         if brief and not given.is_lost:
             self.longest = _BRIEF
         return True
-
-    def _begin_without_gaps(self) -> bool:
-        """Leave a curve with gaps that cannot be projected; whether there is somewhere to go."""
-        if self.earlier is None:
-            return super()._begin_without_gaps()
-        self.value = np.inf
-        return True
-
-    def _goes_on_from_gaps(self, *, closed: bool) -> bool:
-        """Leave the start behind, and go on where the gaps led, or back to where it stood before."""
-        super()._goes_on_from_gaps(closed=closed)
-        # Only closed gaps are worth leaving a place that costs less.
-        if closed or self.earlier is None or self.value < self._asked_at(self.earlier):
-            return True
-        earlier, self.earlier = self.earlier, None
-        self._go_to(earlier)
-        return False
 
     def begin_again(self) -> bool:
         """Begin again with the motion that costs no effort, and with a cost whose minimum is close to it."""
@@ -207,13 +170,6 @@ class EasedProblem(ShootingProblem):
         self._go_to(replace(self.sound, ease=max(1.0, self.sound.ease / self.stride)))
         return True
 
-    def fall_back(self) -> bool:
-        earlier, self.earlier = self.earlier, None
-        if earlier is None or self._asked_at(earlier) >= self.shown:
-            return False
-        self._go_to(earlier)
-        return True
-
     def begin_finer(self) -> bool:
         """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
         if self.free_start is not False or self.worst_step is None or not self.worst_step.is_coarse:
@@ -247,20 +203,12 @@ class EasedProblem(ShootingProblem):
         """Return the cost that was asked for, somewhere else."""
         return self.asked.value(place.x, place.u)
 
-    def _remember(self, place: Place) -> None:
-        """Take a place for where it stood before, unless there was a better one."""
-        if self.earlier is None or self._asked_at(place) < self._asked_at(self.earlier):
-            self.earlier = replace(place, ease=1.0)
-
     def _place(self) -> Place:
-        # The gains lie in memory that is used again.
-        return Place(self.x, self.u, self.gain.copy(), self.ease, self.worst_step)
+        return replace(super()._place(), ease=self.ease)
 
     def _go_to(self, place: Place) -> None:
         self._set_stage(place.ease)
-        self.x, self.u, self.worst_step, self.gain = place.x, place.u, place.worst_step, place.gain.copy()
-        self.value = self.cost.value(self.x, self.u)
-        self.forget()
+        super()._go_to(place)
 
     def _set_stage(self, ease: float) -> None:
         eased = None if ease == 1.0 else self.asked.eased(ease)

@@ -270,7 +270,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         )
         if found is None:
             return None
-        dx, du, gain, slope, bend = found
+        dx, du, slope, bend = found
         # A step that is expected to lower the cost by a tenth, but goes no further than a model may hold.
         length = np.sqrt(0.2 * abs(self.value) / -bend)
         reach = np.abs(dx).max(axis=0) / (1.0 + np.abs(self.x).max(axis=0))
@@ -280,7 +280,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             length * slope,
             1.0,
             bend=length**2 * bend,
-            gain=gain,
+            gain=self.gain,  # with which the curvature was computed
             C=du,
             dx=length * dx,
             du=length * du,

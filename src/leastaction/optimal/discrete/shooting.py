@@ -35,7 +35,7 @@ from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProb
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import both
-from leastaction.optimal.memory import Gaps, Memory, Start
+from leastaction.optimal.memory import Gaps, Memory, Place, Start
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import Linearization
@@ -49,8 +49,8 @@ Gapped = Literal["never", "where needed", "at once"]
 # so many where they take the place of a search that was stuck.
 _CLOSED, _LONGEST, _LONGEST_INSTEAD = 1e-6, 300, 100
 
-# A curve is lost by a projection that costs so much more.
-_DEAR = 10.0
+# A curve is lost by a projection that costs so much more; a search from there is a long one after so many iterations.
+_DEAR, _LONG_IF_LOST = 10.0, 100
 
 # A stage with gaps is over where no more than this part of the cost is to be gained.
 _LOOSE = 1e-6
@@ -150,6 +150,7 @@ class ShootingProblem(DiscreteProblem):
         self.penalty = 0.0  # of the gaps, in the cost that the loop is told
         self.filter = Filter(1.0)
         self.longest = _LONGEST  # iterations with gaps
+        self.earlier: Place | None = None  # where it stood before it began again
         self.spare = Workspace(system.N, system.nx, system.nu)
 
     # ---- Where to start -------------------------------------------------------------------------
@@ -191,6 +192,7 @@ class ShootingProblem(DiscreteProblem):
         if self.is_open or self.given is None:
             return False
         before = self.x, self.u, self.gain, self.value, self.worst_step
+        now = self._place()
         try:
             refused = self._open(self.given) is not None
         except BaseException as error:  # an interruption too leaves it where it stood
@@ -202,6 +204,7 @@ class ShootingProblem(DiscreteProblem):
         if refused:
             self.given = None
             return False
+        self._remember(now)
         self.forget()
         self.longest = _LONGEST_INSTEAD
         return True
@@ -229,9 +232,10 @@ class ShootingProblem(DiscreteProblem):
         memory = result.memory
         if self.gapped == "never" or memory is None or memory.gaps is None:
             super().resume(result)
-            self.given = None if memory is None else memory.start
+            if memory is not None:
+                self.given, self.earlier = memory.start, memory.earlier
             return
-        gaps, self.given = memory.gaps, memory.start
+        gaps, self.given, self.earlier = memory.gaps, memory.start, memory.earlier
         super().resume(replace(result, x=gaps.x, u=gaps.u, projection_gain=gaps.gain, gap=0.0))
         self.size, self.penalty, self.longest = gaps.size, gaps.penalty, gaps.longest
         self.filter = Filter(gaps.first, [(float(theta), float(cost)) for theta, cost in gaps.filter])
@@ -260,7 +264,44 @@ class ShootingProblem(DiscreteProblem):
                 self.open_curve.length,
                 self.longest,
             )
-        return Memory(start=self.given, gaps=gaps)
+        return Memory(start=self.given, gaps=gaps, earlier=self.earlier)
+
+    def result(self, summary: dict[str, Any]) -> OptimizationResult:
+        """Return the result at the current iterate; before there is a trajectory again, at the one before."""
+        result, before = replace(super().result(summary), memory=self.memory(), gap=self.gap), self.earlier
+        if not self.is_open or before is None:
+            return result
+        return replace(
+            result, x=before.x, u=before.u, K=before.gain, projection_gain=before.gain,
+            cost=self.cost.value(before.x, before.u), worst_step=before.worst_step, gap=0.0,
+        )  # fmt: skip
+
+    # ---- Where it stood before ------------------------------------------------------------------
+
+    def _place(self) -> Place:
+        # The gains lie in memory that is used again.
+        return Place(self.x, self.u, self.gain.copy(), 1.0, self.worst_step)
+
+    def _remember(self, place: Place) -> None:
+        """Take a place for where it stood before, unless there was a better one."""
+        if self.earlier is None or self._asked_at(place) < self._asked_at(self.earlier):
+            self.earlier = replace(place, ease=1.0)
+
+    def _go_to(self, place: Place) -> None:
+        self.x, self.u, self.worst_step, self.gain = place.x, place.u, place.worst_step, place.gain.copy()
+        self.value = self.cost.value(self.x, self.u)
+        self.forget()
+
+    def _asked_at(self, place: Place) -> float:
+        """Return what is minimised in the end, somewhere else."""
+        return self.cost.value(place.x, place.u) + self._guide(place.x, place.u)
+
+    def fall_back(self) -> bool:
+        earlier, self.earlier = self.earlier, None
+        if earlier is None or self._asked_at(earlier) >= self._asked_at(self._place()):
+            return False
+        self._go_to(earlier)
+        return True
 
     def _take(self, curve: Curve) -> None:
         self.open_curve = curve
@@ -332,7 +373,12 @@ class ShootingProblem(DiscreteProblem):
     @property
     def _returned(self) -> str:
         """What a run returns that ends with gaps."""
-        return "no trajectory yet"
+        return "no trajectory yet" if self.earlier is None else "the trajectory that it had come to before them"
+
+    @property
+    def long_run(self) -> int | None:
+        lost = self.given is not None and self.given.is_lost and not self.is_open
+        return _LONG_IF_LOST if lost else None
 
     def tolerated(self, goal: float) -> float:
         return super().tolerated(goal) if self.open_curve is None else max(goal, _LOOSE * abs(self.value))
@@ -356,16 +402,25 @@ class ShootingProblem(DiscreteProblem):
         return self._goes_on_from_gaps(closed=closed)
 
     def _begin_without_gaps(self) -> bool:
-        """Begin as if there had been no gaps, where their curve cannot be projected; whether that can be done."""
+        """Leave a curve with gaps that cannot be projected; whether there is somewhere to go."""
+        if self.earlier is not None:
+            self.value = np.inf
+            return True
         if self.given is None:
             return False
         super().start((self.given.x, self.given.u))
         return True
 
-    def _goes_on_from_gaps(self, *, closed: bool) -> bool:  # noqa: ARG002
-        """Leave the start behind, and return whether to go on where the gaps led: they were closed or could not be."""
+    def _goes_on_from_gaps(self, *, closed: bool) -> bool:
+        """Leave the start behind, and go on where the gaps led, or back to where it stood before."""
         self.given = None
-        return True
+        # Only closed gaps are worth leaving a place that costs less.
+        here = self.value + self._guide(self.x, self.u)
+        if closed or self.earlier is None or here < self._asked_at(self.earlier):
+            return True
+        earlier, self.earlier = self.earlier, None
+        self._go_to(earlier)
+        return False
 
     def _are_closed(self) -> bool:
         return self.gap <= _CLOSED
@@ -508,6 +563,3 @@ class ShootingProblem(DiscreteProblem):
             self.free, self.held = self.held, self.free
         self._take(new)
         self.forget()
-
-    def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        return replace(super().result(summary), memory=self.memory(), gap=self.gap)

@@ -22,7 +22,7 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import both
-from leastaction.optimal.memory import Start
+from leastaction.optimal.memory import Place, Start
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.settings import Settings
 
@@ -216,6 +216,10 @@ class LimitedProblem(ShootingProblem):
         self._begin()
         return True
 
+    def _go_to(self, place: Place) -> None:
+        super()._go_to(place)
+        self._begin()
+
     def verdict(self) -> tuple[Status, str] | None:
         """Return that limits contradict each other, where they could not be met at any price."""
         if self.is_open or self.stages.are_met(self._limits()):
@@ -357,4 +361,8 @@ class LimitedProblem(ShootingProblem):
 
     def _report(self) -> LimitReport:
         k = [rows.k for rows in self.limited.rows]
-        return self.stages.report(k, self._limits(), self._duals())
+        if not self.is_open or self.earlier is None:
+            return self.stages.report(k, self._limits(), self._duals())
+        # Of the trajectory that is returned in the place of a curve with gaps.
+        c = self.limited.limits(self.earlier.x, self.earlier.u)
+        return self.stages.report(k, c, self.duals.settled(self.duals.y, self.duals.room(c)))

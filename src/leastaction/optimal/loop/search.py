@@ -21,9 +21,9 @@ _BACKTRACKS_SHIFTED = 2
 # A search begins with a step that is longer by this than the last one, if that had to be cut so much.
 _LONGER = 4.0
 
-# Whether a negative second derivative is right is looked at where it changes the cost by so many times its noise; it is
-# wrong if there is less of it than this part.
-_ABOVE_NOISE, _SOME = 1e7, 0.1
+# Whether a negative second derivative is right is looked at where it changes the cost by so many times its noise, at
+# first where higher orders may hide it; it is wrong if there is less of it than this part at all of them.
+_ABOVE_NOISE, _SOME = (1e7, 1e5, 1e3), 0.1
 
 
 class Search:
@@ -69,15 +69,8 @@ class Search:
         Raises `Found` if the cost is seen not to bend downwards there: then the given second derivative is wrong, or
         holds for much shorter steps only. Nothing speaks against a minimum if the convex model expects none either.
         """
-        problem = self.run.problem
-        length = min(1.0, float(np.sqrt(_ABOVE_NOISE * problem.noise / -direction.bend)))
-        costs = []
-        with problem.clock("rollout"):
-            for side in (length, -length):
-                costs.append(problem.simulate(direction, side, np.inf).cost)
-                self.run.searched += 1
-        # A roll-out that failed has a cost of NaN, and says nothing.
-        if sum(costs) - 2.0 * problem.value > _SOME * length**2 * direction.bend:
+        length = self._bends(direction)
+        if length is None:
             detail = (
                 "The second derivative of the system has it fall along a direction in which it rises: hold it to "
                 "check_derivatives."
@@ -87,6 +80,19 @@ class Search:
             raise Found(Outcome(status, detail, expected))
         step = self._along(direction)
         return step if step.trial is not None else self._along(direction, first=length)
+
+    def _bends(self, direction: Direction) -> float | None:
+        """Return a length over which the cost bends downwards as its second derivative says; None if there is none."""
+        problem = self.run.problem
+        for above in _ABOVE_NOISE:
+            length = min(1.0, float(np.sqrt(above * problem.noise / -direction.bend)))
+            with problem.clock("rollout"):
+                costs = [problem.simulate(direction, side, np.inf).cost for side in (length, -length)]
+            self.run.searched += len(costs)
+            # A roll-out that failed has a cost of NaN, and says nothing.
+            if not sum(costs) - 2.0 * problem.value > _SOME * length**2 * direction.bend:
+                return length
+        return None
 
     def _least_expected(self) -> float:
         """Return the decrease of the cost that the convex model expects, without any shift."""

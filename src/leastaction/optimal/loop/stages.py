@@ -33,7 +33,7 @@ class Stages:
             self._next()
         elif run.has_just_begun and run.was_violent and run.problem.tells_violence:
             _ = self._begin_with_gaps() or self._begin_again()
-        elif run.schedule.spent == run.problem.long_run and not run.schedule.again:
+        elif run.history.iterations == run.problem.long_run and not run.schedule.again:
             self._begin_with_gaps()
 
     def go_on(self, outcome: Outcome) -> bool:
