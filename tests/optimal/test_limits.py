@@ -27,6 +27,7 @@ from leastaction.optimal import (
 )
 from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.limits.barrier import barrier_value, split, stiffness
+from leastaction.optimal.limits.barrier import slope as slope_of
 from leastaction.optimal.limits.duals import Duals, Side, Stages
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
@@ -119,6 +120,8 @@ def test_the_dual_is_the_slope_of_the_barrier_and_its_stiffness_the_bend() -> No
     np.testing.assert_allclose(-slope, y[:, 0], rtol=1e-6, atol=1e-7)
     bend = (mu / split(c - h, mu, rho).slack - mu / split(c + h, mu, rho).slack) / (2.0 * h)
     np.testing.assert_allclose(stiffness(part, rho, y), bend, rtol=1e-5)
+    far = np.array([-1e6, -3.0, -1e-9, 0.0, 1e-9, 3.0, 1e6])[:, None]
+    np.testing.assert_allclose(slope_of(far, mu, rho), mu / split(far, mu, rho).slack, rtol=1e-14)
 
 
 # ---- Optima ----------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 
-__all__ = ["Split", "barrier_value", "first_duals", "moved_duals", "split", "stiffness"]
+__all__ = ["Split", "barrier_value", "first_duals", "moved_duals", "slope", "split", "stiffness"]
 
 _INSIDE = 0.995  # of the way to their bounds duals go at most
 _NEAR = 1e3  # by this factor duals may be off those of the barrier
@@ -59,6 +59,13 @@ def split(c: Array, mu: float, rho: Array) -> Split:
     inside = c > 0.0
     factor = 0.5 / rho
     return Split(factor * np.where(inside, large, small), factor * np.where(inside, small, large))
+
+
+def slope(c: Array, mu: float, rho: Array) -> Array:
+    """Return ``-psi'(c)``, the duals of the barrier itself: ``mu / slack``, without the split."""
+    scaled = rho * c
+    part = (2.0 * mu) * rho / (np.hypot(scaled, 2.0 * mu) + np.abs(scaled) + 2.0 * mu)
+    return np.where(c > 0.0, part, rho - part)
 
 
 def barrier_value(part: Split, mu: float, rho: Array) -> float:

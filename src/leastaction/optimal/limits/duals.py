@@ -15,7 +15,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
-from leastaction.optimal.limits.barrier import Split, barrier_value, first_duals, moved_duals, split, stiffness
+from leastaction.optimal.limits.barrier import Split, barrier_value, first_duals, moved_duals, slope, split, stiffness
 from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.quantity import Instants
 
@@ -135,8 +135,7 @@ class Duals:
 
         def rise(a: float) -> float:
             """Return the model's derivative."""
-            slack = split(c + a * change, self.mu, self.prices).slack
-            return plain + a * bend - float((self.mu / slack) @ change)
+            return plain + a * bend - float(slope(c + a * change, self.mu, self.prices) @ change)
 
         if rise(length) <= 0.0:
             return length
