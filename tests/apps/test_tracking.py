@@ -35,7 +35,7 @@ from leastaction.io import Motion
 from leastaction.io.results.record import load_record, save_record
 from leastaction.mechanics import JointForce
 from leastaction.models.marionette import JOINT_LIMITS, PLANE_HEIGHT, REST, STRINGS, UNHELD, marionette
-from leastaction.optimal import OptimizationResult, Status
+from leastaction.optimal import IterationRecord, OptimizationResult, Status
 from leastaction.systems import PulledSystem
 
 PUPPET = marionette()
@@ -243,6 +243,26 @@ def test_limits_of_the_upper_ends_are_kept_to() -> None:
     assert fastest(free) > 1.0
     assert fastest(run) < 0.8 * (1.0 + 1e-4)
     assert run.tension.min() > 1.0 - 1e-4
+
+
+def test_a_puppet_that_hangs_and_creeps_is_planned_by_tensions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With what is left of the iterations, from a start of its own; one that converges in time is not."""
+    motion = walk_in_place(0.5, 0.02)
+    assert not track(PUPPET, motion, max_iterations=60).embedded
+    monkeypatch.setattr(run_module, "_PATIENCE", 2)
+    said: list[str] = []
+    iterations: list[int] = []
+
+    def count(record: IterationRecord) -> None:
+        iterations.append(record.iteration)
+
+    run = track(PUPPET, motion, max_iterations=60, progress=said.append, callback=count)
+    assert said[0] == "a hanging puppet finds no way: the motion is planned by tensions"
+    assert iterations[:3] == [0, 1, 2]
+    assert run.embedded
+    assert run.result.success
+    assert run.result.iterations <= 58
+    assert run.tension.min() >= 0.5 - 1e-6
 
 
 def test_limits_that_help_leads_beyond_are_stated_when_it_is_taken_away(monkeypatch: pytest.MonkeyPatch) -> None:
