@@ -14,13 +14,13 @@ fast as `PuppetLimits` says. What cannot be followed within them is followed as 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
+from leastaction.apps.marionette.tracking.checkpoints import Checkpoints
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, below_strings, unheld
@@ -35,7 +35,6 @@ from leastaction.optimal.optimize import Callback
 from leastaction.optimal.settings import Method
 from leastaction.viz.tracking import TrackingErrors, tracking_errors
 
-_CHECKPOINTS_SHARE = 0.05  # of the time may go into checkpoints
 _LOST = 2.0  # times the cost with longer steps may the motion cost that begins with these
 _LONGEST = 0.021  # s, of the steps with which a captured motion can be searched
 _STUCK = (Status.LINE_SEARCH_FAILED, Status.NO_DIRECTION, Status.SADDLE)
@@ -212,17 +211,7 @@ def track(
     ArgumentError
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """
-    due = time.perf_counter() + checkpoint_seconds
-
-    def kept(now: Callable[[], TrackingRun | TrackingSearch], *, at_once: bool = False) -> None:
-        nonlocal due
-        began = time.perf_counter()
-        if checkpoint is None or (began < due and not at_once):
-            return
-        checkpoint(now())
-        after = time.perf_counter()
-        pause = max(checkpoint_seconds, (after - began) / _CHECKPOINTS_SHARE)
-        due = after + (pause if checkpoint_seconds > 0.0 else 0.0)
+    kept = Checkpoints(checkpoint, checkpoint_seconds)
 
     def keep_search(stage: int, found: OptimizationResult, at_once: bool) -> None:
         kept(lambda: TrackingSearch(mechanism=mechanism, motion=motion, stage=stage, result=found), at_once=at_once)
