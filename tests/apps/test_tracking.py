@@ -245,6 +245,27 @@ def test_limits_of_the_upper_ends_are_kept_to() -> None:
     assert run.tension.min() > 1.0 - 1e-4
 
 
+@pytest.mark.parametrize("far", [0.0, 3.0])
+def test_a_motion_farther_off_than_a_puppet_that_hangs_still_is_no_start(
+    far: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where strings are too few for what the motors did, it may be a violent one, from which no search leads back."""
+    wanted = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
+    x, u = np.array(wanted.x_reference), np.array(wanted.u_reference)
+    x[:, : PUPPET.nd] += far
+
+    def released(_: plan.Plan, result: OptimizationResult, *_rest: object) -> OptimizationResult:
+        return replace(result, x=x, u=u, status=Status.CONVERGED)
+
+    monkeypatch.setattr(plan.Plan, "_release", released)
+    monkeypatch.setattr(plan.Plan, "_within", lambda _, found, *_rest: found)
+    said: list[str] = []
+    first = wanted.search(said.append, keep=lambda *_: None)
+    for found, expected in zip(first, wanted.hung() if far else (x, u), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    assert any("hangs still" in line for line in said) == (far > 0.0)
+
+
 def test_a_puppet_that_hangs_and_creeps_is_planned_by_tensions(monkeypatch: pytest.MonkeyPatch) -> None:
     """With what is left of the iterations, from a start of its own; one that converges in time is not."""
     motion = walk_in_place(0.5, 0.02)

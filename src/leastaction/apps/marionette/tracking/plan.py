@@ -135,7 +135,7 @@ class Plan:
                 if found.status is not Status.STOPPED_BY_CALLBACK:
                     say(f"without motors: cost {found.cost:.4g}")
                     found = ended(self._within(found, stated), number)
-                    return found.x, found.u
+                    return self._unless_still(found.x, found.u, say)
             if number == len(PRICES):
                 break
             price = PRICES[number]
@@ -153,8 +153,19 @@ class Plan:
         for gains in self._regulators(x, u):
             xs, us = self._clipped(x, u, gains)
             if len(us) == self.system.N:
-                return xs, us
+                return self._unless_still(xs, us, say)
         return self.hung()
+
+    def _unless_still(self, x: Array, u: Array, say: Callable[[str], object]) -> tuple[Array, Array]:
+        """Return a motion; that of a puppet which hangs still, where it is nearer to the wanted one.
+
+        Where strings are too few for what the motors did, the motion without them is violent, and leads nowhere.
+        """
+        xs, us = self.hung()
+        if len(us) < self.system.N or self.cost().value(xs, us) > self.cost().value(x, u):
+            return x, u
+        say("a puppet that hangs still is nearer: it begins with that")
+        return xs, us
 
     def _regulators(self, x: Array, u: Array) -> Iterator[Array]:
         """Yield gains with which a motion may be followed, the firmest first."""
