@@ -1,7 +1,8 @@
 """Optimisation within limits, beside Ipopt on the same discrete problems: ``python -m benchmarks.limits``.
 
 The free optimum of a problem comes first; then its inputs, states or tensions get limits that it does not keep to. Both
-solvers start from where the problem says, know exact second derivatives, and are asked for the same optimum.
+solvers start from where the problem says, know exact second derivatives, and are asked for the same optimum. Shortest
+times, motions that return and free initial states follow, of `benchmarks.limits_unknowns`.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ import argparse  # noqa: E402
 import sys  # noqa: E402
 import time  # noqa: E402
 from collections.abc import Callable, Sequence  # noqa: E402
-from dataclasses import dataclass  # noqa: E402
+from dataclasses import dataclass, replace  # noqa: E402
 from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 
+from benchmarks import limits_unknowns  # noqa: E402
+from benchmarks.fatrop import fatrop  # noqa: E402
 from benchmarks.multiple_shooting import MultipleShooting  # noqa: E402
 from benchmarks.peers import Comparison, start_of  # noqa: E402
 from benchmarks.robustness_problems import PROBLEMS, Given  # noqa: E402
@@ -111,8 +114,8 @@ CASES = (
 )
 
 
-def compare(case: Case, *, rounds: int = _ROUNDS, compiled: bool = True) -> Comparison:
-    """Solve a case with both."""
+def compare(case: Case, *, rounds: int = _ROUNDS, compiled: bool = True, by_fatrop: bool = False) -> Comparison:
+    """Solve a case with both; by fatrop in the place of Ipopt if it is asked for."""
     problem = next(each for each in PROBLEMS if each.name == case.of)
     given = problem.build()
     free = optimize(given.system, given.cost, initial=(given.x, given.u))
@@ -124,9 +127,12 @@ def compare(case: Case, *, rounds: int = _ROUNDS, compiled: bool = True) -> Comp
         seconds = min(seconds, time.process_time() - began)
     peer = MultipleShooting(given.system, given.cost, compiled=compiled)
     peer.bound(limited.lower, limited.upper)
-    solver = peer.ipopt()
-    found = peer.solve(solver, *start_of(given))
-    for _ in range(rounds - 1):
+    if by_fatrop:
+        found = fatrop(peer, *start_of(given))
+    else:
+        solver = peer.ipopt()
+        found = peer.solve(solver, *start_of(given))
+    for _ in range(0 if by_fatrop else rounds - 1):
         again = peer.solve(solver, *start_of(given))
         found = again if again.seconds < found.seconds else found
     return Comparison(
@@ -148,13 +154,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.limits", description=__doc__.partition("\n")[0])
     parser.add_argument("--only", metavar="WORDS", default="", help="problems whose names contain all of these words")
     parser.add_argument("--rounds", type=int, default=_ROUNDS, help="solutions, the best of which counts")
+    parser.add_argument("--fatrop", action="store_true", help="a line more for each problem, with fatrop for Ipopt")
     arguments = parser.parse_args()
     heads = f"{'iter':>4s} {'ms':>8s} {'Ipopt':>6s} {'ms':>8s} {'ratio':>7s} {'better':>12s}"
     print(f"{'problem':48s} {'ours':12s} {heads}")
-    rows = []
+    rows, words = [], arguments.only.split()
     for case in CASES:
-        if all(word in case.name for word in arguments.only.split()):
+        if all(word in case.name for word in words):
             rows.append(compare(case, rounds=arguments.rounds))
+            print(_line(rows[-1]), flush=True)
+            if arguments.fatrop:
+                print(_line(replace(compare(case, rounds=1, by_fatrop=True), name="  by fatrop")), flush=True)
+    for other in limits_unknowns.cases():
+        if all(word in other.name for word in words):
+            rows.append(limits_unknowns.compare(other, rounds=arguments.rounds))
             print(_line(rows[-1]), flush=True)
     if rows:
         print(f"median ratio of times: {np.median([row.ratio for row in rows]):.2f}")
