@@ -50,7 +50,7 @@ def _cart(steps: int, duration: float, mass: float = 4.0) -> MidpointSystem:
         [ty("cart", mass=mass), [rx("pole"), [tz(-1.0, mass=1.0, name="bob")]]],
         [Gravity((0.0, 0.0, -9.8)), JointForce("cart", input="push"), Damping({"pole": 0.05})],
     )
-    return MidpointSystem(MidpointVI(m), np.linspace(0.0, duration, steps + 1))
+    return MidpointSystem(MidpointVI(m, threads=1), np.linspace(0.0, duration, steps + 1))
 
 
 def _arm(steps: int, duration: float) -> MidpointSystem:
@@ -58,7 +58,7 @@ def _arm(steps: int, duration: float) -> MidpointSystem:
         [ry("shoulder"), [tz(-0.5, mass=1.0), [ry("elbow"), [tz(-0.5, mass=0.5, name="hand")]]]],
         [Gravity((0.0, 0.0, -9.81)), JointForce("shoulder", input="upper"), JointForce("elbow", input="lower")],
     )
-    return MidpointSystem(MidpointVI(m), np.linspace(0.0, duration, steps + 1))
+    return MidpointSystem(MidpointVI(m, threads=1), np.linspace(0.0, duration, steps + 1))
 
 
 def _shortest(name: str, system: MidpointSystem, goal: list[float], most: list[float], angle: float) -> Case:
