@@ -266,6 +266,28 @@ def test_a_motion_farther_off_than_a_puppet_that_hangs_still_is_no_start(
     assert any("hangs still" in line for line in said) == (far > 0.0)
 
 
+def test_where_a_search_is_stuck_another_begins_with_a_puppet_that_hangs_still(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    optimize = run_module.optimize
+    begun: list[Any] = []
+
+    def stuck_at_first(*problem: Any, **options: Any) -> OptimizationResult:
+        begun.append(options["initial"])
+        if len(begun) > 2:
+            return optimize(*problem, **options)
+        found = optimize(*problem, **options | {"max_iterations": 0})
+        return replace(found, status=Status.LINE_SEARCH_FAILED)
+
+    monkeypatch.setattr(run_module, "optimize", stuck_at_first)
+    said: list[str] = []
+    run = track(PUPPET, leap(), planned=True, progress=said.append, max_iterations=60)
+    still = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits()).hung()
+    np.testing.assert_array_equal(begun[2][0], still[0])
+    assert "hangs still" in said[-1]
+    assert run.result.success
+
+
 def test_a_puppet_that_hangs_and_creeps_is_planned_by_tensions(monkeypatch: pytest.MonkeyPatch) -> None:
     """With what is left of the iterations, from a start of its own; one that converges in time is not."""
     motion = walk_in_place(0.5, 0.02)

@@ -288,6 +288,8 @@ def track(
     left, best = max_iterations, np.inf
     start: tuple[Array, Array] | OptimizationResult | None = initial
     stood: OptimizationResult | None = None
+    # Where a search was stuck, and the limits it kept to, while another is made from elsewhere.
+    left_behind: tuple[OptimizationResult, frozenset[str]] | None = None
     patience = _PATIENCE - (0 if earlier is None else earlier.iterations)
     while True:
         budget = left if plan else min(left, max(patience, 1))
@@ -325,6 +327,16 @@ def track(
             # Walls of low barriers are close together: with higher ones, and inside of them, there is a way on.
             best, start, earlier = result.cost, plan.inside(result.x, result.u, result.cost), None
             continue
+        if plan is not None and result.status in _STUCK and left > 0 and others:
+            if left_behind is None or result.cost < left_behind[0].cost:
+                left_behind = result, kinds
+            said, find = others.pop(0)
+            if progress is not None:
+                progress(said)
+            another = find()
+            if len(another[1]) == system.N:
+                best, start, earlier = np.inf, another, None
+                continue
         # A limit that the motion keeps to anyway need not be stated; one that it breaks is, and the search goes on.
         more = bounds.broken(mechanism_used, problem.t, place, result.x) - kinds
         if "tension" not in kinds and run_of(result).tension.min() < bounds.tension:
@@ -333,6 +345,8 @@ def track(
         if not more or left < 1 or lost_patience or result.status in _CUT_SHORT:
             break
         kinds, start, earlier = kinds | more, result, None
+    if left_behind is not None and not result.success and left_behind[0].cost < result.cost:
+        result, kinds = left_behind
     if plan is not None:
         result = plan.pulling(result)
     try:
