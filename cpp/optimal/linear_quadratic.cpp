@@ -87,7 +87,7 @@ public:
     StageStructure(Index nx, Index nu) : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(3 * nx) {
         values_.resize(2 * nx);
         sizes_.resize(nx);
-        for (Index i = 0; i < 3 * nx; ++i) last_columns_[i] = i % 3;
+        for (Index i = 0; i < 3 * nx; ++i) last_columns_[i] = i % 3 < nx + nu ? i % 3 : -1;
         for (auto* list : {&dense_, &sparse_}) list->reserve(nx);
         dense_runs_.reserve(nx);
         diagonals_.reserve(2 * nx);

@@ -241,6 +241,12 @@ def test_structure_changes_nothing_but_the_time(case):
         assert structured.constant == pytest.approx(dense.constant, rel=1e-12)
 
 
+def test_one_state_and_one_input_read_nothing_behind_them():
+    values = np.arange(1.0, 6.0)
+    B = values[:4].reshape(4, 1, 1)  # behind whose last entry there is another number
+    assert solve_linear_quadratic(np.ones((4, 1, 1)), B, Q=np.ones(1), R=np.ones(1)).structured_stages == 4
+
+
 def test_large_enough_for_several_panels():
     rng = np.random.default_rng(2)
     A, B = _mechanical(rng, 6, nq=22, nr=18)
