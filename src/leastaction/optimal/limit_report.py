@@ -139,6 +139,18 @@ class LimitReport:
                 lines.append(f"{label:{width}s}  {share:>14s}  {dual:12.4g}  {room:10.2g}")
         return "\n".join(lines)
 
+    def violated(self, when: Callable[[int], str], most: int = 3) -> str:
+        """Return which limits are violated, by how much and where, the dearest first."""
+        found: dict[str, tuple[float, str]] = {}
+        for side in self.sides:
+            for j, label in enumerate(side.labels):
+                value = -np.abs(side.value[:, j]) if side.equation else side.value[:, j]
+                i = int(np.argmin(value))
+                if value[i] < 0.0:
+                    text = f"{label!r} by {-value[i]:.3g} at {when(int(side.k[i]))}"
+                    found[label] = max(found.get(label, (0.0, "")), (-side.price[j] * value[i], text))
+        return ", ".join(text for _, text in sorted(found.values(), reverse=True)[:most])
+
     def contradiction(self, when: Callable[[int], str], most: int = 3) -> str:
         """Return which limits are not met and where, and which ones stand against them."""
         # What a label says may stand on several sides; the worst of them speaks for it.

@@ -226,6 +226,12 @@ class LimitedProblem(ShootingProblem):
             return None
         return Status.INFEASIBLE, self._report().contradiction(self.system.when)
 
+    @property
+    def unmet(self) -> str:
+        if self.is_open or not self._begun or self.stages.are_met(self._limits()):
+            return ""
+        return f"Limits are still violated: {self._report().violated(self.system.when)}."
+
     # ---- Directions -----------------------------------------------------------------------------
 
     @property

@@ -134,6 +134,11 @@ class Problem(ABC, Generic[M, D, I]):
         return 0.0
 
     @property
+    def unmet(self) -> str:
+        """Return which limits the iterate violates, in words; empty where it violates none."""
+        return ""
+
+    @property
     def unfinished(self) -> str:
         """What is to be said of a run that ends before its last stage."""
         return ""
