@@ -366,6 +366,35 @@ def test_limits_that_contradict_each_other_are_named(cart: MidpointSystem, cost:
     assert "'x-force <= 3'" in result.message
 
 
+def test_limits_that_are_still_violated_when_iterations_run_out_are_named(
+    cart: MidpointSystem, cost: QuadraticCost
+) -> None:
+    limits = [Bound("x-force", -30.0, 30.0), Equal("x", 0.5)]
+    result = optimize(cart, cost, limits=limits, initial=REST, max_iterations=2)
+    assert result.status is Status.ITERATION_LIMIT
+    assert "Limits are still violated: 'x = 0.5' by" in result.message
+    whole = optimize(cart, cost, limits=limits, initial=REST)
+    assert whole.success
+    assert "violated" not in whole.message
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ([Bound("x", max=0.5), Bound("x", min=0.6, at=[0.2, 0.4])], ("0.6 or more at", "t = 0.2 s", "0.5 or less")),
+        ([Bound("x", max=0.5), Equal("x", 1.0)], ("Equal('x')", "Bound('x')", "'x'", "1 or more")),
+        ([Bound("x-force", max=1.0), Bound("*", 2.0, 3.0, of="input")], ("Bound('*')", "'x-force'")),
+    ],
+)  # fmt: skip
+def test_limits_that_no_value_can_meet_are_told_at_once(
+    limits: list[Bound | Equal], words: tuple[str, ...], cart: MidpointSystem, cost: QuadraticCost
+) -> None:
+    with pytest.raises(ArgumentError) as info:
+        optimize(cart, cost, limits=limits, initial=REST)
+    for word in words:
+        assert word in str(info.value)
+
+
 @pytest.mark.parametrize(
     ("limits", "words"),
     [

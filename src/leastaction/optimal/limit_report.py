@@ -15,6 +15,9 @@ from leastaction.numerics.frozen import restore_state, saved_state
 __all__ = ["Barrier", "LimitReport", "LimitState"]
 
 
+_LITTLE = 1e-3  # of the dearest violation, below which another is not worth a word
+
+
 @dataclass(frozen=True)
 class Barrier:
     """What an optimisation with limits needs to go on as if it had not been stopped.
@@ -140,7 +143,7 @@ class LimitReport:
         return "\n".join(lines)
 
     def violated(self, when: Callable[[int], str], most: int = 3) -> str:
-        """Return which limits are violated, by how much and where, the dearest first."""
+        """Return which limits are violated, by how much and where, the dearest first; not what hardly matters."""
         found: dict[str, tuple[float, str]] = {}
         for side in self.sides:
             for j, label in enumerate(side.labels):
@@ -149,7 +152,9 @@ class LimitReport:
                 if value[i] < 0.0:
                     text = f"{label!r} by {-value[i]:.3g} at {when(int(side.k[i]))}"
                     found[label] = max(found.get(label, (0.0, "")), (-side.price[j] * value[i], text))
-        return ", ".join(text for _, text in sorted(found.values(), reverse=True)[:most])
+        dearest = max((price for price, _ in found.values()), default=0.0)
+        kept = sorted((each for each in found.values() if each[0] > _LITTLE * dearest), reverse=True)
+        return ", ".join(text for _, text in kept[:most])
 
     def contradiction(self, when: Callable[[int], str], most: int = 3) -> str:
         """Return which limits are not met and where, and which ones stand against them."""

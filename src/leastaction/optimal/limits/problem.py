@@ -18,7 +18,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.duals import Room, Stages
-from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.limits.rows import Rows, check_agreement
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import both
@@ -77,6 +77,7 @@ class LimitedProblem(ShootingProblem):
     ) -> None:
         super().__init__(system, cost, settings, free_start, gapped)
         self.final_time = final_time
+        check_agreement(rows, system.when)
         self.limited = LimitedCost(cost, rows, system.nx, system.nu)
         self.duals = self.limited.duals
         self.stages = Stages(self.duals, settings.tolerance, _DIGITS, 1.0 if final_time is None else _DEARER)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import itertools
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.quantity import Instants, Quantity, Samples
+from leastaction.optimal.quantity import FunctionQuantity, Instants, Quantity, Samples
 
-__all__ = ["Rows", "Weights"]
+__all__ = ["Rows", "Weights", "check_agreement"]
 
 _MANY_RUNS = 64  # of entries that follow each other, from which on they are added one by one
 
@@ -255,3 +257,34 @@ def _runs(places: Instants) -> list[tuple[slice, slice]]:
         for low, high in itertools.pairwise(ends)
         if high > low
     ]
+
+
+def check_agreement(rows: Sequence[Rows], when: Callable[[int], str]) -> None:
+    """Look for two limits that no value of the same quantity of the system can meet at some instant.
+
+    ``when``: how to speak of an instant.
+
+    Raises
+    ------
+    ArgumentError
+        If there are some.
+    """
+    found: dict[tuple[str, str, bool], list[tuple[Rows, int]]] = defaultdict(list)
+    for row in rows:
+        if not isinstance(row.quantity, FunctionQuantity):  # which may share their names
+            for j, name in enumerate(row.quantity.names):
+                found[row.quantity.kind, name, row.quantity.of_state].append((row, j))
+    for (_, name, _), each in found.items():
+        for (low, i), (high, j) in itertools.product(each, each):
+            if not low.sign > 0.0 > high.sign:
+                continue
+            _, of_low, of_high = np.intersect1d(low.k, high.k, return_indices=True)
+            least, most = low.bounds[of_low, i], high.bounds[of_high, j]
+            crossed = np.flatnonzero(least > most + _OFF * (1.0 + np.abs(most)))
+            if crossed.size:
+                at = crossed[0]
+                raise ArgumentError(
+                    f"limits: {low.limit} asks for {name!r} of {least[at]:.6g} or more at "
+                    f"{when(int(low.k[of_low[at]]))}, and {high.limit} for {most[at]:.6g} or less; expected limits "
+                    "that can be met together"
+                )
