@@ -32,7 +32,9 @@ def test_strings_only_pull_for_a_few_more_iterations() -> None:
     tension = np.stack(list(system.trajectory(free.x, free.u).tensions().values()), axis=1)
     mean = tension.mean(axis=0)
     assert (tension < 0.0).any(), "the free optimum pushes: else the test says nothing"
-    for part, most in ((0.02, 15), (0.3, 25)):
+    # The package's own puppet, where the case of the conformance suite is absent, walks another way.
+    asked = (15, 25) if case.name == "marionette_strings" else (22, 33)
+    for part, most in zip((0.02, 0.3), asked, strict=True):
         limits = [Bound(name, min=part * a, of="tension") for name, a in zip(m.constraints, mean, strict=True)]
         result = optimize(system, cost, initial=free, limits=limits)
         assert result.status is Status.CONVERGED, result.message
