@@ -363,8 +363,10 @@ void MechanismBuilder::order_variables(Mechanism& m) const {
 void MechanismBuilder::set_numbers(Mechanism& m) const {
     m.numbers = numbers_;
     m.gravity_slot = gravity_slot_;
-    const double* g = m.numbers.data() + gravity_slot_;
-    if (gravity_slot_ >= 0) m.gravity = {g[0], g[1], g[2]};
+    if (gravity_slot_ >= 0) {
+        const double* g = m.numbers.data() + gravity_slot_;
+        m.gravity = {g[0], g[1], g[2]};
+    }
     m.points = points_;
     m.directions = directions_;
     m.joints = joints_;
