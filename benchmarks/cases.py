@@ -53,6 +53,11 @@ def marionette() -> Case:
             x0 = np.concatenate([arrays["q"][0], arrays["p"][0], np.zeros(m.nrho)])
             u = np.hstack([arrays["u"], arrays["rho_next"]])
             return Case("marionette_strings", m, arrays["t"], x0, u, arrays["q"])
+    return package_marionette()
+
+
+def package_marionette() -> Case:
+    """Return the package's marionette, which walks on the spot."""
     m = model.marionette()
     t = DT * np.arange(301)
     rho = string_motion(m, model.rest_pose(m)[m.nd :], t)

@@ -35,12 +35,13 @@ class Place:
 class Start:
     """What a run began with: ``x`` (N+1, nx) or an initial state (nx,), and ``u`` (N, nu).
 
-    ``is_lost``: whether x is a curve that its projection lost.
+    ``is_lost``: whether x is a curve that its projection lost. ``was_found``: whether it is that of an earlier result.
     """
 
     x: Array
     u: Array
     is_lost: bool = False
+    was_found: bool = False
 
     def __post_init__(self) -> None:
         freeze_arrays(self)

@@ -128,7 +128,8 @@ class Within(Limit):
         """Return the rows of both sides."""
         least = 0.0 if self.min is None and self.max is None else self.min
         what = f"Within({self.quantity.names[0]!r})"
-        return _bounded(system, self.quantity, least, self.max, self.at, first, what)
+        rows = _bounded(system, self.quantity, least, self.max, self.at, first, what)
+        return [replace(row, is_own=True) for row in rows]
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,10 @@ class Equal(Limit):
         fixed = _fixed(quantity, self.at, first)
         value, at_start = _values(system, self.value, k, len(quantity.names), f"{what}: value", fixed)
         scale = np.maximum(np.abs(value).max(axis=0), 1.0)
-        return [Rows(what, quantity, sign, value, k, scale, equal=True, start=at_start) for sign in (1.0, -1.0)]
+        own = isinstance(self.names, Quantity)
+        return [
+            Rows(what, quantity, sign, value, k, scale, equal=True, is_own=own, start=at_start) for sign in (1.0, -1.0)
+        ]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
-from leastaction.optimal.discrete.problem import DiscreteDirection, Iterate
+from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.shooting import Gapped, ShootingDirection, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
@@ -21,7 +21,7 @@ from leastaction.optimal.limits.duals import Room, Stages
 from leastaction.optimal.limits.rows import Rows, check_agreement
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.line_search import Refusal, Trial
-from leastaction.optimal.loop import both
+from leastaction.optimal.loop import Loop, both
 from leastaction.optimal.memory import Place, Start
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.settings import Settings
@@ -33,6 +33,8 @@ __all__ = ["LimitedProblem"]
 _DEARER, _DEARER_AGAIN = 20.0, 10.0
 _SHORTER = 0.7  # of what it lasts is what a step of the search takes off at most
 _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
+
+_SOON = 30  # iterations that the minimum without limits may take where a run begins again from there
 
 
 class LimitedIterate(NamedTuple):
@@ -81,6 +83,7 @@ class LimitedProblem(ShootingProblem):
         self.limited = LimitedCost(cost, rows, system.nx, system.nu)
         self.duals = self.limited.duals
         self.stages = Stages(self.duals, settings.tolerance, _DIGITS, 1.0 if final_time is None else _DEARER)
+        self.settings = settings
         self.known: LimitReport | None = None  # from an earlier run
         # Of the iterate; None: not yet.
         self.values: Sided | None = None
@@ -96,6 +99,7 @@ class LimitedProblem(ShootingProblem):
 
     def start(self, initial: Any) -> None:
         """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
+        was_found = isinstance(initial, OptimizationResult)
         if isinstance(initial, OptimizationResult):
             self.known = initial.limits
             initial = initial.x, initial.u
@@ -103,6 +107,8 @@ class LimitedProblem(ShootingProblem):
         if self.final_time is not None:
             x, u = both(initial)
             self.given = Start(np.array(x, dtype=np.float64), np.array(u, dtype=np.float64))
+        if self.given is not None:
+            self.given = replace(self.given, was_found=was_found)
         self._begin()
 
     def resume(self, result: OptimizationResult) -> None:
@@ -118,7 +124,9 @@ class LimitedProblem(ShootingProblem):
         for rows in self.limited.rows:
             rows.check(self.x, self.u)
             rows.check_start(self.x[0])
-        self.stages.take(self.known, resumed=resumed)
+        # Once: who begins again begins anew, whether resumed meanwhile or not.
+        known, self.known = self.known, None
+        self.stages.take(known, resumed=resumed)
         self._set_out()
 
     def _limits(self) -> Sided:
@@ -214,6 +222,33 @@ class LimitedProblem(ShootingProblem):
         self.duals.begun = False
         super().start((start.x, start.u))
         self.stages.dearer *= _DEARER_AGAIN
+        self._begin()
+        return True
+
+    def begin_freely(self) -> bool:
+        """Begin again from the minimum without limits, if that is found soon; return whether it is.
+
+        Not where that says little: where there are conditions or limits of the user's own, such as places to keep off,
+        and where the start was a result already.
+        """
+        own = any(rows.equal or rows.is_own for rows in self.limited.rows)
+        if self.is_open or own or self.given is None or self.given.was_found or self.final_time is not None:
+            return False
+        free = DiscreteProblem(self.system, self.cost, self.settings, self.free_start)
+        try:
+            free.start((self.x, self.u))
+            found = Loop(free, replace(self.settings, max_iterations=_SOON)).run()
+        except LeastActionError:
+            return False
+        self.rollouts += found.rollouts
+        if found.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if not found.success:
+            return False
+        self._remember(self._place())
+        self.forget()
+        self.duals.begun = False
+        DiscreteProblem.start(self, (found.x, found.u))
         self._begin()
         return True
 

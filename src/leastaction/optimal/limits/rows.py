@@ -11,7 +11,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.quantity import FunctionQuantity, Instants, Quantity, Samples
+from leastaction.optimal.quantity import Instants, Quantity, Samples
 
 __all__ = ["Rows", "Weights", "check_agreement"]
 
@@ -84,6 +84,8 @@ class Rows:
         What is large, in the quantity's unit; 0 where that is to be seen from where the optimisation starts.
     equal : bool
         Whether these are one side of equations, whose other side follows.
+    is_own : bool
+        Whether the quantity is one of the user's own, and not the system's.
     start : ndarray (m,) or None
         Bounds that the fixed initial state has to keep to; None where nothing is asked of it.
     """
@@ -95,6 +97,7 @@ class Rows:
     k: Instants
     scale: Array
     equal: bool = False
+    is_own: bool = False
     start: Array | None = None
 
     @property
@@ -271,7 +274,7 @@ def check_agreement(rows: Sequence[Rows], when: Callable[[int], str]) -> None:
     """
     found: dict[tuple[str, str, bool], list[tuple[Rows, int]]] = defaultdict(list)
     for row in rows:
-        if not isinstance(row.quantity, FunctionQuantity):  # which may share their names
+        if not row.is_own:  # what users have may share a name
             for j, name in enumerate(row.quantity.names):
                 found[row.quantity.kind, name, row.quantity.of_state].append((row, j))
     for (_, name, _), each in found.items():

@@ -188,6 +188,10 @@ class Problem(ABC, Generic[M, D, I]):
         """
         return False
 
+    def begin_freely(self) -> bool:
+        """Begin again from the minimum without limits, if there are some; return whether that was found."""
+        return False
+
     def begin_again(self) -> bool:
         """Begin again with an easier stage, and return whether there is one."""
         return False

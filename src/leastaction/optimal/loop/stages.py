@@ -13,6 +13,9 @@ from leastaction.optimal.schedule import NewtonSchedule
 
 __all__ = ["Stages"]
 
+# A run within limits has got nowhere where so many first steps were all shorter than that.
+_FEW, _VERY_SHORT = 8, 0.1
+
 # Where a stage of the problem may be followed by the next.
 _ENDS = (Status.CONVERGED, Status.STALLED)
 
@@ -31,6 +34,8 @@ class Stages:
         run = self.run
         if run.schedule.spent >= (run.problem.longest_stage or np.inf):
             self._next()
+        elif run.history.iterations == _FEW and max(run.history.step_lengths) < _VERY_SHORT:
+            self._begin_freely()
         elif run.has_just_begun and run.was_violent and run.problem.tells_violence:
             _ = self._begin_with_gaps() or self._begin_again()
         elif run.history.iterations == run.problem.long_run and not run.schedule.again:
@@ -92,6 +97,15 @@ class Stages:
             return False
         schedule = NewtonSchedule(again=run.schedule.again, finer=run.schedule.finer)
         run.set_out(schedule, "began again, with gaps between the steps")
+        return True
+
+    def _begin_freely(self) -> bool:
+        """Begin again from the minimum without limits, once and for the automatic choice only."""
+        run = self.run
+        if run.schedule.again or not run.is_automatic or not run.problem.begin_freely():
+            return False
+        schedule = NewtonSchedule(again=True, finer=run.schedule.finer)
+        run.set_out(schedule, "began again, from the minimum without limits")
         return True
 
     def _begin_again(self) -> bool:
