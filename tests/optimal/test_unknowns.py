@@ -610,3 +610,26 @@ def test_a_system_without_parameters_says_so() -> None:
     # But its motions may return.
     result = optimize(system, cost, initial=(np.ones(2), np.zeros((3, 1))), free_start=True, limits=[Periodic()])
     np.testing.assert_allclose(result.x, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("limits", [[], [Bound("x", -0.09, 0.09)]], ids=["free", "limits"])
+def test_numbers_and_the_start_are_found_in_a_motion_that_nothing_drives(limits: list[Bound]) -> None:
+    """A system without inputs: what is found is what least squares over simulations find."""
+    m = la.Mechanism(
+        [la.tx("x", mass=1.7), [la.ry("pole"), [la.tz(-0.5, mass=0.4, name="bob")]]],
+        [la.Gravity(), la.Damping({"x": 0.3, "pole": 0.08}, name="damping"), la.JointSpring("x", 20.0, name="spring")],
+    )
+    vi, t = la.MidpointVI(m), np.linspace(0.0, 4.0, 201)
+    measured = vi.simulate(vi.start([0.1, 0.8]), t).x
+    nothing = np.zeros((200, 0))
+    cost = QuadraticCost(measured, nothing, Q=[1.0, 1.0, 0.01, 0.01], R=[])
+    guess = MidpointSystem(vi, t).with_parameters({"bob.mass": 0.6, "damping.pole": 0.02})
+    unknowns = [] if limits else [Parameter("bob.mass", 0.05, 2.0), Parameter("damping.pole", 0.0, 1.0)]
+    guess = MidpointSystem(vi, t) if limits else guess
+    result = optimize(guess, cost, initial=(np.zeros(4), nothing), free_start=True, unknowns=unknowns, limits=limits)
+    assert result.status == Status.CONVERGED, result.message
+    if limits:
+        assert np.abs(result.x[:, 0]).max() == pytest.approx(0.09, abs=1e-8)
+        return
+    assert result.x[0] == pytest.approx(measured[0], abs=1e-7)
+    assert result.unknowns == pytest.approx({"bob.mass": 0.4, "damping.pole": 0.08}, rel=1e-6)

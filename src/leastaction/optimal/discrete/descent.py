@@ -92,7 +92,9 @@ def shifted(hessian: CostHessian, shift: float) -> CostHessian:
 
 
 def _mean(weight: Array) -> float:
-    """Return the mean of a weight's diagonal."""
+    """Return the mean of a weight's diagonal; zero for that of no entries."""
+    if weight.size == 0:
+        return 0.0
     if weight.ndim == 1 or weight.shape[-1] == 1:
         return float(np.mean(np.abs(weight)))
     return float(np.mean(np.abs(np.diagonal(weight, axis1=-2, axis2=-1))))

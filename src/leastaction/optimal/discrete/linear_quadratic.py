@@ -310,7 +310,7 @@ def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     B = np.ascontiguousarray(B, dtype=np.float64)
     if A.ndim != 3 or A.shape[1] != A.shape[2] or 0 in A.shape:
         raise ArgumentError(f"A: got shape {A.shape}, expected (N, nx, nx) with N, nx > 0.")
-    if B.ndim != 3 or B.shape[:2] != A.shape[:2] or 0 in B.shape:
+    if B.ndim != 3 or B.shape[:2] != A.shape[:2]:
         raise ArgumentError(f"B: got shape {B.shape}, expected ({A.shape[0]}, {A.shape[1]}, nu) to go with A.")
     return A, B
 
