@@ -382,3 +382,9 @@ def test_bad_arguments(case):
         project_configuration(point(rod()), q, **options)
     with pytest.raises(ArgumentError, match=pattern.replace("q", "v", 1) if "q" in pattern else pattern):
         project_velocity(point(rod()), [0.6, 0.8], q, **options)
+
+
+def test_a_projection_given_as_a_configuration_is_told_what_holds_it() -> None:
+    m = Mechanism([tx("x", mass=1.0)])
+    with pytest.raises(ArgumentError, match="it has an array 'q': give that"):
+        MidpointVI(m).start(project_configuration(m, [0.1]))

@@ -204,3 +204,8 @@ def test_wrong_arguments_are_named() -> None:
     ):
         with pytest.raises(ArgumentError, match=message):
             follow(ARM, *arguments, **options)  # type: ignore[arg-type]
+
+
+def test_a_start_that_is_no_state_is_named() -> None:
+    with pytest.raises(ArgumentError, match=r"start: got .*ndarray.*expected a State; MidpointVI\(mechanism\).start"):
+        follow(ARM, {"hand": np.zeros((101, 3))}, t=T, start=np.zeros(2))

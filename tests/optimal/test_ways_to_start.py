@@ -28,10 +28,12 @@ from leastaction import (
     embed,
     optimize,
     receding_horizon,
+    rz,
+    tx,
     warm_start,
     world,
 )
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.optimal import (
     Cost,
     CostGradient,
@@ -900,3 +902,15 @@ def test_the_table_shows_every_stage(capsys):
     assert "COMPLETED" in str(found)
     assert f"{len(found.stages)} stages" in str(found)
     assert found.initial[0] is found.x
+
+
+def test_a_start_off_the_constraints_is_named_as_such() -> None:
+    """Not as steps that are too coarse: no shorter ones would help."""
+    m = Mechanism(
+        [rz("a"), [tx(1.0, mass=1.0, name="A")], rz("b"), [tx(1.0, mass=1.0, name="B")]],
+        [Distance("A", "B", 0.5), JointForce("a", "turn")],
+    )
+    system = MidpointSystem(MidpointVI(m), np.linspace(0.0, 1.0, 51))
+    cost = QuadraticCost(np.zeros((51, 4)), np.zeros((50, 1)), Q=np.ones(4), R=[1.0])
+    with pytest.raises(ProjectionError, match=r"'distance\(A, B\)' is off by 0.669. Use project_configuration"):
+        optimize(system, cost, initial=([0.0, 1.0, 0.0, 0.0], np.zeros((50, 1))))

@@ -168,3 +168,16 @@ def test_a_law_without_a_solution_inside_the_step_says_so(vi: MidpointVI) -> Non
     assert "no input agrees with the law at the midpoint, 'torque' is" in run.message
     with pytest.raises(ArgumentError, match="law_at: got 'end', expected 'start' or 'midpoint'"):
         vi.simulate(vi.start([0.0]), T, law_at="end")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ((np.zeros((5, 1, 4)), np.zeros(4), np.zeros(1)), r"K: got shape \(5, 1, 4\), expected \(n, nx\).*function"),
+        ((np.zeros((1, 4)), np.zeros((6, 4)), np.zeros(1)), r"xbar: got shape \(6, 4\), expected \(nx,\)"),
+        ((np.zeros((1, 4)), np.zeros(4), np.zeros((5, 1))), r"ubar: got shape \(5, 1\), expected \(n,\)"),
+    ],
+)
+def test_gains_of_all_steps_are_to_be_given_as_a_function(parts: tuple[np.ndarray, ...], message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        Feedback(*parts)

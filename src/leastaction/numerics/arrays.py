@@ -40,9 +40,10 @@ def as_array(
         array = np.ascontiguousarray(given, dtype=np.float64)
     except (TypeError, ValueError):
         wanted = f" of shape {_shapes(shapes, meaning)}" if shapes or meaning else ""
-        raise error(
-            f"{what}: got {_given(value)}, expected real numbers{wanted}; give a list or an array of numbers"
-        ) from None
+        # The result of a search, such as a projection, holds what is asked for under the same name.
+        within = what.isidentifier() and isinstance(getattr(value, what, None), np.ndarray)
+        advice = f"it has an array '{what}': give that" if within else "give a list or an array of numbers"
+        raise error(f"{what}: got {_given(value)}, expected real numbers{wanted}; {advice}") from None
     # ascontiguousarray turns a scalar into a one-element vector; keep the shape that was given.
     array = array.reshape(given.shape)
     if shapes and array.shape not in shapes and not any(_matches(array.shape, shape) for shape in shapes):

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, LeastActionError, closest
+from leastaction.errors import ArgumentError, LeastActionError, brief, closest
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import to_momentum
 from leastaction.mechanics.discrete.midpoint import MidpointVI
@@ -164,6 +164,11 @@ def follow(
     """
     m = mechanism
     wanted, times = _wanted(m, motion, t)
+    if start is not None and not isinstance(start, State):
+        raise ArgumentError(
+            f"start: got {brief(repr(start))} ({type(start).__name__}), expected a State; "
+            "MidpointVI(mechanism).start(q) makes one of a configuration"
+        )
     system = MidpointSystem(MidpointVI(m, threads=threads), times, multipliers=m.nc > 0)
     x, u = _curve(system, wanted, start)
     cost = _cost(system, wanted, x, u, weights or {})

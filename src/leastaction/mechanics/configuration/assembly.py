@@ -146,6 +146,11 @@ def project_configuration(
         Starting points that are tried until one leads to the constraints: first the given one, then points
         beside it (always the same ones). The change is measured from the given one in any case.
 
+    Returns
+    -------
+    ConfigurationProjection
+        Its `q` is the configuration.
+
     Raises
     ------
     ArgumentError

@@ -83,11 +83,25 @@ class Feedback:
         Reference state: ``[q; rho; v; v_rho]`` in continuous time, ``[q; rho; p; v_rho]`` in discrete time.
     ubar : ndarray of shape (n,), or callable
         Reference input.
+
+    Raises
+    ------
+    ArgumentError
+        Arrays of other shapes, such as the gains of all steps: what changes over time is given as a function of it.
     """
 
     K: Any
     xbar: Any
     ubar: Any
+
+    def __post_init__(self) -> None:
+        for name, axes, shape in (("K", 2, "(n, nx)"), ("xbar", 1, "(nx,)"), ("ubar", 1, "(n,)")):
+            part = getattr(self, name)
+            if not callable(part) and as_array(part, f"Feedback: {name}").ndim != axes:
+                raise ArgumentError(
+                    f"Feedback: {name}: got shape {np.shape(part)}, expected {shape}; what changes over time is given "
+                    f"as a function of it, such as lambda time: {name}[np.searchsorted(t, time, 'right') - 1]"
+                )
 
     def __call__(self, t: float, x: Array) -> Array:
         """Return the input (n,) at a time and a state."""

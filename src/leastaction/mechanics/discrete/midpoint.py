@@ -18,7 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction import _core
-from leastaction.errors import ArgumentError, CoarseStepWarning, StepError, closest, worst_first
+from leastaction.errors import (
+    ArgumentError,
+    CoarseStepWarning,
+    InconsistentStartError,
+    StepError,
+    closest,
+    worst_first,
+)
 from leastaction.mechanics.configuration.assembly import check_consistent, check_velocity
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
@@ -400,11 +407,14 @@ class MidpointVI(Integrator):
         m = self.mechanism
         wanted = np.concatenate([state.q[: m.nd], rho_next])
         found = find_contradiction(m, wanted) if np.all(np.isfinite(wanted)) else None
-        advice = (
-            "Try a smaller time step, or prescribed variables and inputs that the mechanism can follow"
-            if found is None
-            else f"Where the prescribed variables go, {found}"
-        )
+        advice = "Try a smaller time step, or prescribed variables and inputs that the mechanism can follow"
+        if found is not None:
+            advice = f"Where the prescribed variables go, {found}"
+        elif np.all(np.isfinite(state.q)):
+            try:
+                check_consistent(m, state.q, tolerance=1e-6)
+            except InconsistentStartError as error:
+                advice = f"Where the step begins, {error}"
         names = [f"dynamics of {name!r}" for name in m.dynamic]
         names += [f"constraint {name!r}" for name in m.constraints]
         residuals = worst_first(dict(zip(names, out.residual, strict=True)))

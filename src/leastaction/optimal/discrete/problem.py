@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
+from leastaction.errors import ArgumentError, LeastActionError, ProjectionError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.step_quality import StepQuality, coarsest
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian, between
@@ -204,10 +204,22 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if not rollout.complete:
             raise ProjectionError(
                 f"initial: the roll-out failed after {rollout.steps_done} of {self.system.N} steps: "
-                f"{rollout.failure}. Give a trajectory of the system (such as one it simulated), or "
-                "a curve that stays closer to one."
+                f"{self._why(rollout, xbar, ubar, gain)}. Give a trajectory of the system (such as one it simulated), "
+                "or a curve that stays closer to one."
             )
         return rollout
+
+    def _why(self, rollout: Rollout, xbar: Array, ubar: Array, gain: Array) -> str | None:
+        """Return why a roll-out ended, in the words of the step if it has some: it looks closer than a roll-out."""
+        k = rollout.steps_done
+        x = rollout.x[k]
+        try:
+            self.system.f(x, ubar[k] - gain[k] @ (x - xbar[k]), k)
+        except StepError as error:
+            return str(error).removesuffix(".")
+        except ArithmeticError:  # told by the roll-out already
+            pass
+        return rollout.failure
 
     # ---- Directions -----------------------------------------------------------------------------
 
