@@ -607,3 +607,13 @@ def test_a_step_that_barriers_alone_shortened_does_not_shorten_the_next(rollouts
         problem.value = 1.0
         run.note_step(Direction("newton", -1.0, 1.0), step, decrease=0.1, agreement=0.2, cost=0.9)
         assert run.schedule.length == (1.0 if problem is limited and rollouts == 1 else 0.01)
+
+
+def test_a_limit_whose_function_is_no_number_where_the_search_begins_is_named() -> None:
+    system = LinearSystem(np.tile([[1.0, 0.1], [0.0, 1.0]], (20, 1, 1)), np.tile([[0.0], [0.1]], (20, 1, 1)))
+    cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=np.ones(2), R=[1.0])
+    height = FunctionQuantity("height", lambda x: np.log(x[:, 0] - 1.0))
+    with np.errstate(all="ignore"):
+        result = optimize(system, cost, initial=([0.5, 0.0], np.zeros((20, 1))), limits=[Within(height, max=1.0)])
+    assert not result.success
+    assert "'height <= 1' is no number at step 1" in result.message

@@ -149,6 +149,8 @@ class LimitReport:
             for j, label in enumerate(side.labels):
                 value = -np.abs(side.value[:, j]) if side.equation else side.value[:, j]
                 i = int(np.argmin(value))
+                if np.isnan(value[i]):  # of a function outside of where it is defined: it explains all else
+                    return f"{label!r} is no number at {when(int(side.k[i]))}"
                 if value[i] < 0.0:
                     text = f"{label!r} by {-value[i]:.3g} at {when(int(side.k[i]))}"
                     found[label] = max(found.get(label, (0.0, "")), (-side.price[j] * value[i], text))
