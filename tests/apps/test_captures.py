@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,10 +13,12 @@ import pytest
 
 from apps.puppet_bvh import CMU_NAMES, Z_UP, Convention, waving, write_puppet
 from leastaction.apps.cli import main
+from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
 from leastaction.apps.marionette import VARIABLES, load_motion, load_run, retarget, walk_in_place
 from leastaction.apps.marionette.retargeting.geometry import euler_zyx, rotation_zyx
 from leastaction.apps.marionette.retargeting.spins import FURTHEST, beside, without_spins
 from leastaction.apps.marionette.speeds import fastest
+from leastaction.apps.marionette.tracking import PuppetLimits
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion, read_bvh
 from leastaction.io.motion.capture import axis_rotation
@@ -180,7 +183,22 @@ def test_a_lively_capture_in_one_command(tmp_path: Path, capsys: pytest.CaptureF
     numbers = optimize(capsys, tmp_path / "out", *words)
     assert numbers["run"]["status"] in ("CONVERGED", "STALLED")
     assert {entry["limit"] for entry in numbers["limits_reached"]}
+    assert numbers["limits_broken"] == []
     check(tmp_path / "out")
+
+
+def test_limits_that_a_run_ended_before_stating_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_puppet(tmp_path / "a.bvh", turned(0.1), frame_time=0.02)
+    words = ("--motion", path, "--dt", 0.02, "--trim", 0, 0.5, "--max-iterations", 1)
+    optimize(capsys, tmp_path / "out", *words)
+    run = load_run(tmp_path / "out" / "trajectory.npz")
+    fast = float(np.abs(np.diff(run.trajectory["right_arm_string-x"])).max()) / 0.02
+    slower = PuppetLimits(speed=0.5 * fast)
+    said = "speed of the strings' ends"
+    assert said in run_summary(replace(run, kinds=frozenset()), limits=slower)["limits_broken"]
+    assert said in as_text(summary_tables(run_summary(replace(run, kinds=frozenset()), limits=slower)))
+    # Where they were stated the optimiser's message tells of them.
+    assert said not in run_summary(replace(run, kinds=frozenset({"speed"})), limits=slower)["limits_broken"]
 
 
 def test_as_fast_as_an_error_allows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

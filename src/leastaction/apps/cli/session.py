@@ -79,7 +79,8 @@ def run(
             kept.append(_keep(found, folder, complain))
         console.print()
         rest = resting(found) if found.plan is not None else None
-        console.print(summary_tables(run_summary(found, rest)))
+        kept_to = limits or PuppetLimits()
+        console.print(summary_tables(run_summary(found, rest, kept_to)))
         console.print()
         if tried:
             console.print(speed_table(tried, error))
@@ -99,6 +100,7 @@ def run(
                 tried=tried,
                 error=error,
                 rest=rest,
+                limits=kept_to,
             )
     except KeyboardInterrupt:
         if not kept:

@@ -16,7 +16,7 @@ from leastaction.apps.marionette.check import check
 from leastaction.apps.marionette.resting import RestingPoses
 from leastaction.apps.marionette.scene import GROUPS, string_label, string_lengths
 from leastaction.apps.marionette.speeds import AtSpeed
-from leastaction.apps.marionette.tracking import TrackingRun
+from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Status
@@ -25,6 +25,13 @@ from leastaction.viz import TrackingErrors
 _WIDTH: Final = 100
 _FAR: Final = 5.0  # degrees (rms), from which a joint is said not to be followed
 _MOST_LINES: Final = 8
+_KINDS: Final = {
+    "tension": "tensions of the strings",
+    "joints": "angles of the joints",
+    "reach": "reach of the strings' ends",
+    "speed": "speed of the strings' ends",
+    "acceleration": "acceleration of the strings' ends",
+}
 
 # The optimiser speaks of its arguments, the command line of its options.
 _MESSAGES: Final = {
@@ -34,10 +41,13 @@ _MESSAGES: Final = {
 }
 
 
-def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str, Any]:
+def run_summary(
+    run: TrackingRun, rest: RestingPoses | None = None, limits: PuppetLimits | None = None
+) -> dict[str, Any]:
     """Return the numbers of a run as plain data for JSON.
 
-    ``rest``: what strings can hold at rest, if that is to be told. Returns ``run``, ``settings``, ``versions``,
+    ``rest``: what strings can hold at rest, if that is to be told. ``limits``: those that it had to keep to, if it is
+    to be told which kinds of them it breaks. Returns ``run``, ``settings``, ``versions``,
     ``cost``, ``tracking`` (errors in degrees and metres) and ``strings``.
     """
     result, t = run.result, run.trajectory.t
@@ -64,6 +74,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
         "tracking": _tracking(run.errors),
         "not_followed": far,
         "limits_reached": against,
+        "limits_broken": [] if limits is None else _broken(run, limits),
         "held_joints": {"rms_deg": run.held_error} | ({} if rest is None else {"at_rest_rms_deg": rest.error}),
         "strings": {
             name: _string(run.tension[:, i], string_lengths(run)[:, i])
@@ -97,6 +108,14 @@ def _not_followed(run: TrackingRun) -> tuple[list[dict[str, Any]], list[dict[str
     far.sort(key=lambda entry: entry["rms_deg"], reverse=True)
     against.sort(key=lambda entry: entry["share_percent"], reverse=True)
     return far, against
+
+
+def _broken(run: TrackingRun, limits: PuppetLimits) -> list[str]:
+    """Return the kinds of limits that a motion breaks which ended before they were stated."""
+    kinds = limits.broken(run.mechanism, run.trajectory.t, run.reference[:, :2], run.result.x)
+    if run.tension.min() < 0.0:
+        kinds |= {"tension"}
+    return [said for kind, said in _KINDS.items() if kind in kinds - run.kinds]
 
 
 def _tracking(errors: TrackingErrors) -> dict[str, Any]:
@@ -172,8 +191,8 @@ def _headline(summary: Mapping[str, Any]) -> Text:
 def _not_followed_lines(summary: Mapping[str, Any]) -> RenderableType | None:
     """Return what could not be followed, and what stood against it; None where there is nothing to say."""
     far, against = summary["not_followed"][:_MOST_LINES], summary["limits_reached"][:_MOST_LINES]
-    held = summary["held_joints"]
-    if not far and not against and "at_rest_rms_deg" not in held:
+    held, broken = summary["held_joints"], summary["limits_broken"]
+    if not far and not against and not broken and "at_rest_rms_deg" not in held:
         return None
     table = Table(box=None, pad_edge=False, show_header=False)
     if "at_rest_rms_deg" in held:
@@ -185,6 +204,8 @@ def _not_followed_lines(summary: Mapping[str, Any]) -> RenderableType | None:
     for i, entry in enumerate(against):
         row = f"{entry['share_percent']:.0f} % of the time, hardest at {entry['at_s']:.2f} s"
         table.add_row(Text("Limits reached" if i == 0 else "", style="dim"), entry["limit"], row)
+    for i, kind in enumerate(broken):
+        table.add_row(Text("Limits broken" if i == 0 else "", style="dim"), kind, "")
     return table
 
 

@@ -188,7 +188,7 @@ def track(
     method, max_iterations, callback
         As in `leastaction.optimal.optimize`, for the last optimisation.
     tolerance : float, optional
-        Likewise. If not given, 1e-6, or 1e-3 where the first trajectory had to be found by embedding:
+        Likewise. If not given, 1e-6, or 1e-2 where the first trajectory had to be found by embedding:
         such a motion is far from what the puppet does by itself, and its last digits cost much.
     progress : callable, optional
         Called with a line of text as the search for a first trajectory goes on.
@@ -344,6 +344,8 @@ def track(
         lost_patience = plan is None and patience < 1
         if not more or left < 1 or lost_patience or result.status in _CUT_SHORT:
             break
+        if progress is not None:
+            progress(f"it breaks limits of {', '.join(sorted(more))}: goes on with these stated")
         kinds, start, earlier = kinds | more, result, None
     if left_behind is not None and not result.success and left_behind[0].cost < result.cost:
         result, kinds = left_behind
