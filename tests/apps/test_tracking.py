@@ -86,7 +86,7 @@ def test_a_motion_that_needs_motors_at_first() -> None:
     run = track(PUPPET, leap(), progress=said.append, max_iterations=30)
     assert run.embedded
     assert said[0].startswith("motors at price 0.001")
-    assert "without motors" in said[-1]
+    assert any("without motors" in each for each in said)
     # Every string pulls, and no hinge is overstretched.
     assert run.tension.min() >= 0.5 - 1e-6
     for name, (least, most) in JOINT_LIMITS.items():
@@ -284,7 +284,7 @@ def test_where_a_search_is_stuck_another_begins_with_a_puppet_that_hangs_still(
     run = track(PUPPET, leap(), planned=True, progress=said.append, max_iterations=60)
     still = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits()).hung()
     np.testing.assert_array_equal(begun[2][0], still[0])
-    assert "hangs still" in said[-1]
+    assert any("hangs still" in each for each in said)
     assert run.result.success
 
 
