@@ -14,11 +14,11 @@ import pytest
 from apps.puppet_bvh import CMU_NAMES, Z_UP, Convention, waving, write_puppet
 from leastaction.apps.cli import main
 from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
-from leastaction.apps.marionette import VARIABLES, load_motion, load_run, retarget, walk_in_place
+from leastaction.apps.marionette import VARIABLES, RestingPoses, load_motion, load_run, resting, retarget, walk_in_place
 from leastaction.apps.marionette.retargeting.geometry import euler_zyx, rotation_zyx
 from leastaction.apps.marionette.retargeting.spins import FURTHEST, beside, without_spins
 from leastaction.apps.marionette.speeds import fastest
-from leastaction.apps.marionette.tracking import PuppetLimits
+from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion, read_bvh
 from leastaction.io.motion.capture import axis_rotation
@@ -177,10 +177,20 @@ def check(out: Path, within: float = 1e-3) -> None:
         assert least - within <= run.trajectory[name].min() <= run.trajectory[name].max() <= most + within
 
 
-def test_a_lively_capture_in_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_lively_capture_in_one_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_rest: list[PuppetLimits] = []
+
+    def resting_too(run: TrackingRun, *, limits: PuppetLimits) -> RestingPoses:
+        at_rest.append(limits)
+        return resting(run, limits=limits, instants=2)
+
+    monkeypatch.setattr("leastaction.apps.cli.session.resting", resting_too)
     path = write_puppet(tmp_path / "a.bvh", turned(0.1), convention=Convention(names=MIXAMO), frame_time=0.02)
     words = ("--motion", path, "--dt", 0.02, "--speed", 0.5, "--trim", 0, 0.5, "--forward", "z", "--up", "y")
-    numbers = optimize(capsys, tmp_path / "out", *words)
+    numbers = optimize(capsys, tmp_path / "out", *words, "--tension", 0.8)
+    assert [limits.tension for limits in at_rest] == [0.8]  # the command's, for the poses at rest too
     assert numbers["run"]["status"] in ("CONVERGED", "STALLED")
     assert {entry["limit"] for entry in numbers["limits_reached"]}
     assert numbers["limits_broken"] == []

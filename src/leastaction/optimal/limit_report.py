@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -144,37 +144,46 @@ class LimitReport:
 
     def violated(self, when: Callable[[int], str], most: int = 3) -> str:
         """Return which limits are violated, by how much and where, the dearest first; not what hardly matters."""
-        found: dict[str, tuple[float, str]] = {}
-        for side in self.sides:
-            for j, label in enumerate(side.labels):
-                value = -np.abs(side.value[:, j]) if side.equation else side.value[:, j]
-                i = int(np.argmin(value))
-                if np.isnan(value[i]):  # of a function outside of where it is defined: it explains all else
-                    return f"{label!r} is no number at {when(int(side.k[i]))}"
-                if value[i] < 0.0:
-                    text = f"{label!r} by {-value[i]:.3g} at {when(int(side.k[i]))}"
-                    found[label] = max(found.get(label, (0.0, "")), (-side.price[j] * value[i], text))
-        dearest = max((price for price, _ in found.values()), default=0.0)
-        kept = sorted((each for each in found.values() if each[0] > _LITTLE * dearest), reverse=True)
-        return ", ".join(text for _, text in kept[:most])
+        found = _Worst()
+        for side, j, i, value in self._worst():
+            if np.isnan(value):  # of a function outside of where it is defined: it explains all else
+                return f"{side.labels[j]!r} is no number at {when(int(side.k[i]))}"
+            if value < 0.0:
+                found.add(side, j, -side.price[j] * value, f" by {-value:.3g} at {when(int(side.k[i]))}")
+        return found.text(most, least=_LITTLE)
 
     def contradiction(self, when: Callable[[int], str], most: int = 3) -> str:
         """Return which limits are not met and where, and which ones stand against them."""
-        # What a label says may stand on several sides; the worst of them speaks for it.
-        broken: dict[str, tuple[float, str]] = {}
-        against: dict[str, tuple[float, str]] = {}
+        broken, against = _Worst(), _Worst()
+        for side, j, i, value in self._worst():
+            if side.broken(j):
+                broken.add(side, j, -side.price[j] * value, f" by {max(-value, 0.0):.3g} at {when(int(side.k[i]))}")
+            elif side.active[:, j].any():
+                i = int(np.argmax(np.abs(side.dual[:, j])))
+                against.add(side, j, abs(float(side.dual[i, j])), f" (most at {when(int(side.k[i]))})")
+        stands = against.text(most)
+        return f"Not met: {broken.text(most)}." + (f" Against that stand {stands}." if stands else "")
+
+    def _worst(self) -> Iterator[tuple[LimitState, int, int, float]]:
+        """Yield each side, its columns, where each has the least room, and how much that is."""
         for side in self.sides:
-            for j, label in enumerate(side.labels):
-                value = -np.abs(side.value[:, j]) if side.equation else side.value[:, j]
-                i = int(np.argmin(value))
-                pull = side.price[j] * -value[i]
-                if side.broken(j):
-                    text = f"{label!r} by {-value[i]:.3g} at {when(int(side.k[i]))}"
-                    broken[label] = max(broken.get(label, (0.0, "")), (pull, text))
-                elif side.active[:, j].any():
-                    i = int(np.argmax(np.abs(side.dual[:, j])))
-                    text = f"{label!r} (most at {when(int(side.k[i]))})"
-                    against[label] = max(against.get(label, (0.0, "")), (abs(float(side.dual[i, j])), text))
-        worst = (sorted(each.values(), reverse=True)[:most] for each in (broken, against))
-        texts = [", ".join(text for _, text in each) for each in worst]
-        return f"Not met: {texts[0]}." + (f" Against that stand {texts[1]}." if texts[1] else "")
+            room = -np.abs(side.value) if side.equation else side.value
+            for j, i in enumerate(np.argmin(room, axis=0)):
+                yield side, j, int(i), float(room[i, j])
+
+
+class _Worst:
+    """What labels say at their worst: a label may stand on several sides, and the worst of them speaks for it."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, tuple[float, str]] = {}
+
+    def add(self, side: LimitState, column: int, price: float, text: str) -> None:
+        label = side.labels[column]
+        said = max(float(price), 0.0), f"{label!r}{text}"
+        self.found[label] = max(self.found.get(label, said), said)
+
+    def text(self, most: int, least: float = 0.0) -> str:
+        """Return the dearest, no more than so many, but those of less than a part of the dearest's price."""
+        worst = sorted(self.found.values(), reverse=True)[:most]
+        return ", ".join(text for price, text in worst if price >= least * worst[0][0])

@@ -6,7 +6,7 @@ import importlib.util
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -17,7 +17,7 @@ from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
 from leastaction.apps.marionette.resting import RestingPoses, plot_resting
 from leastaction.apps.marionette.scene import GROUPS, marionette_scene, string_label, string_lengths
 from leastaction.apps.marionette.speeds import AtSpeed, plot_speeds
-from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, load_run
+from leastaction.apps.marionette.tracking import TrackingRun, load_run
 from leastaction.apps.marionette.tracking.problem import ROOT
 from leastaction.errors import ArgumentError, OutputError
 from leastaction.numerics.files import write_text
@@ -78,17 +78,17 @@ def write_report(
     tried: Sequence[AtSpeed] = (),
     error: float = np.inf,
     rest: RestingPoses | None = None,
-    limits: PuppetLimits | None = None,
+    summary: dict[str, Any] | None = None,
 ) -> RenderableType:
     """Write summary, plots and animation of a run into a folder.
 
     ``run``: the run. ``folder``: an existing folder; files of the same names are replaced, each in one step. ``plots``,
     ``animation``: which of them to write. ``progress``: called with the name of each file before it is made. ``tried``,
     ``error``: at which speeds it was followed, for which error (degrees). ``rest``: what strings can hold at rest, if
-    that is to be told. ``limits``: those that it had to keep to. Returns the run's files in the folder with their
-    sizes, to print. Raises `OutputError`: a file could not be written.
+    that is to be drawn. ``summary``: the run's, with all that is to be told. Returns the run's files in the folder with
+    their sizes, to print. Raises `OutputError`: a file could not be written.
     """
-    summary = run_summary(run, rest, limits)
+    summary = summary or run_summary(run)
     scene = marionette_scene(run) if plots or animation else None
     makers: dict[str, Callable[[Path], object]] = {
         "summary.json": lambda path: write_text(path, json.dumps(summary, indent=2, ensure_ascii=False) + "\n"),

@@ -78,9 +78,10 @@ def run(
         with uninterrupted():
             kept.append(_keep(found, folder, complain))
         console.print()
-        rest = resting(found) if found.plan is not None else None
         kept_to = limits or PuppetLimits()
-        console.print(summary_tables(run_summary(found, rest, kept_to)))
+        rest = resting(found, limits=kept_to) if found.plan is not None else None
+        summary = run_summary(found, rest, kept_to)
+        console.print(summary_tables(summary))
         console.print()
         if tried:
             console.print(speed_table(tried, error))
@@ -100,7 +101,7 @@ def run(
                 tried=tried,
                 error=error,
                 rest=rest,
-                limits=kept_to,
+                summary=summary,
             )
     except KeyboardInterrupt:
         if not kept:

@@ -191,13 +191,12 @@ class ShootingProblem(DiscreteProblem):
         """Begin again with gaps from the given start, once; return whether that can be done."""
         if self.is_open or self.given is None:
             return False
-        before = self.x, self.u, self.gain, self.value, self.worst_step
-        now = self._place()
+        now, value = self._place(), self.value
         try:
             refused = self._open(self.given) is not None
         except BaseException as error:  # an interruption too leaves it where it stood
             self.open_curve = None
-            self.x, self.u, self.gain, self.value, self.worst_step = before
+            self.x, self.u, self.gain, self.worst_step, self.value = now.x, now.u, now.gain, now.worst_step, value
             if not isinstance(error, LeastActionError):
                 raise
             refused = True
@@ -285,7 +284,7 @@ class ShootingProblem(DiscreteProblem):
     def _remember(self, place: Place) -> None:
         """Take a place for where it stood before, unless there was a better one."""
         if self.earlier is None or self._asked_at(place) < self._asked_at(self.earlier):
-            self.earlier = replace(place, ease=1.0)
+            self.earlier = replace(place, ease=1.0)  # as it is judged
 
     def _go_to(self, place: Place) -> None:
         self.x, self.u, self.worst_step, self.gain = place.x, place.u, place.worst_step, place.gain.copy()

@@ -129,6 +129,11 @@ class LimitedProblem(ShootingProblem):
         self.stages.take(known, resumed=resumed)
         self._set_out()
 
+    def _put_out(self) -> None:
+        """Take the limits out, to start elsewhere."""
+        self.forget()
+        self.duals.begun = False
+
     def _limits(self) -> Sided:
         """Return the values of all rows at the iterate."""
         if self.values is None:
@@ -218,8 +223,7 @@ class LimitedProblem(ShootingProblem):
         if self.final_time is None or self.given is None or self.stages.are_met(self._limits()):
             return False
         start, self.given = self.given, None
-        self.forget()
-        self.duals.begun = False
+        self._put_out()
         super().start((start.x, start.u))
         self.stages.dearer *= _DEARER_AGAIN
         self._begin()
@@ -246,8 +250,7 @@ class LimitedProblem(ShootingProblem):
         if not found.success:
             return False
         self._remember(self._place())
-        self.forget()
-        self.duals.begun = False
+        self._put_out()
         DiscreteProblem.start(self, (found.x, found.u))
         self._begin()
         return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +38,8 @@ class Stages:
         elif run.history.iterations == _FEW and max(run.history.step_lengths) < _VERY_SHORT:
             self._begin_freely()
         elif run.has_just_begun and run.was_violent and run.problem.tells_violence:
-            _ = self._begin_with_gaps() or self._begin_again()
+            if not self._begin_with_gaps():
+                self._begin_again()
         elif run.history.iterations == run.problem.long_run and not run.schedule.again:
             self._begin_with_gaps()
 
@@ -53,18 +55,12 @@ class Stages:
         if stuck and run.schedule.again and self._begin_finer():
             return True
         if stuck and problem.retry_stage():
-            run.set_out(
-                NewtonSchedule(again=True, finer=run.schedule.finer),
-                "led nowhere, back to the last stage that ended well",
-            )
+            self._set_out_again("led nowhere, back to the last stage that ended well")
             return True
         if stuck and ((problem.prefers_gaps and self._begin_with_gaps()) or self._begin_again()):
             return True
         if stuck and problem.fall_back():
-            run.set_out(
-                NewtonSchedule(again=True, finer=run.schedule.finer),
-                "the way before it began again had led further: it goes on there",
-            )
+            self._set_out_again("the way before it began again had led further: it goes on there")
             return True
         return stuck and self._begin_finer()
 
@@ -100,21 +96,19 @@ class Stages:
         return True
 
     def _begin_freely(self) -> bool:
-        """Begin again from the minimum without limits, once and for the automatic choice only."""
-        run = self.run
-        if run.schedule.again or not run.is_automatic or not run.problem.begin_freely():
-            return False
-        schedule = NewtonSchedule(again=True, finer=run.schedule.finer)
-        run.set_out(schedule, "began again, from the minimum without limits")
-        return True
+        """Begin again from the minimum without limits."""
+        return self._begin_once(self.run.problem.begin_freely, "from the minimum without limits")
 
     def _begin_again(self) -> bool:
-        """Begin again with an easier stage, once and for the automatic choice only."""
+        """Begin again with an easier stage."""
+        return self._begin_once(self.run.problem.begin_again, "where searches would lead nowhere")
+
+    def _begin_once(self, begin: Callable[[], bool], why: str) -> bool:
+        """Begin again in another way, if none was taken before and for the automatic choice only."""
         run = self.run
-        if run.schedule.again or not run.is_automatic or not run.problem.begin_again():
+        if run.schedule.again or not run.is_automatic or not begin():
             return False
-        schedule = NewtonSchedule(again=True, finer=run.schedule.finer)
-        run.set_out(schedule, "began again, where searches would lead nowhere")
+        self._set_out_again(f"began again, {why}")
         return True
 
     def _begin_finer(self) -> bool:
@@ -124,3 +118,7 @@ class Stages:
             return False
         run.set_out(NewtonSchedule(again=True, finer=True), "began again, from a minimum with half the steps of time")
         return True
+
+    def _set_out_again(self, why: str) -> None:
+        """Set out as one that has begun again."""
+        self.run.set_out(NewtonSchedule(again=True, finer=self.run.schedule.finer), why)
