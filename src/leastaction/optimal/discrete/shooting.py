@@ -7,10 +7,8 @@ of them but for the dynamics' curvature, which is weighed with the problem's cos
 the dynamics (H. G. Bock and K. J. Plitt, A multiple shooting algorithm, 1984). No step is rolled out: what the motion
 after it would amplify opens a gap instead.
 
-How far to go is told by a filter (A. Waechter and L. T. Biegler, On the implementation of an interior-point filter
-line-search algorithm, 2006, without the barrier): a trial has to lower the cost or the sum of the gaps, against all
-that was left behind. Where a full step opens gaps by the curvature of the dynamics, another one closes these before it
-is refused. A plain penalty of the gaps would creep: it refuses what a curved valley asks for.
+How far to go is told by a filter (`gap_filter`). Where a full step opens gaps by the curvature of the dynamics, another
+one closes these before it is refused.
 
 Once the gaps are closed, the curve is projected onto a trajectory, and the iteration goes on over trajectories: it is
 there that a minimum is certified.
@@ -20,16 +18,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model, shifted
+from leastaction.optimal.discrete.gap_filter import Curve, Filter
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -40,7 +38,7 @@ from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import Linearization
 
-__all__ = ["Curve", "Gapped", "ShootingProblem"]
+__all__ = ["Gapped", "ShootingProblem"]
 
 Gapped = Literal["never", "where needed", "at once"]
 """When steps may have gaps: never; where the start cannot be projected, or the loop asks for them; from the start."""
@@ -55,34 +53,8 @@ _DEAR, _LONG_IF_LOST = 10.0, 100
 # A stage with gaps is over where no more than this part of the cost is to be gained.
 _LOOSE = 1e-6
 
-# Of the filter: the least part by which the gaps have to shrink, or of them the cost has to fall; how much larger than
-# at the start their sum may become, and below which part of it the cost alone may be looked at.
-_SHRINK, _FALL = 1e-5, 1e-5
-_MOST, _FEW = 1e4, 1e-4
-
-# That is so where the gaps are small beside what the cost is to gain: powers of the two, and Armijo's fraction then.
-_COST_POWER, _GAP_POWER, _ARMIJO = 2.3, 1.1, 1e-4
-
 # Further steps that close the gaps which a full step opens, and what each may leave of them.
 _CORRECTIONS, _LEFT = 4, 0.99
-
-
-class Curve(NamedTuple):
-    """States and inputs, where its steps lead to, the gaps, their sum by the states' sizes, and what it costs.
-
-    ``worst_step``: its coarsest step. ``shown``: what it costs without what only guides the search. ``length``: of the
-    step that led to it.
-    """
-
-    x: Array
-    u: Array
-    ends: Array
-    gaps: Array
-    theta: float
-    cost: float
-    worst_step: StepQuality | None
-    shown: float
-    length: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -97,32 +69,6 @@ class ShootingDirection(DiscreteDirection):
     fall: float = field(kw_only=True)
     least: float = field(kw_only=True)
     base: str = field(kw_only=True)
-
-
-class Filter:
-    """What no later curve may be worse than in both: sums of gaps, with costs.
-
-    ``first``: the sum of gaps that it began with. ``pairs``: of the two.
-    """
-
-    def __init__(self, first: float, pairs: Sequence[tuple[float, float]] = ()) -> None:
-        self.first = max(1.0, first)
-        self.pairs = list(pairs)
-
-    def takes(self, curve: Curve, trial: Curve, length: float, fall: float, noise: float) -> bool:
-        """Whether a trial may follow a curve, along which the cost has the derivative `fall`."""
-        theta, cost = curve.theta, curve.cost
-        cost_alone = theta <= _FEW * self.first and fall < 0.0 and length * (-fall) ** _COST_POWER > theta**_GAP_POWER
-        if cost_alone:
-            good = trial.cost <= cost + _ARMIJO * length * fall + noise
-        else:
-            good = trial.theta <= (1.0 - _SHRINK) * theta or trial.cost <= cost - _FALL * theta + noise
-        good = good and trial.theta <= _MOST * self.first
-        return good and not any(trial.theta > t and trial.cost > c + noise for t, c in self.pairs)
-
-    def leave(self, curve: Curve) -> None:
-        """Remember a curve that was left for one of fewer gaps."""
-        self.pairs.append(((1.0 - _SHRINK) * curve.theta, curve.cost - _FALL * curve.theta))
 
 
 class ShootingProblem(DiscreteProblem):
@@ -550,9 +496,7 @@ class ShootingProblem(DiscreteProblem):
             return
         assert isinstance(direction, ShootingDirection)
         old, new = self.open_curve, cast(Curve, trial.iterate)
-        lowers = direction.fall < 0.0 and new.cost <= old.cost + _ARMIJO * new.length * direction.fall + self.noise
-        if not lowers:
-            self.filter.leave(old)
+        self.filter.follow(old, new, direction.fall, self.noise)
         if self.costates is None:
             self.costates = direction.costates
         else:
