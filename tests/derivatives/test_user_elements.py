@@ -12,7 +12,7 @@ import pytest
 import sympy
 
 from derivatives import user_elements as user
-from leastaction import _core
+from leastaction import _core, check_derivatives
 from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics import ContinuousDynamics, Gravity, JointForce, Mechanism, MidpointVI
 from leastaction.mechanics.elements import (
@@ -23,7 +23,6 @@ from leastaction.mechanics.elements import (
     PythonConstraint,
     PythonPotential,
 )
-from leastaction.mechanics.elements.custom.function_check import check_derivatives
 from leastaction.mechanics.elements.custom.python_function import PythonForce
 from leastaction.mechanics.expressions.terms import (
     coordinate,

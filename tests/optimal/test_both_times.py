@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import leastaction
 from leastaction import Gravity, JointForce, Mechanism, MidpointVI, rz, tx
 from leastaction.errors import ArgumentError
 from leastaction.models.chain import pendulum_chain
@@ -87,6 +88,19 @@ def test_what_does_not_fit_is_told_by_name(system, cost, options, message):
         del given["initial"]
     with pytest.raises(ArgumentError, match=message):
         optimize(system, cost, **given)
+
+
+def test_one_name_checks_functions_and_systems():
+    rng = np.random.default_rng(0)
+    x, u = rng.standard_normal((N + 1, 2)), rng.standard_normal((N, 1))
+    assert (
+        leastaction.check_derivatives(DISCRETE, x, u, cost=SUM).errors
+        == check_derivatives(DISCRETE, x, u, cost=SUM).errors
+    )
+    curve = DenseTrajectory.from_functions([0.0, 0.0], [0.0], horizon=(0.0, 1.0), nx=2, nu=1)
+    assert leastaction.check_derivatives(CONTINUOUS, curve, cost=INTEGRAL).ok
+    with pytest.raises(ArgumentError, match=r"got QuadraticCost, expected a PythonFunction .* given with its system"):
+        leastaction.check_derivatives(SUM, x, u)
 
 
 def test_checks_say_what_does_not_fit():

@@ -74,7 +74,7 @@ from leastaction.mechanics.elements import (
     TendonForce,
     TorsionalSpring,
     Wrench,
-    check_derivatives,
+    check_function,
 )
 from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
 from leastaction.mechanics.mechanism.mechanism import Energy, Mechanism
@@ -92,7 +92,7 @@ __all__ = [
     "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction",
     "PythonPotential", "Sensitivity", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step",
     "StepDerivatives", "StepSensitivity", "StepTensors", "TendonForce", "TorsionalSpring", "Trajectory",
-    "VelocityProjection", "Wrench", "ball", "check_consistent", "check_derivatives", "equilibrium",
+    "VelocityProjection", "Wrench", "ball", "check_consistent", "check_function", "equilibrium",
     "find_contradiction", "free", "gain_to_continuous", "gain_to_discrete", "legendre_jacobian", "momentum_by", "pose",
     "prismatic", "project_configuration", "project_velocity", "revolute", "rx", "ry", "rz", "screw", "simulate",
     "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal", "var",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from leastaction.systems.checks import check_derivatives
 from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.costs.places import PlaceCost
 from leastaction.systems.costs.smooth import SmoothCost
@@ -29,6 +30,7 @@ __all__ = [
     "Rig",
     "SmoothCost",
     "by_tensions",
+    "check_derivatives",
     "embed",
     "follow",
     "play",

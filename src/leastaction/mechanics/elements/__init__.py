@@ -12,7 +12,7 @@ from leastaction.mechanics.elements.constraints.guides import PointOnLine, Point
 from leastaction.mechanics.elements.constraints.loops import FixedOrientation, HingeLoop
 from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.custom.expression import ExpressionConstraint, ExpressionForce, ExpressionPotential
-from leastaction.mechanics.elements.custom.function_check import FunctionReport, check_derivatives
+from leastaction.mechanics.elements.custom.function_check import FunctionReport, check_function
 from leastaction.mechanics.elements.custom.python_function import (
     PythonConstraint,
     PythonForce,
@@ -41,5 +41,5 @@ __all__ = [
     "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Motor", "NonlinearDamping", "NonlinearSpring",
     "Parts", "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "Potential", "PrescribedPath",
     "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "SpatialWrench", "TendonForce",
-    "TorsionalSpring", "Uses", "Wrench", "check_derivatives",
+    "TorsionalSpring", "Uses", "Wrench", "check_function",
 ]  # fmt: skip

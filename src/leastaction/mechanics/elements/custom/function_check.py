@@ -55,7 +55,7 @@ class FunctionReport:
         )
 
 
-def check_derivatives(
+def check_function(
     function: PythonFunction, z: ArrayLike, *, tolerance: float = 1e-10, strict: bool = True
 ) -> FunctionReport:
     """Compare gradient and Hessian of a function with the complex-step derivatives of its value and gradient.

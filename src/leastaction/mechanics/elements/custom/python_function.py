@@ -1,7 +1,7 @@
 """Elements that the user writes as a Python class with value, gradient and Hessian.
 
 They work everywhere, but every evaluation calls Python: an expression (`ExpressionPotential`) runs a hundred
-times faster. Hold a new class to its own definition with `check_derivatives`.
+times faster. Hold a new class to its own definition with `check_function` (or `leastaction.check_derivatives`).
 """
 
 from __future__ import annotations
