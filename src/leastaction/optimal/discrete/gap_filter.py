@@ -20,7 +20,7 @@ __all__ = ["Curve", "Filter"]
 _SHRINK, _FALL = 1e-5, 1e-5
 _MOST, _FEW = 1e4, 1e-4
 
-# It is looked at alone where the gaps are small beside what it is to gain: powers of the two, and Armijo's fraction then.
+# It is looked at alone where the gaps are small beside what it may gain: powers of the two, and Armijo's fraction then.
 _COST_POWER, _GAP_POWER, _ARMIJO = 2.3, 1.1, 1e-4
 
 
