@@ -6,13 +6,16 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from leastaction.errors import ArgumentError, StepError
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
 from leastaction.optimal.discrete.problem import DiscreteProblem
+from leastaction.optimal.loop.ending import Outcome, message
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
 from optimal.systems import CartPendulum
@@ -402,6 +405,17 @@ def test_what_led_further_before_is_gone_back_to():
     assert "check_derivatives" not in result.message
     assert any("began again" in record.note for record in records)
     assert result.cost <= min(record.cost for record in records) * (1.0 + 1e-9)
+
+
+def test_steps_without_a_solution_are_told_before_derivatives():
+    """Where no step along the iterate itself is coarse, but the search was ended by those that cannot be made."""
+    worst = StepQuality(t=0.0, s=262.0, angle=0.0754, variable="j2")
+    problem = SimpleNamespace(worst_step=worst, unfinished="", unmet="")
+    said = message(problem, Outcome(Status.LINE_SEARCH_FAILED, "step 0 could not be solved", barred=True))
+    assert said.startswith("The cost falls towards motions in which a step of time has no solution")
+    assert "Take steps of time 2 times shorter" in said
+    assert "check_derivatives" not in said
+    assert "check_derivatives" in message(problem, Outcome(Status.LINE_SEARCH_FAILED, "a cost of 2"))
 
 
 def test_a_finer_grid_saves_what_says_that_time_is_coarse():

@@ -22,6 +22,7 @@ _COARSE = (
     "The cost falls towards motions that the steps of time cannot follow, and the search ended where the next steps "
     "have no solution."
 )
+_BARRED = "The cost falls towards motions in which a step of time has no solution, and the search ended before one."
 _RESOLVED = 0.5
 
 # So many iterations tell how fast a run is; it is fast where each leaves this part of the expected decrease.
@@ -30,11 +31,15 @@ _LOOKED_BACK, _FAST = 10, 0.9
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a stage ended: the status, its particulars in words, and the expected decrease there."""
+    """How a stage ended: the status, its particulars in words, and the expected decrease there.
+
+    ``barred``: whether the search ended because steps of time had no solution.
+    """
 
     status: Status
     detail: str = ""
     expected: float = np.nan
+    barred: bool = False
 
 
 class Found(Exception):
@@ -56,6 +61,8 @@ def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
         parts.append(f"Along the last iterate {worst}.")
         if worst.is_coarse and status is not Status.STALLED:
             parts = [_COARSE, *_what_helps(worst), *parts[1:]]
+        elif outcome.barred:
+            parts = [_BARRED, *_what_helps(worst), *parts[1:]]
     return " ".join(part for part in parts if part)
 
 

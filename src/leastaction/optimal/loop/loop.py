@@ -94,7 +94,7 @@ class Loop:
             return Outcome(Status.NO_DIRECTION, "; ".join(notes))
         if expected < max(1e-10 * abs(run.problem.value), run.problem.noise):
             return Outcome(Status.STALLED, notes[-1], expected)
-        return Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected)
+        return Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected, barred=refusal.failed)
 
     def _accept(self, direction: Direction, step: Step[Any], trial: Trial[Any], note: str) -> Outcome | None:
         run, problem = self.progress, self.progress.problem
