@@ -237,7 +237,7 @@ def test_speeds_are_tried_until_one_is_slow_enough() -> None:
 
     def follow(motion: Motion) -> object:
         assert motion is walk
-        return SimpleNamespace(held_error=10.0 * asked[-1], ended_early=False)
+        return SimpleNamespace(off=10.0 * asked[-1], ended_early=False)
 
     tried = fastest(follow, motion_at, 6.0)  # type: ignore[arg-type]
     assert [each.speed for each in tried] == asked == [1.0, 0.8, 0.65, 0.5]

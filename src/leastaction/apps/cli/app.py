@@ -15,7 +15,7 @@ from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
-from leastaction.apps.cli.options import MOTION, OUTPUT, PUPPET, Axis, Heading, OptimiserOptions, OutputOptions
+from leastaction.apps.cli.options import MOTION, OUTPUT, PUPPET, Axis, Follow, Heading, OptimiserOptions, OutputOptions
 from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
 
@@ -84,6 +84,7 @@ def optimize(
     mapping: Annotated[Path | None, Parameter(group=MOTION)] = None,
     duration: Annotated[float | None, Parameter(group=MOTION)] = None,
     dt: Annotated[float, Parameter(group=MOTION)] = 0.01,
+    follow: Annotated[Follow, Parameter(group=MOTION)] = "joints",
     start: Annotated[Literal["rest", "moving"], Parameter(group=MOTION)] = "rest",
     in_place: Annotated[bool, Parameter(group=MOTION, negative=())] = False,
     trim: Annotated[tuple[float, float] | None, Parameter(group=MOTION)] = None,
@@ -121,6 +122,9 @@ def optimize(
         made-up walk) if not given.
     dt
         Time step, s.
+    follow
+        What of the motion: the angles of all joints, or the places of head, hands, feet and pelvis, from which the
+        optimiser finds the angles.
     start
         Begin at rest in the first pose and pick up speed, or begin as captured.
     in_place
@@ -131,7 +135,8 @@ def optimize(
         Speed of the motion relative to the capture: 0.5 is half as fast. auto: as fast as the error allows; other
         speeds are tried, the fastest first, and their errors are shown.
     error
-        With --speed auto: largest root mean square error of the joints that strings hold, degrees.
+        With --speed auto: largest root mean square error of the joints that strings hold, degrees; of the markers, mm,
+        where these are followed.
     up
         The capture's axis that points up, such as y or -z; found from the poses if not given.
     forward
@@ -162,6 +167,8 @@ def optimize(
         raise ArgumentError(
             "--resume goes on with the motion of the earlier run: leave out --motion, --mapping and --duration"
         )
+    if resume is not None and follow != "joints":
+        raise ArgumentError("--resume follows what the earlier run did: leave out --follow")
     of_file = {
         "--mapping": mapping, "--trim": trim, "--up": up, "--forward": forward,
         "--speed": None if speed == 1.0 else speed, "--heading": None if heading == "facing" else heading,
@@ -180,7 +187,9 @@ def optimize(
         from leastaction.apps.marionette.walk import walk_in_place
 
         walk = walk_in_place(10.0 if duration is None else duration, dt)
-        return _run(walk, optimiser, output, _prepare(output), limits=limits, strings=strings, check=check)
+        return _run(
+            walk, optimiser, output, _prepare(output), limits=limits, strings=strings, follow=follow, check=check
+        )
     from leastaction.apps.marionette.retargeting import load_motion
 
     folder, console = _prepare(output), Console(highlight=False)
@@ -189,7 +198,7 @@ def optimize(
         with console.status(f"reading {motion.name}"):
             loaded = load_motion(
                 motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place, trim=trim,
-                speed=speed, up=up, forward=forward, heading=heading,
+                speed=speed, up=up, forward=forward, heading=heading, markers=follow == "markers",
             )  # fmt: skip
         console.print(loaded.summary(), markup=False)
         # The name is enough for titles, and where a file lies is nobody's business but its owner's.
@@ -199,8 +208,8 @@ def optimize(
         from leastaction.apps.cli.session import AtSpeeds
 
         at_speeds = AtSpeeds(motion_at, error)
-        return _run(at_speeds, optimiser, output, folder, limits=limits, strings=strings, check=check)
-    return _run(motion_at(speed), optimiser, output, folder, limits=limits, strings=strings, check=check)
+        return _run(at_speeds, optimiser, output, folder, limits=limits, strings=strings, follow=follow, check=check)
+    return _run(motion_at(speed), optimiser, output, folder, limits=limits, strings=strings, follow=follow, check=check)
 
 
 @app.command
@@ -296,6 +305,7 @@ def _run(
     *,
     limits: PuppetLimits | None = None,
     strings: Count = 6,
+    follow: Follow = "joints",
     check: bool = False,
 ) -> int:
     from leastaction.apps.cli import session
@@ -308,6 +318,7 @@ def _run(
         complain=_complain,
         limits=limits,
         strings=strings,
+        follow=follow,
         check=check,
     )
 

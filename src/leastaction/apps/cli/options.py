@@ -15,6 +15,7 @@ OUTPUT = Group("Output", sort_key=4)
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 Heading = Literal["facing", "travel", "axis", "straight"]
+Follow = Literal["joints", "markers"]
 Method = Literal["auto", "newton", "quasi-newton", "steepest"]
 
 

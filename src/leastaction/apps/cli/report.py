@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
+from leastaction.apps.marionette.markers import plot_markers
 from leastaction.apps.marionette.resting import RestingPoses, plot_resting
 from leastaction.apps.marionette.scene import GROUPS, marionette_scene, string_label, string_lengths
 from leastaction.apps.marionette.speeds import AtSpeed, plot_speeds
@@ -33,6 +34,7 @@ _FILES: Final = {
     "summary.txt": "the numbers, to read",
     "convergence.png": "cost against iteration",
     "tracking.png": "reference and achieved motion",
+    "markers.png": "how far head, hands and feet are off",
     "strings.png": "string tensions and lengths",
     "snapshots.png": "poses over time",
     "speeds.png": "error over speed",
@@ -106,6 +108,8 @@ def write_report(
             ),
             "snapshots.png": lambda: plot_snapshots(scene, title=scene.title),
         }
+        if run.markers is not None:
+            figures["markers.png"] = lambda: plot_markers(run.trajectory.t, run.markers_apart())
         if rest is not None:
             figures["resting.png"] = lambda: plot_resting(run, rest)
         if tried:
@@ -163,7 +167,12 @@ def _convergence(run: TrackingRun) -> Figure:
 def _tracking(run: TrackingRun) -> Figure:
     names = run.mechanism.dynamic
     return plot_tracking(
-        run.trajectory.t, run.motion.q, run.trajectory.q[:, : len(names)], names, lengths=ROOT, groups=GROUPS
+        run.trajectory.t,
+        run.reference[:, : len(names)],
+        run.trajectory.q[:, : len(names)],
+        names,
+        lengths=ROOT,
+        groups=GROUPS,
     )
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
+from leastaction.apps.cli.options import Follow, OptimiserOptions, OutputOptions
 from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
 from leastaction.apps.cli.summary import checked, run_summary, speed_table, summary_tables
@@ -37,7 +37,7 @@ Complain = Callable[[str], object]
 
 @dataclass(frozen=True)
 class AtSpeeds:
-    """A motion at any speed, and the error (degrees) within which its fastest is wanted."""
+    """A motion at any speed, and the error (degrees, or mm of markers) within which its fastest is wanted."""
 
     motion_at: Callable[[float], Motion]
     error: float
@@ -52,6 +52,7 @@ def run(
     complain: Complain,
     limits: PuppetLimits | None = None,
     strings: Count = 6,
+    follow: Follow = "joints",
     check: bool = False,
 ) -> int:
     """Follow a motion, or go on with an earlier run, and fill the folder.
@@ -66,14 +67,21 @@ def run(
     try:
         tried: list[AtSpeed] = []
         error = np.inf
-        follow = partial(
-            _optimise, optimiser=optimiser, folder=folder, console=console, kept=kept, limits=limits, strings=strings
+        optimise = partial(
+            _optimise,
+            optimiser=optimiser,
+            folder=folder,
+            console=console,
+            kept=kept,
+            limits=limits,
+            strings=strings,
+            follow=follow,
         )
         if isinstance(motion, AtSpeeds):
-            tried, error = fastest(follow, motion.motion_at, motion.error), motion.error
+            tried, error = fastest(optimise, motion.motion_at, motion.error), motion.error
             found = tried[-1].run
         else:
-            found = follow(motion)
+            found = optimise(motion)
         optimised = time.perf_counter()
         with uninterrupted():
             kept.append(_keep(found, folder, complain))
@@ -145,6 +153,7 @@ def _optimise(
     kept: list[Path],
     limits: PuppetLimits | None,
     strings: Count,
+    follow: Follow,
 ) -> TrackingRun:
     """Optimise, printing the iterations as they happen and keeping the run now and then."""
     earlier = None if isinstance(motion, Motion) else motion
@@ -177,6 +186,7 @@ def _optimise(
             marionette(strings=strings) if earlier is None else earlier.mechanism,
             motion,
             limits=limits,
+            follow=follow,
             method=optimiser.method,
             max_iterations=optimiser.max_iterations,
             tolerance=optimiser.tolerance,

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from leastaction.apps.marionette.check import check
+from leastaction.apps.marionette.markers import MARKERS
 from leastaction.apps.marionette.resting import RestingPoses
 from leastaction.apps.marionette.scene import GROUPS, string_label, string_lengths
 from leastaction.apps.marionette.speeds import AtSpeed
@@ -71,11 +72,14 @@ def run_summary(
         },
         "versions": dict(run.provenance.versions),
         "cost": {"first": float(cost[0]), "last": float(cost[-1])},
+        "follows": run.follow,
         "tracking": _tracking(run.errors),
+        "markers": {} if run.markers is None else _markers(run, rest),
         "not_followed": far,
         "limits_reached": against,
         "limits_broken": [] if limits is None else _broken(run, limits),
-        "held_joints": {"rms_deg": run.held_error} | ({} if rest is None else {"at_rest_rms_deg": rest.error}),
+        "held_joints": {"rms_deg": run.held_error}
+        | ({} if rest is None or run.follow == "markers" else {"at_rest_rms_deg": rest.error}),
         "strings": {
             name: _string(run.tension[:, i], string_lengths(run)[:, i])
             for i, name in enumerate(run.mechanism.constraints)
@@ -95,7 +99,7 @@ def _not_followed(run: TrackingRun) -> tuple[list[dict[str, Any]], list[dict[str
             "at_s": float(t[apart[:, i].argmax()]),
         }
         for i, (name, unit, rms) in enumerate(zip(names, run.errors.units, run.errors.rms, strict=True))
-        if unit == "deg" and rms > _FAR
+        if unit == "deg" and rms > _FAR and run.follow == "joints"
     ]
     limits = run.result.limits
     against: list[dict[str, Any]] = [
@@ -131,6 +135,24 @@ def _tracking(errors: TrackingErrors) -> dict[str, Any]:
     }
 
 
+def _markers(run: TrackingRun, rest: RestingPoses | None) -> dict[str, Any]:
+    """Errors of the markers (mm)."""
+    apart, t = 1e3 * run.markers_apart(), run.trajectory.t
+    at_rest = {} if rest is None or np.isnan(rest.markers) else {"at_rest_rms_mm": 1e3 * rest.markers}
+    return {
+        "rms_mm": float(np.sqrt(np.mean(apart**2))),
+        **at_rest,
+        "each": {
+            name: {
+                "rms_mm": float(np.sqrt(np.mean(apart[:, i] ** 2))),
+                "max_mm": float(apart[:, i].max()),
+                "at_s": float(t[apart[:, i].argmax()]),
+            }
+            for i, name in enumerate(MARKERS)
+        },
+    }
+
+
 def _string(pull: Array, length: Array) -> dict[str, float]:
     """Tension and length of one string."""
     return {
@@ -145,19 +167,27 @@ def _string(pull: Array, length: Array) -> dict[str, float]:
 
 def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
     """Return the summary of a run, as `run_summary` makes it, as tables for a terminal."""
-    parts = (_headline(summary), _tracking_table(summary["tracking"]), _string_table(summary["strings"]))
-    lines = _not_followed_lines(summary)
-    return Group(parts[0], "", *([lines, ""] if lines else []), parts[1], "", parts[2])
+    lines, markers = _not_followed_lines(summary), summary["markers"]
+    return Group(
+        _headline(summary),
+        "",
+        *([lines, ""] if lines else []),
+        *([_marker_table(markers), ""] if markers else []),
+        _tracking_table(summary["tracking"]),
+        "",
+        _string_table(summary["strings"]),
+    )
 
 
 def speed_table(tried: Sequence[AtSpeed], goal: float) -> RenderableType:
     """Return the errors at all speeds that were tried, the fastest first, as a table for a terminal."""
-    table = _table("speed", "held joints", "status", left=1)
+    what, unit = ("markers", " mm") if tried[0].run.follow == "markers" else ("held joints", "°")
+    table = _table("speed", what, "status", left=1)
     for each in sorted(tried, key=lambda one: -one.speed):
-        met = Text(f"{each.error:.2f}°", style="" if each.error <= goal else "red")
+        met = Text(f"{each.error:.2f}{unit}", style="" if each.error <= goal else "red")
         table.add_row(f"{each.speed:g}", met, each.run.result.status.name)
     least = min(each.error for each in tried)
-    title = f"Error over speed: at most {goal:g}° rms asked for"
+    title = f"Error over speed: at most {goal:g}{unit} rms asked for"
     return _titled(title if least <= goal else f"{title}, at none of these speeds", table)
 
 
@@ -235,6 +265,15 @@ def _tracking_table(tracking: Mapping[str, Any]) -> RenderableType:
         f"at most {tracking['joint_max_deg']:.2f}°"
     )
     return _titled(title, table)
+
+
+def _marker_table(markers: Mapping[str, Any]) -> RenderableType:
+    table = _table("marker", "rms", "max", "at")
+    for name, entry in markers["each"].items():
+        far = f"{entry['rms_mm']:.1f} mm", f"{entry['max_mm']:.1f} mm", f"{entry['at_s']:.2f} s"
+        table.add_row(name.replace("_", " "), *far)
+    at_rest = f", {markers['at_rest_rms_mm']:.1f} mm in poses at rest" if "at_rest_rms_mm" in markers else ""
+    return _titled(f"Markers: rms {markers['rms_mm']:.1f} mm{at_rest}", table)
 
 
 def _string_table(strings: Mapping[str, Any]) -> RenderableType:

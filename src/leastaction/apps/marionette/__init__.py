@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from leastaction.apps.marionette.check import RigCheck, check
+from leastaction.apps.marionette.markers import MARKERS, plot_markers
 from leastaction.apps.marionette.resting import RestingPoses, plot_resting, resting
 from leastaction.apps.marionette.retargeting import (
     VARIABLES,
@@ -31,8 +32,8 @@ from leastaction.apps.marionette.tracking import (
 from leastaction.apps.marionette.walk import walk_in_place
 
 __all__ = [
-    "FORCED", "GENTLE", "VARIABLES", "Proportions", "PuppetLimits", "PuppetMotion", "RestingPoses", "Retargeted",
-    "RigCheck", "TrackingCost", "TrackingRun", "TrackingWeights", "check", "default_names", "load_motion", "load_run",
-    "map_joints", "marionette_scene", "plot_resting", "puppet_points", "read_mapping", "resting", "retarget",
-    "save_run", "track", "walk_in_place",
+    "FORCED", "GENTLE", "MARKERS", "VARIABLES", "Proportions", "PuppetLimits", "PuppetMotion", "RestingPoses",
+    "Retargeted", "RigCheck", "TrackingCost", "TrackingRun", "TrackingWeights", "check", "default_names",
+    "load_motion", "load_run", "map_joints", "marionette_scene", "plot_markers", "plot_resting", "puppet_points",
+    "read_mapping", "resting", "retarget", "save_run", "track", "walk_in_place",
 ]  # fmt: skip

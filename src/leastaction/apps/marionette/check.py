@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from leastaction.apps.marionette.tracking.run import TrackingRun, held_error
+from leastaction.apps.marionette.markers import Follow
+from leastaction.apps.marionette.tracking.run import TrackingRun
 from leastaction.mechanics import MidpointVI
 from leastaction.systems import MidpointSystem, Played, Rig, play
 
@@ -20,18 +21,22 @@ class RigCheck:
     Attributes
     ----------
     planned : float
-        Root mean square error of the joints that strings hold, of the run (degrees).
+        Root mean square error of what the run follows, as planned: of the joints that strings hold (degrees), or of
+        the markers (mm).
     error : float
         That of the rig; infinite if it could not be simulated to the end.
     rig : Rig
     played : Played
         What the rig did.
+    follow : {"joints", "markers"}
+        What the run follows.
     """
 
     planned: float
     error: float
     rig: Rig = field(repr=False)
     played: Played = field(repr=False)
+    follow: Follow = "joints"
 
     @property
     def passed(self) -> bool:
@@ -42,13 +47,14 @@ class RigCheck:
         """Return a sentence for a person."""
         rig = self.rig
         strings = "rigid strings" if rig.stiffness is None else f"strings of {rig.stiffness:g} N/m that go slack"
+        what, unit = ("held joints", "degrees") if self.follow == "joints" else ("markers", "mm")
         how = (
             f"on a rig ({strings}, masses off by {100.0 * rig.spread:g} %, readings off by {1e3 * rig.noise:g} mrad "
-            f"and {1e3 * rig.delay:g} ms late) under feedback the held joints are"
+            f"and {1e3 * rig.delay:g} ms late) under feedback the {what} are"
         )
         if self.played.failure is not None:
             return f"{how} lost: {self.played.failure}"
-        return f"{how} {self.error:.2f} degrees (rms) off, {self.planned:.2f} as planned"
+        return f"{how} {self.error:.2f} {unit} (rms) off, {self.planned:.2f} as planned"
 
 
 def check(run: TrackingRun, rig: Rig | None = None) -> RigCheck:
@@ -72,5 +78,5 @@ def check(run: TrackingRun, rig: Rig | None = None) -> RigCheck:
     rig = Rig() if rig is None else rig
     system = MidpointSystem(MidpointVI(run.mechanism), run.trajectory.t, multipliers=True)
     played = play(system, run.result, rig)
-    error = np.inf if played.failure is not None else held_error(run.mechanism, run.reference, played.q)
-    return RigCheck(planned=run.held_error, error=error, rig=rig, played=played)
+    error = np.inf if played.failure is not None else run.off_of(played.q)
+    return RigCheck(planned=run.off, error=error, rig=rig, played=played, follow=run.follow)

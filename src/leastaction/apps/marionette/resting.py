@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import minimize
 
+from leastaction.apps.marionette.markers import LIMB_MARKERS
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem
@@ -48,6 +49,8 @@ class RestingPoses:
         Root mean square (degrees) of the joints that strings hold.
     missing : int
         Instants for which none was found.
+    markers : float
+        Of a run that follows markers: how far these are off, root mean square (m).
     """
 
     t: Array = field(repr=False)
@@ -56,6 +59,7 @@ class RestingPoses:
     tension: Array = field(repr=False)
     error: float
     missing: int
+    markers: float = np.nan
 
     __getstate__, __setstate__ = saved_state, restore_state
 
@@ -96,7 +100,7 @@ def resting(
     if instants < 1:
         raise ArgumentError(f"instants: got {instants}, expected 1 or more")
     limits = limits or PuppetLimits()
-    plan = Plan(TrackingProblem(run.mechanism, run.motion, weights, 1), weights, limits)
+    plan = Plan(TrackingProblem(run.mechanism, run.motion, weights, 1, run.follow), weights, limits)
     search = _Search(plan)
     last = len(plan.t) - 1
     made = np.stack([run.trajectory[name] for name in plan.mechanism.variables], axis=1)
@@ -106,7 +110,7 @@ def resting(
     for k in chosen:
         wanted = search.wanted(k)
         starts = [wanted, np.concatenate([made[k], pulls[k]]), *(pose for _, pose in found[-1:])]
-        best = min((search.nearest(wanted, start) for start in starts), key=lambda each: each[0])
+        best = min((search.nearest(k, start) for start in starts), key=lambda each: each[0])
         if np.isfinite(best[0]):
             found.append((int(k), best[1]))
     at = np.array([k for k, _ in found], dtype=int)
@@ -124,6 +128,7 @@ def resting(
         tension=poses[:, plan.mechanism.nq :].copy(),
         error=held_error(run.mechanism, run.reference[at], q) if found else np.nan,
         missing=len(chosen) - len(found),
+        markers=float(np.sqrt(np.mean(run.markers_apart(q, at) ** 2))) if found and run.follow == "markers" else np.nan,
     )
 
 
@@ -132,7 +137,7 @@ class _Search:
 
     def __init__(self, plan: Plan) -> None:
         self.plan, self.mechanism = plan, plan.mechanism
-        cost, strings = plan.cost(), len(plan.strings)
+        cost, strings = plan.tracking_cost(), len(plan.strings)
         Q, R, _, _ = cost.cost.hessian(plan.x_reference, plan.u_reference)
         self.scale = np.sqrt(np.concatenate([Q[: self.mechanism.nq], R[:strings]]))
         self.still = np.zeros(self.mechanism.nq)
@@ -156,8 +161,21 @@ class _Search:
         by_q, _, by_pull = m.core.force_jacobians(q, self.still, pull)
         return np.hstack([m.core.hessian(q, self.still)[0][: m.nd] + by_q[: m.nd], by_pull[: m.nd]])
 
-    def nearest(self, wanted: Array, start: Array) -> tuple[float, Array]:
-        """Return what a pose at rest costs, and the pose; infinity where none was found from this start."""
+    def markers_off(self, pose: Array, k: int) -> tuple[float, Array]:
+        """Return what it costs that markers are not where instant k wants them, and its slope (nq + strings,)."""
+        value, slope, problem = 0.0, np.zeros(len(pose)), self.plan.problem
+        if problem.follow == "joints" or problem.markers is None:
+            return value, slope
+        q = np.ascontiguousarray(pose[: self.mechanism.nq])
+        for i, frame in enumerate(LIMB_MARKERS.values(), start=1):
+            apart = self.mechanism.frame_pose(q, frame)[:3, 3] - problem.markers[k, i]
+            value += 0.5 * self.plan.weights.marker * float(apart @ apart)
+            slope[: len(q)] += self.plan.weights.marker * apart @ self.mechanism.frame_jacobian(q, frame)[:3]
+        return value, slope
+
+    def nearest(self, k: int, start: Array) -> tuple[float, Array]:
+        """Return what a pose at rest costs at instant k, and the pose; infinity where none was found from a start."""
+        wanted = self.wanted(k)
         m, limits, scale = self.mechanism, self.plan.limits, self.scale
         least, most = np.full(len(wanted), -np.inf), np.full(len(wanted), np.inf)
         least[m.nq :] = limits.tension
@@ -166,13 +184,18 @@ class _Search:
             i = m.variables.index(name)
             least[i], most[i] = bounds
         goal = wanted * scale
+
+        def cost(z: Array) -> tuple[float, Array]:
+            value, slope = self.markers_off(z / scale, k)
+            return value + 0.5 * float(np.sum((z - goal) ** 2)), slope / scale + z - goal
+
         with warnings.catch_warnings():
             # Older versions of SciPy tell of a step past a bound by rounding, which they take back.
             warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
             done = minimize(
-                lambda z: 0.5 * float(np.sum((z - goal) ** 2)),
+                cost,
                 np.clip(start, least, most) * scale,
-                jac=lambda z: z - goal,
+                jac=True,
                 bounds=np.stack([least * scale, most * scale], axis=1),
                 constraints={
                     "type": "eq",

@@ -31,7 +31,8 @@ class AtSpeed:
     speed : float
         Relative to the capture.
     error : float
-        Root mean square error (degrees) of the joints behind which a string is tied.
+        Root mean square error of what is followed: degrees of the joints behind which a string is tied, or millimetres
+        of the markers.
     run : TrackingRun
     """
 
@@ -47,7 +48,7 @@ def fastest(
     *,
     speeds: Iterable[float] = SPEEDS,
 ) -> list[AtSpeed]:
-    """Follow a motion ever more slowly, until the joints that strings hold stay within an error.
+    """Follow a motion ever more slowly, until the joints that strings hold, or the markers, stay within an error.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ def fastest(
     motion_at : callable
         The motion at a speed, such as ``lambda speed: load_motion(file, speed=speed).motion``.
     error : float
-        Largest root mean square error of the held joints (degrees).
+        Largest root mean square error of the held joints (degrees), or of the markers (mm) where they are followed.
     speeds : iterable of float, optional
         What is tried, the fastest first.
 
@@ -72,12 +73,12 @@ def fastest(
         An error that is not positive, no speeds; what `follow` and `motion_at` raise.
     """
     if not error > 0.0:
-        raise ArgumentError(f"error is {error}, expected a number > 0 (degrees)")
+        raise ArgumentError(f"error is {error}, expected a number > 0")
     tried: list[AtSpeed] = []
     for speed in speeds:
         run = follow(motion_at(speed))
-        tried.append(AtSpeed(speed=speed, error=run.held_error, run=run))
-        if run.held_error <= error or run.ended_early:
+        tried.append(AtSpeed(speed=speed, error=run.off, run=run))
+        if run.off <= error or run.ended_early:
             return tried
     if not tried:
         raise ArgumentError("speeds: got none, expected at least one to try")
@@ -88,13 +89,14 @@ def fastest(
 def plot_speeds(tried: Sequence[AtSpeed], *, goal: float, poses: int = 6) -> Figure:
     """Draw poses at every speed that was tried, the reference behind them, and the error over speed.
 
-    ``tried``: from `fastest`. ``goal``: the error (degrees) that was asked for. ``poses``: how many, at the same places
+    ``tried``: from `fastest`. ``goal``: the error that was asked for. ``poses``: how many, at the same places
     of the motion.
     """
     rows = sorted(tried, key=lambda each: -each.speed)
     figure = new_figure(1.25 * (poses + 1) + 0.6, 1.6 * len(rows) + 0.5)
     panels = figure.subplots(len(rows), poses + 1, squeeze=False)
-    words = f"rms of the joints that strings hold, line at {goal:g} deg; grey: the wanted poses"
+    what, unit = ("the markers", "mm") if tried[0].run.follow == "markers" else ("the joints that strings hold", "deg")
+    words = f"rms of {what}, line at {goal:g} {unit}; grey: the wanted poses"
     figure.suptitle(f"The same motion at other speeds: {words}", x=0.012, ha="left", fontsize=10)
     for each, cells in zip(rows, panels, strict=True):
         _draw_row(each.run, cells[:-1])
@@ -102,7 +104,7 @@ def plot_speeds(tried: Sequence[AtSpeed], *, goal: float, poses: int = 6) -> Fig
         bar = cells[-1]
         bar.barh([0.0], [each.error], height=0.5, color=BLUE if each.error <= goal else VERMILION)
         bar.plot([goal, goal], [-0.5, 0.5], color=GREY, linewidth=0.8)
-        bar.text(each.error, 0.0, f" {each.error:.1f} deg", va="center", fontsize=8.0)
+        bar.text(each.error, 0.0, f" {each.error:.1f} {unit}", va="center", fontsize=8.0)
         bar.set(xlim=(0.0, 1.6 * max(goal, *(one.error for one in rows))), ylim=(-1.0, 1.0), yticks=[], xticks=[])
         bar.set_axis_off()
     return figure

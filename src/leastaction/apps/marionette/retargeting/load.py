@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from leastaction.apps.marionette.markers import with_markers
 from leastaction.apps.marionette.retargeting.heading import Axis, Heading
 from leastaction.apps.marionette.retargeting.mapping import read_mapping
 from leastaction.apps.marionette.retargeting.retarget import Retargeted, retarget
@@ -77,6 +78,7 @@ def load_motion(
     forward: Axis | None = None,
     heading: Heading = "facing",
     in_place: bool = False,
+    markers: bool = False,
 ) -> PuppetMotion:
     """Read a BVH file and make it a reference motion of the puppet.
 
@@ -104,6 +106,9 @@ def load_motion(
         Part of the capture to use, from and to (s).
     proportions, up, forward, heading, in_place
         See `leastaction.apps.marionette.retargeting.retarget.retarget`.
+    markers : bool
+        Whether the motion says, in further columns, where the person's head, hands and feet are: for ``track(...,
+        follow="markers")``.
 
     Raises
     ------
@@ -119,7 +124,7 @@ def load_motion(
     made = retarget(
         capture, names=names, proportions=proportions, up=up, forward=forward, heading=heading, in_place=in_place
     )
-    motion = made.motion
+    motion = with_markers(made.motion, made.markers) if markers else made.motion
     if trim is not None:
         motion = _trimmed(motion, trim)
     motion = replace(motion, t=motion.t / as_number(speed, "speed", above=0.0))

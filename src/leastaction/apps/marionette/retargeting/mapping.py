@@ -29,6 +29,9 @@ from leastaction.io.motion.capture import Capture
 #: The joints a capture must have.
 ROLES: tuple[str, ...] = tuple(f"{side}_{joint}" for side, limb in LIMBS for joint in CHAINS[limb])
 
+#: Joints that it may have.
+MORE_ROLES: tuple[str, ...] = ("head",)
+
 JointNames = Mapping[str, tuple[str, ...]]
 
 _MOST_BYTES = 1_000_000
@@ -99,7 +102,7 @@ def map_joints(capture: Capture, names: JointNames | None = None) -> dict[str, i
         elbow from its shoulder, and so on). The message lists all such roles, the names in the
         file, and what to write into a mapping file.
     """
-    given = dict(names or {})
+    given = {role: each for role, each in (names or {}).items() if role in ROLES}
     prefixes: tuple[str, ...] = tuple(_default_table()["prefixes"])
     exact = {name: index for index, name in enumerate(capture.names)}
     plain: dict[str, int] = {}
@@ -123,6 +126,21 @@ def map_joints(capture: Capture, names: JointNames | None = None) -> dict[str, i
         raise MotionFileError(_missing_message(capture, found, missing))
     _check_tree(capture, found)
     return {role: found[role] for role in ROLES}
+
+
+def more_joints(capture: Capture, names: JointNames | None = None) -> dict[str, int]:
+    """Return the joints of a capture for `MORE_ROLES`, as far as it has them; ``names`` as of `map_joints`."""
+    table = _default_table()
+    prefixes: tuple[str, ...] = tuple(table["prefixes"])
+    plain: dict[str, int] = {}
+    for index, name in enumerate(capture.names):
+        plain.setdefault(_plain(name, prefixes), index)
+    candidates = {**_checked_names(table["more"], "the built-in joint names"), **(names or {})}
+    found = {
+        role: next((plain[key] for name in candidates[role] if (key := _plain(name, ())) in plain), None)
+        for role in MORE_ROLES
+    }
+    return {role: index for role, index in found.items() if index is not None}
 
 
 def _ends(capture: Capture, found: Mapping[str, int], missing: Collection[str]) -> dict[str, int]:
@@ -224,11 +242,11 @@ def _checked_names(joints: object, where: str) -> JointNames:
     if not isinstance(joints, dict):
         raise MotionFileError(f"{where}: expected a table of roles and joint names")
     for role, value in joints.items():
-        if role not in ROLES:
-            near = get_close_matches(role, ROLES, n=1)
+        if role not in (*ROLES, *MORE_ROLES):
+            near = get_close_matches(role, (*ROLES, *MORE_ROLES), n=1)
             hint = f"did you mean {near[0]}? " if near else ""
             raise MotionFileError(
-                f"{where}: unknown role {reprlib.repr(role)}; {hint}The roles are: {', '.join(ROLES)}"
+                f"{where}: unknown role {reprlib.repr(role)}; {hint}The roles are: {', '.join((*ROLES, *MORE_ROLES))}"
             )
         listed = [value] if isinstance(value, str) else value
         if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):

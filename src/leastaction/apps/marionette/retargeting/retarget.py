@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from leastaction.apps.marionette.retargeting.captured_markers import captured_markers
 from leastaction.apps.marionette.retargeting.geometry import (
     angle_between,
     euler_zyx,
@@ -36,7 +37,7 @@ from leastaction.apps.marionette.retargeting.heading import (
     up_axis,
     world_from,
 )
-from leastaction.apps.marionette.retargeting.mapping import JointNames, map_joints
+from leastaction.apps.marionette.retargeting.mapping import JointNames, map_joints, more_joints
 from leastaction.apps.marionette.retargeting.skeleton import (
     BEND,
     CHAINS,
@@ -81,6 +82,8 @@ class Retargeted:
         Unit direction of every captured bone in the puppet's world.
     errors : mapping of bone to (F,) array
         Angle in degrees between the puppet's bone and the captured one.
+    markers : mapping of name to (F, 3) array
+        Where head, hands and feet are relative to the pelvis, at the puppet's size (m).
     """
 
     motion: Motion
@@ -92,6 +95,7 @@ class Retargeted:
     first_frame: int
     directions: Mapping[str, Array]
     errors: Mapping[str, Array]
+    markers: Mapping[str, Array]
 
     @property
     def largest_error(self) -> float:
@@ -156,7 +160,8 @@ def retarget(
     points = {role: place @ world.T for role, place in points.items()}
     angle = heading_angle(capture, heading, points)
     turn = axis_rotation(2, np.array(angle))
-    points = {role: place @ turn.T for role, place in points.items()}
+    more = {role: positions[first:, index] @ world.T for role, index in more_joints(capture, names).items()}
+    points = {role: place @ turn.T for role, place in {**more, **points}.items()}
     frames = {role: turn @ world @ own for role, own in frames.items()}
 
     scale = sizes.leg / leg_length(points)
@@ -165,9 +170,12 @@ def retarget(
     torso = _torso(points)
     turns = without_spins(t, euler_zyx(torso), _axes, np.swapaxes(torso[:, :, ::2], 1, 2))
     q[:, 3:6], torso = turns, rotation_zyx(turns)
-    pelvis = scale * points["pelvis"]
+    pelvis, markers = scale * points["pelvis"], captured_markers(points, torso, sizes)
     if heading == "straight":
+        yaw = q[:, 3].copy()
         q[:, 3], pelvis[:, :2] = straightened(t, q[:, 3], pelvis[:, :2])
+        back = axis_rotation(2, q[:, 3] - yaw)
+        markers = {name: np.einsum("fij,fj->fi", back, place) for name, place in markers.items()}
     q[:, :3] = _root(pelvis, in_place=in_place)
     for side, limb in LIMBS:
         columns = [VARIABLES.index(name) for name in limb_variables(side, limb)]
@@ -189,6 +197,7 @@ def retarget(
         first_frame=first,
         directions=directions,
         errors=errors,
+        markers=markers,
     )
 
 

@@ -31,6 +31,8 @@ Limb = Literal["leg", "arm"]
 LIMBS: tuple[tuple[str, Limb], ...] = (("left", "leg"), ("right", "leg"), ("left", "arm"), ("right", "arm"))
 #: Joint names from the root of a limb to its end.
 CHAINS: dict[Limb, tuple[str, str, str]] = {"leg": ("hip", "knee", "ankle"), "arm": ("shoulder", "elbow", "wrist")}
+#: How far the middle of the puppet's head is above its shoulders (m).
+HEAD = 0.18
 #: Sign of the hinge's variable when it bends the natural way.
 BEND: dict[Limb, float] = {"leg": -1.0, "arm": 1.0}
 

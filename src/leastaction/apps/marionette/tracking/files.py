@@ -6,9 +6,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast, get_args
 
 import numpy as np
 
+from leastaction.apps.marionette.markers import MARKERS, Follow, wanted_markers, with_places
 from leastaction.apps.marionette.tracking.limits import KINDS
 from leastaction.apps.marionette.tracking.plan import PRICES
 from leastaction.apps.marionette.tracking.run import TrackingRun, TrackingSearch
@@ -41,11 +43,13 @@ class MarionetteRun:
     strings: int = 6
     kinds: tuple[str, ...] | None = None
     unfinished: OptimizationResult | None = None
+    follow: str = "joints"
+    markers: Array | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarionetteSearch:
-    """What a file holds of a `TrackingSearch`; ``body`` are the columns of its motion."""
+    """What a file holds of a `TrackingSearch`; ``body`` are the columns of its motion, ``markers`` its own."""
 
     source: str
     numbers: Mapping[str, float]
@@ -54,6 +58,8 @@ class MarionetteSearch:
     stage: int
     result: OptimizationResult
     strings: int = 6
+    follow: str = "joints"
+    markers: Array | None = None
 
 
 def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
@@ -88,6 +94,8 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
         strings=run.mechanism.nc,
         kinds=tuple(sorted(run.kinds)),
         unfinished=run.unfinished,
+        follow=run.follow,
+        markers=run.markers,
     )
     arrays = {name: getattr(trajectory, name) for name in ("q", "p", "lam")}
     return save_record(path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension})
@@ -106,6 +114,8 @@ def save_search(path: str | os.PathLike[str], search: TrackingSearch) -> Path:
         stage=search.stage,
         result=search.result,
         strings=search.mechanism.nc,
+        follow=search.follow,
+        markers=wanted_markers(search.mechanism, search.motion),
     )
     return save_record(path, content, provenance=search.provenance)
 
@@ -175,6 +185,7 @@ def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Prov
                 "result.u": (saved.result.u, (system.N, system.nu)),
             }
         )
+        _check_markers(saved, system.N)
         return TrackingRun(
             mechanism=mechanism,
             source=saved.source,
@@ -185,6 +196,8 @@ def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Prov
             plan=saved.plan,
             kinds=_kinds_of(saved, mechanism),
             unfinished=saved.unfinished,
+            follow=_follow_of(saved),
+            markers=saved.markers,
             provenance=provenance,
         )
     except LeastActionError as error:
@@ -232,15 +245,32 @@ def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance
                 "result.u": (saved.result.u, (steps, inputs)),
             }
         )
+        _check_markers(saved, N)
+        motion = Motion(mechanism.dynamic, saved.t, saved.body, saved.source)
+        if saved.markers is not None:
+            motion = with_places(motion, saved.markers)
         return TrackingSearch(
             mechanism=mechanism,
-            motion=Motion(mechanism.dynamic, saved.t, saved.body, saved.source),
+            motion=motion,
             stage=saved.stage,
             result=saved.result,
+            follow=_follow_of(saved),
             provenance=provenance,
         )
     except LeastActionError as error:
         raise _contradiction(path, error) from error
+
+
+def _follow_of(saved: MarionetteRun | MarionetteSearch) -> Follow:
+    for known in get_args(Follow):
+        if known == saved.follow:
+            return cast("Follow", known)
+    raise ResultFileError(f"a run that follows {saved.follow!r} is none")
+
+
+def _check_markers(saved: MarionetteRun | MarionetteSearch, N: int) -> None:
+    if saved.markers is not None:
+        _check({"markers": (saved.markers, (N + 1, len(MARKERS), 3))})
 
 
 def _contradiction(path: str | os.PathLike[str], error: LeastActionError) -> ResultFileError:

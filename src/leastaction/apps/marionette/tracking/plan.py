@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,14 @@ from scipy.optimize import lsq_linear
 
 from leastaction.apps.marionette.tracking.cost import TrackingCost
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
-from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, unheld
+from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import LeastActionError, ProjectionError, StepError
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import JointForce, MidpointVI, Trajectory
 from leastaction.models.marionette import marionette, set_of, strings_of
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
+from leastaction.optimal import Cost, IterationRecord, OptimizationResult, Status, optimize
 from leastaction.optimal.discrete.linear_quadratic import regulate
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.systems import PulledSystem
@@ -79,12 +79,23 @@ class Plan:
         self.limits = limits
         self.free_start = m.variables
 
-    def cost(self, *, motor: float | None = None) -> TrackingCost:
-        """Return the cost; with motors as further inputs, behind the tensions, if they have a price."""
+    @cached_property
+    def by_motors(self) -> PulledSystem:
+        """The system with a motor on every joint; their forces are inputs behind the tensions."""
+        m = self.mechanism
+        helped = m.with_elements([JointForce(name, f"motor of {name}") for name in m.dynamic])
+        return PulledSystem(MidpointVI(helped, threads=self.problem.threads), self.t, at_instants=m.inputs)
+
+    def cost(self, *, motor: float | None = None) -> Cost:
+        """Return the cost; that of the system with motors if they have a price."""
+        system = self.system if motor is None else self.by_motors
+        return self.problem.with_markers(self.tracking_cost(motor=motor), system)
+
+    def tracking_cost(self, *, motor: float | None = None) -> TrackingCost:
+        """Return the part of the cost that is quadratic in states and inputs."""
         m, w, strings = self.mechanism, self.weights, len(self.strings)
         inertia = np.diag(m.mass_matrix(self.x_reference[0, : m.nq]))[: m.nd]
         free = unheld(self.problem.mechanism)
-        body = np.array([w.root if n in ROOT else w.unheld if n in free else w.joint for n in m.dynamic])
         rate = w.rate * np.array([w.unheld if n in free else 1.0 for n in m.dynamic]) / inertia**2
         motors = 0 if motor is None else m.nd
         price = np.full(motors, 0.0 if motor is None else motor)
@@ -92,7 +103,7 @@ class Plan:
         return TrackingCost(
             self.x_reference,
             np.hstack([u[:, :strings], np.zeros((len(u), motors)), u[:, strings:]]),
-            Q=np.concatenate([body, np.full(m.nrho, w.string), rate, np.zeros(m.nrho)]),
+            Q=np.concatenate([self.problem.body_weights(w), np.full(m.nrho, w.string), rate, np.zeros(m.nrho)]),
             R=np.concatenate([np.full(strings, w.tension), price, np.full(m.nrho, 0.01 * w.string)]),
             dt=self.dt,
             rho=slice(m.nd, m.nq),
@@ -116,8 +127,6 @@ class Plan:
         """
         m, strings = self.mechanism, len(self.strings)
         motors = range(strings, strings + m.nd)
-        helped = m.with_elements([JointForce(name, f"motor of {name}") for name in m.dynamic])
-        by_motors = PulledSystem(MidpointVI(helped, threads=self.problem.threads), self.t, at_instants=m.inputs)
         options = self._options()
 
         def ended(found: OptimizationResult, number: int) -> OptimizationResult:
@@ -140,7 +149,7 @@ class Plan:
                 break
             price = PRICES[number]
             # Duals of an earlier stage are those of cheaper motors: each stage finds its own.
-            solve = partial(optimize, by_motors, self.cost(motor=price), max_iterations=_ITERATIONS, **options)
+            solve = partial(optimize, self.by_motors, self.cost(motor=price), max_iterations=_ITERATIONS, **options)
             found = self._begun(solve) if result is None else solve(initial=(result.x, result.u))
             result = ended(found, number)
             keep(number + 1, result, False)

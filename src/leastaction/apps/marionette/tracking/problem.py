@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from leastaction.apps.marionette.markers import LIMB_MARKERS, Follow, places_of, wanted_markers
 from leastaction.apps.marionette.tracking.cost import TrackingCost
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
@@ -13,7 +14,8 @@ from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus
 from leastaction.models.marionette import PLANE_HEIGHT, STRINGS, UNHELD, hang_strings, set_of, strings_of
 from leastaction.numerics.arrays import Array
-from leastaction.systems import MidpointSystem
+from leastaction.optimal import Cost
+from leastaction.systems import MidpointSystem, PlaceCost
 
 ROOT = ("torso_tx", "torso_ty", "torso_tz")
 MOST_STEPS = 100_000
@@ -48,14 +50,24 @@ def below_strings(mechanism: Mechanism, motion: Motion) -> tuple[Motion, float]:
 class TrackingProblem:
     """The tracking problem of one motion."""
 
-    def __init__(self, mechanism: Mechanism, motion: Motion, weights: TrackingWeights, threads: int) -> None:
-        self.mechanism, self.weights, self.threads = mechanism, weights, threads
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        motion: Motion,
+        weights: TrackingWeights,
+        threads: int,
+        follow: Follow = "joints",
+    ) -> None:
+        self.mechanism, self.weights, self.threads, self.follow = mechanism, weights, threads, follow
         self.t = motion.t
         self.body = _columns(mechanism, motion)
         self.dt = float(self.t[1] - self.t[0])
         self.integrator = MidpointVI(mechanism, threads=threads)
         self.system = MidpointSystem(self.integrator, self.t, multipliers=True)
         self._refer()
+        self.markers = wanted_markers(mechanism, motion)
+        if self.markers is None and follow == "markers":
+            self.markers = places_of(mechanism, self.reference)
 
     def hang(self) -> tuple[Array, Array] | None:
         """Return what the puppet does under hanging strings, or None where that is no good start."""
@@ -74,20 +86,38 @@ class TrackingProblem:
         x = np.vstack([self.x_reference[:1], np.hstack([run.x[1:], run.lam])])
         return x, run.u
 
-    def cost(self, tension: float) -> TrackingCost:
+    def with_markers(self, cost: TrackingCost, system: MidpointSystem) -> Cost:
+        """Return a tracking cost of a system with the price of where the markers are, if they are followed."""
+        if self.follow == "joints" or self.markers is None:
+            return cost
+        places = {frame: self.markers[:, i] for i, frame in enumerate(LIMB_MARKERS.values(), start=1)}
+        return PlaceCost(cost, system, places, dict.fromkeys(places, self.weights.marker))
+
+    def body_weights(self, weights: TrackingWeights) -> Array:
+        """Return the weights (nd,) of the body's variables."""
+        free, w = unheld(self.mechanism), weights
+        # The pelvis is a marker whose place is in variables.
+        root, share = (w.root, 1.0) if self.follow == "joints" else (w.marker, w.posture)
+        return np.array(
+            [
+                root if name in ROOT else share * (w.unheld if name in free else w.joint)
+                for name in self.mechanism.dynamic
+            ]
+        )
+
+    def cost(self, tension: float) -> Cost:
         """Return the cost at a price of tension."""
         m, w = self.mechanism, self.weights
         inertia = np.diag(m.mass_matrix(self.reference[0]))[: m.nd]
         free = unheld(m)
-        body = np.array([w.root if n in ROOT else w.unheld if n in free else w.joint for n in m.dynamic])
         rate = w.rate * np.array([w.unheld if n in free else 1.0 for n in m.dynamic]) / inertia**2
         # lam is an impulse for |p1 - p2|^2 - L^2: a newton of tension is dt / (2 L) of it.
         lengths = self.reference[0, [m.variables.index(s.length) for s in strings_of(m)]]
         pull = tension * (2.0 * lengths / self.dt) ** 2
-        Q = np.concatenate([body, np.full(m.nrho, w.string), rate, np.zeros(m.nrho), pull])
+        Q = np.concatenate([self.body_weights(w), np.full(m.nrho, w.string), rate, np.zeros(m.nrho), pull])
         R = np.full(m.nrho, 0.01 * w.string)
         u_reference = self.reference[1:, m.nd :]
-        return TrackingCost(
+        cost = TrackingCost(
             self.x_reference,
             u_reference,
             Q=Q,
@@ -98,6 +128,7 @@ class TrackingProblem:
             rho_next=slice(0, m.nrho),
             acceleration=w.string_acceleration,
         )
+        return self.with_markers(cost, self.system)
 
     def _refer(self) -> None:
         """Set the reference configurations and states, with strings that go with the body's motion."""

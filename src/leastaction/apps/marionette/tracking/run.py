@@ -20,12 +20,13 @@ from functools import partial
 
 import numpy as np
 
+from leastaction.apps.marionette.markers import Follow, places_of, with_places
 from leastaction.apps.marionette.tracking.checkpoints import Checkpoints
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, below_strings, unheld
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
-from leastaction.errors import ProjectionError
+from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.io.results.record import Provenance
 from leastaction.mechanics import Mechanism, Trajectory
@@ -71,6 +72,10 @@ class TrackingRun:
     unfinished : OptimizationResult or None
         Of a run that was cut short before its strings were told to pull: where it goes on. What the rest says is a
         motion near that one, in which they do.
+    follow : {"joints", "markers"}
+        What of the reference was followed.
+    markers : ndarray (N+1, 6, 3) or None
+        Where the markers are wanted (m), in the order of `leastaction.apps.marionette.MARKERS`, if that is known.
     provenance : Provenance
     """
 
@@ -83,13 +88,16 @@ class TrackingRun:
     plan: OptimizationResult | None = field(default=None, repr=False)
     kinds: frozenset[str] = frozenset()
     unfinished: OptimizationResult | None = field(default=None, repr=False)
+    follow: Follow = "joints"
+    markers: Array | None = field(default=None, repr=False)
     provenance: Provenance = field(default_factory=Provenance.now)
 
     @property
     def motion(self) -> Motion:
-        """The reference motion of the body."""
+        """The reference motion of the body, with its markers if they are known."""
         names = self.mechanism.dynamic
-        return Motion(names, self.trajectory.t, self.reference[:, : len(names)], self.source)
+        body = Motion(names, self.trajectory.t, self.reference[:, : len(names)], self.source)
+        return body if self.markers is None else with_places(body, self.markers)
 
     @property
     def tension(self) -> Array:
@@ -113,6 +121,28 @@ class TrackingRun:
     def held_error(self) -> float:
         """Root mean square error (degrees) of the angles behind which a string is tied."""
         return held_error(self.mechanism, self.reference, self.trajectory.q)
+
+    def markers_apart(self, q: Array | None = None, rows: slice | Array = slice(None)) -> Array:
+        """Return how far the markers are from where they are wanted (m): (n, 6).
+
+        ``q``: configurations (n, nq) at some of the instants, ``rows``; those of the motion itself if left out. Raises
+        `ArgumentError` if it is not known where markers are wanted.
+        """
+        if self.markers is None:
+            raise ArgumentError("markers: the motion does not say where they are wanted; load it with markers=True")
+        made = places_of(self.mechanism, self.trajectory.q if q is None else q)
+        return np.asarray(np.linalg.norm(made - self.markers[rows], axis=2))
+
+    @property
+    def off(self) -> float:
+        """How far what is followed is off, rms: joints that strings hold in degrees, or markers in millimetres."""
+        return self.off_of(self.trajectory.q)
+
+    def off_of(self, q: Array) -> float:
+        """Return how far what is followed is `off` in configurations q (N+1, nq)."""
+        if self.follow == "joints":
+            return held_error(self.mechanism, self.reference, q)
+        return 1e3 * float(np.sqrt(np.mean(self.markers_apart(q) ** 2)))
 
     @property
     def ended_early(self) -> bool:
@@ -143,6 +173,8 @@ class TrackingSearch:
         Which of the search's optimisations is next.
     result : OptimizationResult
         Of the one before it.
+    follow : {"joints", "markers"}
+        What of the motion.
     provenance : Provenance
     """
 
@@ -150,6 +182,7 @@ class TrackingSearch:
     motion: Motion
     stage: int
     result: OptimizationResult = field(repr=False)
+    follow: Follow = "joints"
     provenance: Provenance = field(default_factory=Provenance.now)
 
 
@@ -160,6 +193,7 @@ def track(
     weights: TrackingWeights | None = None,
     limits: PuppetLimits | None = None,
     planned: bool = False,
+    follow: Follow = "joints",
     method: Method = "auto",
     max_iterations: int = 500,
     tolerance: float | None = None,
@@ -185,6 +219,10 @@ def track(
         What the motion keeps to; `PuppetLimits` as it is if not given, also where a run is resumed.
     planned : bool, optional
         Plan by tensions at once; else that is done where hanging strings give no good start, or end up pushing.
+    follow : {"joints", "markers"}, optional
+        Follow the angles of the joints, or the places of head, hands, feet and pelvis: where the motion says that they
+        are (`load_motion` with ``markers=True``), else where they would be if the joints did what is wanted. How
+        joints bend in between is then for the optimiser to find. A run or search that is resumed follows what it did.
     method, max_iterations, callback
         As in `leastaction.optimal.optimize`, for the last optimisation.
     tolerance : float, optional
@@ -212,15 +250,20 @@ def track(
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """
     kept = Checkpoints(checkpoint, checkpoint_seconds)
+    if resume is not None:
+        follow = resume.follow
 
     def keep_search(stage: int, found: OptimizationResult, at_once: bool) -> None:
-        kept(lambda: TrackingSearch(mechanism=mechanism, motion=motion, stage=stage, result=found), at_once=at_once)
+        kept(
+            lambda: TrackingSearch(mechanism=mechanism, motion=motion, stage=stage, result=found, follow=follow),
+            at_once=at_once,
+        )
 
     bounds = limits or PuppetLimits()
     motion, lowered = below_strings(mechanism, motion)
     if lowered > 0.0 and progress is not None:
         progress(f"the motion rises above the plane of the strings: lowered there, by up to {lowered:.2g} m")
-    problem = TrackingProblem(mechanism, motion, weights or GENTLE, threads)
+    problem = TrackingProblem(mechanism, motion, weights or GENTLE, threads, follow)
     initial = problem.hang() if resume is None and not planned else None
     embedded, earlier = initial is None, None
     if isinstance(resume, TrackingRun):
@@ -231,7 +274,7 @@ def track(
     # Where else to begin, with what is said of it.
     others: list[tuple[str, Callable[[], tuple[Array, Array]]]] = []
     if embedded:
-        problem = TrackingProblem(mechanism, motion, weights or FORCED, threads)
+        problem = TrackingProblem(mechanism, motion, weights or FORCED, threads, follow)
         plan = Plan(problem, weights or FORCED, bounds)
         coarse = _coarser(plan, motion)
         if isinstance(resume, TrackingRun):
@@ -261,6 +304,8 @@ def track(
             result=result,
             plan=None if plan is None else found,
             kinds=kinds,
+            follow=follow,
+            markers=problem.markers,
         )
 
     lost = False
@@ -358,7 +403,10 @@ def track(
     ended = run.ended_early
     if plan is None and run.tension.min() < 0.0 and (ended or left < 1):
         # It ended before its strings were told to pull.
-        plan, embedded = Plan(TrackingProblem(mechanism, motion, FORCED, threads), weights or FORCED, bounds), True
+        plan, embedded = (
+            Plan(TrackingProblem(mechanism, motion, FORCED, threads, follow), weights or FORCED, bounds),
+            True,
+        )
         pulling = run_of(plan.pulling(plan.by_tensions(run.trajectory, run.tension, result)))
         return replace(pulling, unfinished=result)
     creeps = not result.success and not ended and left > 0
@@ -367,7 +415,7 @@ def track(
             why = "a hanging puppet finds no way" if creeps else "hanging strings end up pushing"
             progress(f"{why}: the motion is planned by tensions")
         return track(
-            mechanism, motion, weights=weights, limits=limits, planned=True, method=method,
+            mechanism, motion, weights=weights, limits=limits, planned=True, follow=follow, method=method,
             max_iterations=left if creeps else max_iterations, callback=callback, progress=progress,
             checkpoint=checkpoint, checkpoint_seconds=checkpoint_seconds, threads=threads,
         )  # fmt: skip
@@ -381,4 +429,8 @@ def _coarser(plan: Plan, motion: Motion) -> Plan:
         return plan
     slow = motion.resample(motion.duration / (steps // 2), duration=motion.duration)
     problem = plan.problem
-    return Plan(TrackingProblem(problem.mechanism, slow, plan.weights, problem.threads), plan.weights, plan.limits)
+    return Plan(
+        TrackingProblem(problem.mechanism, slow, plan.weights, problem.threads, problem.follow),
+        plan.weights,
+        plan.limits,
+    )

@@ -29,6 +29,10 @@ class TrackingWeights:
         Acceleration of the same: keeps the hand that holds the strings calm (s^4/m^2).
     tension : float
         Tension of a string about what it bears at rest (1/N^2).
+    marker : float
+        Where markers are followed: place of the head, a hand, a foot, or the pelvis (1/m^2), in place of `root`.
+    posture : float
+        There, what `joint` and `unheld` are multiplied by: a little of the wanted pose for what markers leave open.
     """
 
     joint: float = 1.0
@@ -38,6 +42,8 @@ class TrackingWeights:
     string: float = 1e-3
     string_acceleration: float = 1e-6
     tension: float = 1e-7
+    marker: float = 30.0
+    posture: float = 0.1
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
