@@ -82,6 +82,8 @@ def optimize(
     *,
     motion: Annotated[Path | None, Parameter(group=MOTION)] = None,
     mapping: Annotated[Path | None, Parameter(group=MOTION)] = None,
+    skeleton: Annotated[Path | None, Parameter(group=MOTION)] = None,
+    frame_rate: Annotated[float | None, Parameter(group=MOTION)] = None,
     duration: Annotated[float | None, Parameter(group=MOTION)] = None,
     dt: Annotated[float, Parameter(group=MOTION)] = 0.01,
     follow: Annotated[Follow, Parameter(group=MOTION)] = "joints",
@@ -114,9 +116,13 @@ def optimize(
     mechanism
         The mechanism: marionette, a puppet of 22 joint variables on six strings, or on more.
     motion
-        Motion capture to follow: a BVH file. A walk on the spot is made up without it.
+        Motion capture to follow: a BVH file, or an AMC file. A walk on the spot is made up without it.
     mapping
         TOML file that says which joint of the capture is which joint of the puppet, where the usual names do not fit.
+    skeleton
+        The ASF file of an AMC file; the one beside it with whose name the motion's begins, if not given.
+    frame_rate
+        Frames per second of an AMC file that does not say it; 120 if not given.
     duration
         Length, s. A shorter capture is repeated by its best cycle. The whole capture (10 s of the
         made-up walk) if not given.
@@ -170,7 +176,8 @@ def optimize(
     if resume is not None and follow != "joints":
         raise ArgumentError("--resume follows what the earlier run did: leave out --follow")
     of_file = {
-        "--mapping": mapping, "--trim": trim, "--up": up, "--forward": forward,
+        "--mapping": mapping, "--skeleton": skeleton, "--frame-rate": frame_rate, "--trim": trim,
+        "--up": up, "--forward": forward,
         "--speed": None if speed == 1.0 else speed, "--heading": None if heading == "facing" else heading,
     }  # fmt: skip
     for option, value in of_file.items():
@@ -199,6 +206,7 @@ def optimize(
             loaded = load_motion(
                 motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place, trim=trim,
                 speed=speed, up=up, forward=forward, heading=heading, markers=follow == "markers",
+                skeleton=skeleton, frame_rate=frame_rate,
             )  # fmt: skip
         console.print(loaded.summary(), markup=False)
         # The name is enough for titles, and where a file lies is nobody's business but its owner's.

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from leastaction.io.motion.acclaim import read_amc
 from leastaction.io.motion.bvh import read_bvh
 from leastaction.io.motion.capture import Capture, Gap, Joint, forward_kinematics
 from leastaction.io.motion.gaps import fill_gaps
 from leastaction.io.motion.motion import Motion
+from leastaction.io.motion.read import read_capture
 
-__all__ = ["Capture", "Gap", "Joint", "Motion", "fill_gaps", "forward_kinematics", "read_bvh"]
+__all__ = [
+    "Capture", "Gap", "Joint", "Motion", "fill_gaps", "forward_kinematics", "read_amc", "read_bvh", "read_capture",
+]  # fmt: skip

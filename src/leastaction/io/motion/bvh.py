@@ -15,17 +15,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
-from leastaction.errors import MotionFileError
 from leastaction.io.motion.capture import Capture, Joint
 from leastaction.io.motion.gaps import fill_gaps
+from leastaction.io.motion.text import MotionText, is_missing, number_of, read_text, shown
 from leastaction.numerics.arrays import Array
 
 CHANNEL_NAMES = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
-_MOST_BYTES = 2**30
 _CHANNEL_BY_LOWER = {name.lower(): name for name in CHANNEL_NAMES}
 
 
@@ -48,48 +46,24 @@ def read_bvh(path: str | PathLike[str], *, fill: bool = True) -> Capture:
         what the format asks for at some line; the message names file, line, what was found and expected.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            content = file.read(_MOST_BYTES + 1)
-        text = content.decode("utf-8-sig")
-    except OSError as error:
-        raise MotionFileError(
-            f"{path}: cannot be read ({error.strerror or error}); expected a BVH motion capture file. Check the path."
-        ) from error
-    except UnicodeDecodeError as error:
-        raise MotionFileError(
-            f"{path}: holds bytes that are no text; expected a BVH motion capture file, which is "
-            "text. Export the motion as BVH."
-        ) from error
-    if len(content) > _MOST_BYTES:
-        raise MotionFileError(
-            f"{path}: is larger than {_MOST_BYTES} bytes; expected a BVH motion capture file. Cut it."
-        )
-    capture = _Reader(path, text).read()
+    capture = _Reader(path, read_text(path, "a BVH")).read()
     return fill_gaps(capture) if fill else capture
 
 
-class _Reader:
+class _Reader(MotionText):
     """One pass over the lines of a BVH file."""
 
     def __init__(self, path: Path, text: str) -> None:
-        self.path = path
-        self.lines = text.splitlines()
+        super().__init__(path, text)
         self.row = 0  # index of the next unread line of the motion table
-        self.line = 0  # line being looked at, from 1, for messages
         self.joints: list[Joint] = []
         self.declared: dict[str, int] = {}  # the line of every joint, by its name
-
-    def fail(self, found: str, expected: str) -> NoReturn:
-        raise MotionFileError(
-            f"{self.path}, line {self.line}: {found}; expected {expected}. Export or fetch the file again."
-        )
 
     def read(self) -> Capture:
         tokens = self.hierarchy_lines()
         _, first = self.following(tokens, "the word HIERARCHY, with which a BVH file begins")
         if first[0].upper() != "HIERARCHY":
-            self.fail(f"the file begins with {_shown(' '.join(first))}", "the word HIERARCHY: this is no BVH file")
+            self.fail(f"the file begins with {shown(' '.join(first))}", "the word HIERARCHY: this is no BVH file")
         self.read_hierarchy(tokens)
         n_frames = self.read_header("Frames:", "Frames: followed by the number of frames")
         frame_time = self.read_header("Frame Time:", "Frame Time: followed by seconds per frame")
@@ -144,7 +118,7 @@ class _Reader:
                 where = "ROOT" if not self.joints else "MOTION"
                 if open_joints:
                     where = "JOINT, End Site or }"
-                self.fail(_shown(" ".join(words)), where)
+                self.fail(shown(" ".join(words)), where)
 
     def new_name(self, words: list[str]) -> str:
         name = " ".join(words[1:])
@@ -163,7 +137,7 @@ class _Reader:
         offset = self.read_offset(tokens, name)
         _, words = self.following(tokens, f"CHANNELS of joint {name!r}")
         if words[0].upper() != "CHANNELS":
-            self.fail(_shown(" ".join(words)), f"CHANNELS of joint {name!r}")
+            self.fail(shown(" ".join(words)), f"CHANNELS of joint {name!r}")
         listed = words[2:]
         if len(words) < 2 or words[1] != str(len(listed)):
             declared = words[1] if len(words) > 1 else "nothing"
@@ -174,7 +148,7 @@ class _Reader:
         channels = tuple(_CHANNEL_BY_LOWER.get(word.lower(), "") for word in listed)
         for word, channel in zip(listed, channels, strict=True):
             if not channel:
-                self.fail(f"joint {name!r} has a channel {_shown(word)}", "one of " + ", ".join(CHANNEL_NAMES))
+                self.fail(f"joint {name!r} has a channel {shown(word)}", "one of " + ", ".join(CHANNEL_NAMES))
         if len(set(channels)) != len(channels):
             self.fail(f"joint {name!r} lists a channel twice", "each channel once")
         return self.add(Joint(name, parent, offset, channels, line))
@@ -196,14 +170,14 @@ class _Reader:
     def expect_brace(self, tokens: Iterator[tuple[int, list[str]]], brace: str, name: str) -> None:
         _, words = self.following(tokens, f"{brace} of {name!r}")
         if words != [brace]:
-            self.fail(_shown(" ".join(words)), f"{brace} of {name!r}")
+            self.fail(shown(" ".join(words)), f"{brace} of {name!r}")
 
     def read_offset(self, tokens: Iterator[tuple[int, list[str]]], name: str) -> tuple[float, float, float]:
         expected = f"OFFSET of {name!r} with three finite numbers"
         _, words = self.following(tokens, expected)
-        numbers = [_number(word) for word in words[1:]]
+        numbers = [number_of(word) for word in words[1:]]
         if words[0].upper() != "OFFSET" or len(numbers) != 3 or not np.all(np.isfinite(numbers)):
-            self.fail(_shown(" ".join(words)), expected)
+            self.fail(shown(" ".join(words)), expected)
         return numbers[0], numbers[1], numbers[2]
 
     def read_header(self, key: str, expected: str) -> float:
@@ -215,9 +189,9 @@ class _Reader:
             self.fail("the file ends here (truncated?)", expected)
         words = " ".join(self.lines[self.row].split())
         self.row += 1
-        value = _number(words[len(key) :])
+        value = number_of(words[len(key) :])
         if not words.lower().startswith(key.lower()) or not np.isfinite(value):
-            self.fail(_shown(words), expected)
+            self.fail(shown(words), expected)
         return value
 
     def read_rows(self, n_frames: int) -> Array:
@@ -240,35 +214,12 @@ class _Reader:
                     f"frame {frame} has {len(words)} values{cut}",
                     f"{n_channels}, one for each channel of the hierarchy",
                 )
-            row = [_number(word) for word in words]
-            bad = next((i for i, value in enumerate(row) if not np.isfinite(value) and not _missing(words[i])), None)
+            row = [number_of(word) for word in words]
+            bad = next((i for i, value in enumerate(row) if not np.isfinite(value) and not is_missing(words[i])), None)
             if bad is not None:
-                self.fail(f"value {bad + 1} of frame {frame} is {_shown(words[bad])}", "a finite number")
+                self.fail(f"value {bad + 1} of frame {frame} is {shown(words[bad])}", "a finite number")
             rows.append(row)
         if len(rows) < n_frames:
             self.line = len(self.lines)
             self.fail(f"the file ends after {len(rows)} frames (truncated?)", f"{n_frames} frames, as declared")
         return np.array(rows, dtype=np.float64)
-
-
-def _number(word: str) -> float:
-    """The number that `word` spells, NaN if it spells none.
-
-    Python's float() knows more numbers than other programs do, such as 1_0 and those in other digits.
-    """
-    if "_" in word or not word.isascii():
-        return float("nan")
-    try:
-        return float(word)
-    except ValueError:
-        return float("nan")
-
-
-def _missing(word: str) -> bool:
-    """Whether a word says that there is no number: NaN, as C, C++ and Python print it."""
-    return word.lower().lstrip("+-") in ("nan", "nan(ind)", "nan(snan)")
-
-
-def _shown(text: str, limit: int = 60) -> str:
-    """`text` quoted, made printable and cut to a length that fits a message."""
-    return repr(text if len(text) <= limit else text[:limit] + "...")

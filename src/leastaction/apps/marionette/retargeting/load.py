@@ -14,8 +14,8 @@ from leastaction.apps.marionette.retargeting.mapping import read_mapping
 from leastaction.apps.marionette.retargeting.retarget import Retargeted, retarget
 from leastaction.apps.marionette.retargeting.skeleton import Proportions
 from leastaction.errors import ArgumentError
-from leastaction.io.motion.bvh import read_bvh
 from leastaction.io.motion.motion import Motion
+from leastaction.io.motion.read import read_capture
 from leastaction.numerics.arrays import as_number
 
 Start = Literal["rest", "moving"]
@@ -79,13 +79,15 @@ def load_motion(
     heading: Heading = "facing",
     in_place: bool = False,
     markers: bool = False,
+    skeleton: str | PathLike[str] | None = None,
+    frame_rate: float | None = None,
 ) -> PuppetMotion:
-    """Read a BVH file and make it a reference motion of the puppet.
+    """Read a motion capture file and make it a reference motion of the puppet.
 
     Parameters
     ----------
     path : path
-        The BVH file.
+        A BVH file, or an AMC file with its ASF file.
     dt : float
         Step in seconds.
     duration : float, optional
@@ -109,6 +111,8 @@ def load_motion(
     markers : bool
         Whether the motion says, in further columns, where the person's head, hands and feet are: for ``track(...,
         follow="markers")``.
+    skeleton, frame_rate
+        Of an AMC file, see `leastaction.io.motion.read_amc`.
 
     Raises
     ------
@@ -120,7 +124,7 @@ def load_motion(
     if start not in get_args(Start):
         raise ArgumentError(f"start: got {start!r}, expected one of {', '.join(get_args(Start))}")
     names = None if mapping is None else read_mapping(mapping)
-    capture = read_bvh(path)
+    capture = read_capture(path, skeleton=skeleton, frame_rate=frame_rate)
     made = retarget(
         capture, names=names, proportions=proportions, up=up, forward=forward, heading=heading, in_place=in_place
     )
