@@ -296,4 +296,6 @@ def test_the_walk_of_the_database_in_both_formats() -> None:
         cosine = np.sum(direction * from_bvh.directions[bone], axis=1)
         assert np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))).max() < (1.5 if "forearm" in bone else 8.0)
     assert (from_amc.up, from_amc.forward) == ("y", "z")
-    assert load_motion(amc, dt=0.02, markers=True).motion.t[-1] == pytest.approx(load_motion(bvh, dt=0.02).motion.t[-1])
+    # The conversion rounds the frame's time down, and with it the number of steps.
+    durations = [load_motion(each, dt=0.02, markers=True).motion.duration for each in (amc, bvh)]
+    assert durations[0] == pytest.approx(durations[1], abs=0.021)
