@@ -6,6 +6,8 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -21,6 +23,7 @@ namespace {
 using Input = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 using Output = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 using MaybeInput = std::optional<Input>;
+using MaybePlaces = std::optional<nb::ndarray<const std::int64_t, nb::c_contig, nb::device::cpu>>;
 using MaybeOutput = std::optional<Output>;
 
 void require(bool condition, const char* what) {
@@ -41,6 +44,21 @@ const double* checked(const MaybeInput& array, std::initializer_list<std::size_t
     if (!array) return nullptr;
     require(has_shape(*array, shape), what);
     return array->data();
+}
+
+HessianPart part_of(const MaybeInput& data, const MaybePlaces& columns, std::size_t N, std::size_t n) {
+    static_assert(sizeof(std::int64_t) == sizeof(std::ptrdiff_t));
+    require(data.has_value() == columns.has_value(), "part and part_columns go together");
+    if (!data) return {};
+    require(columns->ndim() == 1, "part_columns must have one axis");
+    const std::size_t size = columns->shape(0);
+    require(has_shape(*data, {N, size, size}), "part must have shape (N, n, n) for n part_columns");
+    const auto* at = reinterpret_cast<const std::ptrdiff_t*>(columns->data());
+    for (std::size_t i = 0; i < size; ++i) {
+        const bool sound = at[i] >= 0 && at[i] < static_cast<std::ptrdiff_t>(n) && (i == 0 || at[i] > at[i - 1]);
+        require(sound, "part_columns must be places in the state and the input, ascending");
+    }
+    return {data->data(), at, static_cast<std::ptrdiff_t>(size)};
 }
 
 // (rows,), (rows, cols), (N, rows) with per_stage, or (N, rows, cols).
@@ -93,7 +111,8 @@ LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, con
                             const Output& P0, const MaybeOutput& P_all, const MaybeInput& Q, bool Q_diagonal,
                             const MaybeInput& R, bool R_diagonal, const MaybeInput& S, const MaybeInput& H,
                             double H_scale, const MaybeInput& q, const MaybeInput& r, const MaybeInput& c,
-                            const MaybeInput& Q_final, const MaybeInput& q_final, bool regularize, bool use_structure) {
+                            const MaybeInput& Q_final, const MaybeInput& q_final, const MaybeInput& part,
+                            const MaybePlaces& part_columns, bool regularize, bool use_structure) {
     const auto [N, nx, nu] = sizes(A, B);
     LinearQuadraticProblem problem = dynamics(A, B);
     problem.Q = block(Q, Q_diagonal, N, nx, nx, "Q must have shape (nx) or (nx, nx), or N of them");
@@ -101,6 +120,7 @@ LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, con
     problem.S = block(S, false, N, nx, nu, "S must have shape (nx, nu), or N of them");
     problem.H = checked(H, {N, nx + nu, nx + nu}, "H must have shape (N, nx + nu, nx + nu)");
     problem.H_scale = H_scale;
+    problem.part = part_of(part, part_columns, N, nx + nu);
     problem.q = checked(q, {N, nx}, "q must have shape (N, nx)");
     problem.r = checked(r, {N, nu}, "r must have shape (N, nu)");
     problem.c = checked(c, {N, nx}, "c must have shape (N, nx)");
@@ -167,7 +187,8 @@ void bind_linear_quadratic(nb::module_& m) {
           "Q"_a.none() = nb::none(), "Q_diagonal"_a = false, "R"_a.none() = nb::none(), "R_diagonal"_a = false,
           "S"_a.none() = nb::none(), "H"_a.none() = nb::none(), "H_scale"_a = 1.0, "q"_a.none() = nb::none(),
           "r"_a.none() = nb::none(), "c"_a.none() = nb::none(), "Q_final"_a.none() = nb::none(),
-          "q_final"_a.none() = nb::none(), "regularize"_a = false, "use_structure"_a = true,
+          "q_final"_a.none() = nb::none(), "part"_a.none() = nb::none(), "part_columns"_a.none() = nb::none(),
+          "regularize"_a = false, "use_structure"_a = true,
           "Backward recursion of the affine LQ problem; writes K, C, b, P0 and, if given, P_all.");
     m.def("sweep_forward", &forward, "A"_a, "B"_a, "K"_a, "C"_a, "c"_a.none(), "dx"_a, "du"_a,
           "Closed-loop linear roll-out from dx[0]; writes dx[1:] and du.");

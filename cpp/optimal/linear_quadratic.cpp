@@ -417,9 +417,19 @@ private:
         if (const double* S = problem_.S.at(k)) {
             H_.topRightCorner(nx_, nu_) += ConstRows(S, nx_, nu_);
         }
+        add_part(k);
         h_.setZero();
         if (problem_.q != nullptr) h_.head(nx_) = ConstVector(problem_.q + k * nx_, nx_);
         if (problem_.r != nullptr) h_.tail(nu_) = ConstVector(problem_.r + k * nu_, nu_);
+    }
+
+    void add_part(Index k) {
+        const HessianPart& part = problem_.part;
+        const double* row = part.data + k * part.size * part.size;
+        for (Index j = 0; j < part.size; ++j, row += part.size) {
+            double* column = H_.col(part.columns[j]).data();
+            for (Index i = 0; i <= j; ++i) column[part.columns[i]] += row[i];
+        }
     }
 
     void add_block(const HessianBlock& block, Index k, Index first, Index size) {

@@ -48,6 +48,13 @@ struct HessianBlock {
     const double* at(std::ptrdiff_t k) const { return data == nullptr ? nullptr : data + k * stride; }
 };
 
+// A symmetric matrix for every stage by some entries of [dx; du] only, such as what a few rows of limits weigh.
+struct HessianPart {
+    const double* data = nullptr;             // (N, size, size), of which the lower triangle is read
+    const std::ptrdiff_t* columns = nullptr;  // (size), ascending
+    std::ptrdiff_t size = 0;
+};
+
 // All arrays row-major, time first. Pointers that are null stand for zeros.
 struct LinearQuadraticProblem {
     std::ptrdiff_t horizon = 0;       // N
@@ -61,6 +68,7 @@ struct LinearQuadraticProblem {
     HessianBlock S;                   // (nx, nu)
     const double* H = nullptr;        // (N, nx + nu, nx + nu), added to Q, S, R; lower triangle is read
     double H_scale = 1.0;             // H is multiplied by it
+    HessianPart part;                 // added to Q, S, R
     const double* q = nullptr;        // (N, nx)
     const double* r = nullptr;        // (N, nu)
     HessianBlock Q_final;             // (nx) or (nx, nx)

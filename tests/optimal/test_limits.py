@@ -535,10 +535,9 @@ def test_a_window_limits_what_reaches_over_two_steps(of: str, rng: np.random.Gen
     (whole,), (part,) = bound.rows(system, 1), bound.rows(WindowSystem(system, 2, 5), 1)
     np.testing.assert_allclose(part.values(x[2:], u[2:]), whole.values(x, u)[np.isin(whole.k, 2 + part.k)])
     y = rng.normal(size=(len(part.k), 1))
-    bends = Weights(3, system.nx, system.nu)
+    bends = Weights(3, system.nx, system.nu, part.weighs(system.nx, system.nu))
     part.add_hessian(x[2:], u[2:], part.jacobian(x[2:], u[2:]), y, np.abs(y), bends, None)
-    added = (bends.state, bends.of_states, bends.of_inputs, bends.crossed)
-    assert sum(np.abs(each).sum() for each in added if each is not None) > 0.0
+    assert np.abs(bends.matrices).sum() > 0.0
 
 
 @pytest.mark.parametrize("instants", [[0, 1, 2, 3], [1, 2], [0, 3]])
@@ -547,21 +546,36 @@ def test_matrices_of_steps_are_summed_by_their_places(
     instants: list[int], columns: list[int], rng: np.random.Generator
 ) -> None:
     k, at = np.array(instants), np.array(columns)
-    weights = Weights(4, 3, 2)
+    few = np.unique([*columns, 2])
+    weights = Weights(4, 3, 2, few)
     for _ in range(2):  # memory that is used again
         weights.clear()
-        dense = np.zeros((4, 5, 5))
+        dense = np.zeros((5, 5, 5))
         for _ in range(2):
             H = rng.normal(size=(len(k), len(at), len(at)))
             H += H.transpose(0, 2, 1)
-            weights.add_at_steps(k, at, H)
+            weights.add(k, at, H)
             dense[np.ix_(k, at, at)] += H
-        assert weights.of_states is not None
-        assert weights.of_inputs is not None
-        assert weights.crossed is not None
-        np.testing.assert_array_equal(weights.of_states[:-1], dense[:, :3, :3])
-        np.testing.assert_array_equal(weights.of_inputs, dense[:, 3:, 3:])
-        np.testing.assert_array_equal(weights.crossed, dense[:, :3, 3:])
+        np.testing.assert_array_equal(weights.matrices, dense[:, few[:, None], few])
+
+
+@pytest.mark.parametrize("name", ["push", "rate"])
+def test_stages_end_without_a_model_that_only_says_so(
+    name: str, cart: MidpointSystem, cost: QuadraticCost, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a full Newton step it is foreseen that a barrier's minimum is near: the next direction is another's."""
+    solved, minimise = [], LimitedProblem.minimise_model
+
+    def counted(self: LimitedProblem, method: str, scale: float, shift: float = 0.0):
+        solved.append(self.duals.mu)
+        return minimise(self, method, scale, shift)
+
+    monkeypatch.setattr(LimitedProblem, "minimise_model", counted)
+    result = optimize(cart, cost, limits=CASES[name], initial=REST)
+    assert result.status is Status.CONVERGED
+    stages = len(set(solved))
+    assert stages >= 5
+    assert len(solved) <= result.iterations + stages - 3
 
 
 def test_what_does_not_bend_has_one_model(cart: MidpointSystem, cost: QuadraticCost) -> None:

@@ -8,6 +8,8 @@ import scipy.linalg
 
 from leastaction.errors import ArgumentError
 from leastaction.optimal import adjoint, regulate, solve_linear_quadratic, sweep_forward
+from leastaction.optimal.cost import matrix_of
+from leastaction.optimal.discrete.model_hessian import HessianPart, ModelHessian, between, shifted
 
 
 def _positive(rng, n, floor=0.1):
@@ -422,3 +424,59 @@ def test_the_regulator_stabilises():
     np.testing.assert_allclose(per_stage, K, rtol=1e-12)
     with pytest.raises(ArgumentError, match="no regulator"):
         regulate(np.tile(A, (N, 1, 1)), np.tile(B, (N, 1, 1)), R=-np.eye(1))
+
+
+# ---- A part of the Hessian by a few entries --------------------------------------------------------
+
+
+@pytest.mark.parametrize("columns", [[], [2], [0, 3, 4], [5, 7], [1, 4, 6, 7], list(range(8))])
+def test_a_part_by_some_entries_is_what_a_whole_matrix_with_zeros_is(problem, columns):
+    rng = np.random.default_rng(4)
+    matrices = 0.1 * _symmetric(rng, 7, len(columns), len(columns))
+    whole = problem["H"].copy()
+    whole[:, np.array(columns, int)[:, None], np.array(columns, int)] += matrices
+    expected = solve_linear_quadratic(**problem | {"H": whole})
+    found = solve_linear_quadratic(**problem, part=(columns, matrices))
+    assert found.definite
+    np.testing.assert_allclose(found.K, expected.K, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(found.b, expected.b, rtol=1e-12, atol=1e-12)
+    half = solve_linear_quadratic(**problem, H_scale=0.5, part=(columns, matrices))
+    expected = solve_linear_quadratic(**problem | {"H": 0.5 * problem["H"] + whole - problem["H"]})
+    np.testing.assert_allclose(half.K, expected.K, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("columns", [[0, 8], [-1, 2], [3, 2], [2, 2], [[0, 1]]])
+def test_the_places_of_a_part_are_looked_at(problem, columns):
+    with pytest.raises(ArgumentError, match="part: got the places"):
+        solve_linear_quadratic(**problem, part=(columns, np.zeros((7, 2, 2))))
+    with pytest.raises(ArgumentError, match="part: got shape"):
+        solve_linear_quadratic(**problem, part=([0, 1], np.zeros((7, 3, 3))))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_models_with_a_part_are_mixed_and_shifted_as_whole_matrices(share):
+    rng = np.random.default_rng(5)
+    N, nx, nu, columns = 4, 3, 2, np.array([0, 2, 3])
+
+    def model(crossed):
+        S = rng.normal(size=(N, nx, nu)) if crossed else None
+        part = HessianPart(columns, _symmetric(rng, N, 3, 3))
+        return ModelHessian(rng.uniform(1.0, 2.0, (N, nx, 1)), np.ones(nu), S, np.ones(nx), part)
+
+    def whole(hessian):
+        H = np.zeros((N, nx + nu, nx + nu))
+        H[:, :nx, :nx] = matrix_of(np.broadcast_to(hessian.Q, (N, nx, 1)))
+        H[:, nx:, nx:] = matrix_of(hessian.R)
+        if hessian.S is not None:
+            H[:, :nx, nx:] += hessian.S
+            H[:, nx:, :nx] += hessian.S.transpose(0, 2, 1)
+        H[:, columns[:, None], columns] += hessian.part.matrices
+        return H
+
+    for low, high in ((model(False), model(True)), (model(True), model(False)), (model(False), model(False))):
+        mixed = between(low, high, share)
+        np.testing.assert_allclose(whole(mixed), (1.0 - share) * whole(low) + share * whole(high), atol=1e-14)
+        more = whole(shifted(mixed, 0.1)) - whole(mixed)
+        amount = more[0, 0, 0]
+        assert amount > 0.1 * np.abs(mixed.part.matrices).max(initial=0.0) / (4.0 * nx)
+        np.testing.assert_allclose(more, np.broadcast_to(amount * np.eye(nx + nu), more.shape), atol=1e-14)

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.optimal.cost import as_weight, clipped, final_of, is_diagonal, matrix_of, owned, weigh
+from leastaction.optimal.cost import as_weight, clipped, final_of, matrix_of, owned, weigh
 from leastaction.optimal.discrete.system import check_window
 from leastaction.optimal.system import difference
 
-__all__ = ["AddedCost", "Cost", "CostGradient", "CostHessian", "QuadraticCost", "WindowCost", "between", "convex"]
+__all__ = ["AddedCost", "Cost", "CostGradient", "CostHessian", "QuadraticCost", "WindowCost", "convex"]
 
 
 class CostGradient(NamedTuple):
@@ -140,31 +140,6 @@ def convex(hessian: CostHessian) -> CostHessian:
     if less is whole:
         return hessian if final is Q_final else CostHessian(Q, R, S, final)
     return CostHessian(less[:, :nx, :nx], less[:, nx:, nx:], np.ascontiguousarray(less[:, :nx, nx:]), final)
-
-
-def between(low: CostHessian, high: CostHessian, share: float) -> CostHessian:
-    """Return ``low + share (high - low)`` of two Hessians of a cost."""
-    if share == 0.0 or all(a is b for a, b in zip(low, high, strict=True)):
-        return low
-    parts: list[Array | None] = []
-    for a, b in zip(low, high, strict=True):
-        if a is None or b is None:
-            one = a if b is None else b
-            parts.append(None if one is None else (1.0 - share if b is None else share) * one)
-        elif is_diagonal(a) and a.ndim == b.ndim and is_diagonal(b):
-            parts.append(a + share * (b - a))
-        else:
-            low_matrix = matrix_of(a)
-            part = np.array(np.broadcast_to(matrix_of(b), np.broadcast_shapes(low_matrix.shape, matrix_of(b).shape)))
-            part -= low_matrix
-            part *= share
-            part += low_matrix
-            parts.append(part)
-    Q, R, S, Q_final = parts
-    assert Q is not None
-    assert R is not None
-    assert Q_final is not None
-    return CostHessian(Q, R, S, Q_final)
 
 
 class QuadraticCost(Cost):

@@ -28,24 +28,25 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.cost import is_diagonal, weigh
-from leastaction.optimal.discrete.cost import CostGradient, CostHessian
+from leastaction.optimal.cost import weigh
+from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
     solve_linear_quadratic,
     sweep_forward,
 )
+from leastaction.optimal.discrete.model_hessian import ModelHessian
 from leastaction.optimal.system import Linearization
 
-__all__ = ["escape", "minimise_model", "shifted"]
+__all__ = ["escape", "minimise_model"]
 
 
 def minimise_model(
     method: str,
     linearization: Linearization,
     gradient: CostGradient,
-    hessian: CostHessian,
+    hessian: ModelHessian,
     curvature: Array | None,
     workspace: Workspace,
     scale: float = 1.0,
@@ -60,21 +61,21 @@ def minimise_model(
     """
     A, B = linearization
     q, r, q_final = gradient
-    Q, R, S, Q_final = hessian
     if method == "steepest":
         nx, nu = B.shape[1:]
-        Q, R, S, Q_final = np.ones(nx), np.ones(nu), None, np.ones(nx)
+        hessian = ModelHessian(np.ones(nx), np.ones(nu), None, np.ones(nx))
     return solve_linear_quadratic(
         A,
         B,
-        Q=Q,
-        R=R,
-        S=S,
+        Q=hessian.Q,
+        R=hessian.R,
+        S=hessian.S,
+        part=hessian.part,
         H=curvature if method == "newton" else None,
         H_scale=scale,
         q=q,
         r=r,
-        Q_final=Q_final,
+        Q_final=hessian.Q_final,
         q_final=q_final,
         c=gaps,
         keep_P=gaps is not None,
@@ -82,35 +83,10 @@ def minimise_model(
     )
 
 
-def shifted(hessian: CostHessian, shift: float) -> CostHessian:
-    """Return the Hessian with a multiple of the identity added to all weights.
-
-    The multiple is measured in the mean of the weights of the stages.
-    """
-    amount = 0.5 * shift * (_mean(hessian.Q) + _mean(hessian.R))
-    return CostHessian(_add(hessian.Q, amount), _add(hessian.R, amount), hessian.S, _add(hessian.Q_final, amount))
-
-
-def _mean(weight: Array) -> float:
-    """Return the mean of a weight's diagonal; zero for that of no entries."""
-    if weight.size == 0:
-        return 0.0
-    if weight.ndim == 1 or weight.shape[-1] == 1:
-        return float(np.mean(np.abs(weight)))
-    return float(np.mean(np.abs(np.diagonal(weight, axis1=-2, axis2=-1))))
-
-
-def _add(weight: Array, amount: float) -> Array:
-    if is_diagonal(weight):
-        return weight + amount
-    result: Array = weight + amount * np.eye(weight.shape[-1])
-    return result
-
-
 def escape(
     linearization: Linearization,
     gradient: CostGradient,
-    hessian: Callable[[float], CostHessian],
+    hessian: Callable[[float], ModelHessian],
     curvature: Array,
     workspace: Workspace,
     scale: float,
@@ -138,6 +114,7 @@ def escape(
             Q=weights.Q,
             R=weights.R,
             S=weights.S,
+            part=weights.part,
             H=curvature,
             H_scale=trial,
             r=-du,
@@ -162,7 +139,7 @@ def escape(
     return best
 
 
-def _along(hessian: CostHessian, curvature: Array, dx: Array, du: Array) -> float:
+def _along(hessian: ModelHessian, curvature: Array, dx: Array, du: Array) -> float:
     """Return the second derivative of the cost along a direction."""
     dxu = np.hstack([dx[:-1], du])
     total = float(np.einsum("ki,kij,kj->", dxu, curvature, dxu))
@@ -170,4 +147,7 @@ def _along(hessian: CostHessian, curvature: Array, dx: Array, du: Array) -> floa
     total += float(weigh(hessian.Q_final, dx[-1:])[0] @ dx[-1])
     if hessian.S is not None:
         total += 2.0 * float(np.sum(dx[:-1] * np.einsum("...ij,...j->...i", hessian.S, du)))
+    if hessian.part is not None:
+        few = dxu[:, hessian.part.columns]
+        total += float(np.einsum("ki,kij,kj->", few, hessian.part.matrices, few))
     return total

@@ -13,7 +13,7 @@ The optimal input is ``du = -K dx - C``, the optimal cost from ``dx_0`` is
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -100,6 +100,7 @@ def solve_linear_quadratic(
     S: ArrayLike | None = None,
     H: ArrayLike | None = None,
     H_scale: float = 1.0,
+    part: tuple[Any, Array] | None = None,
     q: ArrayLike | None = None,
     r: ArrayLike | None = None,
     c: ArrayLike | None = None,
@@ -127,6 +128,9 @@ def solve_linear_quadratic(
         Symmetric Hessian of every stage, added to Q, S, R on the fly. Its lower triangle is read.
     H_scale : float
         Factor of H.
+    part : pair of array_like, optional
+        Places (m,) in ``(x, u)``, ascending, and a symmetric matrix (N, m, m) by them for each stage, added to Q, S, R
+        too. Its lower triangle is read.
     q, r, c : array_like (N, nx), (N, nu), (N, nx), optional
         Gradients of the cost and drift of the dynamics.
     Q_final, q_final : array_like (nx,) or (nx, nx), and (nx,), optional
@@ -166,6 +170,7 @@ def solve_linear_quadratic(
         raise ArgumentError(f"workspace: got one for K of shape {workspace.K.shape}, expected {(N, nu, nx)}.")
     K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
     P = np.empty((N + 1, nx, nx)) if keep_P else None
+    columns, matrices = _part(part, N, nx + nu)
     report = _core.solve_linear_quadratic(
         A,
         B,
@@ -181,6 +186,8 @@ def solve_linear_quadratic(
         S=_optional(S, "S", (nx, nu), (N, nx, nu)),
         H=_optional(H, "H", (N, nx + nu, nx + nu), finite=False),
         H_scale=as_number(H_scale, "H_scale", above=-np.inf),
+        part_columns=columns,
+        part=matrices,
         q=_optional(q, "q", (N, nx)),
         r=_optional(r, "r", (N, nu)),
         c=_optional(c, "c", (N, nx)),
@@ -324,6 +331,16 @@ def _optional(value: ArrayLike | None, name: str, *shapes: tuple[int, ...], fini
     if array.shape not in shapes:
         raise ArgumentError(f"{name}: got shape {array.shape}, expected {shapes[0]}.")
     return array
+
+
+def _part(part: tuple[Any, Any] | None, N: int, n: int) -> tuple[np.ndarray | None, Array | None]:
+    """Return the places and matrices of a part in the layout of the core."""
+    if part is None:
+        return None, None
+    columns, matrices = np.ascontiguousarray(part[0], dtype=np.int64), part[1]
+    if columns.ndim != 1 or (np.diff(columns) <= 0).any() or (columns.size and not 0 <= columns[0] <= columns[-1] < n):
+        raise ArgumentError(f"part: got the places {columns.tolist()}, expected ascending ones of 0 .. {n - 1}.")
+    return columns, _optional(matrices, "part", (N, len(columns), len(columns)), finite=False)
 
 
 def _weight(value: ArrayLike | None, name: str, N: int, n: int, *, per_stage: bool = True) -> tuple[Array | None, bool]:

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.step_quality import StepQuality, coarsest
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian, between
-from leastaction.optimal.discrete.descent import escape, minimise_model, shifted
+from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.descent import escape, minimise_model
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
@@ -21,6 +21,7 @@ from leastaction.optimal.discrete.linear_quadratic import (
     regulate,
     sweep_forward,
 )
+from leastaction.optimal.discrete.model_hessian import ModelHessian, between, shifted
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
 from leastaction.optimal.line_search import Refusal, Trial
@@ -102,8 +103,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.gain: Array
         # What was computed along it; None: not yet.
         self.linearization: Linearization | None = None
-        self.exact: CostHessian | None = None
-        self.convex: CostHessian | None = None
+        self.exact: ModelHessian | None = None
+        self.convex: ModelHessian | None = None
         self.curvature: Array | None = None
         self.quasi_newton: LinearQuadraticSolution | None = None
         self.feedback: Array | None = None
@@ -314,7 +315,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         """Return the first derivatives of what is minimised."""
         return self.cost.gradient(self.x, self.u)
 
-    def _hessian(self, share: float = 1.0) -> CostHessian:
+    def _hessian(self, share: float = 1.0) -> ModelHessian:
         """Return the second derivatives of what is minimised, without the dynamics' part.
 
         Of what bends downwards only a share is in it, as of the curvature of the dynamics.
@@ -327,9 +328,9 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             self.convex = self._second_derivatives(convex=True)
         return between(self.convex, self.exact, share)
 
-    def _second_derivatives(self, *, convex: bool) -> CostHessian:
+    def _second_derivatives(self, *, convex: bool) -> ModelHessian:
         """Return them with all of what bends downwards, or with none."""
-        return (self.cost.convex_hessian if convex else self.cost.hessian)(self.x, self.u)
+        return ModelHessian.of((self.cost.convex_hessian if convex else self.cost.hessian)(self.x, self.u))
 
     def _linearize(self) -> Linearization:
         if self.linearization is None:

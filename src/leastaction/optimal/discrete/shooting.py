@@ -26,9 +26,10 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.discrete.cost import Cost, CostGradient
-from leastaction.optimal.discrete.descent import minimise_model, shifted
+from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.gap_filter import Curve, Filter
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
+from leastaction.optimal.discrete.model_hessian import shifted
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.line_search import Refusal, Trial

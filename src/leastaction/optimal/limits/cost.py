@@ -8,7 +8,8 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import is_diagonal, matrix_of
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.model_hessian import HessianPart, ModelHessian
 from leastaction.optimal.limits.duals import Duals, Room, Side
 from leastaction.optimal.limits.entries import EntryRows
 from leastaction.optimal.limits.rows import Rows, Weights
@@ -50,6 +51,8 @@ class LimitedCost:
         self.of_inputs = EntryRows(self.rows, self.layout, of_state=False, width=nu)
         self.spare: dict[bool, Weights] = {}  # memory that is used again, of whole and of convex ones
         self.others = [i for i, each in enumerate(self.rows) if not isinstance(each.quantity, Entries)]
+        weighed = [np.empty(0, dtype=np.intp), *(self.rows[i].weighs(nx, nu) for i in self.others)]
+        self.columns = np.unique(np.concatenate(weighed))
 
     @property
     def count(self) -> int:
@@ -91,7 +94,7 @@ class LimitedCost:
         dynamics: Array | None = None,
         *,
         convex: bool = False,
-    ) -> CostHessian:
+    ) -> ModelHessian:
         """Return the second derivatives of the primal-dual model; the next of the same kind are written where they are.
 
         Parameters
@@ -107,7 +110,7 @@ class LimitedCost:
         Q, R, S, Q_final = (self.cost.convex_hessian if convex else self.cost.hessian)(x, u)
         nx = x.shape[1]
         if convex not in self.spare:
-            self.spare[convex] = Weights(len(u), nx, u.shape[1])
+            self.spare[convex] = Weights(len(u), nx, u.shape[1], self.columns)
         weights = self.spare[convex]
         weights.clear()
         sigmas = self.duals.stiffnesses(room)
@@ -116,17 +119,13 @@ class LimitedCost:
         for i, jacobian in jacobians.items():
             duals = np.zeros_like(self.duals.y[i]) if convex else self.duals.y[i]
             self.rows[i].add_hessian(x, u, jacobian, duals, sigmas[i], weights, dynamics)
-        if weights.of_states is None:
-            Q, final = _with(Q, weights.state[:-1]), matrix_of(Q_final) + np.diag(weights.state[-1])
-        else:
-            Q = _summed(weights.of_states[:-1], weights.state[:-1], Q)
-            final = _summed(weights.of_states[-1:], weights.state[-1:], Q_final)[0]
-        if weights.of_inputs is None or weights.crossed is None:
-            return CostHessian(Q, _with(R, weights.input), S, final)
-        R = _summed(weights.of_inputs, weights.input, R)
-        if S is not None:
-            weights.crossed += S
-        return CostHessian(Q, R, weights.crossed, final)
+        final = matrix_of(Q_final) + np.diag(weights.state[-1])
+        part = None
+        if len(self.columns):
+            part = HessianPart(self.columns, weights.matrices[:-1])
+            here = self.columns < nx
+            final[np.ix_(self.columns[here], self.columns[here])] += weights.matrices[-1][np.ix_(here, here)]
+        return ModelHessian(_with(Q, weights.state[:-1]), _with(R, weights.input), S, final, part)
 
     def bends(self, x: Array, u: Array) -> bool:
         """Whether the convex part of the second derivatives is another than all of them."""
@@ -143,17 +142,6 @@ class LimitedCost:
         for i, jacobian in jacobians.items():
             found[i] = self.rows[i].along(jacobian, dx, du)
         return found
-
-
-def _summed(to: Array, diagonal: Array, weight: Array) -> Array:
-    """Return matrices (n, m, m) with a weight of the same instants, and a diagonal of each, added to them."""
-    on = np.einsum("kii->ki", to)
-    on += diagonal
-    if is_diagonal(weight):
-        on += weight if weight.ndim == 1 else weight[:, :, 0]
-    else:
-        to += weight
-    return to
 
 
 def _with(weight: Array, diagonal: Array) -> Array:

@@ -85,7 +85,7 @@ class Duals:
         self.scale: list[Array] = []
         self.rho: list[Array] = []
         self.y = layout.empty()
-        self.prices = np.empty(0)  # of all entries
+        self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
 
     def begin(self, c: Sided, mu: float, price: float, dearer: float = 1.0) -> None:
         """Choose scales, prices and duals from where the optimisation starts.
@@ -148,8 +148,8 @@ class Duals:
         return high if low == 0.0 else low
 
     def settle_prices(self) -> None:
-        """Take the prices of all sides as they are now."""
-        self.prices = self.layout.filled(self.rho).flat
+        """Take the prices and scales of all sides as they are now."""
+        self.prices, self.scales = self.layout.filled(self.rho).flat, self.layout.filled(self.scale).flat
 
     def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
@@ -158,8 +158,7 @@ class Duals:
 
     def excess(self, c: Sided) -> float:
         """Return the largest violation of a limit, relative to its scale."""
-        parts = (float(np.max(-each / scale, initial=0.0)) for each, scale in zip(c, self.scale, strict=True))
-        return max(parts, default=0.0)
+        return float(np.max(-c.flat / self.scales, initial=0.0))
 
     # ---- Prices ---------------------------------------------------------------------------------
 
@@ -370,13 +369,14 @@ class Stages:
         duals = self.duals
         was_last = self.is_last
         # The cost of the start may be far from that of the end.
-        self.last = max(self._last(abs(cost)), duals.least_mu(self.digits))
+        last = max(self._last(abs(cost)), duals.least_mu(self.digits))
         if was_last and duals.excess(c) <= _EXACTLY * self.met:
             # All is met; where rounding ended the search, its duals are no reason to set out with other prices.
             return False
         dearer = duals.price(c, _DEAREST * self.size, met=self.met if self._rough else None)
         if not dearer and (was_last or duals.hopeless()):
             return False
+        self.last = last  # where nothing follows, what was the last stage still is
         # Who asks for few digits need not see what a price comes to before the next barrier.
         if not dearer or (self._rough and not was_last):
             duals.mu = min(duals.mu, max(self.last, self._following))

@@ -10,8 +10,9 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
+from leastaction.optimal.discrete.model_hessian import ModelHessian
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.shooting import Gapped, ShootingDirection, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -94,6 +95,7 @@ class LimitedProblem(ShootingProblem):
         self.room: Room | None = None
         # Of both and the duals; None: not yet.
         self.gradient: CostGradient | None = None  # with the barriers
+        self.newton_change: Sided | None = None  # of the limits, along Newton's undamped direction
 
     # ---- Where to start -------------------------------------------------------------------------
 
@@ -188,6 +190,10 @@ class LimitedProblem(ShootingProblem):
             self._set_out()
             self.curvature = curvature  # of the same duals
         return more
+
+    @property
+    def is_passing(self) -> bool:
+        return self._begun and not (self.is_open or self.stages.is_near_end or self.duals.hopeless())
 
     def _set_out(self) -> None:
         """Begin a stage: another cost, the same dynamics."""
@@ -285,7 +291,7 @@ class LimitedProblem(ShootingProblem):
             self.gradient = self._with_duals(self.duals.of_barrier(self._room()))
         return self.gradient
 
-    def _second_derivatives(self, *, convex: bool) -> CostHessian:
+    def _second_derivatives(self, *, convex: bool) -> ModelHessian:
         if not self._begun:
             return super()._second_derivatives(convex=convex)
         if convex and self.exact is not None and not self.limited.bends(self.x, self.u):
@@ -307,7 +313,7 @@ class LimitedProblem(ShootingProblem):
 
     def _forget_cost(self) -> None:
         super()._forget_cost()
-        self.gradient = None
+        self.gradient = self.newton_change = None
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
         # The multipliers of the dynamics are those of the Lagrangian.
@@ -318,7 +324,12 @@ class LimitedProblem(ShootingProblem):
     ) -> DiscreteDirection:
         """Return the direction of a model that has a minimum, with what it changes of the limits."""
         plain = super().direction(method, model, scale, shift)
-        return replace(plain, limited=self._change(plain).flat) if self._begun else plain
+        if not self._begun:
+            return plain
+        change = self._change(plain)
+        if method == "newton" and scale == 1.0 and shift == 0.0:
+            self.newton_change = change
+        return replace(plain, limited=change.flat)
 
     def _change(self, direction: DiscreteDirection) -> Sided:
         """Return how the limits' values change along a direction."""
@@ -388,21 +399,25 @@ class LimitedProblem(ShootingProblem):
         """Return the duals after a last step of theirs along Newton's direction, which the motion hardly needs."""
         duals, after = self.duals.y, self._room()
         if self.stages.is_last and not self.is_open:
-            # Memory of its own: the feedback that is told may stand in that of the iteration.
-            spare = Workspace(self.system.N, self.system.nx, self.system.nu)
-            try:
-                method = "newton" if self.has_curvature else "quasi-newton"
-                model = self._with_start(self._solve(method, spare, 1.0))
-                if model.definite:
-                    A, B = self._linearize()
-                    dx, du = sweep_forward(A, B, model, self._start_step(model))
-                    room, dc = after, self.limited.along(dx, du, self._jacobians())
-                    # They are those of where it leads to: near their bounds that is far from here in room.
-                    after = self.duals.room(Sided(room.c.flat + dc.flat, dc.layout))
-                    duals = self.duals.moved(room, dc, after)
-            except LeastActionError:
-                pass  # The duals of the last step will do.
+            dc = self._last_change() if self.newton_change is None else self.newton_change
+            if dc is not None:
+                # They are those of where it leads to: near their bounds that is far from here in room.
+                room, after = after, self.duals.room(Sided(after.c.flat + dc.flat, dc.layout))
+                duals = self.duals.moved(room, dc, after)
         return self.duals.settled(duals, after)
+
+    def _last_change(self) -> Sided | None:
+        """Return the change of the limits along a direction that is not followed any more; None if there is none."""
+        # Memory of its own: the feedback that is told may stand in that of the iteration.
+        spare = Workspace(self.system.N, self.system.nx, self.system.nu)
+        try:
+            model = self._with_start(self._solve("newton" if self.has_curvature else "quasi-newton", spare, 1.0))
+            if not model.definite:
+                return None
+            A, B = self._linearize()
+            return self.limited.along(*sweep_forward(A, B, model, self._start_step(model)), self._jacobians())
+        except LeastActionError:
+            return None  # The duals of the last step will do.
 
     def _report(self) -> LimitReport:
         k = [rows.k for rows in self.limited.rows]

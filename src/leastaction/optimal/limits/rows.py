@@ -21,48 +21,26 @@ _OFF = 1e-6  # of what is large for it a limit may be off at a fixed initial sta
 
 
 class Weights:
-    """What rows add to the second derivative of a cost; matrices only where some row is no single entry.
+    """What rows add to the second derivative of a cost, in memory that is used again by the next sum after `clear`.
 
-    ``state`` (N+1, nx), ``input`` (N, nu): diagonals. ``of_states`` (N+1, nx, nx), ``of_inputs`` (N, nu, nu),
-    ``crossed`` (N, nx, nu): matrices, None until something is added. Their memory is used again by the next sum after
-    `clear`.
+    ``columns`` (m,): the places in ``(x, u)`` by which rows that are no single entries depend on them, ascending.
+    ``state`` (N+1, nx), ``input`` (N, nu): diagonals. ``matrices`` (N+1, m, m): by the columns, of all instants.
     """
 
-    def __init__(self, N: int, nx: int, nu: int) -> None:
+    def __init__(self, N: int, nx: int, nu: int, columns: Instants) -> None:
+        self.columns = columns
         self.state, self.input = np.zeros((N + 1, nx)), np.zeros((N, nu))
-        self.of_states: Array | None = None
-        self.of_inputs: Array | None = None
-        self.crossed: Array | None = None
-        self._memory: dict[str, Array] = {}
+        self.matrices = np.zeros((N + 1, len(columns), len(columns)))
 
     def clear(self) -> None:
         """Begin another sum."""
-        self.state.fill(0.0)
-        self.input.fill(0.0)
-        self.of_states = self.of_inputs = self.crossed = None
+        for array in (self.state, self.input, self.matrices):
+            array.fill(0.0)
 
-    def add_at_states(self, k: Instants, columns: Instants, H: Array) -> None:
-        """Add matrices (n, m, m) by some entries of the states at instants."""
-        if self.of_states is None:
-            self.of_states = self._zeros("states", (*self.state.shape, self.state.shape[1]))
-        _add(self.of_states, k, columns, columns, H)
-
-    def add_at_steps(self, k: Instants, columns: Instants, H: Array) -> None:
-        """Add matrices (n, m, m) by some entries of states and inputs, one behind the other, of steps."""
-        (N, nu), nx = self.input.shape, self.state.shape[1]
-        if self.of_inputs is None or self.crossed is None:
-            self.of_inputs, self.crossed = self._zeros("inputs", (N, nu, nu)), self._zeros("crossed", (N, nx, nu))
-        x, u = np.flatnonzero(columns < nx), np.flatnonzero(columns >= nx)
-        state, steered = columns[x], columns[u] - nx
-        self.add_at_states(k, state, _part(H, x, x))
-        _add(self.of_inputs, k, steered, steered, _part(H, u, u))
-        _add(self.crossed, k, state, steered, _part(H, x, u))
-
-    def _zeros(self, name: str, shape: tuple[int, ...]) -> Array:
-        if name not in self._memory:
-            self._memory[name] = np.empty(shape)
-        self._memory[name].fill(0.0)
-        return self._memory[name]
+    def add(self, k: Instants, columns: Instants, H: Array) -> None:
+        """Add matrices (n, c, c) by some of the columns, at instants."""
+        places = np.searchsorted(self.columns, columns)
+        _add(self.matrices, k, places, places, H)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +185,7 @@ class Rows:
             J[:, np.flatnonzero(~ahead), columns[~ahead]] = 1.0
             J[:, ahead] = dynamics[self.k][:, columns[ahead] - nz]
             H, columns = J.transpose(0, 2, 1) @ (H @ J), np.arange(nz)
-        (to.add_at_states if quantity.of_state else to.add_at_steps)(self.k, columns, H)
+        to.add(self.k, columns, H)
 
     def along(self, jacobian: Array, dx: Array, du: Array) -> Array:
         """Return ``dc (n, m)`` along a direction."""
@@ -215,6 +193,11 @@ class Rows:
         parts = [dx[k]] if self.quantity.of_state else [dx[k], du[k], dx[k + 1]]
         moved = np.hstack(parts)[:, self._columns(dx.shape[1], du.shape[1])]
         return np.asarray(self.sign * np.einsum("kmi,ki->km", jacobian, moved))
+
+    def weighs(self, nx: int, nu: int) -> Instants:
+        """Return the places in (x, u) by which it adds to second derivatives: all of them where it looks ahead."""
+        columns = self._columns(nx, nu)
+        return np.arange(nx + nu) if (columns >= nx + nu).any() else columns
 
     def _columns(self, nx: int, nu: int) -> Instants:
         """Return the places in (x, u, x_next) in which derivatives are given."""
@@ -242,14 +225,6 @@ def _add(to: Array, k: Instants, rows: Instants, columns: Instants, H: Array) ->
         for own_row, row in down:
             for own, column in across:
                 to[there, row, column] += H[here, own_row, own]
-
-
-def _part(H: Array, rows: Instants, columns: Instants) -> Array:
-    """Return some rows and columns of matrices, which each follow each other in most."""
-    down, across = _runs(rows), _runs(columns)
-    if len(down) == len(across) == 1:
-        return H[:, down[0][1], across[0][1]]
-    return H[:, rows[:, None], columns]
 
 
 def _runs(places: Instants) -> list[tuple[slice, slice]]:

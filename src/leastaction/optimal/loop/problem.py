@@ -157,6 +157,11 @@ class Problem(ABC, Generic[M, D, I]):
         return False
 
     @property
+    def is_passing(self) -> bool:
+        """Whether this stage only leads to the next, so that its minimum need not be seen to be one."""
+        return False
+
+    @property
     def longest_stage(self) -> int | None:
         """Iterations after which a stage is over wherever it stands; None: not before its minimum."""
         return None

@@ -16,6 +16,9 @@ __all__ = ["Run"]
 # Of so many first steps, most were shorter than the last where a run is likely to get lost.
 _FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
 
+# The decrease that is expected is at most this part of what it was before a Newton step that was all but full.
+_AFTER, _FULL = 0.1, 0.9
+
 
 class Run:
     """How far an optimisation has come.
@@ -69,6 +72,17 @@ class Run:
     def was_violent(self) -> bool:
         """Whether most of the first steps had to be cut short: the run is likely to get lost."""
         return sum(length < _CUT for length in self.history.step_lengths[:_FIRST_STEPS]) >= _MOST
+
+    @property
+    def foresees_end(self) -> bool:
+        """Whether the next direction would end a stage that only leads to another: it need not be found."""
+        last = self.schedule
+        return (
+            last.method == "newton"
+            and last.length >= _FULL
+            and _AFTER * last.expected <= self.goal
+            and self.problem.is_passing
+        )
 
     def set_out(self, schedule: NewtonSchedule, why: str = "") -> None:
         """Begin a stage of the problem; the note of the next iteration says why."""

@@ -33,7 +33,7 @@ class Stages:
         Looked at before each iteration, so that one which is resumed does as well.
         """
         run = self.run
-        if run.schedule.spent >= (run.problem.longest_stage or np.inf):
+        if run.schedule.spent >= (run.problem.longest_stage or np.inf) or run.foresees_end:
             self._next()
         elif run.history.iterations == _FEW and max(run.history.step_lengths) < _VERY_SHORT:
             self._begin_freely()

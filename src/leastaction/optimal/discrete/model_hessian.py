@@ -1,0 +1,102 @@
+"""The second derivatives of a quadratic model: those of a cost, and a part by a few entries of state and input."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.cost import is_diagonal, matrix_of
+from leastaction.optimal.discrete.cost import CostHessian
+
+__all__ = ["HessianPart", "ModelHessian", "between", "shifted"]
+
+
+class HessianPart(NamedTuple):
+    """Symmetric matrices by some entries of ``(x, u)`` only, such as what a few rows of limits weigh.
+
+    ``columns`` (m,): the entries, ascending. ``matrices`` (N, m, m): one for each stage.
+    """
+
+    columns: np.ndarray[tuple[int], np.dtype[np.intp]]
+    matrices: Array
+
+
+class ModelHessian(NamedTuple):
+    """The weights of a model: ``Q, R, S, Q_final`` as in a `CostHessian`, and what is added to those of the stages."""
+
+    Q: Array
+    R: Array
+    S: Array | None
+    Q_final: Array
+    part: HessianPart | None = None
+
+    @classmethod
+    def of(cls, hessian: CostHessian) -> ModelHessian:
+        """Return the weights of a cost alone."""
+        return cls(*hessian)
+
+
+def between(low: ModelHessian, high: ModelHessian, share: float) -> ModelHessian:
+    """Return ``low + share (high - low)`` of two Hessians of the same cost and limits."""
+    if share == 0.0 or all(a is b for a, b in zip(low, high, strict=True)):
+        return low
+    Q, Q_final = _between(low.Q, high.Q, share), _between(low.Q_final, high.Q_final, share)
+    S = high.S if low.S is None else low.S
+    if S is not None and low.S is not None and high.S is not None:
+        S = _between(low.S, high.S, share)
+    elif S is not None:
+        S = (share if low.S is None else 1.0 - share) * S
+    part = low.part
+    if part is not None and high.part is not None:
+        part = part._replace(matrices=_between(part.matrices, high.part.matrices, share))
+    return ModelHessian(Q, _between(low.R, high.R, share), S, Q_final, part)
+
+
+def _between(low: Array, high: Array, share: float) -> Array:
+    if low is high:
+        return low
+    if is_diagonal(low) and low.ndim == high.ndim and is_diagonal(high):
+        return np.asarray(low + share * (high - low))
+    low, high = matrix_of(low), matrix_of(high)
+    part = np.array(np.broadcast_to(high, np.broadcast_shapes(low.shape, high.shape)))
+    part -= low
+    part *= share
+    part += low
+    return part
+
+
+def shifted(hessian: ModelHessian, shift: float) -> ModelHessian:
+    """Return the Hessian with a multiple of the identity added to all weights.
+
+    The multiple is measured in the mean of the weights of the stages.
+    """
+    amount = 0.5 * shift * (_mean(hessian.Q) + _mean(hessian.R) + _mean_of_part(hessian))
+    return hessian._replace(Q=_add(hessian.Q, amount), R=_add(hessian.R, amount), Q_final=_add(hessian.Q_final, amount))
+
+
+def _mean(weight: Array) -> float:
+    """Return the mean of a weight's diagonal; zero for that of no entries."""
+    if weight.size == 0:
+        return 0.0
+    if weight.ndim == 1 or weight.shape[-1] == 1:
+        return float(np.mean(np.abs(weight)))
+    return float(np.mean(np.abs(np.diagonal(weight, axis1=-2, axis2=-1))))
+
+
+def _mean_of_part(hessian: ModelHessian) -> float:
+    """Return what the part adds to the means of the diagonals by states and by inputs."""
+    if hessian.part is None:
+        return 0.0
+    columns, matrices = hessian.part
+    each = np.abs(np.einsum("kii->ki", matrices)).mean(axis=0)
+    nx, nu = (W.shape[0] if W.ndim == 1 else W.shape[1] for W in (hessian.Q, hessian.R))
+    return float(each[columns < nx].sum() / max(nx, 1) + each[columns >= nx].sum() / max(nu, 1))
+
+
+def _add(weight: Array, amount: float) -> Array:
+    if is_diagonal(weight):
+        return weight + amount
+    result: Array = weight + amount * np.eye(weight.shape[-1])
+    return result
