@@ -132,6 +132,10 @@ class System(ABC):
         """Return how to speak of entry i of the inputs in messages."""
         return f"u[{i}]"
 
+    def unknowns_along(self, dx: Array) -> list[str]:  # noqa: ARG002 - overridden
+        """Return the names of unknown numbers that a change (nx,) of an initial state changes; none by default."""
+        return []
+
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:  # noqa: ARG002 - overridden
         """Return the directions (nx, n) in which an initial state x (nx,) may move.
 

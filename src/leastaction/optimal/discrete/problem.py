@@ -43,6 +43,9 @@ _SHORT, _NEAR, _FAR = 0.1, 0.02, 0.2
 # current iterate; the second is how much further a step may go there.
 COARSE, _COARSER = 3.0, 1.5
 
+# Of the largest second derivative by the initial state is what counts as none.
+_FLAT = 1e-12
+
 
 class Iterate(NamedTuple):
     """States (N+1, nx) and inputs (N, nu) of a trajectory, and its coarsest step."""
@@ -109,6 +112,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.quasi_newton: LinearQuadraticSolution | None = None
         self.feedback: Array | None = None
         self.start_directions: Array | None = None
+        self._flat: list[str] = []  # unknown numbers of which the last model says nothing
 
         # Memory that is used again. The gains of the last projection (in `held`) outlive the next
         # linear-quadratic problem (solved in `free`), because the adjoint needs them.
@@ -260,15 +264,32 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
     def _with_start(self, model: LinearQuadraticSolution) -> LinearQuadraticSolution:
         """Return the model, without a minimum if it has none over the initial state."""
+        self._flat = []
         if self.free_start is False or not model.definite:
             return model
         Z = self._directions_of_start()
         bend = Z.T @ model.P0 @ Z
-        least = float(np.linalg.eigvalsh(bend)[0]) if len(bend) else 1.0
-        if least > 1e-12 * float(np.abs(bend).max(initial=0.0)):
+        if not len(bend):
             return model
+        values, vectors = np.linalg.eigh(bend)
+        least, little = float(values[0]), _FLAT * float(np.abs(bend).max())
+        if least > little:
+            return model
+        if least >= -little:
+            self._flat = self.system.unknowns_along(np.abs(Z @ vectors[:, values <= little]).max(axis=1))
         message = f"P is not positive definite over the free initial state (smallest eigenvalue {least:.3g})."
         return replace(model, definite=False, stage=0, message=message)
+
+    @property
+    def undetermined(self) -> str:
+        if not self._flat:
+            return ""
+        names = " and ".join(repr(name) for name in self._flat)
+        return (
+            f"The cost does not depend on {names} along this motion, neither to first nor to second order, so that "
+            "cannot be found. Start from a motion on which it has an effect, give it a price or a `weight` (what is known of "
+            "it), or leave it out of the unknowns."
+        )
 
     def negative_curvature(self, scale: float) -> DiscreteDirection | None:
         """Return a direction of negative curvature, where the undamped Newton model has one."""

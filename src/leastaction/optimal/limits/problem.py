@@ -111,6 +111,8 @@ class LimitedProblem(ShootingProblem):
             self.given = Start(np.array(x, dtype=np.float64), np.array(u, dtype=np.float64))
         if self.given is not None:
             self.given = replace(self.given, was_found=was_found)
+        for rows, values in zip(self.limited.rows, self._limits(), strict=True):
+            rows.check_values(values, self.system.when)
         self._begin()
 
     def resume(self, result: OptimizationResult) -> None:

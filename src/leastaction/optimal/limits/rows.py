@@ -112,6 +112,25 @@ class Rows:
         self.quantity.jacobian(at)
         self.quantity.curvature(at, np.ones((1, len(self.quantity.names))))
 
+    def check_values(self, c: Array, when: Callable[[int], str]) -> None:
+        """Complain about values (n, m) along the motion to start from that are no numbers.
+
+        ``when``: how to speak of an instant.
+
+        Raises
+        ------
+        ArgumentError
+            If there are some.
+        """
+        if np.isfinite(c).all():
+            return
+        i, j = np.argwhere(~np.isfinite(c))[0]
+        raise ArgumentError(
+            f"{self.limit}: {self.labels[j]!r} got {c[i, j]} at {when(int(self.k[i]))} of the motion to start from, "
+            "expected a finite number. Start where its function is defined, or state it as one that is defined "
+            "everywhere"
+        )
+
     def check_start(self, x: Array) -> None:
         """Complain about a fixed initial state (nx,) that is outside of the limit.
 

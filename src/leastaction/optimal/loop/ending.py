@@ -55,6 +55,8 @@ def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
     status, worst = outcome.status, problem.worst_step
     detail = outcome.detail and outcome.detail.removesuffix(".") + "."
     parts = [status.value, detail, problem.unfinished]
+    if problem.undetermined and status in (Status.SADDLE, Status.NO_DIRECTION):
+        parts = [problem.undetermined]
     if status is not Status.INFEASIBLE:
         parts.append(problem.unmet)
     if worst is not None and status in (*STUCK, Status.NO_DIRECTION):

@@ -139,6 +139,11 @@ class Problem(ABC, Generic[M, D, I]):
         return ""
 
     @property
+    def undetermined(self) -> str:
+        """What is to be said of unknown numbers that nothing tells of, where a model has no minimum because of them."""
+        return ""
+
+    @property
     def unfinished(self) -> str:
         """What is to be said of a run that ends before its last stage."""
         return ""

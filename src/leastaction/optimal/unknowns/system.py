@@ -23,6 +23,7 @@ from leastaction.optimal.system import Linearization
 __all__ = ["ExtendedSystem", "by_differences"]
 
 _PART = 1e-3  # of a parameter, by which it is moved for differences
+_SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
 
 
 class ExtendedSystem(DiscreteSystem):
@@ -250,6 +251,10 @@ class ExtendedSystem(DiscreteSystem):
 
     def input_name(self, i: int) -> str:
         return self.system.input_name(i)
+
+    def unknowns_along(self, dx: Array) -> list[str]:
+        parts = np.abs(dx[self.n_own : self.at_copies])
+        return [name for name, part in zip(self.names, parts, strict=True) if part > _SOME * np.abs(dx).max()]
 
     def quantity(self, kind: str) -> Quantity:
         if kind != "unknown":
