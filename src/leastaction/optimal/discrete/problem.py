@@ -287,8 +287,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         names = " and ".join(repr(name) for name in self._flat)
         return (
             f"The cost does not depend on {names} along this motion, neither to first nor to second order, so that "
-            "cannot be found. Start from a motion on which it has an effect, give it a price or a `weight` (what is known of "
-            "it), or leave it out of the unknowns."
+            "cannot be found. Start from a motion on which it has an effect, give it a price or a `weight` (what is "
+            "known of it), or leave it out of the unknowns."
         )
 
     def negative_curvature(self, scale: float) -> DiscreteDirection | None:
