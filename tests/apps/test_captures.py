@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,10 +12,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from apps.motions import leap
 from apps.puppet_bvh import CMU_NAMES, Z_UP, Convention, waving, write_puppet
 from leastaction.apps.cli import main
-from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
-from leastaction.apps.marionette import VARIABLES, RestingPoses, load_motion, load_run, resting, retarget, walk_in_place
+from leastaction.apps.cli.summary import _unit_of, as_text, run_summary, summary_tables
+from leastaction.apps.marionette import (
+    VARIABLES,
+    RestingPoses,
+    load_motion,
+    load_run,
+    resting,
+    retarget,
+    track,
+    walk_in_place,
+)
 from leastaction.apps.marionette.retargeting.geometry import euler_zyx, rotation_zyx
 from leastaction.apps.marionette.retargeting.spins import FURTHEST, beside, without_spins
 from leastaction.apps.marionette.speeds import fastest
@@ -22,7 +33,7 @@ from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion, read_bvh
 from leastaction.io.motion.capture import axis_rotation
-from leastaction.models.marionette import JOINT_LIMITS
+from leastaction.models.marionette import JOINT_LIMITS, marionette
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SHARED = Path(os.environ.get("SHARED_DIR", REPOSITORY.parent / "shared")) / "data" / "mocap"
@@ -209,6 +220,48 @@ def test_limits_that_a_run_ended_before_stating_are_named(tmp_path: Path, capsys
     assert said in as_text(summary_tables(run_summary(replace(run, kinds=frozenset()), limits=slower)))
     # Where they were stated the optimiser's message tells of them.
     assert said not in run_summary(replace(run, kinds=frozenset({"speed"})), limits=slower)["limits_broken"]
+
+
+def test_what_speaks_against_a_capture_is_said_before_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_puppet(tmp_path / "a.bvh", waving())
+    assert load_motion(path).warnings == ()
+    lines = path.read_text().splitlines()
+    # A quarter of all frames is not there, and elbows overstretch for half of the time.
+    lines[-40:-25] = [" ".join("NaN" for _ in line.split()) for line in lines[-40:-25]]
+    path.write_text("\n".join(lines))
+    lost = load_motion(path)
+    assert lost.lost == pytest.approx(0.25)
+    (said,) = lost.warnings
+    assert said.startswith("25 % of the samples are missing")
+    q = waving()
+    for name in ("lelbow_rx", "relbow_rx"):
+        q[:, VARIABLES.index(name)] = 1.5 * np.sin(np.linspace(0.3, 2.0 * np.pi, len(q)))
+    bent = write_puppet(tmp_path / "b.bvh", q)
+    (said,) = load_motion(bent).warnings
+    assert re.match(r"the puppet's joints cannot point its (left|right) forearm and 1 more as the capture does", said)
+    monkeypatch.setattr("leastaction.apps.cli.session.run", lambda *_arguments, **_options: 0)
+    with pytest.raises(SystemExit):
+        main(["optimize", "marionette", "--motion", str(bent), "--out", str(tmp_path / "out")])
+    assert "warning: the puppet's joints cannot point" in capsys.readouterr().out
+
+
+def test_limits_that_were_reached_have_units() -> None:
+    run = track(marionette(), leap(0.3), max_iterations=8, planned=True)
+    found = run_summary(run)["limits_reached"]
+    units = {entry["limit"].split(" >=")[0]: entry["unit"] for entry in found}
+    assert found
+    assert [unit for name, unit in units.items() if name in marionette().constraints][:1] == ["N"]
+    for label, unit in (
+        ("v_left_foot_string-x <= 8", "m/s"),
+        ("acceleration of left_foot_string-x <= 150", "m/s²"),
+        ("left_foot_string-x <= 2", "m"),
+        ("tension of neck_string >= 0.5", "N"),
+        ("lknee_rx <= 0", "rad"),
+    ):
+        assert _unit_of(label) == unit
+    assert f"{found[0]['limit']} {found[0]['unit']}" in " ".join(as_text(summary_tables(run_summary(run))).split())
 
 
 def test_as_fast_as_an_error_allows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,7 @@ import pytest
 from leastaction import Rig
 from leastaction.apps.cli.summary import checked
 from leastaction.apps.marionette import TrackingRun, check, load_motion, track, walk_in_place
-from leastaction.apps.marionette.tracking.run import held_error
+from leastaction.apps.marionette.tracking.found import held_error
 from leastaction.models.marionette import marionette
 
 SHARED = Path(os.environ.get("SHARED_DIR", Path(__file__).parents[3] / "shared")) / "data" / "mocap"

@@ -99,6 +99,10 @@ def test_help_is_quick() -> None:
         (["demo", "--out", "x", "--duration", "1e9"], "steps"),
         (["demo", "--out", "x", "--duration", "1e5"], "steps"),
         (["optimize", "marionette", "--out", "x", "--duration", "1e300"], "steps"),
+        (
+            ["optimize", "marionette", "--out", "x", "--speed", "fast"],
+            "got 'fast', expected a number such as 0.5",
+        ),
     ],
 )
 def test_bad_words_are_one_line_and_code_2(
@@ -126,6 +130,10 @@ def test_a_motion_file_that_is_none(leastaction, tmp_path: Path) -> None:
     code, _, err = leastaction("optimize", "marionette", "--motion", tmp_path / "no", "--out", out)
     assert code == 2
     assert err.startswith("error: ")
+    # Nothing is left behind, and what was there stays.
+    assert not out.exists()
+    out.mkdir()
+    leastaction("optimize", "marionette", "--motion", motion, "--out", out / "below" / "it")
     assert list(out.iterdir()) == []
 
 
@@ -159,7 +167,7 @@ def test_ctrl_c_before_there_is_a_result(leastaction, tmp_path: Path, monkeypatc
     code, _, err = leastaction("demo", "--out", tmp_path / "out")
     assert code == 130
     assert "interrupted" in err
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_report_holds_everything(made_up: TrackingRun, tmp_path: Path) -> None:

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from apps.motions import leap
 from leastaction import Mechanism, MidpointVI, QuadraticCost, tx
+from leastaction.apps.cli.summary import run_summary
 from leastaction.apps.marionette import walk_in_place
 from leastaction.apps.marionette.tracking import (
     FORCED,
@@ -34,24 +36,11 @@ from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.io import Motion
 from leastaction.io.results.record import load_record, save_record
 from leastaction.mechanics import JointForce
-from leastaction.models.marionette import JOINT_LIMITS, PLANE_HEIGHT, REST, STRINGS, UNHELD, marionette
+from leastaction.models.marionette import JOINT_LIMITS, PLANE_HEIGHT, STRINGS, UNHELD, marionette
 from leastaction.optimal import IterationRecord, OptimizationResult, Status
 from leastaction.systems import PulledSystem
 
 PUPPET = marionette()
-
-
-def leap(duration: float = 0.5, dt: float = 0.01) -> Motion:
-    """Return a motion that hanging strings cannot make: the puppet darts half a metre ahead and turns."""
-    t = np.linspace(0.0, duration, round(duration / dt) + 1)
-    s = t / duration
-    rise = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    q = np.zeros((len(t), PUPPET.nd))
-    for name, angle in REST.items():
-        q[:, PUPPET.dynamic.index(name)] = angle
-    q[:, PUPPET.dynamic.index("torso_ty")] = 0.5 * rise
-    q[:, PUPPET.dynamic.index("torso_rz")] = 0.8 * rise
-    return Motion(PUPPET.dynamic, t, q, "leap")
 
 
 def check_is_a_motion_of_the_puppet(run: TrackingRun) -> None:
@@ -487,3 +476,45 @@ def test_who_climbs_is_followed_as_high_as_strings_go() -> None:
     hooks = PUPPET.positions(run.reference, [string.hook for string in STRINGS])[..., 2]
     assert hooks.max() == pytest.approx(PLANE_HEIGHT - 0.1, abs=1e-9)
     assert np.isfinite(run.trajectory.q).all()
+
+
+def test_a_run_says_what_it_took_from_its_beginning(tmp_path: Path) -> None:
+    """All optimisations of the search and after it; a file keeps it, and a run that goes on adds to it."""
+    made: list[int] = []
+    whole: list[OptimizationResult] = []
+    real_search, real_run = plan.optimize, run_module.optimize
+
+    def counted(real: Callable[..., OptimizationResult]) -> Callable[..., OptimizationResult]:
+        def call(*problem: Any, **options: Any) -> OptimizationResult:
+            found = real(*problem, **options)
+            resumed = options.get("resume")
+            made.append(found.iterations - (0 if resumed is None else resumed.iterations))
+            whole.append(found)
+            return found
+
+        return call
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "optimize", counted(real_search))
+        patch.setattr(run_module, "optimize", counted(real_run))
+        run = track(PUPPET, leap(0.3), max_iterations=4)
+        at_first = len(made)
+        again = track(PUPPET, run.motion, resume=load_run(save_run(tmp_path / "run.npz", run)), max_iterations=2)
+    assert run.effort is not None
+    assert run.effort.iterations == sum(made[:at_first]) > run.result.iterations
+    assert run.effort.optimisations == len(
+        [each for each in whole[:at_first] if each.status is not Status.STOPPED_BY_CALLBACK]
+    )
+    assert np.isfinite(run.effort.first_cost)
+    summary = run_summary(run)
+    assert summary["run"]["iterations"] == sum(made[:at_first])
+    assert summary["cost"]["first"] == run.effort.first_cost
+    path = tmp_path / "run.npz"
+    assert load_run(path).effort == run.effort
+    assert again.effort is not None
+    assert again.effort.iterations == sum(made)
+    assert again.effort.first_cost == run.effort.first_cost
+    # A file of before says only what its last optimisation took.
+    old = replace(run, effort=None)
+    assert load_run(save_run(path, old)).effort is None
+    assert run_summary(old)["run"]["iterations"] == run.result.iterations

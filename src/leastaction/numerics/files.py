@@ -61,6 +61,22 @@ def write_text(path: str | os.PathLike[str], content: str) -> Path:
     return write_bytes(path, content.encode("utf-8"))
 
 
+@contextlib.contextmanager
+def output_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
+    """Make a folder as `prepare_output_folder` does; what of it was new and is still empty afterwards goes again.
+
+    Nothing that was wrong with a run's input leaves an empty folder behind. Raises `OutputError` as that does.
+    """
+    target = Path(folder)
+    new = [each for each in (target, *target.parents) if not each.exists()]
+    try:
+        yield prepare_output_folder(target)
+    finally:
+        for each in new:
+            with contextlib.suppress(OSError):
+                each.rmdir()
+
+
 def prepare_output_folder(folder: str | os.PathLike[str]) -> Path:
     """Make ``folder`` (and its parents) and prove by writing that files can be put there.
 

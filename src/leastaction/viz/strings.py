@@ -59,7 +59,7 @@ def plot_strings(
             f"({times.size}, {n}) and ({times.size - 1}, {n})"
         )
     middles = times if len(tension) == times.size else 0.5 * (times[:-1] + times[1:])
-    margins = Margins(across=0.85, down=0.36)
+    margins = Margins(across=1.1, down=0.36)
     ratios = (1.6, 1.0)
     figure, panels = panel_grid(n, 2, panel=(4.6, 1.0), margins=margins, width_ratios=ratios)
     for i, (name, (left, right)) in enumerate(zip(names, panels, strict=True)):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import errno
 import filecmp
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -15,7 +16,17 @@ from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
-from leastaction.apps.cli.options import MOTION, OUTPUT, PUPPET, Axis, Follow, Heading, OptimiserOptions, OutputOptions
+from leastaction.apps.cli.options import (
+    MOTION,
+    OUTPUT,
+    PUPPET,
+    Axis,
+    Follow,
+    Heading,
+    OptimiserOptions,
+    OutputOptions,
+    speed_of,
+)
 from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
 
@@ -72,7 +83,8 @@ def demo(
     from leastaction.apps.marionette.walk import walk_in_place
 
     walk = walk_in_place(duration, dt)
-    return _run(walk, optimiser, output, _prepare(output))
+    with _folder(output) as folder:
+        return _run(walk, optimiser, output, folder)
 
 
 @app.command
@@ -90,7 +102,7 @@ def optimize(
     start: Annotated[Literal["rest", "moving"], Parameter(group=MOTION)] = "rest",
     in_place: Annotated[bool, Parameter(group=MOTION, negative=())] = False,
     trim: Annotated[tuple[float, float] | None, Parameter(group=MOTION)] = None,
-    speed: Annotated[float | Literal["auto"], Parameter(group=MOTION)] = 1.0,
+    speed: Annotated[float | Literal["auto"], Parameter(group=MOTION, converter=speed_of)] = 1.0,
     error: Annotated[float, Parameter(group=MOTION)] = 5.0,
     up: Annotated[Axis | None, Parameter(group=MOTION)] = None,
     forward: Annotated[Axis | None, Parameter(group=MOTION)] = None,
@@ -189,17 +201,17 @@ def optimize(
     if resume is not None:
         from leastaction.apps.marionette.tracking import load_unfinished
 
-        return _run(load_unfinished(resume), optimiser, output, _prepare(output), limits=limits, check=check)
+        with _folder(output) as folder:
+            return _run(load_unfinished(resume), optimiser, output, folder, limits=limits, check=check)
     if motion is None:
         from leastaction.apps.marionette.walk import walk_in_place
 
         walk = walk_in_place(10.0 if duration is None else duration, dt)
-        return _run(
-            walk, optimiser, output, _prepare(output), limits=limits, strings=strings, follow=follow, check=check
-        )
+        with _folder(output) as folder:
+            return _run(walk, optimiser, output, folder, limits=limits, strings=strings, follow=follow, check=check)
     from leastaction.apps.marionette.retargeting import load_motion
 
-    folder, console = _prepare(output), Console(highlight=False)
+    console = Console(highlight=False)
 
     def motion_at(speed: float) -> Motion:
         with console.status(f"reading {motion.name}"):
@@ -209,15 +221,21 @@ def optimize(
                 skeleton=skeleton, frame_rate=frame_rate,
             )  # fmt: skip
         console.print(loaded.summary(), markup=False)
+        for warning in loaded.warnings:
+            console.print("[bold yellow]warning:[/bold yellow] ", end="")
+            console.print(warning, markup=False, soft_wrap=True)
         # The name is enough for titles, and where a file lies is nobody's business but its owner's.
         return replace(loaded.motion, source=motion.name)
 
-    if speed == "auto":
-        from leastaction.apps.cli.session import AtSpeeds
+    with _folder(output) as folder:
+        wanted: Motion | AtSpeeds
+        if speed == "auto":
+            from leastaction.apps.cli.session import AtSpeeds
 
-        at_speeds = AtSpeeds(motion_at, error)
-        return _run(at_speeds, optimiser, output, folder, limits=limits, strings=strings, follow=follow, check=check)
-    return _run(motion_at(speed), optimiser, output, folder, limits=limits, strings=strings, follow=follow, check=check)
+            wanted = AtSpeeds(motion_at, error)
+        else:
+            wanted = motion_at(speed)
+        return _run(wanted, optimiser, output, folder, limits=limits, strings=strings, follow=follow, check=check)
 
 
 @app.command
@@ -247,21 +265,22 @@ def draw(file: Path, /, *, output: OutputOptions) -> int:
     from leastaction.apps.cli.report import TRAJECTORY, write_report
     from leastaction.apps.marionette.tracking import load_run
 
-    run, folder, console = load_run(file), _prepare(output), Console(highlight=False)
-    beside = folder / TRAJECTORY
-    if beside.exists() and not filecmp.cmp(file, beside, shallow=False):
-        raise ArgumentError(
-            f"{beside} is another run than {file}, and pictures of this one do not belong beside it: "
-            "give another folder as --out"
-        )
-    with console.status("") as status:
-        report = write_report(
-            run,
-            folder,
-            plots=output.plots,
-            animation=output.animation,
-            progress=lambda name: status.update(f"writing {name}"),
-        )
+    run, console = load_run(file), Console(highlight=False)
+    with _folder(output) as folder:
+        beside = folder / TRAJECTORY
+        if beside.exists() and not filecmp.cmp(file, beside, shallow=False):
+            raise ArgumentError(
+                f"{beside} is another run than {file}, and pictures of this one do not belong beside it: "
+                "give another folder as --out"
+            )
+        with console.status("") as status:
+            report = write_report(
+                run,
+                folder,
+                plots=output.plots,
+                animation=output.animation,
+                progress=lambda name: status.update(f"writing {name}"),
+            )
     console.print(report)
     return 0
 
@@ -295,14 +314,16 @@ def examples(example: str | None = None, /, *, out: Path = Path("pictures")) -> 
     return 0
 
 
-def _prepare(output: OutputOptions) -> Path:
-    """Check before the run that its results can be drawn and written, and return their folder."""
+@contextmanager
+def _folder(output: OutputOptions) -> Iterator[Path]:
+    """Check before a run that its results can be drawn and written; yields their folder, see `output_folder`."""
     from leastaction.apps.cli.report import check_pictures
-    from leastaction.numerics.files import prepare_output_folder
+    from leastaction.numerics.files import output_folder
 
     if output.plots:
         check_pictures()
-    return prepare_output_folder(output.out)
+    with output_folder(output.out) as folder:
+        yield folder
 
 
 def _run(

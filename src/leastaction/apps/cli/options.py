@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import Group, Parameter
+from cyclopts import Group, Parameter, Token
 
 MOTION = Group("Motion", sort_key=1)
 PUPPET = Group("Strings", sort_key=2)
@@ -17,6 +18,17 @@ Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 Heading = Literal["facing", "travel", "axis", "straight"]
 Follow = Literal["joints", "markers"]
 Method = Literal["auto", "newton", "quasi-newton", "steepest"]
+
+
+def speed_of(_: object, tokens: Sequence[Token]) -> float | Literal["auto"]:
+    """Return what is said of a speed; what is neither a number nor the word is told in a user's terms."""
+    said = tokens[0].value
+    if said == "auto":
+        return "auto"
+    try:
+        return float(said)
+    except ValueError:
+        raise ValueError(f"got {said!r}, expected a number such as 0.5, or auto") from None
 
 
 @Parameter(name="*")

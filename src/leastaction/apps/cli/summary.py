@@ -17,7 +17,7 @@ from leastaction.apps.marionette.markers import MARKERS
 from leastaction.apps.marionette.resting import RestingPoses
 from leastaction.apps.marionette.scene import GROUPS, string_label, string_lengths
 from leastaction.apps.marionette.speeds import AtSpeed
-from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun
+from leastaction.apps.marionette.tracking import Effort, PuppetLimits, TrackingRun
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Status
@@ -53,7 +53,8 @@ def run_summary(
     """
     result, t = run.result, run.trajectory.t
     far, against = _not_followed(run)
-    cost = result.history.cost
+    cost, effort = result.history.cost, run.effort or Effort().plus(result)
+    first = float(cost[0]) if np.isnan(effort.first_cost) else effort.first_cost
     return {
         "run": {
             "mechanism": "marionette",
@@ -62,7 +63,9 @@ def run_summary(
             "created": run.provenance.created,
             "steps": len(t) - 1,
             "duration_s": float(t[-1] - t[0]),
-            "iterations": result.iterations,
+            "iterations": effort.iterations,
+            "optimisations": effort.optimisations,
+            "last_iterations": result.iterations,
         },
         "settings": {
             "source": run.source,
@@ -71,7 +74,7 @@ def run_summary(
             "embedded": run.embedded,
         },
         "versions": dict(run.provenance.versions),
-        "cost": {"first": float(cost[0]), "last": float(cost[-1])},
+        "cost": {"first": first, "last": float(cost[-1])},
         "follows": run.follow,
         "tracking": _tracking(run.errors),
         "markers": {} if run.markers is None else _markers(run, rest),
@@ -103,7 +106,12 @@ def _not_followed(run: TrackingRun) -> tuple[list[dict[str, Any]], list[dict[str
     ]
     limits = run.result.limits
     against: list[dict[str, Any]] = [
-        {"limit": label, "share_percent": 100.0 * float(side.active[:, j].mean()), "at_s": float(t[side.k[worst]])}
+        {
+            "limit": label,
+            "unit": _unit_of(label),
+            "share_percent": 100.0 * float(side.active[:, j].mean()),
+            "at_s": float(t[side.k[worst]]),
+        }
         for side in (() if limits is None else limits.sides)
         for j, label in enumerate(side.labels)
         if side.active[:, j].any()
@@ -112,6 +120,17 @@ def _not_followed(run: TrackingRun) -> tuple[list[dict[str, Any]], list[dict[str
     far.sort(key=lambda entry: entry["rms_deg"], reverse=True)
     against.sort(key=lambda entry: entry["share_percent"], reverse=True)
     return far, against
+
+
+def _unit_of(label: str) -> str:
+    """Return the unit of a limit by its label, which begins with what is limited."""
+    for begins, unit in (("v_", "m/s"), ("acceleration of ", "m/s²"), ("tension of ", "N")):
+        if label.startswith(begins):
+            return unit
+    name = label.split(maxsplit=1)[0]
+    if name.endswith(("-x", "-y")):
+        return "m"
+    return "N" if name.endswith("_string") else "rad"
 
 
 def _broken(run: TrackingRun, limits: PuppetLimits) -> list[str]:
@@ -211,9 +230,11 @@ def as_text(renderable: RenderableType) -> str:
 
 def _headline(summary: Mapping[str, Any]) -> Text:
     run, cost = summary["run"], summary["cost"]
+    many = run["optimisations"]
+    stages = f" of {many} optimisations, {run['last_iterations']} of the last one" if many > 1 else ""
     return Text.assemble(
         (f"{run['mechanism']}: {run['steps']} steps, {run['duration_s']:g} s", "bold"),
-        f"\nstatus {run['status']} after {run['iterations']} iterations, "
+        f"\nstatus {run['status']} after {run['iterations']} iterations{stages}, "
         f"cost {cost['first']:.6g} to {cost['last']:.6g}\n{run['message']}",
     )
 
@@ -233,7 +254,8 @@ def _not_followed_lines(summary: Mapping[str, Any]) -> RenderableType | None:
         table.add_row(Text("Not followed" if i == 0 else "", style="dim"), entry["joint"], row)
     for i, entry in enumerate(against):
         row = f"{entry['share_percent']:.0f} % of the time, hardest at {entry['at_s']:.2f} s"
-        table.add_row(Text("Limits reached" if i == 0 else "", style="dim"), entry["limit"], row)
+        limit = f"{entry['limit']} {entry['unit']}"
+        table.add_row(Text("Limits reached" if i == 0 else "", style="dim"), limit, row)
     for i, kind in enumerate(broken):
         table.add_row(Text("Limits broken" if i == 0 else "", style="dim"), kind, "")
     return table

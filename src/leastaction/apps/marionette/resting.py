@@ -16,10 +16,10 @@ import numpy as np
 from scipy.optimize import minimize
 
 from leastaction.apps.marionette.markers import LIMB_MARKERS
+from leastaction.apps.marionette.tracking.found import TrackingRun, held_error
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem
-from leastaction.apps.marionette.tracking.run import TrackingRun, held_error
 from leastaction.apps.marionette.tracking.weights import FORCED, TrackingWeights
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array

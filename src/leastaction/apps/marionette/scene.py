@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from leastaction.apps.marionette.tracking.found import TrackingRun
 from leastaction.apps.marionette.tracking.problem import ROOT
-from leastaction.apps.marionette.tracking.run import TrackingRun
 from leastaction.models.marionette import strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.viz.scene import Bone, Cord, Scene, mechanism_scene

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Literal, get_args
@@ -14,11 +15,15 @@ from leastaction.apps.marionette.retargeting.mapping import read_mapping
 from leastaction.apps.marionette.retargeting.retarget import Retargeted, retarget
 from leastaction.apps.marionette.retargeting.skeleton import Proportions
 from leastaction.errors import ArgumentError
+from leastaction.io.motion.capture import Capture
 from leastaction.io.motion.motion import Motion
 from leastaction.io.motion.read import read_capture
 from leastaction.numerics.arrays import as_number
 
 Start = Literal["rest", "moving"]
+
+_LOST = 0.05  # of the samples may be missing
+_FAR = 15.0  # degrees (rms) may a bone of the puppet be off the captured one
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +42,8 @@ class PuppetMotion:
         Of the filter against noise (Hz).
     filled : str
         What samples were missing in the capture, in words; empty if none were.
+    lost : float
+        The share of samples that were missing, of the joints that matter and those above them.
     """
 
     motion: Motion
@@ -44,6 +51,28 @@ class PuppetMotion:
     speed: float = 1.0
     cutoff: float | None = None
     filled: str = ""
+    lost: float = 0.0
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against following this motion as it is, in words for a person; none for a sound capture."""
+        found = []
+        if self.lost > _LOST:
+            found.append(
+                f"{100.0 * self.lost:.0f} % of the samples are missing in the file and made up from those before and "
+                "after: take a part of it that has none (--trim), or another capture"
+            )
+        off = {bone: float(np.sqrt(np.mean(error**2))) for bone, error in self.retargeted.errors.items()}
+        far = {bone: error for bone, error in off.items() if error > _FAR}
+        if far:
+            worst = max(far, key=lambda bone: far[bone])
+            others = f" and {len(far) - 1} more" if len(far) > 1 else ""
+            found.append(
+                f"the puppet's joints cannot point its {worst.replace('_', ' ')}{others} as the capture does: "
+                f"{far[worst]:.0f} degrees off (rms) before any string is looked at. Check which joint is which "
+                "(--mapping), or follow places instead of angles (--follow markers)"
+            )
+        return tuple(found)
 
     def summary(self) -> str:
         """A few lines for a person: source, length, axes, scale, accuracy."""
@@ -139,7 +168,21 @@ def load_motion(
         motion = motion.low_pass(cutoff)
     if start == "rest":
         motion = motion.ease_in(ease)
-    return PuppetMotion(motion.resample(dt, duration=duration), made, speed, cutoff, capture.describe_gaps())
+    whole = motion.resample(dt, duration=duration)
+    return PuppetMotion(whole, made, speed, cutoff, capture.describe_gaps(), _lost(capture, made.joints.values()))
+
+
+def _lost(capture: Capture, joints: Iterable[str]) -> float:
+    """Return the share of samples that were missing, of some joints of a capture and those above them."""
+    needed: set[str] = set()
+    for name in joints:
+        index = capture.index(name)
+        while index >= 0 and capture.joints[index].name not in needed:
+            needed.add(capture.joints[index].name)
+            index = capture.joints[index].parent
+    # A gap of the whole body has no joint's name.
+    frames = sum(gap.frames * (1 if gap.joint else len(needed)) for gap in capture.gaps if gap.joint in {"", *needed})
+    return frames / (capture.n_frames * len(needed))
 
 
 def _trimmed(motion: Motion, trim: tuple[float, float]) -> Motion:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from leastaction.apps.marionette.tracking.cost import TrackingCost
 from leastaction.apps.marionette.tracking.files import load_run, load_unfinished, save_run, save_search
+from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
-from leastaction.apps.marionette.tracking.run import TrackingRun, TrackingSearch, track
+from leastaction.apps.marionette.tracking.run import track
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
 
 __all__ = [
     "FORCED",
     "GENTLE",
+    "Effort",
     "PuppetLimits",
     "TrackingCost",
     "TrackingRun",

@@ -11,9 +11,9 @@ from typing import cast, get_args
 import numpy as np
 
 from leastaction.apps.marionette.markers import MARKERS, Follow, wanted_markers, with_places
+from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import KINDS
 from leastaction.apps.marionette.tracking.plan import PRICES
-from leastaction.apps.marionette.tracking.run import TrackingRun, TrackingSearch
 from leastaction.errors import LeastActionError, ResultFileError
 from leastaction.io.motion.motion import Motion
 from leastaction.io.results import check_result, load_record, save_record
@@ -45,6 +45,7 @@ class MarionetteRun:
     unfinished: OptimizationResult | None = None
     follow: str = "joints"
     markers: Array | None = None
+    effort: Effort | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,7 @@ class MarionetteSearch:
     strings: int = 6
     follow: str = "joints"
     markers: Array | None = None
+    effort: Effort | None = None
 
 
 def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
@@ -96,6 +98,7 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
         unfinished=run.unfinished,
         follow=run.follow,
         markers=run.markers,
+        effort=run.effort,
     )
     arrays = {name: getattr(trajectory, name) for name in ("q", "p", "lam")}
     return save_record(path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension})
@@ -116,6 +119,7 @@ def save_search(path: str | os.PathLike[str], search: TrackingSearch) -> Path:
         strings=search.mechanism.nc,
         follow=search.follow,
         markers=wanted_markers(search.mechanism, search.motion),
+        effort=search.effort,
     )
     return save_record(path, content, provenance=search.provenance)
 
@@ -198,6 +202,7 @@ def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Prov
             unfinished=saved.unfinished,
             follow=_follow_of(saved),
             markers=saved.markers,
+            effort=saved.effort,
             provenance=provenance,
         )
     except LeastActionError as error:
@@ -255,6 +260,7 @@ def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance
             stage=saved.stage,
             result=saved.result,
             follow=_follow_of(saved),
+            effort=saved.effort or Effort(),
             provenance=provenance,
         )
     except LeastActionError as error:

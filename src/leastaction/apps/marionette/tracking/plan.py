@@ -49,6 +49,7 @@ _OFF, _LITTLE = 0.02, 1.1  # the same where motors cannot make up for it, and ti
 _ROUGHLY, _WITHOUT_MOTORS = 0.1, 0.02
 
 Keep = Callable[[int, OptimizationResult, bool], None]
+Count = Callable[[OptimizationResult, bool], None]
 
 
 class Plan:
@@ -119,11 +120,13 @@ class Plan:
         stage: int = 0,
         result: OptimizationResult | None = None,
         keep: Keep,
+        count: Count = lambda _found, _motors: None,
     ) -> tuple[Array, Array]:
         """Return a first trajectory found with motors on all joints that become ever more expensive.
 
         ``say``: told what each stage came to. ``stage``, ``result``: the stage to begin with, and what the one before
         it found. ``keep``: told of both after every stage, and where Ctrl-C ends one, which is the third argument.
+        ``count``: told of every optimisation, and whether motors helped in it.
         """
         m, strings = self.mechanism, len(self.strings)
         motors = range(strings, strings + m.nd)
@@ -142,9 +145,12 @@ class Plan:
                 stated = self._broken(result.x)
                 found = ended(self._release(result, motors, stated), number)
                 if found.status is not Status.STOPPED_BY_CALLBACK:
+                    count(found, False)
                     say(f"without motors: cost {found.cost:.4g}")
-                    found = ended(self._within(found, stated), number)
-                    return self._unless_still(found.x, found.u, say)
+                    within = ended(self._within(found, stated), number)
+                    if within is not found:
+                        count(within, False)
+                    return self._unless_still(within.x, within.u, say)
             if number == len(PRICES):
                 break
             price = PRICES[number]
@@ -152,6 +158,7 @@ class Plan:
             solve = partial(optimize, self.by_motors, self.cost(motor=price), max_iterations=_ITERATIONS, **options)
             found = self._begun(solve) if result is None else solve(initial=(result.x, result.u))
             result = ended(found, number)
+            count(result, True)
             keep(number + 1, result, False)
             effort = float(np.max(np.sqrt(np.mean(result.u[:, motors] ** 2, axis=0))))
             say(f"motors at price {price:g}: the strongest gives {effort:.2g} N or N m (rms)")

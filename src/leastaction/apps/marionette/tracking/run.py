@@ -20,170 +20,31 @@ from functools import partial
 
 import numpy as np
 
-from leastaction.apps.marionette.markers import Follow, places_of, with_places
+from leastaction.apps.marionette.markers import Follow
 from leastaction.apps.marionette.tracking.checkpoints import Checkpoints
+from leastaction.apps.marionette.tracking.found import CUT_SHORT, Effort, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
-from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem, below_strings, unheld
+from leastaction.apps.marionette.tracking.problem import TrackingProblem, below_strings
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
-from leastaction.errors import ArgumentError, ProjectionError
+from leastaction.errors import ProjectionError
 from leastaction.io.motion.motion import Motion
-from leastaction.io.results.record import Provenance
-from leastaction.mechanics import Mechanism, Trajectory
+from leastaction.mechanics import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction.optimal.optimize import Callback
 from leastaction.optimal.settings import Method
-from leastaction.viz.tracking import TrackingErrors, tracking_errors
 
 _LOST = 2.0  # times the cost with longer steps may the motion cost that begins with these
 _LONGEST = 0.021  # s, of the steps with which a captured motion can be searched
 _STUCK = (Status.LINE_SEARCH_FAILED, Status.NO_DIRECTION, Status.SADDLE)
-_CUT_SHORT = (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
 _GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
 _AGAIN = "the motion found with longer steps cannot be followed: the search begins again with these"
 _HANGING = "the motion found cannot be followed: it begins with a puppet that hangs still"
 _PATIENCE = 100  # iterations of a puppet that began hanging; then its motion is planned by tensions
 _FEW = 100  # steps, for which a search with longer ones is not worth it
 
-
-@dataclass(frozen=True, kw_only=True)
-class TrackingRun:
-    """A motion of the marionette, what it was asked to do, and how it was found.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-    source : str
-        Where the reference motion comes from, in words.
-    reference : ndarray, shape (N+1, nq)
-        The configurations to be followed, with the strings that were guessed for them.
-    embedded : bool
-        Whether the motion was planned by tensions, its first trajectory found by dynamic embedding.
-    trajectory : Trajectory
-        The motion, by names: times, configurations, momenta, multipliers.
-    result : OptimizationResult
-        Of the optimiser, with the gains that hold the motion; its states are ``[q; rho; p; v_rho; lam]``.
-    plan : OptimizationResult or None
-        Of a motion that was planned by tensions: the optimiser's own result, in whose variables `result` says the same.
-        Its states are ``[q; rho; p; v_rho]``, its inputs the tensions and the next places of the upper ends.
-    kinds : frozenset of str
-        The kinds of limits that were stated, of those that `PuppetLimits` has; the motion keeps to the others anyway.
-    unfinished : OptimizationResult or None
-        Of a run that was cut short before its strings were told to pull: where it goes on. What the rest says is a
-        motion near that one, in which they do.
-    follow : {"joints", "markers"}
-        What of the reference was followed.
-    markers : ndarray (N+1, 6, 3) or None
-        Where the markers are wanted (m), in the order of `leastaction.apps.marionette.MARKERS`, if that is known.
-    provenance : Provenance
-    """
-
-    mechanism: Mechanism = field(repr=False)
-    source: str
-    reference: Array = field(repr=False)
-    embedded: bool
-    trajectory: Trajectory = field(repr=False)
-    result: OptimizationResult = field(repr=False)
-    plan: OptimizationResult | None = field(default=None, repr=False)
-    kinds: frozenset[str] = frozenset()
-    unfinished: OptimizationResult | None = field(default=None, repr=False)
-    follow: Follow = "joints"
-    markers: Array | None = field(default=None, repr=False)
-    provenance: Provenance = field(default_factory=Provenance.now)
-
-    @property
-    def motion(self) -> Motion:
-        """The reference motion of the body, with its markers if they are known."""
-        names = self.mechanism.dynamic
-        body = Motion(names, self.trajectory.t, self.reference[:, : len(names)], self.source)
-        return body if self.markers is None else with_places(body, self.markers)
-
-    @property
-    def tension(self) -> Array:
-        """String tensions (N), shape (N, nc), in the order of the constraints."""
-        by_name = self.trajectory.tensions()
-        tension = np.stack([by_name[name] for name in self.mechanism.constraints], axis=1)
-        tension[0] *= 2.0  # the first impulse is that of half a step, see Trajectory.tensions
-        return tension
-
-    @property
-    def errors(self) -> TrackingErrors:
-        """How far each variable of the body is from the reference."""
-        return self.errors_of(self.trajectory.q)
-
-    def errors_of(self, q: Array) -> TrackingErrors:
-        """Return how far each variable of the body is from the reference in configurations q (N+1, nq)."""
-        nd = self.mechanism.nd
-        return tracking_errors(self.reference[:, :nd], q[:, :nd], self.mechanism.dynamic, lengths=ROOT)
-
-    @property
-    def held_error(self) -> float:
-        """Root mean square error (degrees) of the angles behind which a string is tied."""
-        return held_error(self.mechanism, self.reference, self.trajectory.q)
-
-    def markers_apart(self, q: Array | None = None, rows: slice | Array = slice(None)) -> Array:
-        """Return how far the markers are from where they are wanted (m): (n, 6).
-
-        ``q``: configurations (n, nq) at some of the instants, ``rows``; those of the motion itself if left out. Raises
-        `ArgumentError` if it is not known where markers are wanted.
-        """
-        if self.markers is None:
-            raise ArgumentError("markers: the motion does not say where they are wanted; load it with markers=True")
-        made = places_of(self.mechanism, self.trajectory.q if q is None else q)
-        return np.asarray(np.linalg.norm(made - self.markers[rows], axis=2))
-
-    @property
-    def off(self) -> float:
-        """How far what is followed is off, rms: joints that strings hold in degrees, or markers in millimetres."""
-        return self.off_of(self.trajectory.q)
-
-    def off_of(self, q: Array) -> float:
-        """Return how far what is followed is `off` in configurations q (N+1, nq)."""
-        if self.follow == "joints":
-            return held_error(self.mechanism, self.reference, q)
-        return 1e3 * float(np.sqrt(np.mean(self.markers_apart(q) ** 2)))
-
-    @property
-    def ended_early(self) -> bool:
-        """Whether Ctrl-C or a callback ended it."""
-        return self.result.status in _CUT_SHORT
-
-
-def held_error(mechanism: Mechanism, reference: Array, q: Array) -> float:
-    """Return the root mean square error (degrees) of the angles behind which a string is tied.
-
-    ``reference``, ``q`` (N+1, nq): the wanted configurations and those that were made.
-    """
-    free = (*ROOT, *unheld(mechanism))
-    held = [i for i, name in enumerate(mechanism.dynamic) if name not in free]
-    return float(np.rad2deg(np.sqrt(np.mean((reference - q)[:, held] ** 2))))
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackingSearch:
-    """A search for a first trajectory by dynamic embedding, as far as it went; `track` goes on with it.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-    motion : Motion
-        To be followed.
-    stage : int
-        Which of the search's optimisations is next.
-    result : OptimizationResult
-        Of the one before it.
-    follow : {"joints", "markers"}
-        What of the motion.
-    provenance : Provenance
-    """
-
-    mechanism: Mechanism = field(repr=False)
-    motion: Motion
-    stage: int
-    result: OptimizationResult = field(repr=False)
-    follow: Follow = "joints"
-    provenance: Provenance = field(default_factory=Provenance.now)
+Curve = tuple[Array, Array]
 
 
 def track(
@@ -249,177 +110,292 @@ def track(
     ArgumentError
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """
-    kept = Checkpoints(checkpoint, checkpoint_seconds)
-    if resume is not None:
-        follow = resume.follow
+    job = _Job(
+        mechanism=mechanism,
+        motion=motion,
+        weights=weights,
+        limits=limits or PuppetLimits(),
+        follow=follow if resume is None else resume.follow,
+        method=method,
+        tolerance=tolerance,
+        callback=callback,
+        say=progress or (lambda _: None),
+        kept=Checkpoints(checkpoint, checkpoint_seconds),
+        threads=threads,
+        left=max_iterations,
+    )
+    job.begin(resume, planned=planned)
+    result = job.improve()
+    run = job.ended(result)
+    if not job.must_be_planned(run):
+        return job.with_strings_that_pull(run)
+    job.begin_plan(run, max_iterations)
+    return job.ended(job.improve())
 
-    def keep_search(stage: int, found: OptimizationResult, at_once: bool) -> None:
-        kept(
-            lambda: TrackingSearch(mechanism=mechanism, motion=motion, stage=stage, result=found, follow=follow),
+
+@dataclass
+class _Job:
+    """What `track` does, step by step. For one thread.
+
+    The fields without a default are its arguments; ``left`` are the iterations that are left.
+    """
+
+    mechanism: Mechanism
+    motion: Motion
+    weights: TrackingWeights | None
+    limits: PuppetLimits
+    follow: Follow
+    method: Method
+    tolerance: float | None
+    callback: Callback | None
+    say: Callable[[str], object]
+    kept: Checkpoints[TrackingRun | TrackingSearch]
+    threads: int
+    left: int
+
+    problem: TrackingProblem = field(init=False)
+    plan: Plan | None = None
+    effort: Effort = field(default_factory=Effort)
+    # Where the next optimisation begins: a curve or a result, or it goes on with an earlier one.
+    start: Curve | OptimizationResult | None = None
+    earlier: OptimizationResult | None = None
+    kinds: frozenset[str] = frozenset()  # of limits that are stated
+    # Where else to begin, with what is said of it.
+    others: list[tuple[str, Callable[[], Curve]]] = field(default_factory=list)
+    most: float = np.inf  # that a motion may cost to begin with, or it is lost
+    lost: bool = False
+    patience: int = _PATIENCE
+
+    def begin(self, resume: TrackingRun | TrackingSearch | None, *, planned: bool) -> None:
+        """Find where to begin: what hanging strings do, where a run was, or what a search finds."""
+        self.motion, lowered = below_strings(self.mechanism, self.motion)
+        if lowered > 0.0:
+            self.say(f"the motion rises above the plane of the strings: lowered there, by up to {lowered:.2g} m")
+        self.problem = self._problem(GENTLE)
+        self.patience = _PATIENCE
+        if isinstance(resume, TrackingRun):
+            self._go_on(resume)
+            return
+        hanging = self.problem.hang() if resume is None and not planned else None
+        if hanging is None:
+            self._search(resume)
+        else:
+            self.start = hanging
+
+    def _problem(self, weights: TrackingWeights) -> TrackingProblem:
+        """Return the problem, with its own weights if it has none of the user's."""
+        return TrackingProblem(self.mechanism, self.motion, self.weights or weights, self.threads, self.follow)
+
+    def _planned(self) -> Plan:
+        """Return the plan by tensions of the problem with the weights of such motions."""
+        self.problem = self._problem(FORCED)
+        return Plan(self.problem, self.weights or FORCED, self.limits)
+
+    def _go_on(self, run: TrackingRun) -> None:
+        """Begin where a run was."""
+        self.kinds = run.kinds
+        self.effort = run.effort or Effort().plus(run.plan or run.result)
+        self.earlier = run.unfinished or run.result
+        if run.embedded and run.unfinished is None:
+            self.plan, self.earlier = self._planned(), run.plan
+        self.patience = _PATIENCE - (0 if self.earlier is None else self.earlier.iterations)
+
+    def _search(self, cut_short: TrackingSearch | None) -> None:
+        """Seek a first trajectory with motors, or go on with a search that was cut short."""
+        self.plan = plan = self._planned()
+        stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
+        if cut_short is not None:
+            self.effort = cut_short.effort
+        coarse = _coarser(plan, self.motion)
+        # A search that had to take the plan's own steps goes on with them.
+        searched = plan if before is not None and len(before.u) == plan.system.N else coarse
+        found = self._searched_by(searched, stage=stage, result=before)
+        self.start = found
+        if searched is not plan:
+            expected = searched.cost().value(*found) * plan.system.N / searched.system.N
+            self.start = plan.inside(*plan.finer(searched, *found), expected)
+            self.most = _LOST * expected
+            self.others.append((_AGAIN, partial(self._searched_by, plan)))
+        self.others.append((_HANGING, plan.hung))
+        self.kinds = frozenset({"tension", "joints"}) | self._broken(self.start[0])
+
+    def _searched_by(self, plan: Plan, *, stage: int = 0, result: OptimizationResult | None = None) -> Curve:
+        assert self.plan is not None
+        scale = self.plan.system.N / plan.system.N
+
+        def count(found: OptimizationResult, motors: bool) -> None:
+            self.effort = self.effort.plus(found, scale=None if motors else scale)
+
+        return plan.search(self.say, stage=stage, result=result, keep=self._keep_search, count=count)
+
+    def _keep_search(self, stage: int, found: OptimizationResult, at_once: bool) -> None:
+        self.kept(
+            lambda: TrackingSearch(
+                mechanism=self.mechanism,
+                motion=self.motion,
+                stage=stage,
+                result=found,
+                follow=self.follow,
+                effort=self.effort,
+            ),
             at_once=at_once,
         )
 
-    bounds = limits or PuppetLimits()
-    motion, lowered = below_strings(mechanism, motion)
-    if lowered > 0.0 and progress is not None:
-        progress(f"the motion rises above the plane of the strings: lowered there, by up to {lowered:.2g} m")
-    problem = TrackingProblem(mechanism, motion, weights or GENTLE, threads, follow)
-    initial = problem.hang() if resume is None and not planned else None
-    embedded, earlier = initial is None, None
-    if isinstance(resume, TrackingRun):
-        embedded = resume.embedded and resume.unfinished is None
-        earlier = resume.unfinished or resume.result
-    plan: Plan | None = None
-    most = np.inf
-    # Where else to begin, with what is said of it.
-    others: list[tuple[str, Callable[[], tuple[Array, Array]]]] = []
-    if embedded:
-        problem = TrackingProblem(mechanism, motion, weights or FORCED, threads, follow)
-        plan = Plan(problem, weights or FORCED, bounds)
-        coarse = _coarser(plan, motion)
-        if isinstance(resume, TrackingRun):
-            earlier = resume.plan
-        else:
-            stage, before = (resume.stage, resume.result) if isinstance(resume, TrackingSearch) else (0, None)
-            # A search that had to take the plan's own steps goes on with them.
-            searched = plan if before is not None and len(before.u) == plan.system.N else coarse
-            say = progress or (lambda _: None)
-            found = searched.search(say, stage=stage, result=before, keep=keep_search)
-            initial = found
-            if searched is not plan:
-                expected = searched.cost().value(*found) * plan.system.N / searched.system.N
-                initial = plan.inside(*plan.finer(searched, *found), expected)
-                most = _LOST * expected
-                others.append((_AGAIN, partial(plan.search, say, keep=keep_search)))
-            others.append((_HANGING, plan.hung))
+    def _broken(self, x: Array) -> frozenset[str]:
+        """Return the kinds of limits that states break, besides that of the tensions."""
+        mechanism = (self.problem if self.plan is None else self.plan).mechanism
+        return self.limits.broken(mechanism, self.problem.t, self.problem.reference[:, :2], x)
 
-    def run_of(found: OptimizationResult) -> TrackingRun:
-        result = found if plan is None else plan.by_lengths(found)
-        return TrackingRun(
-            mechanism=mechanism,
-            source=motion.source,
-            reference=problem.reference,
-            embedded=embedded,
-            trajectory=problem.system.trajectory(result.x, result.u),
-            result=result,
-            plan=None if plan is None else found,
-            kinds=kinds,
-            follow=follow,
-            markers=problem.markers,
-        )
-
-    lost = False
-
-    def watch(record: IterationRecord) -> object:
-        nonlocal lost
-        if record.iteration == 0 and record.cost > most:
-            lost = True
-            return True
-        kept(lambda: run_of(record.snapshot()))
-        return callback(record) if callback is not None else None
-
-    if tolerance is None:
-        tolerance = 1e-2 if embedded else 1e-6
-    system, cost = (plan.system, plan.cost()) if plan else (problem.system, problem.cost(problem.weights.tension))
-    mechanism_used, place = system.integrator.mechanism, problem.reference[:, :2]
-    if isinstance(resume, TrackingRun):
-        kinds = resume.kinds
-    else:
-        kinds = frozenset()
-        if embedded:
-            kinds = frozenset({"tension", "joints"})
-            if initial is not None:
-                kinds |= bounds.broken(mechanism_used, problem.t, place, initial[0])
-    left, best = max_iterations, np.inf
-    start: tuple[Array, Array] | OptimizationResult | None = initial
-    stood: OptimizationResult | None = None
-    # Where a search was stuck, and the limits it kept to, while another is made from elsewhere.
-    left_behind: tuple[OptimizationResult, frozenset[str]] | None = None
-    patience = _PATIENCE - (0 if earlier is None else earlier.iterations)
-    while True:
-        budget = left if plan else min(left, max(patience, 1))
-        try:
-            result = optimize(
-                system,
-                cost,
-                initial=start,
-                resume=earlier,
-                limits=bounds.of(mechanism_used, place, kinds),
-                free_start=plan.free_start if plan else False,
-                shooting="single",
-                method=method,
-                max_iterations=budget,
-                tolerance=tolerance,
-                callback=watch,
-            )
-        except ProjectionError:
-            if stood is not None:
-                result = stood
-                break
-            if not others:
-                raise
-            lost = True
-        if lost and others:
-            said, find = others.pop(0)
-            if progress is not None:
-                progress(said)
-            start, most, lost = find(), np.inf, False
-            continue
-        stood, most = result, np.inf
-        made = result.iterations - (0 if earlier is None else earlier.iterations)
-        left, patience = left - made, patience - made
-        if plan is not None and result.status in _STUCK and left > 0 and result.cost < _GAINED * best:
-            # Walls of low barriers are close together: with higher ones, and inside of them, there is a way on.
-            best, start, earlier = result.cost, plan.inside(result.x, result.u, result.cost), None
-            continue
-        if plan is not None and result.status in _STUCK and left > 0 and others:
-            if left_behind is None or result.cost < left_behind[0].cost:
-                left_behind = result, kinds
-            said, find = others.pop(0)
-            if progress is not None:
-                progress(said)
-            another = find()
-            if len(another[1]) == system.N:
-                best, start, earlier = np.inf, another, None
+    def improve(self) -> OptimizationResult:
+        """Optimise until nothing more is gained: from inside of limits, from elsewhere, with limits that it breaks."""
+        best = np.inf
+        stood: OptimizationResult | None = None
+        # Where a search was stuck, and the limits it kept to, while another is made from elsewhere.
+        left_behind: tuple[OptimizationResult, frozenset[str]] | None = None
+        while True:
+            try:
+                result = self._optimised()
+            except ProjectionError:
+                if stood is not None:
+                    result = stood
+                    break
+                if not self.others:
+                    raise
+                self.lost = True
+            if self.lost and self.others:
+                self.start, self.most, self.lost = self._elsewhere(), np.inf, False
                 continue
-        # A limit that the motion keeps to anyway need not be stated; one that it breaks is, and the search goes on.
-        more = bounds.broken(mechanism_used, problem.t, place, result.x) - kinds
-        if "tension" not in kinds and run_of(result).tension.min() < bounds.tension:
-            more |= {"tension"}
-        lost_patience = plan is None and patience < 1
-        if not more or left < 1 or lost_patience or result.status in _CUT_SHORT:
-            break
-        if progress is not None:
-            progress(f"it breaks limits of {', '.join(sorted(more))}: goes on with these stated")
-        kinds, start, earlier = kinds | more, result, None
-    if left_behind is not None and not result.success and left_behind[0].cost < result.cost:
-        result, kinds = left_behind
-    if plan is not None:
-        result = plan.pulling(result)
-    try:
-        run = run_of(result)
-    except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
-        run = run_of(result)
-    ended = run.ended_early
-    if plan is None and run.tension.min() < 0.0 and (ended or left < 1):
-        # It ended before its strings were told to pull.
-        plan, embedded = (
-            Plan(TrackingProblem(mechanism, motion, FORCED, threads, follow), weights or FORCED, bounds),
-            True,
+            stood, self.most = result, np.inf
+            self._count(result)
+            stuck = self.plan is not None and result.status in _STUCK and self.left > 0
+            if self.plan is not None and stuck and result.cost < _GAINED * best:
+                # Walls of low barriers are close together: with higher ones, and inside of them, there is a way on.
+                best, self.earlier = result.cost, None
+                self.start = self.plan.inside(result.x, result.u, result.cost)
+                continue
+            if self.plan is not None and stuck and self.others:
+                if left_behind is None or result.cost < left_behind[0].cost:
+                    left_behind = result, self.kinds
+                another = self._elsewhere()
+                if len(another[1]) == self.plan.system.N:
+                    best, self.start, self.earlier = np.inf, another, None
+                    continue
+            more = self._more_limits(result)
+            lost_patience = self.plan is None and self.patience < 1
+            if not more or self.left < 1 or lost_patience or result.status in CUT_SHORT:
+                break
+            self.say(f"it breaks limits of {', '.join(sorted(more))}: goes on with these stated")
+            self.kinds, self.start, self.earlier = self.kinds | more, result, None
+        if left_behind is not None and not result.success and left_behind[0].cost < result.cost:
+            result, self.kinds = left_behind
+        return result
+
+    def _elsewhere(self) -> Curve:
+        """Return the next of the other places to begin."""
+        said, find = self.others.pop(0)
+        self.say(said)
+        return find()
+
+    def _optimised(self) -> OptimizationResult:
+        """Return what one optimisation finds from where the job stands, within the limits that are stated."""
+        plan, problem = self.plan, self.problem
+        system, cost = (plan.system, plan.cost()) if plan else (problem.system, problem.cost(problem.weights.tension))
+        tolerance = self.tolerance
+        if tolerance is None:
+            tolerance = 1e-6 if plan is None else 1e-2
+        return optimize(
+            system,
+            cost,
+            initial=self.start,
+            resume=self.earlier,
+            limits=self.limits.of(system.integrator.mechanism, problem.reference[:, :2], self.kinds),
+            free_start=plan.free_start if plan else False,
+            shooting="single",
+            method=self.method,
+            max_iterations=self.left if plan else min(self.left, max(self.patience, 1)),
+            tolerance=tolerance,
+            callback=self._watch,
         )
-        pulling = run_of(plan.pulling(plan.by_tensions(run.trajectory, run.tension, result)))
+
+    def _watch(self, record: IterationRecord) -> object:
+        """Stop a motion that is lost; else keep the run now and then, and tell the user's callback."""
+        if record.iteration == 0 and record.cost > self.most:
+            self.lost = True
+            return True
+        self.kept(lambda: self._run_of(record.snapshot(), counted=False))
+        return self.callback(record) if self.callback is not None else None
+
+    def _count(self, result: OptimizationResult) -> None:
+        before = 0 if self.earlier is None else self.earlier.iterations
+        self.effort = self.effort.plus(result, before=before)
+        self.left -= result.iterations - before
+        self.patience -= result.iterations - before
+
+    def _more_limits(self, result: OptimizationResult) -> frozenset[str]:
+        """Return the kinds of limits that a result breaks and that were not stated; the others need not be."""
+        more = self._broken(result.x) - self.kinds
+        if "tension" not in self.kinds and self._run_of(result).tension.min() < self.limits.tension:
+            more |= {"tension"}
+        return more
+
+    def _run_of(self, found: OptimizationResult, *, counted: bool = True) -> TrackingRun:
+        """Return a result as a run; ``counted``: whether it is in the effort already."""
+        result = found if self.plan is None else self.plan.by_lengths(found)
+        before = 0 if self.earlier is None else self.earlier.iterations
+        return TrackingRun(
+            mechanism=self.mechanism,
+            source=self.motion.source,
+            reference=self.problem.reference,
+            embedded=self.plan is not None,
+            trajectory=self.problem.system.trajectory(result.x, result.u),
+            result=result,
+            plan=None if self.plan is None else found,
+            kinds=self.kinds,
+            follow=self.follow,
+            markers=self.problem.markers,
+            effort=self.effort if counted else self.effort.plus(found, before=before),
+        )
+
+    def ended(self, result: OptimizationResult) -> TrackingRun:
+        """Return the run that a result is; of a plan, with strings that pull wherever it ended."""
+        if self.plan is not None:
+            result = self.plan.pulling(result)
+        try:
+            return self._run_of(result)
+        except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
+            return self._run_of(result)
+
+    def must_be_planned(self, run: TrackingRun) -> bool:
+        """Whether hanging strings found no way, or ended up pushing, with time to plan by tensions."""
+        if self.plan is not None or self._cut_short(run):
+            return False
+        return self._creeps(run) or run.tension.min() < 0.0
+
+    def _creeps(self, run: TrackingRun) -> bool:
+        return not run.result.success and not run.ended_early and self.left > 0
+
+    def _cut_short(self, run: TrackingRun) -> bool:
+        """Whether a hanging puppet's run ended before its strings were told to pull."""
+        return self.plan is None and run.tension.min() < 0.0 and (run.ended_early or self.left < 1)
+
+    def with_strings_that_pull(self, run: TrackingRun) -> TrackingRun:
+        """Return a run, or a motion near it in which strings pull where it was cut short before they were told to."""
+        if not self._cut_short(run):
+            return run
+        result = run.result
+        self.plan = plan = self._planned()
+        pulling = self._run_of(plan.pulling(plan.by_tensions(run.trajectory, run.tension, result)))
         return replace(pulling, unfinished=result)
-    creeps = not result.success and not ended and left > 0
-    if plan is None and (creeps or run.tension.min() < 0.0):
-        if progress is not None:
-            why = "a hanging puppet finds no way" if creeps else "hanging strings end up pushing"
-            progress(f"{why}: the motion is planned by tensions")
-        return track(
-            mechanism, motion, weights=weights, limits=limits, planned=True, follow=follow, method=method,
-            max_iterations=left if creeps else max_iterations, callback=callback, progress=progress,
-            checkpoint=checkpoint, checkpoint_seconds=checkpoint_seconds, threads=threads,
-        )  # fmt: skip
-    return run
+
+    def begin_plan(self, run: TrackingRun, max_iterations: int) -> None:
+        """Begin again with a plan by tensions, with what is left of the iterations where a hanging puppet crept."""
+        creeps = self._creeps(run)
+        why = "a hanging puppet finds no way" if creeps else "hanging strings end up pushing"
+        self.say(f"{why}: the motion is planned by tensions")
+        self.left = self.left if creeps else max_iterations
+        self.earlier = None
+        self.kinds = frozenset()
+        self.begin(None, planned=True)
 
 
 def _coarser(plan: Plan, motion: Motion) -> Plan:

@@ -1,0 +1,23 @@
+"""Motions of the marionette that several tests follow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from leastaction.io import Motion
+from leastaction.models.marionette import REST, marionette
+
+PUPPET = marionette()
+
+
+def leap(duration: float = 0.5, dt: float = 0.01) -> Motion:
+    """Return a motion that hanging strings cannot make: the puppet darts half a metre ahead and turns."""
+    t = np.linspace(0.0, duration, round(duration / dt) + 1)
+    s = t / duration
+    rise = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    q = np.zeros((len(t), PUPPET.nd))
+    for name, angle in REST.items():
+        q[:, PUPPET.dynamic.index(name)] = angle
+    q[:, PUPPET.dynamic.index("torso_ty")] = 0.5 * rise
+    q[:, PUPPET.dynamic.index("torso_rz")] = 0.8 * rise
+    return Motion(PUPPET.dynamic, t, q, "leap")
