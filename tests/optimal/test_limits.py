@@ -578,6 +578,25 @@ def test_stages_end_without_a_model_that_only_says_so(
     assert len(solved) <= result.iterations + stages - 3
 
 
+class RoughCost(QuadraticCost):
+    """Off by far more than the rounding of its sum, as roll-outs to a tolerance are."""
+
+    def stage_values(self, x: np.ndarray, u: np.ndarray, start: int) -> np.ndarray:
+        return super().stage_values(x, u, start) + 3e-7 * np.sin(1e10 * x[:, 1])
+
+
+@pytest.mark.parametrize("method", ["auto", "newton"])
+def test_searches_see_how_much_a_cost_is_off(method: str, cart: MidpointSystem, cost: QuadraticCost) -> None:
+    wanted = 2.0 * cost.x_wanted
+    rough = RoughCost(wanted, cost.u_wanted, Q=cost.Q, R=cost.R)
+    smooth = QuadraticCost(wanted, cost.u_wanted, Q=cost.Q, R=cost.R)
+    result = optimize(cart, rough, limits=CASES["push"], initial=REST, method=method, tolerance=1e-12)
+    assert result.success, result.message
+    assert result.iterations <= 15
+    exact = optimize(cart, smooth, limits=CASES["push"], initial=REST, tolerance=1e-12)
+    assert result.cost == pytest.approx(exact.cost, rel=1e-8)
+
+
 def test_what_does_not_bend_has_one_model(cart: MidpointSystem, cost: QuadraticCost) -> None:
     """Where limits and cost are convex as they are, their second derivatives are summed once."""
     settings = optimize(cart, cost, initial=REST, max_iterations=0).settings

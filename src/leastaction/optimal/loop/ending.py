@@ -55,7 +55,7 @@ def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
     status, worst = outcome.status, problem.worst_step
     detail = outcome.detail and outcome.detail.removesuffix(".") + "."
     parts = [status.value, detail, problem.unfinished]
-    if problem.undetermined and status in (Status.SADDLE, Status.NO_DIRECTION):
+    if status in (Status.SADDLE, Status.NO_DIRECTION) and problem.undetermined:
         parts = [problem.undetermined]
     if status is not Status.INFEASIBLE:
         parts.append(problem.unmet)

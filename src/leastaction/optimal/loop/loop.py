@@ -23,6 +23,9 @@ from leastaction.optimal.settings import Settings
 
 __all__ = ["Callback", "Loop"]
 
+# Times the noise that was seen is the least decrease that is found again in it, by steps as short as searches make.
+_LOST = 50.0
+
 Callback = Callable[[IterationRecord], object]
 
 
@@ -81,6 +84,9 @@ class Loop:
                 refusal = step.refusal
                 assert refusal is not None
                 notes.append(f"{direction.method}: no step was short enough, {refusal.reason}")
+                if self.search.sees_noise(direction):
+                    # The same search among costs that are known to be so.
+                    return None
                 run.note_failure(direction.method)
                 if direction.bend < 0.0:
                     return Outcome(Status.SADDLE, f"The search along it ended: {refusal.reason}.", expected)
@@ -92,7 +98,7 @@ class Loop:
             return Outcome(Status.DERIVATIVES_FAILED, str(error))
         if refusal is None:
             return Outcome(Status.NO_DIRECTION, "; ".join(notes))
-        if expected < max(1e-10 * abs(run.problem.value), run.problem.noise):
+        if expected < max(1e-10 * abs(run.problem.value), run.problem.noise, _LOST * run.problem.roughness):
             return Outcome(Status.STALLED, notes[-1], expected)
         return Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected, barred=refusal.failed)
 

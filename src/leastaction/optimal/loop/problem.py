@@ -110,6 +110,8 @@ class Problem(ABC, Generic[M, D, I]):
     """The coarsest step along the current iterate; None where that is not known."""
     largest_shift: float = 1e9
     """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
+    roughness: float = 0.0
+    """What the cost was seen to be off by, beyond the rounding of its sum."""
     ease: float = 1.0
     """How much easier the problem of this stage is than the one that was asked for."""
     sees_walls: bool = False
@@ -121,7 +123,7 @@ class Problem(ABC, Generic[M, D, I]):
     @property
     def noise(self) -> float:
         """What the cost may be off: steps are not refused for that much."""
-        return rounding_of(self.value)
+        return max(rounding_of(self.value), self.roughness)
 
     @property
     def magnitude(self) -> float:

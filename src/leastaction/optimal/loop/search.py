@@ -25,6 +25,11 @@ _LONGER = 4.0
 # first where higher orders may hide it; it is wrong if there is less of it than this part at all of them.
 _ABOVE_NOISE, _SOME = (1e7, 1e5, 1e3), 0.1
 
+# Steps over which a cost is looked at for its noise, where less than the first part of it is expected to be gained; it
+# is no noise if it is more than the second part.
+_SHORTEST = (1e-6, 2e-6, 4e-6)
+_LITTLE, _ROUGHEST = 1e-7, 1e-9
+
 
 class Search:
     """The searches of a run."""
@@ -62,6 +67,24 @@ class Search:
             )
         run.searched += step.rollouts
         return step
+
+    def sees_noise(self, direction: Direction) -> bool:
+        """Look, where a search for little has failed, how much the cost is off; whether by more than was thought.
+
+        Over the shortest steps it would change by nothing else. Roll-outs whose steps are solved to a tolerance are off
+        by more than the rounding of a sum, and so are steep limits.
+        """
+        problem = self.run.problem
+        if direction.bend < 0.0 or -direction.slope > _LITTLE * abs(problem.value):
+            return False
+        with problem.clock("rollout"):
+            trials = [(h, problem.simulate(direction, h, np.inf).cost) for h in _SHORTEST]
+        self.run.searched += len(trials)
+        off = max(abs(cost - problem.value - h * direction.slope) for h, cost in trials)
+        if not 2.0 * problem.noise < off <= _ROUGHEST * abs(problem.value):  # of what failed it is NaN
+            return False
+        problem.roughness = off
+        return True
 
     def _down(self, direction: Direction) -> Step[Any]:
         """Search along negative curvature; if need be, with steps so short that the second derivative holds.
