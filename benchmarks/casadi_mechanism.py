@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -24,6 +24,8 @@ class Symbolic:
     Parameters
     ----------
     mechanism : Mechanism
+    unknown : sequence of str
+        Names of parameters that are symbols: stiffnesses of joint springs, or coefficients of damping.
 
     Attributes
     ----------
@@ -35,14 +37,17 @@ class Symbolic:
         The equations ``h(q)``.
     force : SX (nd,)
         Generalised forces on the dynamic variables.
+    numbers : SX (n,)
+        The unknown parameters.
 
     Raises
     ------
     NotImplementedError
-        The mechanism has an element that is not known here.
+        The mechanism has an element that is not known here, or an unknown parameter is of another kind.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Mechanism, unknown: Sequence[str] = ()) -> None:
+        self.numbers, self._unknown, self._used = ca.SX.sym("p", len(unknown)), list(unknown), set()
         m = self.mechanism = mechanism
         self.q, self.v = ca.SX.sym("q", m.nq), ca.SX.sym("v", m.nq)
         self.u = ca.SX.sym("u", m.nu)
@@ -61,6 +66,8 @@ class Symbolic:
                 force += _FORCES[kind](self, element)
             else:
                 raise NotImplementedError(f"{kind} has no CasADi expression in the benchmarks")
+        if self._used != set(self._unknown):
+            raise NotImplementedError(f"{sorted(set(self._unknown) - self._used)} are no symbols in the benchmarks")
         self.force = force[: m.nd]
         self.constraints = ca.vertcat(*equations) if equations else ca.SX.zeros(0)
 
@@ -126,6 +133,13 @@ class Symbolic:
         """Return a number, or the input of that name."""
         return self.u[list(self.mechanism.inputs).index(given)] if isinstance(given, str) else given
 
+    def _parameter(self, name: str, given: float) -> Any:
+        """Return a parameter's number, or its symbol."""
+        if name not in self._unknown:
+            return given
+        self._used.add(name)
+        return self.numbers[self._unknown.index(name)]
+
     # ---- Elements -------------------------------------------------------------------------------
 
     def _gravity(self, e: Any) -> ca.SX:
@@ -136,7 +150,11 @@ class Symbolic:
         return energy
 
     def _joint_spring(self, e: Any) -> ca.SX:
-        return 0.5 * e.stiffness * (self._combination(e.variable) - self._value(e.rest)) ** 2
+        return (
+            0.5
+            * self._parameter(f"{e.name}.stiffness", e.stiffness)
+            * (self._combination(e.variable) - self._value(e.rest)) ** 2
+        )
 
     def _combination(self, factors: Any) -> ca.SX:
         factors = factors if isinstance(factors, Mapping) else {factors: 1.0}
@@ -151,9 +169,9 @@ class Symbolic:
         return ca.vertcat(*(apart["xyz".index(axis)] for axis in e.axes))
 
     def _damping(self, e: Any) -> ca.SX:
-        c = np.zeros(self.mechanism.nq)
+        c = ca.SX.zeros(self.mechanism.nq)
         for i, name in enumerate(self.mechanism.dynamic):
-            c[i] = e.named.get(name, e.default)
+            c[i] = self._parameter(f"{e.name}.{name}", e.named.get(name, e.default))
         return -c * self.v
 
     def _joint_force(self, e: Any) -> ca.SX:
@@ -176,7 +194,7 @@ class Symbolic:
 
         States ``[q; rho; p; v_rho]`` and inputs ``[u; rho_next]`` are those of `MidpointSystem`, forces are split
         evenly. In order: ``p1 + D1Ld + fd- - Dh(q1)' lam``, ``p2 - D2Ld - fd+``, the prescribed variables and their
-        velocities, ``h(q2)``. A symbol for the time step is one more argument, dt.
+        velocities, ``h(q2)``. A symbol for the time step is one more argument, dt, and so are unknown parameters, p.
         """
         m = self.mechanism
         nd, nq = m.nd, m.nq
@@ -184,12 +202,13 @@ class Symbolic:
         u, lam = ca.SX.sym("u", m.nu + m.nrho), ca.SX.sym("lam", m.nc)
         q1, q2 = x1[:nq, 0], x2[:nq, 0]
         by_q, by_v = (
-            ca.Function("D", [self.q, self.v], [ca.gradient(self.lagrangian, z)[:nd]]) for z in (self.q, self.v)
+            ca.Function("D", [self.q, self.v, self.numbers], [ca.gradient(self.lagrangian, z)[:nd]])
+            for z in (self.q, self.v)
         )
         middle, v = 0.5 * (q1 + q2), (q2 - q1) / dt
-        force = ca.Function("f", [self.q, self.v, self.u], [self.force])(middle, v, u[: m.nu, 0])
-        half = 0.5 * dt * (by_q(middle, v) + force)
-        momentum = by_v(middle, v)
+        force = ca.Function("f", [self.q, self.v, self.u, self.numbers], [self.force])
+        half = 0.5 * dt * (by_q(middle, v, self.numbers) + force(middle, v, u[: m.nu, 0], self.numbers))
+        momentum = by_v(middle, v, self.numbers)
         pull = ca.jtimes(self.constraints, self.q, lam, True)[:nd] if m.nc else ca.SX.zeros(nd)
         residual = ca.vertcat(
             x1[nq : nq + nd] + half - momentum - ca.Function("pull", [self.q, lam], [pull])(q1, lam),
@@ -201,6 +220,8 @@ class Symbolic:
         arguments, names = [x1, u, lam, x2], ["x1", "u", "lam", "x2"]
         if isinstance(dt, ca.SX):
             arguments, names = [*arguments, dt], [*names, "dt"]
+        if self._unknown:
+            arguments, names = [*arguments, self.numbers], [*names, "p"]
         return ca.Function("step", arguments, [residual], names, ["F"])
 
 

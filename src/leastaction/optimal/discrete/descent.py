@@ -98,6 +98,8 @@ def escape(
     inverse iteration with models that come close. ``hessian``: the weights that go with a part of the curvature.
     """
     A, B = linearization
+    if B.shape[2] == 0:
+        return None
     whole = hessian(1.0)
 
     du = np.random.default_rng(0).normal(size=B.shape[::2])

@@ -43,8 +43,9 @@ _SHORT, _NEAR, _FAR = 0.1, 0.02, 0.2
 # current iterate; the second is how much further a step may go there.
 COARSE, _COARSER = 3.0, 1.5
 
-# Of the largest second derivative by the initial state is what counts as none.
-_FLAT = 1e-12
+# Of the largest second derivative by the initial state is what counts as none: little more than rounding, since a limit
+# that is active in the end is stiffer than all else by ten orders of magnitude.
+_FLAT = 1e-14
 
 
 class Iterate(NamedTuple):
