@@ -578,6 +578,54 @@ def test_stages_end_without_a_model_that_only_says_so(
     assert len(solved) <= result.iterations + stages - 3
 
 
+@pytest.mark.parametrize(
+    ("inside", "outside", "far"),
+    [
+        (Box((-0.1, -0.1, -1.1), (0.1, 0.1, -0.9)), Ball((0.0, 0.0, -1.0), 0.3), 0.3 - 0.1 * np.sqrt(3.0)),
+        (Ball((0.0, 0.0, -1.0), 0.1), Ball((0.0, 0.1, -1.0), 0.3), 0.1),
+        (Ball(lambda t: (0.0, 0.2 * t, -1.0), 0.1), Ball((0.0, 0.0, -1.0), 0.3), 0.2 - 0.2 * DT),
+        (Ball((0.0, 0.0, -1.0), 0.1), HalfSpace((0.0, 0.0, -2.0), 0.8), 0.5),
+        (HalfSpace((0.0, 0.0, 1.0), 0.5), HalfSpace((0.0, 0.0, 2.0), 0.6), 0.2),
+    ],
+    ids=["box and ball", "balls", "moving ball", "ball and plane", "planes"],
+)
+def test_places_that_exclude_each_other_are_told_before_the_first_step(
+    inside, outside, far: float, cart: MidpointSystem, cost: QuadraticCost
+) -> None:
+    limits = [Keep("bob", inside=inside), Keep("bob", outside=outside)]
+    with pytest.raises(
+        ArgumentError, match=r"limits: 'bob .* and 'bob not .* exclude each other at step \d+ .*apart"
+    ) as told:
+        optimize(cart, cost, initial=REST, limits=limits)
+    assert float(str(told.value).split("for is ")[1].split(" ")[0]) == pytest.approx(far, rel=1e-3)
+    elsewhere = [limits[0], Keep("cart", outside=outside)]
+    later = [Keep("bob", inside=inside, at=1.0), Keep("bob", outside=outside, at=2.0)]
+    for fine in (elsewhere, later):
+        rows = [row for limit in fine for row in limit.rows(cart, 1)]
+        LimitedProblem(cart, cost, rows, optimize(cart, cost, initial=REST, max_iterations=0).settings)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        Keep("bob", inside=Box((0.2, -1.0, -2.0), (0.3, 1.0, 0.0))),
+        Keep("bob", inside=Ball((0.4, 0.0, -1.0), 0.25)),
+        Keep("bob", inside=HalfSpace((1.0, 0.0, 0.0), 0.15)),
+    ],
+    ids=["box", "ball", "plane"],
+)
+def test_places_that_do_not_meet_are_told_before_the_first_step(
+    other: Keep, cart: MidpointSystem, cost: QuadraticCost
+) -> None:
+    box = Keep("bob", inside=Box((-0.1, -1.0, -2.0), (0.1, 1.0, 0.0)))
+    for limits in ([box, other], [other, box]):
+        with pytest.raises(ArgumentError, match="exclude each other"):
+            optimize(cart, cost, initial=REST, limits=limits)
+    wider = Keep("bob", inside=Box((-0.1, -1.0, -np.inf), (0.5, 1.0, 0.0)))
+    rows = [row for limit in (wider, other) for row in limit.rows(cart, 1)]
+    LimitedProblem(cart, cost, rows, optimize(cart, cost, initial=REST, max_iterations=0).settings)
+
+
 class RoughCost(QuadraticCost):
     """Off by far more than the rounding of its sum, as roll-outs to a tolerance are."""
 

@@ -82,6 +82,13 @@ class Quantity(ABC):
         """Return some of the functions."""
         return _Selected(self, tuple(rows))
 
+    def apart(self, other: Quantity, k: Instants) -> Array | None:  # noqa: ARG002 - overridden
+        """Return how far where both are at least zero is apart at instants (n,), above zero where that is nowhere.
+
+        None by default: not known.
+        """
+        return None
+
     @property
     def sign(self) -> Quantity:
         """A quantity with the same signs, for bounds at zero; a simpler one, if there is one."""
@@ -168,6 +175,16 @@ class QuantityView(Quantity):
     def curvature(self, at: Samples, y: Array) -> Array | None:
         return self.whole.curvature(self.seen(at), y)
 
+    def apart(self, other: Quantity, k: Instants) -> Array | None:
+        if not isinstance(other, QuantityView):
+            return None
+        own = self.instants(k)
+        return self.whole.apart(other.whole, own) if np.array_equal(own, other.instants(k)) else None
+
+    def instants(self, k: Instants) -> Instants:
+        """Return the instants of the other quantity at which it is asked; the same ones by default."""
+        return k
+
 
 class _Selected(QuantityView):
     """Some of the functions of another quantity."""
@@ -198,7 +215,11 @@ class Later(QuantityView):
 
     def seen(self, at: Samples) -> Samples:
         """Return the same instants as the whole numbers them."""
-        return at._replace(k=at.k + self.start)
+        return at._replace(k=self.instants(at.k))
+
+    def instants(self, k: Instants) -> Instants:
+        """Return them as the whole numbers them."""
+        return k + self.start
 
 
 class FunctionQuantity(Quantity):

@@ -18,6 +18,7 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Instants, Quantity, Samples
 from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.regions_apart import Hole, Shape, Side, Solid, apart
 
 __all__ = ["Ball", "Box", "HalfSpace", "Keep", "Region"]
 
@@ -35,6 +36,10 @@ class Region(ABC):
     def over(self, t: Array) -> Region:  # noqa: ARG002
         """Return the region with all that depends on time looked up for the times of the instants."""
         return self
+
+    def shape(self, k: Instants) -> Shape | None:  # noqa: ARG002 - overridden
+        """Return what part of space it is at instants, of what can be told apart; None by default."""
+        return None
 
     @abstractmethod
     def values(self, p: Array, k: Instants) -> Array:
@@ -84,6 +89,11 @@ class Box(Region):
         """The faces."""
         return tuple(f"{'xyz'[axis]} {'>=' if sign > 0.0 else '<='} {at:.4g} m" for axis, sign, at in self._faces)
 
+    def shape(self, k: Instants) -> Shape:  # noqa: ARG002
+        """Return its corners."""
+        low, high = (np.asarray(each, dtype=np.float64)[None] for each in (self.low, self.high))
+        return Solid(low, high)
+
     def values(self, p: Array, k: Instants) -> Array:  # noqa: ARG002 - boxes do not move
         """Return the distances from the faces."""
         return np.stack([sign * (p[:, axis] - at) for axis, sign, at in self._faces], axis=1)
@@ -127,6 +137,12 @@ class HalfSpace(Region):
             f"inside of the plane {tuple(as_array(self.normal, 'HalfSpace: normal', (3,)))} . p = {self.offset:.4g}",
         )
 
+    def shape(self, k: Instants) -> Shape:  # noqa: ARG002
+        """Return the plane."""
+        normal = np.asarray(self.normal, dtype=np.float64)
+        size = float(np.linalg.norm(normal))
+        return Side(normal / size, self.offset / size)
+
     def values(self, p: Array, k: Instants) -> Array:  # noqa: ARG002
         """Return the distance from the plane."""
         normal = np.asarray(self.normal, dtype=np.float64)
@@ -165,6 +181,11 @@ class Ball(Region):
     def names(self) -> tuple[str, ...]:
         """The surface."""
         return (f"within {self.radius:.4g} m of {self.center!r}",)
+
+    def shape(self, k: Instants) -> Shape:
+        """Return its centre and radius."""
+        center = -self._from_center(np.zeros((len(k), 3)), k)
+        return Solid(center, center, self.radius)
 
     def values(self, p: Array, k: Instants) -> Array:
         """Return ``(radius^2 - d^2) / (2 radius)``, which is the distance near the surface and smooth at the centre."""
@@ -220,6 +241,12 @@ class _Outside(Region):
     def over(self, t: Array) -> _Outside:
         return _Outside(self.region.over(t))
 
+    def shape(self, k: Instants) -> Shape | None:
+        inside = self.region.shape(k)
+        if isinstance(inside, Side):
+            return Side(-inside.normal, -inside.offset)
+        return Hole(inside.low, inside.radius) if isinstance(self.region, Ball) and isinstance(inside, Solid) else None
+
     def values(self, p: Array, k: Instants) -> Array:
         return -self.region.values(p, k)
 
@@ -273,6 +300,15 @@ class _PlaceOfFrame(Quantity):
         result = np.zeros((len(at.k), at.x.shape[1], at.x.shape[1]))
         result[:, : q.shape[1], : q.shape[1]] = H
         return result
+
+    def apart(self, other: Quantity, k: Instants) -> Array | None:
+        """Return how far the regions are apart, of the same point."""
+        if not isinstance(other, _PlaceOfFrame) or self.mechanism is not other.mechanism:
+            return None
+        if (self.frame, self.origin, *self.point) != (other.frame, other.origin, *other.point):
+            return None
+        one, another = self.region.shape(k), other.region.shape(k)
+        return None if one is None or another is None else np.broadcast_to(apart(one, another), k.shape)
 
     def _q(self, at: Samples) -> Array:
         return np.ascontiguousarray(at.x[:, : self.mechanism.nq])

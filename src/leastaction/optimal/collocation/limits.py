@@ -134,9 +134,12 @@ class AtStage(QuantityView):
     def seen(self, at: Samples) -> Samples:
         """Return the points, with states and inputs of the continuous system."""
         both, n, nothing = at.x[:, self.places], self.layout.nx, np.empty((len(at.k), 0))
-        points = (at.k - 1) * STAGES + 1 + self.stage
         inputs = nothing if self.whole.of_state else np.ascontiguousarray(both[:, n:])
-        return Samples(points, np.ascontiguousarray(both[:, :n]), inputs, nothing)
+        return Samples(self.instants(at.k), np.ascontiguousarray(both[:, :n]), inputs, nothing)
+
+    def instants(self, k: Instants) -> Instants:
+        """Return the numbers of the points."""
+        return (k - 1) * STAGES + 1 + self.stage
 
 
 def told(sides: Sequence[Stated], states: Sequence[LimitState], mesh: RadauMesh) -> tuple[LimitState, ...]:

@@ -256,8 +256,18 @@ def _runs(places: Instants) -> list[tuple[slice, slice]]:
     ]
 
 
+def _said(rows: Rows) -> str:
+    """Return what rows say, in short."""
+    return " & ".join(repr(label) for label in rows.labels[:2]) + ", ..." * (len(rows.labels) > 2)
+
+
+def _is_positive(rows: Rows) -> bool:
+    """Whether rows ask for no more than that their quantity is not negative."""
+    return rows.sign > 0.0 and not rows.equal and not rows.bounds.any()
+
+
 def check_agreement(rows: Sequence[Rows], when: Callable[[int], str]) -> None:
-    """Look for two limits that no value of the same quantity of the system can meet at some instant.
+    """Look for two limits that no value of the same quantity of the system can meet at some instant, nor any place.
 
     ``when``: how to speak of an instant.
 
@@ -266,6 +276,15 @@ def check_agreement(rows: Sequence[Rows], when: Callable[[int], str]) -> None:
     ArgumentError
         If there are some.
     """
+    for one, other in itertools.combinations([row for row in rows if _is_positive(row)], 2):
+        common = np.intersect1d(one.k, other.k)
+        apart = one.quantity.apart(other.quantity, common)
+        if apart is not None and (apart > _OFF).any():
+            at = int(np.argmax(apart > _OFF))
+            raise ArgumentError(
+                f"limits: {_said(one)} and {_said(other)} exclude each other at {when(int(common[at]))}: what they ask "
+                f"for is {apart[at]:.4g} apart; expected limits that can be met together"
+            )
     found: dict[tuple[str, str, bool], list[tuple[Rows, int]]] = defaultdict(list)
     for row in rows:
         if not row.is_own:  # what users have may share a name
