@@ -26,6 +26,7 @@ from leastaction.viz import TrackingErrors
 _WIDTH: Final = 100
 _FAR: Final = 5.0  # degrees (rms), from which a joint is said not to be followed
 _MOST_LINES: Final = 8
+_FIRM: Final = 2.0  # N, with which strings stay taut on a rig whose readings are off by a milliradian
 _KINDS: Final = {
     "tension": "tensions of the strings",
     "joints": "angles of the joints",
@@ -216,7 +217,14 @@ def checked(run: TrackingRun) -> str:
         found = check(run)
     except LeastActionError as error:
         return f"The run cannot be played on a rig: {error}"
-    more = "" if found.passed else ": more than twice as much"
+    more = "" if found.passed or found.played.failure is not None else ": more than twice as much"
+    least = float(run.tension.min())
+    if not found.passed and least < _FIRM:
+        # Half a newton is a quarter of a millimetre of such strings, which a noisy reading is off by too.
+        more += (
+            f". Strings planned with {least:.2g} N go slack and taut from step to step there: "
+            f"plan with a higher least tension (--tension {_FIRM:g})"
+        )
     return f"O{str(found)[1:]}{more}"
 
 
