@@ -469,7 +469,7 @@ def _checked_instants(mechanism: Mechanism, names: Sequence[str]) -> tuple[str, 
         if name not in mechanism.inputs:
             raise ArgumentError(f"at_instants: got {name!r}; {closest(name, mechanism.inputs, what='inputs')}")
     late = set(names)
-    for label, element in mechanism.elements.items():
+    for label, element in mechanism.elements.items() if late else ():
         own = set(element.uses.inputs)
         if own & late and own - late:
             raise ArgumentError(

@@ -191,7 +191,10 @@ def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str
     """
     if isinstance(names, str):
         raise ArgumentError(f"parameters: expected a list of names, got the string {names!r}")
-    places = parameter_places(tree, slots)
+    # Those of elements are found without naming all that frames have, which takes longer than a short simulation.
+    places: dict[str, Place] = {name: ElementNumber(slots[name]) for name in names if name in slots}
+    if any(name not in places for name in names):
+        places = parameter_places(tree, slots)
     if any(name not in places for name in names):
         by_frame: dict[str, Place] = {}
         for index, frame in enumerate(tree.frames):
