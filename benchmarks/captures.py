@@ -1,10 +1,11 @@
 """Captured motions on the marionette: ``python -m benchmarks.captures [FILE ...] [--strings 6 9] [--speed 1 0.5]``.
 
-BVH files are given as words, or as a list of paths in the environment variable ``CAPTURES`` (with colons between them);
-without either only the made-up walk is made, which is always the last row. Each row is one motion: how it ended, the
-error of the joints that strings hold (degrees, rms), in the plan and as a rig with slack strings, masses that are off
-and late, noisy sensors plays it (`leastaction.apps.marionette.check`), the least tension (N), and the seconds it took,
-also in the unit of the same run (`benchmarks.unit`, where Pinocchio is installed). A goal that is missed has a mark.
+BVH or AMC files are given as words, or as a list of paths in the environment variable ``CAPTURES`` (with colons between
+them); without either only the made-up walk is made, which is always the last row. Each row is one motion: how it ended,
+the error of the joints that strings hold (degrees, rms; with ``--follow markers`` that of the markers, mm), in the plan
+and as a rig with slack strings, masses that are off and late, noisy sensors plays it
+(`leastaction.apps.marionette.check`), the least tension (N), and the seconds it took, also in the unit of the same run
+(`benchmarks.unit`, where Pinocchio is installed). A goal that is missed has a mark.
 
 ``--picture FILE.png`` draws what each string buys: the errors over the number of strings. They are those of all joints
 there, so that one number means the same with any set of strings.
@@ -26,6 +27,7 @@ import numpy as np
 from benchmarks import unit
 from benchmarks.timing import Timing
 from leastaction.apps.marionette import RigCheck, TrackingRun, check, load_motion, track, walk_in_place
+from leastaction.apps.marionette.markers import Follow
 from leastaction.errors import LeastActionError
 from leastaction.io import Motion
 from leastaction.models.marionette import STRING_SETS, Count, marionette
@@ -60,7 +62,7 @@ class Row:
     def missed(self) -> list[str]:
         """The goals that are not met."""
         run, goal, duration = self.run, self.problem.goal, self.problem.motion.duration
-        if self.strings != 9 and self.problem.name != "made-up walk":
+        if (self.strings != 9 and self.problem.name != "made-up walk") or run.follow == "markers":
             goal = None
         goals = {
             "converges": run.result.success,
@@ -77,25 +79,25 @@ class Row:
         units = f"{self.seconds / one:11.3g}" if one is not None else f"{'-':>11s}"
         return (
             f"{problem.name:32s} {self.strings:7d} {problem.motion.duration:8.2f} {run.result.status.name:>18s} "
-            f"{run.held_error:8.2f} {self.rig.error:8.2f} {run.tension.min():9.4f} {self.seconds:8.1f} {units}  "
+            f"{run.off:8.2f} {self.rig.error:8.2f} {run.tension.min():9.4f} {self.seconds:8.1f} {units}  "
             + ("; ".join(f"MISSED: {each}" for each in self.missed) or "all goals met")
         )
 
 
-def made(problem: Problem, strings: Count, iterations: int) -> Row:
+def made(problem: Problem, strings: Count, iterations: int, follow: Follow) -> Row:
     """Follow one motion."""
     began = time.perf_counter()
-    run = track(marionette(strings=strings), problem.motion, max_iterations=iterations)
+    run = track(marionette(strings=strings), problem.motion, max_iterations=iterations, follow=follow)
     seconds = time.perf_counter() - began
     return Row(problem, strings, run, check(run), seconds)
 
 
-def motions(files: list[Path], speeds: list[float], dt: float) -> Iterator[Problem]:
+def motions(files: list[Path], speeds: list[float], dt: float, *, markers: bool) -> Iterator[Problem]:
     """Yield the captures at all speeds, and the made-up walk."""
     for file in files:
         for speed in speeds:
             try:
-                motion = load_motion(file, dt=dt, speed=speed).motion
+                motion = load_motion(file, dt=dt, speed=speed, markers=markers).motion
             except LeastActionError as error:
                 print(f"{file.name}: skipped: {str(error).splitlines()[0]}")
                 break
@@ -126,24 +128,27 @@ def draw(rows: Sequence[Row], path: Path) -> None:
 def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.captures", description=__doc__)
-    parser.add_argument("files", nargs="*", type=Path, help="BVH files; those of CAPTURES if none are given")
+    parser.add_argument("files", nargs="*", type=Path, help="BVH or AMC files; those of CAPTURES if none are given")
     parser.add_argument("--strings", nargs="+", type=int, choices=list(STRING_SETS), default=[9])
     parser.add_argument("--speed", nargs="+", type=float, default=[1.0])
     parser.add_argument("--dt", type=float, default=0.01)
     parser.add_argument("--iterations", type=int, default=500)
+    parser.add_argument("--follow", choices=["joints", "markers"], default="joints")
     parser.add_argument("--picture", type=Path, help="where to draw the errors over the number of strings (PNG)")
     words = parser.parse_args()
     files = words.files or [Path(name) for name in os.environ.get("CAPTURES", "").split(os.pathsep) if name]
+    unit_of_error = "deg" if words.follow == "joints" else "mm"
     before = unit.measure(0.5)
     one = before.best if isinstance(before, Timing) else None
     print(f"unit {1e6 * one:.1f} us" if one is not None else f"unit: {before}")
-    titles = ("motion", "strings", "seconds", "status", "held deg", "rig deg", "tension N", "took s", "took units")
+    off = f"off {unit_of_error}", f"rig {unit_of_error}"
+    titles = ("motion", "strings", "seconds", "status", *off, "tension N", "took s", "took units")
     print("{:32s} {:>7s} {:>8s} {:>18s} {:>8s} {:>8s} {:>9s} {:>8s} {:>11s}".format(*titles))
     rows: list[Row] = []
-    for problem in motions(files, words.speed, words.dt):
+    for problem in motions(files, words.speed, words.dt, markers=words.follow == "markers"):
         for strings in words.strings if problem.name != "made-up walk" else [6]:
             try:
-                rows.append(made(problem, strings, words.iterations))
+                rows.append(made(problem, strings, words.iterations, words.follow))
             except LeastActionError as error:
                 print(f"{problem.name:32s} {strings:7d}  ended in an error: {error}", flush=True)
             else:

@@ -11,7 +11,16 @@ import pytest
 
 from apps.puppet_bvh import waving, write_puppet
 from leastaction.apps.cli import main
-from leastaction.apps.marionette import MARKERS, TrackingRun, TrackingWeights, load_motion, retarget, track
+from leastaction.apps.marionette import (
+    MARKERS,
+    TrackingRun,
+    TrackingWeights,
+    load_motion,
+    plot_resting,
+    resting,
+    retarget,
+    track,
+)
 from leastaction.apps.marionette.markers import LIMB_MARKERS, places_of, wanted_markers, with_markers
 from leastaction.apps.marionette.tracking import TrackingSearch, files, load_unfinished, plan, save_run, save_search
 from leastaction.apps.marionette.tracking.plan import Plan
@@ -174,6 +183,21 @@ def test_a_search_by_markers_is_kept_too(tmp_path: Path, monkeypatch: pytest.Mon
     assert isinstance(search, TrackingSearch)
     assert search.follow == "markers"
     np.testing.assert_allclose(wanted_markers(PUPPET, search.motion), wanted_markers(PUPPET, reaching()), atol=1e-12)
+
+
+def test_poses_at_rest_bring_markers_near(reached: dict[str, TrackingRun]) -> None:
+    run = reached["markers"]
+    rest = resting(run, instants=4)
+    rows = np.searchsorted(run.trajectory.t, rest.t - 1e-9)
+    assert rest.markers == pytest.approx(np.sqrt(np.mean(run.markers_apart(rest.q, rows) ** 2)))
+    # Of the wanted pose the hand is 10 cm off, and no motion holds it back here.
+    assert rest.markers < 0.5 * np.sqrt(np.mean(run.markers_apart(run.reference[rows], rows) ** 2))
+    assert np.isnan(resting(reached["joints"], instants=2).markers)
+    bars, over_time = plot_resting(run, rest).axes
+    assert [label.get_text() for label in bars.get_yticklabels()] == [name.replace("_", " ") for name in MARKERS]
+    assert over_time.get_ylabel() == "all markers off by (mm, rms)"
+    last = over_time.lines[1].get_ydata()[-1]
+    assert last == pytest.approx(1e3 * np.sqrt(np.mean(run.markers_apart(rest.q, rows)[-1] ** 2)))
 
 
 def test_markers_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -239,11 +239,13 @@ def as_text(renderable: RenderableType) -> str:
 def _headline(summary: Mapping[str, Any]) -> Text:
     run, cost = summary["run"], summary["cost"]
     many = run["optimisations"]
+    # What strings would do for less is not allowed to them: a motion that has limits to meet yet may be the cheaper.
+    at_first = f"{cost['first']:.6g}{' before limits were met' if cost['first'] < cost['last'] else ''}"
     stages = f" of {many} optimisations, {run['last_iterations']} of the last one" if many > 1 else ""
     return Text.assemble(
         (f"{run['mechanism']}: {run['steps']} steps, {run['duration_s']:g} s", "bold"),
         f"\nstatus {run['status']} after {run['iterations']} iterations{stages}, "
-        f"cost {cost['first']:.6g} to {cost['last']:.6g}\n{run['message']}",
+        f"cost {at_first} to {cost['last']:.6g}\n{run['message']}",
     )
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import minimize
 
-from leastaction.apps.marionette.markers import LIMB_MARKERS
+from leastaction.apps.marionette.markers import LIMB_MARKERS, MARKERS
 from leastaction.apps.marionette.tracking.found import TrackingRun, held_error
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
@@ -212,23 +212,28 @@ class _Search:
 
 @styled
 def plot_resting(run: TrackingRun, rest: RestingPoses) -> Figure:
-    """Draw the error of every joint, as a run made it and in the nearest poses at rest, and both over time.
+    """Draw the error of every joint, or marker, as a run made it and in the nearest poses at rest, and both over time.
 
     ``rest``: from `resting`.
     """
-    names = run.mechanism.dynamic
-    joints = [i for i, name in enumerate(names) if name not in ROOT]
-    apart = np.rad2deg(rest.q - rest.wanted)[:, joints]
-    made = np.rad2deg(run.trajectory.q - run.reference)[:, joints]
+    if run.follow == "markers":
+        labels, unit, what = [name.replace("_", " ") for name in MARKERS], "mm", "all markers"
+        made = 1e3 * run.markers_apart()
+        apart = 1e3 * run.markers_apart(rest.q, np.searchsorted(run.trajectory.t, rest.t - 1e-9))
+    else:
+        joints = [i for i, name in enumerate(run.mechanism.dynamic) if name not in ROOT]
+        labels, unit, what = [run.mechanism.dynamic[i] for i in joints], "degrees", "all joints"
+        made = np.rad2deg(run.trajectory.q - run.reference)[:, joints]
+        apart = np.rad2deg(rest.q - rest.wanted)[:, joints]
     figure = new_figure(9.0, 5.0)
     bars, over_time = figure.subplots(1, 2)
     for shift, errors, color, label in ((-0.2, made, BLUE, "as made"), (0.2, apart, ORANGE, "nearest poses at rest")):
-        bars.barh(np.arange(len(joints)) + shift, np.sqrt(np.mean(errors**2, axis=0)), 0.4, color=color, label=label)
-    bars.set_yticks(range(len(joints)), [names[i] for i in joints], fontsize=8)
+        bars.barh(np.arange(len(labels)) + shift, np.sqrt(np.mean(errors**2, axis=0)), 0.4, color=color, label=label)
+    bars.set_yticks(range(len(labels)), labels, fontsize=8)
     bars.invert_yaxis()
-    bars.set(xlabel="off by (degrees, rms)")
+    bars.set(xlabel=f"off by ({unit}, rms)")
     bars.legend(frameon=False, fontsize=8)
     over_time.plot(run.trajectory.t, np.sqrt(np.mean(made**2, axis=1)), color=BLUE)
     over_time.plot(rest.t, np.sqrt(np.mean(apart**2, axis=1)), "o-", color=ORANGE, markersize=3)
-    over_time.set(xlabel="time (s)", ylabel="all joints off by (degrees, rms)", ylim=(0.0, None))
+    over_time.set(xlabel="time (s)", ylabel=f"{what} off by ({unit}, rms)", ylim=(0.0, None))
     return figure

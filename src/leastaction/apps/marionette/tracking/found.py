@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from leastaction.apps.marionette.markers import Follow, places_of, with_places
 from leastaction.apps.marionette.tracking.problem import ROOT, unheld
@@ -132,7 +133,7 @@ class TrackingRun:
         """Root mean square error (degrees) of the angles behind which a string is tied."""
         return held_error(self.mechanism, self.reference, self.trajectory.q)
 
-    def markers_apart(self, q: Array | None = None, rows: slice | Array = slice(None)) -> Array:
+    def markers_apart(self, q: Array | None = None, rows: slice | NDArray[np.integer] = slice(None)) -> Array:
         """Return how far the markers are from where they are wanted (m): (n, 6).
 
         ``q``: configurations (n, nq) at some of the instants, ``rows``; those of the motion itself if left out. Raises
