@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -510,7 +511,7 @@ def test_a_run_says_what_it_took_from_its_beginning(tmp_path: Path) -> None:
     assert summary["run"]["iterations"] == sum(made[:at_first])
     assert summary["cost"]["first"] == run.effort.first_cost
     path = tmp_path / "run.npz"
-    assert load_run(path).effort == run.effort
+    assert load_run(path).effort == run.effort == pickle.loads(pickle.dumps(run.effort))
     assert again.effort is not None
     assert again.effort.iterations == sum(made)
     assert again.effort.first_cost == run.effort.first_cost
