@@ -107,7 +107,7 @@ View curvature(const Linearization& of, const In<2>& w, bool multipliers, int th
     const std::size_t N = of.steps, n = of.nx + of.nu + (multipliers ? of.nc : 0), weights = w.shape(1);
     expect(w.shape(0), N, "w");
     if (weights != static_cast<std::size_t>(of.nx)) expect(weights, of.nx + of.nc, "weights");
-    using Memory = std::shared_ptr<const ZeroedArray>;
+    using Memory = std::shared_ptr<const LargeArray>;
     std::unique_ptr<Memory> H;
     {
         nb::gil_scoped_release release;
@@ -183,7 +183,7 @@ nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, co
 
 nb::list saved(nb::handle_t<Linearization> self) {
     nb::list out;
-    for (const ZeroedArray* array : nb::cast<Linearization&>(self).memory()) {
+    for (const LargeArray* array : nb::cast<Linearization&>(self).memory()) {
         const std::size_t size = array->size();
         out.append(View(array->data(), 1, &size, self));
     }
@@ -199,7 +199,7 @@ void restore(Linearization& to, const std::vector<In<1>>& arrays) {
 
 // A field of a linearisation, which lives as long as its views.
 template <class Shape>
-void view(nb::class_<Linearization>& type, const char* name, ZeroedArray Linearization::* array, const Shape& shape,
+void view(nb::class_<Linearization>& type, const char* name, LargeArray Linearization::* array, const Shape& shape,
           const char* meaning) {
     type.def_prop_ro(
         name,

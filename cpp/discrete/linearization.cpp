@@ -68,7 +68,7 @@ void Linearization::carry(Point& point, First& first, const Carry& carry) const 
 int Linearization::along(const double* t, const double* X, const double* U, double first_share, int threads,
                          const double* ends) {
     const Layout at(integrator_->mechanism(), ny > nx);
-    return for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
+    const int done = for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
         const double *x = X + k * nx, *u = U + k * nu, *next = ends ? ends + k * nx : x + nx;
         MidpointStep& step = workspace.step;
@@ -79,6 +79,10 @@ int Linearization::along(const double* t, const double* X, const double* U, doub
         for (int i = 0; i < at.nd; ++i) defect_k = std::max(defect_k, std::abs(step.q2[i] - next[at.m.external[i]]));
         const int ld = first.ld;
         double *A_k = A.data() + k * ny * ny, *B_k = B.data() + k * ny * nu;
+        if (!zeroed_) {
+            std::fill_n(A_k, ny * ny, 0.0);
+            std::fill_n(B_k, ny * nu, 0.0);
+        }
         for (int i = 0; i < at.nd; ++i) {
             const int row = at.m.external[i];
             at.scatter(&first.Y[i * ld], A_k + row * ny, B_k + row * nu);
@@ -97,9 +101,11 @@ int Linearization::along(const double* t, const double* X, const double* U, doub
         carry(step, first, [&](const double* from, int n) { record = std::copy_n(from, n, record); });
         return true;
     });
+    zeroed_ = zeroed_ || done == steps;
+    return done;
 }
 
-std::shared_ptr<ZeroedArray> Linearization::hessians(bool multipliers) const {
+std::shared_ptr<Linearization::Hessians> Linearization::hessians(bool multipliers) const {
     const std::size_t n = nx + nu + (multipliers ? nc : 0);
     const std::lock_guard lock(given_lock_);
     auto& [newest, other] = given_[multipliers];
@@ -110,17 +116,17 @@ std::shared_ptr<ZeroedArray> Linearization::hessians(bool multipliers) const {
         if (newest.use_count() == 1)
             std::atomic_thread_fence(std::memory_order_acquire);
         else
-            newest = std::make_shared<ZeroedArray>(steps * n * n);
+            newest = std::make_shared<Hessians>(LargeArray(steps * n * n));
     }
     return newest;
 }
 
-std::shared_ptr<const ZeroedArray> Linearization::curvature(const double* W, int weights, bool multipliers,
-                                                            int threads) const {
+std::shared_ptr<const LargeArray> Linearization::curvature(const double* W, int weights, bool multipliers,
+                                                           int threads) const {
     const Layout at(integrator_->mechanism(), multipliers);
     const std::vector<SecondOrder::Run>& runs = runs_[multipliers];
     const int n = at.ny + nu;
-    const std::shared_ptr<ZeroedArray> H = hessians(multipliers);
+    const std::shared_ptr<Hessians> H = hessians(multipliers);
     for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
         FirstOrder& first = workspace.first();
         SecondOrder& second = workspace.second();
@@ -142,10 +148,13 @@ std::shared_ptr<const ZeroedArray> Linearization::curvature(const double* W, int
             second.w_p[i] = W_k[at.nq + at.m.external[i]];
         }
         for (int c = 0; c < nc; ++c) second.w_lam[c] = weights > nx ? W_k[nx + c] : 0.0;
-        second.hessian(dt_.data()[k], first, runs, H->data() + k * n * n, n);
+        double* H_k = H->values.data() + k * n * n;
+        if (!H->zeroed) std::fill_n(H_k, n * n, 0.0);
+        second.hessian(dt_.data()[k], first, runs, H_k, n);
         return true;
     });
-    return H;
+    H->zeroed = true;
+    return {H, &H->values};
 }
 
 int differentiate_by_parameters(const Midpoint& integrator, int steps, const double* t, const double* X,

@@ -8,32 +8,15 @@
 #pragma once
 
 #include <array>
-#include <cstdlib>
 #include <memory>
 #include <mutex>
-#include <new>
 #include <vector>
 
 #include "discrete/integrator.hpp"
 #include "discrete/parameters.hpp"
+#include "numerics/large_array.hpp"
 
 namespace leastaction {
-
-// Numbers that are zero until they are written; pages that are not cost no memory.
-class ZeroedArray {
-public:
-    explicit ZeroedArray(std::size_t size)
-        : size_(size), data_(static_cast<double*>(std::calloc(size ? size : 1, sizeof(double))), &std::free) {
-        if (!data_) throw std::bad_alloc();
-    }
-    double* data() { return data_.get(); }
-    const double* data() const { return data_.get(); }
-    std::size_t size() const { return size_; }
-
-private:
-    std::size_t size_;
-    std::unique_ptr<double, void (*)(void*)> data_;
-};
 
 // Owns all that it needs, so that it stays what it is whatever becomes of the arrays that it was made from. Many threads may
 // ask for curvatures at once, while none writes by along().
@@ -53,18 +36,23 @@ public:
     // the multipliers: (N, n, n), n = nx + nu, or ny + nu with rows and columns of zeros for the `multipliers`. In memory
     // that it gave away before, as soon as nobody holds that any more: large results that are made again and again need
     // not be mapped into memory each time, and keep their zeros.
-    std::shared_ptr<const ZeroedArray> curvature(const double* W, int weights, bool multipliers, int threads) const;
+    std::shared_ptr<const LargeArray> curvature(const double* W, int weights, bool multipliers, int threads) const;
 
     // All that it holds, for a copy elsewhere.
-    std::array<ZeroedArray*, 6> memory() { return {&A, &B, &lam, &defect, &dt_, &records_}; }
+    std::array<LargeArray*, 6> memory() { return {&A, &B, &lam, &defect, &dt_, &records_}; }
 
     const std::shared_ptr<const Midpoint>& integrator() const { return integrator_; }
     const int steps, nx, nc, ny, nu;
-    ZeroedArray A, B, lam;  // (N, ny, ny), (N, ny, nu), (N, nc)
-    ZeroedArray defect;     // (N): distance of the dynamic configuration from that given
+    LargeArray A, B, lam;  // (N, ny, ny), (N, ny, nu), (N, nc)
+    LargeArray defect;     // (N): distance of the dynamic configuration from that given
 
 private:
-    std::shared_ptr<ZeroedArray> hessians(bool multipliers) const;
+    // Hessians, and whether their zeros are there.
+    struct Hessians {
+        LargeArray values;
+        bool zeroed = false;
+    };
+    std::shared_ptr<Hessians> hessians(bool multipliers) const;
     // What one step leaves for the second order, but for what A and B hold: where it was, and the derivatives of the
     // multipliers and by shifts of the constraints.
     template <class Point, class First, class Carry>
@@ -72,10 +60,11 @@ private:
 
     std::shared_ptr<const Midpoint> integrator_;
     std::size_t record_size_;
-    ZeroedArray dt_, records_;
+    LargeArray dt_, records_;
+    bool zeroed_ = false;                                // whether the zeros of A and B are there
     std::array<std::vector<SecondOrder::Run>, 2> runs_;  // into a Hessian without and with multipliers
     mutable std::mutex given_lock_;
-    mutable std::array<std::array<std::shared_ptr<ZeroedArray>, 2>, 2> given_;  // the last Hessians of either kind
+    mutable std::array<std::array<std::shared_ptr<Hessians>, 2>, 2> given_;  // the last Hessians of either kind
 };
 
 // Derivatives of the next states (N, nx, P) and the multipliers (N, nc, P) of every step by parameters, the state and the
