@@ -17,6 +17,27 @@ inline void subtract_multiple(double* a, double factor, const double* b, int n) 
     for (int i = 0; i < n; i += NewtonMatrix::lanes) Eigen::Map<Wide>(a + i) -= factor * Eigen::Map<const Wide>(b + i);
 }
 
+// Some neighbouring vectors of a row, in registers.
+template <int wides>
+class WideRow {
+public:
+    explicit WideRow(const double* from) {
+        for (int w = 0; w < wides; ++w) part_[w] = at(from, w);
+    }
+    void add_multiple(double factor, const double* b) {
+        for (int w = 0; w < wides; ++w) part_[w] += factor * at(b, w);
+    }
+    void put(double* to) const {
+        for (int w = 0; w < wides; ++w) Eigen::Map<Wide>(to + w * NewtonMatrix::lanes) = part_[w];
+    }
+
+private:
+    static Eigen::Map<const Wide> at(const double* from, int w) {
+        return Eigen::Map<const Wide>(from + w * NewtonMatrix::lanes);
+    }
+    Wide part_[wides];
+};
+
 int padded(int n) { return (n + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes; }
 
 // x -= tau v (v.x) with v = [1; tail]: a reflection of Householder's.
@@ -241,13 +262,21 @@ void NewtonMatrix::solve_panel(double* b, int ld) const {
     }
 }
 
+// Calls panel(wides, first) for panels of columns that are three vectors across, as long as there are so many.
+template <class Panel>
+void NewtonMatrix::each_panel(int cols, int ld, const Panel& panel) {
+    using std::integral_constant;
+    int first = 0;
+    for (; first + 2 * lanes < cols && first + 3 * lanes <= ld; first += 3 * lanes)
+        panel(integral_constant<int, 3>(), first);
+    for (; first + lanes < cols && first + 2 * lanes <= ld; first += 2 * lanes)
+        panel(integral_constant<int, 2>(), first);
+    for (; first < cols; first += lanes) panel(integral_constant<int, 1>(), first);
+}
+
 void NewtonMatrix::solve_M(double* b, int cols, int ld) const {
     if (tree_) return tree_->solve(b, cols, ld);
-    constexpr int broad = 3;
-    int first = 0;
-    for (; first + (broad - 1) * lanes < cols && first + broad * lanes <= ld; first += broad * lanes)
-        solve_panel<broad>(b + first, ld);
-    for (; first < cols; first += lanes) solve_panel<1>(b + first, ld);
+    each_panel(cols, ld, [&](auto wides, int first) { solve_panel<wides()>(b + first, ld); });
 }
 
 void NewtonMatrix::solve_M(double* b) const {
@@ -284,20 +313,22 @@ void NewtonMatrix::solve(double* f, double* g, int cols, int ld) {
     solve_M(f, cols, ld);
     if (nc_ == 0) return;
     // l = S^-1 (g - C2 M^-1 f),  y = M^-1 f + (M^-1 C1') l
-    for (int first = 0; first < cols; first += lanes)
+    each_panel(cols, ld, [&](auto wides, int first) {
         for (int c = 0; c < nc_; ++c) {
-            Wide row = Eigen::Map<Wide>(g + c * ld + first);
+            WideRow<wides()> row(g + c * ld + first);
             for (int i = 0; i < n_; ++i)
-                if (C2_(c, i) != 0.0) row -= C2_(c, i) * Eigen::Map<Wide>(f + i * ld + first);
-            Eigen::Map<Wide>(g + c * ld + first) = row;
+                if (C2_(c, i) != 0.0) row.add_multiple(-C2_(c, i), f + i * ld + first);
+            row.put(g + c * ld + first);
         }
+    });
     solve_schur(g, cols, ld);
-    for (int first = 0; first < cols; first += lanes)
+    each_panel(cols, ld, [&](auto wides, int first) {
         for (int i = 0; i < n_; ++i) {
-            Wide row = Eigen::Map<Wide>(f + i * ld + first);
-            for (int c = 0; c < nc_; ++c) row += M_inv_C1t_(i, c) * Eigen::Map<Wide>(g + c * ld + first);
-            Eigen::Map<Wide>(f + i * ld + first) = row;
+            WideRow<wides()> row(f + i * ld + first);
+            for (int c = 0; c < nc_; ++c) row.add_multiple(M_inv_C1t_(i, c), g + c * ld + first);
+            row.put(f + i * ld + first);
         }
+    });
 }
 
 void NewtonMatrix::solve_schur(double* g) {

@@ -80,6 +80,8 @@ public:
 private:
     bool eliminate();
     bool factor_schur(const double* C1, const double* C2, int ld);
+    template <class Panel>
+    static void each_panel(int cols, int ld, const Panel& panel);
     template <int wides>
     void solve_panel(double* b, int ld) const;
     void solve_M(double* b, int cols, int ld) const;
