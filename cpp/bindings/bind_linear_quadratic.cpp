@@ -22,6 +22,7 @@ namespace {
 
 using Input = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 using Output = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
+using Pattern = nb::ndarray<const bool, nb::c_contig, nb::device::cpu>;
 using MaybeInput = std::optional<Input>;
 using MaybePlaces = std::optional<nb::ndarray<const std::int64_t, nb::c_contig, nb::device::cpu>>;
 using MaybeOutput = std::optional<Output>;
@@ -86,6 +87,18 @@ HessianBlock block(const MaybeInput& array, bool diagonal, std::size_t N, std::s
     return block(array, N, rows, cols, per_stage, diagonal, what);
 }
 
+// The inputs and those states that have an entry in their column.
+std::size_t used_columns(const Pattern& pattern, std::size_t nx) {
+    const std::size_t n = pattern.shape(1);
+    std::size_t count = n - nx;
+    for (std::size_t j = 0; j < nx; ++j) {
+        bool used = false;
+        for (std::size_t i = 0; i < nx; ++i) used = used || pattern.data()[i * n + j];
+        count += used ? 1 : 0;
+    }
+    return count;
+}
+
 struct Sizes {
     std::size_t N, nx, nu;
 };
@@ -112,13 +125,22 @@ LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, con
                             const MaybeInput& R, bool R_diagonal, const MaybeInput& S, const MaybeInput& H,
                             double H_scale, const MaybeInput& q, const MaybeInput& r, const MaybeInput& c,
                             const MaybeInput& Q_final, const MaybeInput& q_final, const MaybeInput& part,
-                            const MaybePlaces& part_columns, bool regularize, bool use_structure) {
+                            const MaybePlaces& part_columns, bool regularize, bool use_structure,
+                            const std::optional<Pattern>& pattern) {
     const auto [N, nx, nu] = sizes(A, B);
     LinearQuadraticProblem problem = dynamics(A, B);
     problem.Q = block(Q, Q_diagonal, N, nx, nx, "Q must have shape (nx) or (nx, nx), or N of them");
     problem.R = block(R, R_diagonal, N, nu, nu, "R must have shape (nu) or (nu, nu), or N of them");
     problem.S = block(S, false, N, nx, nu, "S must have shape (nx, nu), or N of them");
-    problem.H = checked(H, {N, nx + nu, nx + nu}, "H must have shape (N, nx + nu, nx + nu)");
+    if (H && H->ndim() == 2) {
+        require(pattern && use_structure, "a packed H needs the pattern of [A B]");
+        require(has_shape(*pattern, {nx, nx + nu}), "pattern must have shape (nx, nx + nu)");
+        const std::size_t m = used_columns(*pattern, nx);
+        problem.packed = true;
+        problem.H = checked(H, {N, m * (m + 1) / 2}, "a packed H must have lower triangles of what is used, by rows");
+    } else {
+        problem.H = checked(H, {N, nx + nu, nx + nu}, "H must have shape (N, nx + nu, nx + nu)");
+    }
     problem.H_scale = H_scale;
     problem.part = part_of(part, part_columns, N, nx + nu);
     problem.q = checked(q, {N, nx}, "q must have shape (N, nx)");
@@ -127,6 +149,8 @@ LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, con
     problem.Q_final =
         block(Q_final, N, nx, nx, false, Q_final && Q_final->ndim() == 1, "Q_final must have shape (nx) or (nx, nx)");
     problem.q_final = checked(q_final, {nx}, "q_final must have shape (nx)");
+    require(!pattern || has_shape(*pattern, {nx, nx + nu}), "pattern must have shape (nx, nx + nu)");
+    if (pattern) problem.pattern = pattern->data();
 
     require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
     require(has_shape(C, {N, nu}), "C must have shape (N, nu)");
@@ -188,7 +212,7 @@ void bind_linear_quadratic(nb::module_& m) {
           "S"_a.none() = nb::none(), "H"_a.none() = nb::none(), "H_scale"_a = 1.0, "q"_a.none() = nb::none(),
           "r"_a.none() = nb::none(), "c"_a.none() = nb::none(), "Q_final"_a.none() = nb::none(),
           "q_final"_a.none() = nb::none(), "part"_a.none() = nb::none(), "part_columns"_a.none() = nb::none(),
-          "regularize"_a = false, "use_structure"_a = true,
+          "regularize"_a = false, "use_structure"_a = true, "pattern"_a.none() = nb::none(),
           "Backward recursion of the affine LQ problem; writes K, C, b, P0 and, if given, P_all.");
     m.def("sweep_forward", &forward, "A"_a, "B"_a, "K"_a, "C"_a, "c"_a.none(), "dx"_a, "du"_a,
           "Closed-loop linear roll-out from dx[0]; writes dx[1:] and du.");

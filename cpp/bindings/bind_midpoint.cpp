@@ -103,20 +103,34 @@ int linearize(Linearization& out, const In<1>& t, const In<2>& x, const In<2>& u
 // A read-only array in memory of the core's.
 using View = nb::ndarray<nb::numpy, const double, nb::c_contig>;
 
-View curvature(const Linearization& of, const In<2>& w, bool multipliers, int threads) {
-    const std::size_t N = of.steps, n = of.nx + of.nu + (multipliers ? of.nc : 0), weights = w.shape(1);
-    expect(w.shape(0), N, "w");
+// The Hessians that make(weights) returns, as an array of this shape.
+template <class Make>
+View hessians(const Linearization& of, const In<2>& w, std::initializer_list<std::size_t> shape, const Make& make) {
+    const std::size_t weights = w.shape(1);
+    expect(w.shape(0), of.steps, "w");
     if (weights != static_cast<std::size_t>(of.nx)) expect(weights, of.nx + of.nc, "weights");
     using Memory = std::shared_ptr<const LargeArray>;
     std::unique_ptr<Memory> H;
     {
         nb::gil_scoped_release release;
-        H = std::make_unique<Memory>(of.curvature(w.data(), static_cast<int>(weights), multipliers, threads));
+        H = std::make_unique<Memory>(make(static_cast<int>(weights)));
     }
     const double* data = (*H)->data();
     nb::capsule owner(H.get(), [](void* p) noexcept { delete static_cast<Memory*>(p); });
     H.release();
-    return View(data, {N, n, n}, owner);
+    return View(data, shape, owner);
+}
+
+View curvature(const Linearization& of, const In<2>& w, bool multipliers, int threads) {
+    const std::size_t N = of.steps, n = of.nx + of.nu + (multipliers ? of.nc : 0);
+    return hessians(of, w, {N, n, n},
+                    [&](int weights) { return of.curvature(w.data(), weights, multipliers, threads); });
+}
+
+View packed_curvature(const Linearization& of, const In<2>& w, int threads) {
+    const std::size_t N = of.steps;
+    return hessians(of, w, {N, of.packed_size()},
+                    [&](int weights) { return of.packed_curvature(w.data(), weights, threads); });
 }
 
 // directions (P, n_numbers) of the elements' numbers; inertias: (parameter, joint, 10 numbers m, m c, I in
@@ -305,7 +319,10 @@ void bind_midpoint(nb::module_& module) {
              "the first step at which it is none, or N.")
         .def("curvature", &curvature, "w"_a, "multipliers"_a = false, "threads"_a = 0,
              "Hessians by (states, u), of every step, of the next states weighted with w (N, nx), or of states and "
-             "multipliers with w (N, nx + nc); with `multipliers` these have rows and columns of zeros.");
+             "multipliers with w (N, nx + nc); with `multipliers` these have rows and columns of zeros.")
+        .def("packed_curvature", &packed_curvature, "w"_a, "threads"_a = 0,
+             "The same by those states and inputs that anything depends on: lower triangles (N, m (m + 1) / 2), by "
+             "rows.");
     linearization.def("saved", &saved, "All that it holds, as flat arrays.")
         .def("restore", &restore, "arrays"_a, "Takes over what saved() gave.");
     view(

@@ -2,20 +2,9 @@
 
 #include <algorithm>
 
+#include "numerics/small_products.hpp"
+
 namespace leastaction {
-
-namespace {
-
-constexpr int strip = 32;  // rows of the Hessian made at a time
-
-// Where an entry of th stands in the output.
-int position(const std::vector<SecondOrder::Run>& runs, int i) {
-    for (const auto& run : runs)
-        if (i < run.first + run.length) return run.position + i - run.first;
-    return -1;
-}
-
-}  // namespace
 
 SecondOrder::SecondOrder(const Mechanism& mechanism, Split split)
     : mechanism_(mechanism),
@@ -36,25 +25,24 @@ SecondOrder::SecondOrder(const Mechanism& mechanism, Split split)
     for (auto* a : {&lam, &w_lam}) a->resize(nc_);
     u.resize(nu_);
     for (auto* a : {&dual_q_, &dual_v_, &dual_q1_, &q_along_v_, &q_along_mu_}) a->resize(nq_);
-    for (auto* a : {&YZ_, &ZY_}) a->resize(2 * (nd_ + nc_), n_theta_);
-    strip_.resize(strip, n_theta_);
+    Z_ = NewtonMatrix::Matrix::Zero(nd_ + nc_, padded(n_theta_));
     if (mechanism_.forces.empty() && mechanism_.instant_forces.empty()) return;
     along_v_ = std::make_unique<Placement<Dual<double>>>(mechanism_);
     along_mu_ = std::make_unique<Placement<Dual<double>>>(mechanism_);
 }
 
-void SecondOrder::hessian(double dt, const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out) {
+void SecondOrder::hessian(double dt, const FirstOrder& first) {
     set_multipliers(first);
     const int ny = nd_ + nc_;
     W_yy_.setZero(ny, ny);
     W_yth_.setZero(ny, n_theta_);
-    W_thth_.setZero(n_theta_, n_theta_);
+    W_thth_.setZero(padded(n_theta_), n_theta_);
     add_lagrangian(dt);
     add_potentials();
     add_instant_forces();
     add_forces(dt);  // which leaves q_mid_ and all that by_time_step() needs
     add_constraints();
-    write(first, runs, out, ld_out);
+    add_products(first);
 }
 
 void SecondOrder::set_multipliers(const FirstOrder& first) {
@@ -288,35 +276,39 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, const Midpo
     return twice + Y_t.dot(2.0 * by_y + bent);
 }
 
-void SecondOrder::write(const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out) {
-    // As one product [Y; Z]'[Z; Y]: strips of rows, the upper triangle
-    // only, each written out together with its mirror image while it is in the cache.
+void SecondOrder::add_products(const FirstOrder& first) {
+    // Rows of Y and Z are the columns of the first factors.
     const int ny = nd_ + nc_;
-    const Eigen::Map<const NewtonMatrix::Matrix> y_rows(first.Y.data(), ny, first.ld);
-    YZ_.topRows(ny) = y_rows.leftCols(n_theta_);
-    auto z = YZ_.bottomRows(ny);
-    z = W_yth_;
-    z.noalias() += (0.5 * W_yy_) * YZ_.topRows(ny);
-    ZY_.topRows(ny) = z;
-    ZY_.bottomRows(ny) = YZ_.topRows(ny);
-    for (int from = 0; from < n_theta_; from += strip) {
-        const int rows = std::min(strip, n_theta_ - from), rest = n_theta_ - from;
-        auto block = strip_.topLeftCorner(rows, rest);
-        block = W_thth_.block(from, from, rows, rest);
-        block.noalias() += YZ_.middleCols(from, rows).transpose() * ZY_.rightCols(rest);
-        for (int i = 0; i < rows; ++i)
-            for (int j = 0; j < i; ++j) block(i, j) = block(j, i);
-        int at[strip];
-        for (int i = 0; i < rows; ++i) at[i] = position(runs, from + i);
-        for (const Run& to : runs) {
-            const int begin = std::max(to.first, from) - from, end = to.first + to.length - from;
-            for (int i = 0; i < rows && begin < end; ++i)
-                std::copy(&block(i, 0) + begin, &block(i, 0) + end,
-                          out + static_cast<std::size_t>(at[i]) * ld_out + to.position + from + begin - to.first);
+    const Eigen::Index stride = Z_.outerStride();
+    const Columns Y{first.Y.data(), first.ld}, Z{Z_.data(), stride};
+    const auto entries = [](const Columns& of) { return Entries{of.data, of.stride, 1}; };
+    half_W_yy_ = 0.5 * W_yy_;
+    Z_.leftCols(n_theta_) = W_yth_;
+    product(Into::add, n_theta_, ny, ny, Y, {half_W_yy_.data(), ny, 1}, {Z_.data(), stride});
+    upper_product(Into::add, n_theta_, Sum{Factors{ny, Y, entries(Z)}, Factors{ny, Z, entries(Y)}},
+                  {W_thth_.data(), W_thth_.outerStride()});
+}
+
+void SecondOrder::write(const std::vector<Run>& runs, double* out, int ld_out) {
+    mirror_upper(W_thth_, n_theta_);
+    for (const Run& of : runs) {
+        for (int j = 0; j < of.length; ++j) {
+            const double* column = &W_thth_(0, of.first + j);
+            double* row = out + static_cast<std::size_t>(of.position + j) * ld_out;
+            for (const Run& to : runs) std::copy_n(column + to.first, to.length, row + to.position);
         }
-        for (int j = rows; j < rest; ++j) {
-            double* row = out + static_cast<std::size_t>(position(runs, from + j)) * ld_out;
-            for (int i = 0; i < rows; ++i) row[at[i]] = block(i, j);
+    }
+}
+
+void SecondOrder::write_packed(const std::vector<int>& order, double* out) const {
+    for (int j = 0; j < n_theta_; ++j) {
+        if (mechanism_.same_order) {
+            out = std::copy_n(&W_thth_(0, j), j + 1, out);
+            continue;
+        }
+        for (int i = 0; i <= j; ++i) {
+            const auto [low, high] = std::minmax(order[i], order[j]);
+            *out++ = W_thth_(low, high);
         }
     }
 }

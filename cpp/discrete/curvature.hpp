@@ -35,8 +35,12 @@ public:
     struct Run {
         int first, length, position;
     };
-    // Into `out`, rows of ld_out. Of the first order Y and the columns of p1 and of shifts of P2 are needed.
-    void hessian(double dt, const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out);
+    // Of the first order Y and the columns of p1 and of shifts of P2 are needed.
+    void hessian(double dt, const FirstOrder& first);
+    // After that: all of it into `out`, rows of ld_out.
+    void write(const std::vector<Run>& runs, double* out, int ld_out);
+    // Its lower triangle into `out`, one row after the other; `order`: which entry of th stands where.
+    void write_packed(const std::vector<int>& order, double* out) const;
     // After that: second derivatives by th and the time step into `out` (n_theta); returns that by the time step twice.
     // Y_dt: of (q2; lam) by the time step.
     double by_time_step(double dt, const FirstOrder& first, const MidpointStep& step, const double* Y_dt, double* out);
@@ -71,8 +75,8 @@ private:
         else if (j >= nd_ && i <= j)
             W_thth_(at_rho2_ + i - nd_, at_rho2_ + j - nd_) += value;
     }
-    // H = W_thth + Y'Z + Z'Y with Z = W_yy Y / 2 + W_yth.
-    void write(const FirstOrder& first, const std::vector<Run>& runs, double* out, int ld_out);
+    // W_thth becomes H = W_thth + Y'Z + Z'Y with Z = W_yy Y / 2 + W_yth, upper triangle.
+    void add_products(const FirstOrder& first);
 
     const Mechanism& mechanism_;
     Split split_;
@@ -83,7 +87,8 @@ private:
     LocalTaylor<double> local_;
     LocalTaylor<Dual<double>> dual_local_;
     LocalForce<double> force_;
-    NewtonMatrix::Matrix W_yy_, W_yth_, W_thth_, YZ_, ZY_, strip_;
+    NewtonMatrix::Matrix W_yy_, W_yth_, half_W_yy_, Z_;
+    Eigen::MatrixXd W_thth_;
     std::vector<double> mu_, mu_force_, q_mid_, v_;
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
     std::unique_ptr<Placement<Dual<double>>> along_v_, along_mu_;  // for forces; null where there are none

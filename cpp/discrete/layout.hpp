@@ -83,6 +83,17 @@ struct Layout {
         for (int i = 0; i < nu; ++i) add(nq + nd + i, ny + i);
         return out;
     }
+    // Which entry of th stands where among those states and inputs that anything depends on.
+    std::vector<int> order() const {
+        std::vector<int> out(theta);
+        for (int i = 0; i < nd; ++i) {
+            out[m.external[i]] = i;
+            out[nq + m.external[i]] = nq + i;
+        }
+        for (int i = nd; i < nq; ++i) out[m.external[i]] = i;
+        for (int i = nq + nd; i < theta; ++i) out[i] = i;
+        return out;
+    }
     void gather(const double* by_x, const double* by_u, double* row) const {
         if (m.same_order) {
             std::copy(by_x, by_x + nq + nd, row);

@@ -50,7 +50,8 @@ Linearization::Linearization(std::shared_ptr<const Midpoint> integrator, int ste
       record_size_(record_size(Layout(integrator_->mechanism()))),
       dt_(steps),
       records_(steps * record_size_),
-      runs_{Layout(integrator_->mechanism()).runs(), Layout(integrator_->mechanism(), true).runs()} {}
+      runs_{Layout(integrator_->mechanism()).runs(), Layout(integrator_->mechanism(), true).runs()},
+      order_(Layout(integrator_->mechanism()).order()) {}
 
 template <class Point, class First, class Carry>
 void Linearization::carry(Point& point, First& first, const Carry& carry) const {
@@ -105,10 +106,9 @@ int Linearization::along(const double* t, const double* X, const double* U, doub
     return done;
 }
 
-std::shared_ptr<Linearization::Hessians> Linearization::hessians(bool multipliers) const {
-    const std::size_t n = nx + nu + (multipliers ? nc : 0);
+std::shared_ptr<Linearization::Hessians> Linearization::hessians(int kind, std::size_t size) const {
     const std::lock_guard lock(given_lock_);
-    auto& [newest, other] = given_[multipliers];
+    auto& [newest, other] = given_[kind];
     if (newest.use_count() == 1) {
         std::atomic_thread_fence(std::memory_order_acquire);
     } else {
@@ -116,17 +116,14 @@ std::shared_ptr<Linearization::Hessians> Linearization::hessians(bool multiplier
         if (newest.use_count() == 1)
             std::atomic_thread_fence(std::memory_order_acquire);
         else
-            newest = std::make_shared<Hessians>(LargeArray(steps * n * n));
+            newest = std::make_shared<Hessians>(LargeArray(steps * size));
     }
     return newest;
 }
 
-std::shared_ptr<const LargeArray> Linearization::curvature(const double* W, int weights, bool multipliers,
-                                                           int threads) const {
-    const Layout at(integrator_->mechanism(), multipliers);
-    const std::vector<SecondOrder::Run>& runs = runs_[multipliers];
-    const int n = at.ny + nu;
-    const std::shared_ptr<Hessians> H = hessians(multipliers);
+template <class Write>
+void Linearization::each_hessian(const double* W, int weights, int threads, const Write& write) const {
+    const Layout at(integrator_->mechanism());
     for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
         FirstOrder& first = workspace.first();
         SecondOrder& second = workspace.second();
@@ -148,12 +145,32 @@ std::shared_ptr<const LargeArray> Linearization::curvature(const double* W, int 
             second.w_p[i] = W_k[at.nq + at.m.external[i]];
         }
         for (int c = 0; c < nc; ++c) second.w_lam[c] = weights > nx ? W_k[nx + c] : 0.0;
-        double* H_k = H->values.data() + k * n * n;
-        if (!H->zeroed) std::fill_n(H_k, n * n, 0.0);
-        second.hessian(dt_.data()[k], first, runs, H_k, n);
+        second.hessian(dt_.data()[k], first);
+        write(second, k);
         return true;
     });
+}
+
+std::shared_ptr<const LargeArray> Linearization::curvature(const double* W, int weights, bool multipliers,
+                                                           int threads) const {
+    const std::size_t n = nx + nu + (multipliers ? nc : 0);
+    const std::vector<SecondOrder::Run>& runs = runs_[multipliers];
+    const std::shared_ptr<Hessians> H = hessians(multipliers, n * n);
+    each_hessian(W, weights, threads, [&](SecondOrder& second, std::size_t k) {
+        double* H_k = H->values.data() + k * n * n;
+        if (!H->zeroed) std::fill_n(H_k, n * n, 0.0);
+        second.write(runs, H_k, static_cast<int>(n));
+    });
     H->zeroed = true;
+    return {H, &H->values};
+}
+
+std::shared_ptr<const LargeArray> Linearization::packed_curvature(const double* W, int weights, int threads) const {
+    const std::size_t size = packed_size();
+    const std::shared_ptr<Hessians> H = hessians(2, size);
+    each_hessian(W, weights, threads, [&](SecondOrder& second, std::size_t k) {
+        second.write_packed(order_, H->values.data() + k * size);
+    });
     return {H, &H->values};
 }
 
@@ -188,7 +205,6 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
 int curvature_by_time_step(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
                            const double* W, int weights, double first_share, int threads, double* out) {
     const Layout at(integrator.mechanism());
-    const std::vector<SecondOrder::Run> runs = at.runs();
     const int n = at.nx + at.nu;
     Parameter length;
     length.time_step = true;
@@ -211,9 +227,9 @@ int curvature_by_time_step(const Midpoint& integrator, int steps, const double* 
             second.w_p[i] = W_k[at.nq + at.m.external[i]];
         }
         for (int c = 0; c < at.nc; ++c) second.w_lam[c] = weights > at.nx ? W_k[at.nx + c] : 0.0;
-        std::vector<double> whole(static_cast<std::size_t>(n) * n), row(at.theta), Y_dt(at.nd + at.nc);
+        std::vector<double> row(at.theta), Y_dt(at.nd + at.nc);
         for (int i = 0; i < at.nd + at.nc; ++i) Y_dt[i] = slopes.Y[i * slopes.ld];
-        second.hessian(dt, first, runs, whole.data(), n);
+        second.hessian(dt, first);
         double* by = out + k * (n + 1);
         std::fill_n(by, n, 0.0);
         by[n] = second.by_time_step(dt, first, step, Y_dt.data(), row.data());

@@ -37,6 +37,10 @@ public:
     // that it gave away before, as soon as nobody holds that any more: large results that are made again and again need
     // not be mapped into memory each time, and keep their zeros.
     std::shared_ptr<const LargeArray> curvature(const double* W, int weights, bool multipliers, int threads) const;
+    // The same as lower triangles, one row after the other, of those states and inputs alone that anything depends on:
+    // (N, m (m + 1) / 2), a third of the memory and more.
+    std::shared_ptr<const LargeArray> packed_curvature(const double* W, int weights, int threads) const;
+    std::size_t packed_size() const { return order_.size() * (order_.size() + 1) / 2; }
 
     // All that it holds, for a copy elsewhere.
     std::array<LargeArray*, 6> memory() { return {&A, &B, &lam, &defect, &dt_, &records_}; }
@@ -52,7 +56,11 @@ private:
         LargeArray values;
         bool zeroed = false;
     };
-    std::shared_ptr<Hessians> hessians(bool multipliers) const;
+    // Of so many numbers a step, in the memory of those that were given as the same `kind` of result.
+    std::shared_ptr<Hessians> hessians(int kind, std::size_t size) const;
+    // Calls write(second, k) with the Hessian of every step.
+    template <class Write>
+    void each_hessian(const double* W, int weights, int threads, const Write& write) const;
     // What one step leaves for the second order, but for what A and B hold: where it was, and the derivatives of the
     // multipliers and by shifts of the constraints.
     template <class Point, class First, class Carry>
@@ -64,7 +72,9 @@ private:
     bool zeroed_ = false;                                // whether the zeros of A and B are there
     std::array<std::vector<SecondOrder::Run>, 2> runs_;  // into a Hessian without and with multipliers
     mutable std::mutex given_lock_;
-    mutable std::array<std::array<std::shared_ptr<Hessians>, 2>, 2> given_;  // the last Hessians of either kind
+    std::vector<int> order_;                             // in a packed one
+    // The last Hessians of each kind: without and with multipliers, packed.
+    mutable std::array<std::array<std::shared_ptr<Hessians>, 2>, 3> given_;
 };
 
 // Derivatives of the next states (N, nx, P) and the multipliers (N, nc, P) of every step by parameters, the state and the

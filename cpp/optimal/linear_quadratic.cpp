@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "numerics/small_products.hpp"
+#include "optimal/stage_structure.hpp"
 
 namespace leastaction {
 namespace {
@@ -31,186 +32,40 @@ constexpr Index max_regularized_stages = 16;
 Columns columns_of(const MatrixXd& M, Index first = 0) { return {M.col(first).data(), M.outerStride()}; }
 Target whole(MatrixXd& M) { return {M.data(), M.outerStride()}; }
 
-// Asks for numbers that are needed soon, a line of the cache at a time.
+// Asks for numbers of an array that are needed soon, a line of the cache at a time.
 class Prefetch {
 public:
-    void aim(const double* data, Index size) {
-        next_ = data;
-        lines_ = (size + line - 1) / line;
+    explicit Prefetch(Index size) : needed_((size + line - 1) / line, true) { list(); }
+
+    // Only what stands in such parts is needed: after nothing(), of every part.
+    void nothing() { std::fill(needed_.begin(), needed_.end(), false); }
+    void need(Index first, Index length) {
+        if (length > 0) std::fill(needed_.begin() + first / line, needed_.begin() + (first + length - 1) / line + 1, true);
+    }
+    void list() {
+        lines_.clear();
+        for (std::size_t i = 0; i < needed_.size(); ++i) {
+            if (needed_[i]) lines_.push_back(static_cast<Index>(i) * line);
+        }
     }
 
-    void ask(Index lines) {
-        for (lines = std::min(lines, lines_); lines > 0; --lines, --lines_, next_ += line) {
-            Eigen::internal::prefetch(next_);
-        }
+    // What is needed of the array at `data`; null: nothing.
+    void aim(const double* data) {
+        data_ = data;
+        next_ = data ? 0 : lines_.size();
+    }
+    // Asks for a part of it, of so many that are all of it together.
+    void ask(Index parts) {
+        const std::size_t share = (lines_.size() + parts - 1) / parts, end = std::min(next_ + share, lines_.size());
+        for (; next_ < end; ++next_) Eigen::internal::prefetch(data_ + lines_[next_]);
     }
 
 private:
     static constexpr Index line = 8;  // numbers
-    const double* next_ = nullptr;
-    Index lines_ = 0;
-};
-
-// Of a square matrix, with padding below.
-void mirror_upper(MatrixXd& M) {
-    constexpr Index tile = 4;
-    const Index n = M.cols(), whole = n - n % tile;
-    for (Index j = 0; j < whole; j += tile) {
-        for (Index i = 0; i < j; i += tile) {
-            const Eigen::Matrix4d block = M.block<tile, tile>(i, j);
-            M.block<tile, tile>(j, i) = block.transpose();
-        }
-    }
-    for (Index j = 0; j < n; ++j) {
-        for (Index i = j < whole ? j - j % tile : 0; i < j; ++i) M(j, i) = M(i, j);
-    }
-}
-
-// Which rows of G = [A B] are dense, which have at most two entries, and which columns are used.
-class StageStructure {
-public:
-    // Neighbours: indices first, first + 1, ... stand at positions offset, offset + 1, ...
-    struct Run {
-        Index first;
-        Index length;
-        Index offset;
-    };
-    // Entries of sparse rows that are neighbours along a diagonal: values offset, offset + 1, ... stand at (row, column),
-    // (row + 1, column + 1), ...; columns are counted among the used ones.
-    struct Diagonal {
-        Index row;
-        Index column;
-        Index length;
-        Index offset;
-    };
-
-    StageStructure(Index nx, Index nu) : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(3 * nx) {
-        values_.resize(2 * nx);
-        sizes_.resize(nx);
-        for (Index i = 0; i < 3 * nx; ++i) last_columns_[i] = i % 3 < nx + nu ? i % 3 : -1;
-        for (auto* list : {&dense_, &sparse_}) list->reserve(nx);
-        dense_runs_.reserve(nx);
-        diagonals_.reserve(2 * nx);
-        runs_.reserve(nx + nu);
-    }
-
-    const std::vector<Index>& dense() const { return dense_; }
-    const std::vector<Run>& dense_runs() const { return dense_runs_; }
-    const std::vector<Diagonal>& diagonals() const { return diagonals_; }
-    Eigen::VectorBlock<const VectorXd> values(const Diagonal& of) const {
-        return values_.segment(of.offset, of.length);
-    }
-    const std::vector<Run>& runs() const { return runs_; }
-    Index columns() const { return columns_; }
-    bool trivial() const { return sparse_.empty() && columns_ == nx_ + nu_; }
-
-    void everything() {
-        clear();
-        for (Index i = 0; i < nx_; ++i) add_dense_row(i);
-        used_.assign(nx_ + nu_, true);
-        number_columns();
-    }
-
-    void scan(const double* A, const double* B) {
-        clear();
-        std::fill(used_.begin(), used_.begin() + nx_, false);
-        std::fill(used_.begin() + nx_, used_.end(), true);
-        for (Index i = 0; i < nx_; ++i) scan_row(i, A + i * nx_, B + i * nu_);
-        sizes_.setZero();
-        for (const Index i : dense_) sizes_ += Eigen::Map<const VectorXd>(A + i * nx_, nx_).cwiseAbs();
-        for (Index j = 0; j < nx_; ++j) used_[j] = used_[j] || sizes_[j] != 0.0;
-        number_columns();
-        for (Index e = 0; e < 2; ++e) {
-            for (const Index i : sparse_) add_entry(i, last_columns_[3 * i + e], A, B);
-        }
-    }
-
-    // Copies the used columns of row i of [A B].
-    void gather_row(Index i, const double* A, const double* B, double* out) const {
-        for (const Run& run : runs_) {
-            const Index in_A = std::clamp(nx_ - run.first, Index{0}, run.length);
-            std::copy_n(A + i * nx_ + run.first, in_A, out + run.offset);
-            if (in_A == run.length) continue;
-            const Index first_in_B = run.first + in_A - nx_;
-            std::copy_n(B + i * nu_ + first_in_B, run.length - in_A, out + run.offset + in_A);
-        }
-    }
-
-private:
-    void clear() {
-        dense_.clear();
-        dense_runs_.clear();
-        sparse_.clear();
-        diagonals_.clear();
-        entries_ = 0;
-    }
-
-    void scan_row(Index i, const double* a, const double* b) {
-        // The pattern rarely changes from stage to stage: look first where three entries were last time.
-        Index* at = &last_columns_[3 * i];
-        const auto entry = [this, a, b](Index j) { return j < 0 ? 0.0 : j < nx_ ? a[j] : b[j - nx_]; };
-        if (entry(at[0]) != 0.0 && entry(at[1]) != 0.0 && entry(at[2]) != 0.0) return add_dense_row(i);
-        const Index count = count_entries(a, nx_) + count_entries(b, nu_);
-        Index known = 0;
-        while (known < 3 && entry(at[known]) != 0.0) ++known;
-        if (known != count) {
-            Index e = 0;
-            for (Index j = 0; e < std::min(count, Index{3}); ++j) {
-                if (entry(j) != 0.0) at[e++] = j;
-            }
-            while (e < 3) at[e++] = -1;
-        }
-        if (count > 2) return add_dense_row(i);
-        sparse_.push_back(i);
-        for (Index e = 0; e < count; ++e) used_[at[e]] = true;
-    }
-
-    static Index count_entries(const double* row, Index size) {
-        Index count = 0;
-        for (Index j = 0; j < size; ++j) count += row[j] != 0.0 ? 1 : 0;
-        return count;
-    }
-
-    void add_dense_row(Index i) {
-        if (dense_.empty() || dense_.back() + 1 != i) {
-            dense_runs_.push_back({i, 0, static_cast<Index>(dense_.size())});
-        }
-        ++dense_runs_.back().length;
-        dense_.push_back(i);
-    }
-
-    void add_entry(Index i, Index j, const double* A, const double* B) {
-        if (j < 0) return;
-        const Index column = position_[j];
-        const auto follows = [&](const Diagonal& d) { return d.row + d.length == i && d.column + d.length == column; };
-        if (diagonals_.empty() || !follows(diagonals_.back())) diagonals_.push_back({i, column, 0, entries_});
-        ++diagonals_.back().length;
-        values_[entries_++] = j < nx_ ? A[i * nx_ + j] : B[i * nu_ + j - nx_];
-    }
-
-    void number_columns() {
-        runs_.clear();
-        columns_ = 0;
-        for (Index j = 0; j < nx_ + nu_; ++j) {
-            if (!used_[j]) continue;
-            if (runs_.empty() || runs_.back().first + runs_.back().length != j) {
-                runs_.push_back({j, 0, columns_});
-            }
-            ++runs_.back().length;
-            position_[j] = columns_++;
-        }
-    }
-
-    Index nx_, nu_;
-    Index columns_ = 0, entries_ = 0;
-    std::vector<char> used_;
-    std::vector<Index> position_;
-    std::vector<Index> last_columns_;  // of up to three entries of each row; the others are -1
-    std::vector<Index> dense_, sparse_;
-    std::vector<Run> dense_runs_, runs_;
-    std::vector<Diagonal> diagonals_;
-    VectorXd values_;
-    VectorXd sizes_;  // of the columns of A: the sums of their absolute values in dense rows
+    std::vector<bool> needed_;
+    std::vector<Index> lines_;  // where they start
+    const double* data_ = nullptr;
+    std::size_t next_ = 0;
 };
 
 // The recursion and its work space; nothing is allocated inside the loop over the stages.
@@ -223,7 +78,7 @@ public:
           output_(output),
           nx_(problem.nx),
           nu_(problem.nu),
-          lines_a_panel_(panel * (nx_ + nu_) / 8),
+          soon_{Prefetch(nx_ * nx_), Prefetch(nx_ * nu_), Prefetch((nx_ + nu_) * (nx_ + nu_))},
           structure_(nx_, nu_),
           G_(MatrixXd::Zero(padded(nx_ + nu_), nx_)),
           PG_(MatrixXd::Zero(padded(nx_), nx_ + nu_)),
@@ -242,6 +97,7 @@ public:
           b_shifted_(nx_),
           h_(nx_ + nu_),
           h_used_(padded(nx_ + nu_)),
+          Vw_(padded(nx_)),
           w_(nu_) {}
 
     LinearQuadraticReport run() {
@@ -277,46 +133,75 @@ private:
                 P_.diagonal() = ConstVector(problem_.Q_final.data, nx_);
             } else {
                 P_ = ConstRows(problem_.Q_final.data, nx_, nx_);
-                mirror_upper(P_padded_);
+                mirror_upper(P_padded_, nx_);
             }
         }
         b_.setZero();
         if (problem_.q_final != nullptr) b_ = ConstVector(problem_.q_final, nx_);
         store_value(problem_.horizon);
-        if (!options_.use_structure) structure_.everything();
+        if (follows_pattern()) {
+            structure_.follow(problem_.pattern);
+        } else {
+            structure_.everything();
+        }
+        list_needed();
+        compact_ = follows_pattern() && !couples_unused();
+        n_states_ = compact_ ? structure_.columns() - nu_ : nx_;
     }
+
+    // Whether the cost may couple states that nothing depends on.
+    bool couples_unused() const {
+        const auto& places = problem_.part.columns;
+        const bool in_part = std::any_of(places, places + problem_.part.size, [this](auto i) { return !structure_.uses(i); });
+        return problem_.S.data != nullptr || (problem_.Q.data != nullptr && !problem_.Q.diagonal) || in_part;
+    }
+
+    bool follows_pattern() const { return options_.use_structure && problem_.pattern != nullptr; }
 
     // H (upper triangle) and h of stage k from P, b of stage k + 1.
     void propagate(Index k) {
+        k_ = k;
         const double* A = problem_.A + k * nx_ * nx_;
         const double* B = problem_.B + k * nx_ * nu_;
-        if (options_.use_structure) structure_.scan(A, B);
+        if (follows_pattern()) {
+            structure_.read_entries(A, B);
+        } else if (options_.use_structure) {
+            structure_.scan(A, B);
+        }
         const auto& dense = structure_.dense();
         for (std::size_t i = 0; i < dense.size(); ++i) structure_.gather_row(dense[i], A, B, G_.col(i).data());
         multiply_P(k);
         multiply_PG();
-        spread(GPG_);
+        if (!compact_) spread(GPG_);
         add_cost(k);
         propagate_linear(k);
     }
 
     // P G, the used columns. By the way it asks for what the next stage reads.
     void multiply_P(Index k) {
-        const Index m = structure_.columns();
+        const Index m = structure_.columns(), panels = (m + panel - 1) / panel;
         aim_at_stage(k - 1);
         // Rows of P beyond `coupled` hold nothing but their own block, and no dense row lies there.
         const Index coupled = coupled_rows();
         for (Index j = 0; j < m; j += panel) {
-            for (const auto& run : structure_.dense_runs()) {
-                product(first_set(run), coupled, std::min(panel, m - j), run.length, columns_of(P_padded_, run.first),
-                        {G_.col(run.offset).data() + j, G_.outerStride(), 1}, {PG_.col(j).data(), PG_.outerStride()});
-            }
-            for (Prefetch& part : soon_) part.ask(lines_a_panel_);
+            each_pair([&](Into into, const auto& of_both) {
+                const Sum of = of_both([&](const auto& run) {
+                    return Factors{run.length,
+                                   columns_of(P_padded_, run.first),
+                                   {G_.col(run.offset).data() + j, G_.outerStride(), 1}};
+                });
+                product(into, coupled, std::min(panel, m - j), of, {PG_.col(j).data(), PG_.outerStride()});
+            });
+            for (Prefetch& part : soon_) part.ask(panels);
         }
         PG_.block(coupled, 0, nx_ - coupled, m).setZero();
+        const Index uncoupled = structure_.dense().empty() ? 0 : structure_.dense().back() + 1;
         for (const auto& of : structure_.diagonals()) {
             const auto values = structure_.values(of);
-            for (Index e = 0; e < of.length; ++e) PG_.col(of.column + e).head(nx_) += values[e] * P_.col(of.row + e);
+            for (Index e = 0; e < of.length; ++e) {
+                const Index row = of.row + e, first = row < coupled ? 0 : uncoupled, length = nx_ - first;
+                PG_.col(of.column + e).segment(first, length) += values[e] * P_.col(row).segment(first, length);
+            }
         }
     }
 
@@ -324,10 +209,13 @@ private:
     void multiply_PG() {
         const Index m = structure_.columns();
         if (structure_.dense().empty()) GPG_.setZero();
-        for (const auto& run : structure_.dense_runs()) {
-            upper_product(first_set(run), m, run.length, columns_of(G_, run.offset),
-                          {PG_.data() + run.first, 1, PG_.outerStride()}, whole(GPG_));
-        }
+        each_pair([&](Into into, const auto& of_both) {
+            const Sum of = of_both([&](const auto& run) {
+                return Factors{
+                    run.length, columns_of(G_, run.offset), {PG_.data() + run.first, 1, PG_.outerStride()}};
+            });
+            upper_product(into, m, of, whole(GPG_));
+        });
         for (const auto& of : structure_.diagonals()) {
             const auto values = structure_.values(of);
             for (Index j = of.column; j < m; ++j) {
@@ -361,16 +249,58 @@ private:
         }
     }
 
+    // Calls add_product(into, of_both) for two runs of dense rows at a time: the first set a product, the others add to it.
+    // of_both(factors_of) is the sum of their products.
+    template <class AddProduct>
+    void each_pair(const AddProduct& add_product) const {
+        const auto& runs = structure_.dense_runs();
+        for (std::size_t i = 0; i < runs.size(); i += 2) {
+            add_product(i == 0 ? Into::set : Into::add, [&](const auto& factors_of) {
+                return Sum{factors_of(runs[i]), i + 1 < runs.size() ? factors_of(runs[i + 1]) : Factors{}};
+            });
+        }
+    }
+
     // The first run of dense rows sets a product, the others add to it.
     static Into first_set(const StageStructure::Run& run) { return run.offset == 0 ? Into::set : Into::add; }
 
     // The arrays of a stage come from main memory, so they are asked for while the one after it is computed.
     void aim_at_stage(Index k) {
-        if (k < 0) return;
-        soon_[0].aim(problem_.A + k * nx_ * nx_, nx_ * nx_);
-        soon_[1].aim(problem_.B + k * nx_ * nu_, nx_ * nu_);
+        soon_[0].aim(k < 0 ? nullptr : problem_.A + k * nx_ * nx_);
+        soon_[1].aim(k < 0 ? nullptr : problem_.B + k * nx_ * nu_);
+        soon_[2].aim(k < 0 || problem_.H == nullptr || !use_H_ ? nullptr : hessian(k));
+    }
+
+    const double* hessian(Index k) const {
+        const Index n = nx_ + nu_, m = structure_.columns();
+        return problem_.H + k * (problem_.packed ? m * (m + 1) / 2 : n * n);
+    }
+
+    // Of these arrays, what is read.
+    void list_needed() {
         const Index n = nx_ + nu_;
-        if (problem_.H != nullptr && use_H_) soon_[2].aim(problem_.H + k * n * n, n * n);
+        auto& [A, B, H] = soon_;
+        H.nothing();
+        if (problem_.packed) {
+            H.need(0, structure_.columns() * (structure_.columns() + 1) / 2);
+        } else {
+            for (Index j = 0; j < n; ++j) {
+                for (const auto& run : structure_.runs()) {
+                    H.need(j * n + run.first, std::min(run.length, j + 1 - run.first));
+                }
+            }
+        }
+        H.list();
+        if (!follows_pattern()) return;
+        A.nothing();
+        B.nothing();
+        structure_.each_part([&](Index i, Index first, Index length) {
+            const Index in_A = std::clamp(nx_ - first, Index{0}, length);
+            A.need(i * nx_ + first, in_A);
+            B.need(i * nu_ + std::max(first - nx_, Index{0}), length - in_A);
+        });
+        A.list();
+        B.list();
     }
 
     Index coupled_rows() const {
@@ -403,20 +333,30 @@ private:
         skip(nx_ + nu_);
     }
 
-    // The stage's own cost: onto the upper triangle of H_, and h_.
+    // The second derivatives of the stage, upper triangle: of all states and inputs, or of those alone that the next state
+    // depends on, the inputs last. The cost couples nothing to other states then.
+    MatrixXd& model() { return compact_ ? GPG_ : H_; }
+
+    // Calls with(first, length, offset) for the states whose entries stand at offset, offset + 1, ... of the model.
+    template <class With>
+    void each_states(const With& with) const {
+        if (!compact_) return with(Index{0}, nx_, Index{0});
+        for (const auto& run : structure_.runs()) {
+            const Index length = std::min(run.length, nx_ - run.first);
+            if (length > 0) with(run.first, length, run.offset);
+        }
+    }
+
+    // The stage's own cost: onto the model, and h_.
     void add_cost(Index k) {
-        const Index n = nx_ + nu_;
-        if (problem_.H != nullptr && use_H_) {
-            const double* H = problem_.H + k * n * n;
-            for (Index j = 0; j < n; ++j) {
-                H_.col(j).head(j + 1) += problem_.H_scale * ConstVector(H + j * n, j + 1);
-            }
+        if (problem_.H != nullptr && use_H_) add_hessian(hessian(k));
+        if (const double* Q = problem_.Q.at(k)) {
+            each_states([&](Index first, Index length, Index offset) {
+                add_block(Q, problem_.Q.diagonal, first, length, offset);
+            });
         }
-        add_block(problem_.Q, k, 0, nx_);
-        add_block(problem_.R, k, nx_, nu_);
-        if (const double* S = problem_.S.at(k)) {
-            H_.topRightCorner(nx_, nu_) += ConstRows(S, nx_, nu_);
-        }
+        if (const double* R = problem_.R.at(k)) add_block(R, problem_.R.diagonal, 0, nu_, n_states_);
+        if (const double* S = problem_.S.at(k)) H_.topRightCorner(nx_, nu_) += ConstRows(S, nx_, nu_);
         add_part(k);
         h_.setZero();
         if (problem_.q != nullptr) h_.head(nx_) = ConstVector(problem_.q + k * nx_, nx_);
@@ -425,26 +365,49 @@ private:
 
     void add_part(Index k) {
         const HessianPart& part = problem_.part;
+        const auto place = [this, &part](Index i) {
+            return compact_ ? structure_.position(part.columns[i]) : static_cast<Index>(part.columns[i]);
+        };
         const double* row = part.data + k * part.size * part.size;
         for (Index j = 0; j < part.size; ++j, row += part.size) {
-            double* column = H_.col(part.columns[j]).data();
-            for (Index i = 0; i <= j; ++i) column[part.columns[i]] += row[i];
+            double* column = model().col(place(j)).data();
+            for (Index i = 0; i <= j; ++i) column[place(i)] += row[i];
         }
     }
 
-    void add_block(const HessianBlock& block, Index k, Index first, Index size) {
-        const double* data = block.at(k);
-        if (data == nullptr) return;
-        if (block.diagonal) {
-            H_.diagonal().segment(first, size) += ConstVector(data, size);
+    void add_hessian(const double* H) {
+        const Index n = nx_ + nu_;
+        if (!follows_pattern()) {
+            for (Index j = 0; j < n; ++j) H_.col(j).head(j + 1) += problem_.H_scale * ConstVector(H + j * n, j + 1);
+            return;
+        }
+        const auto place = [this](const StageStructure::Run& run) { return compact_ ? run.offset : run.first; };
+        for (const auto& of : structure_.runs()) {
+            for (Index j = 0; j < of.length; ++j) {
+                const Index row = of.offset + j;  // of a packed one
+                const double* H_j = H + (problem_.packed ? row * (row + 1) / 2 : (of.first + j) * n);
+                for (const auto& run : structure_.runs()) {
+                    const Index length = std::min(run.length, of.first + j + 1 - run.first);
+                    if (length <= 0) break;
+                    model().col(place(of) + j).segment(place(run), length) +=
+                        problem_.H_scale * ConstVector(H_j + (problem_.packed ? run.offset : run.first), length);
+                }
+            }
+        }
+    }
+
+    // Entries from `first` on of a block of the cost, to where they stand in the model; a matrix is added as a whole.
+    void add_block(const double* data, bool diagonal, Index first, Index size, Index offset) {
+        if (diagonal) {
+            model().diagonal().segment(offset, size) += ConstVector(data + first, size);
         } else {
-            H_.block(first, first, size, size).triangularView<Eigen::Upper>() += ConstRows(data, size, size);
+            model().block(offset, offset, size, size).triangularView<Eigen::Upper>() += ConstRows(data, size, size);
         }
     }
 
     // The Cholesky factor of H_uu; false if it is not positive definite, or not by much.
     bool factorize(Index k) {
-        H_uu_ = H_.bottomRightCorner(nu_, nu_).transpose();  // lower triangle
+        H_uu_ = model().block(n_states_, n_states_, nu_, nu_).transpose();  // lower triangle
         factor_.compute(H_uu_);
         if (factor_.info() != Eigen::Success) return false;
         const auto pivots = factor_.matrixLLT().diagonal().array();
@@ -481,24 +444,26 @@ private:
     // P becomes its positive semidefinite part, and the stage's H is left out.
     void convexify() {
         use_H_ = false;
+        P_is_compact_ = false;
         spectrum_.compute(P_);
         const VectorXd& values = spectrum_.eigenvalues();
         if (values[0] >= 0.0) return;
         report_.largest_change = std::max(report_.largest_change, -values[0]);
         const MatrixXd& vectors = spectrum_.eigenvectors();
         P_.noalias() = vectors * values.cwiseMax(0.0).asDiagonal() * vectors.transpose();
-        mirror_upper(P_padded_);
+        mirror_upper(P_padded_, nx_);
     }
 
     // K, C, P, b of the stage.
     void eliminate_input() {
         // Trailing states with a zero row in H_xu (no influence on anything) are left out.
-        Index active = nx_;
-        while (active > 0 && (H_.row(active - 1).tail(nu_).array() == 0.0).all()) --active;
+        MatrixXd& H = model();
+        Index active = n_states_;
+        while (active > 0 && (H.row(active - 1).segment(n_states_, nu_).array() == 0.0).all()) --active;
 
         // V = H_xu L^-T and K' = V L^-1; the rows of V that are left out must be numbers too.
         const Columns L = columns_of(factor_.matrixLLT());
-        V_.topRows(active) = H_.topRightCorner(active, nu_);
+        V_.topRows(active) = H.block(0, n_states_, active, nu_);
         V_.bottomRows(V_.rows() - active).setZero();
         solve_lower_transposed(active, nu_, L, whole(V_));
         gains_ = V_;
@@ -506,14 +471,36 @@ private:
         w_ = h_.tail(nu_);
         factor_.matrixL().solveInPlace(w_);
 
-        P_ = H_.topLeftCorner(nx_, nx_);
         const Columns V = columns_of(V_);
-        upper_product(Into::subtract, active, nu_, V, {V.data, V.stride, 1}, whole(P_padded_));
-        mirror_upper(P_padded_);
+        if (compact_) {
+            upper_product(Into::subtract, active, nu_, V, {V.data, V.stride, 1}, whole(H));
+            mirror_upper(H, n_states_);
+            spread_P();
+        } else {
+            P_ = H.topLeftCorner(nx_, nx_);
+            upper_product(Into::subtract, active, nu_, V, {V.data, V.stride, 1}, whole(P_padded_));
+            mirror_upper(P_padded_, nx_);
+        }
+        product(Into::set, active, 1, nu_, V, {w_.data(), 1, 0}, {Vw_.data(), 0});
+        Vw_.tail(Vw_.size() - active).setZero();
         b_ = h_.head(nx_);
-        product(Into::subtract, active, 1, nu_, V, {w_.data(), 1, 0}, {b_padded_.data(), 0});
+        each_states([&](Index first, Index length, Index offset) {
+            b_.segment(first, length) -= Vw_.segment(offset, length);
+        });
         constant_ -= 0.5 * w_.squaredNorm();
         factor_.matrixU().solveInPlace(w_);
+    }
+
+    // P from that of the states that the model is of; of the others, upon which nothing depends, there is the cost alone.
+    void spread_P() {
+        if (!P_is_compact_) P_.setZero();
+        P_is_compact_ = true;
+        if (const double* Q = problem_.Q.at(k_)) P_.diagonal() = ConstVector(Q, nx_);
+        each_states([&](Index from, Index width, Index at) {
+            each_states([&](Index to, Index height, Index below) {
+                P_.block(to, from, height, width) = GPG_.block(below, at, height, width);
+            });
+        });
     }
 
     LinearQuadraticReport ended(LinearQuadraticReport::Status status, Index k) {
@@ -523,7 +510,11 @@ private:
     }
 
     void store(Index k) {
-        Eigen::Map<MatrixXd>(output_.K + k * nu_ * nx_, nx_, nu_) = gains_.topRows(nx_);  // K' by columns: K by rows
+        Eigen::Map<MatrixXd> K(output_.K + k * nu_ * nx_, nx_, nu_);  // K' by columns: K by rows
+        if (compact_) K.setZero();
+        each_states([&](Index first, Index length, Index offset) {
+            K.middleRows(first, length) = gains_.middleRows(offset, length);
+        });
         Eigen::Map<VectorXd>(output_.C + k * nu_, nu_) = w_;
         store_value(k);
     }
@@ -541,9 +532,12 @@ private:
     LinearQuadraticReport report_;
     Index nx_, nu_;
     double constant_ = 0.0;
+    Index k_ = 0;  // the stage
     bool use_H_ = true;
+    bool compact_ = false;       // whether the model is of those states alone that the next ones depend on
+    bool P_is_compact_ = false;  // whether of the others P is diagonal
+    Index n_states_ = 0;         // of the model
     std::array<Prefetch, 3> soon_;  // of A, B, H
-    Index lines_a_panel_;
     StageStructure structure_;
     // Column i of G_ holds the used columns of row dense[i] of G; PG_ and GPG_ have the used columns only.
     MatrixXd G_, PG_, GPG_, P_padded_;
@@ -553,7 +547,7 @@ private:
     Eigen::SelfAdjointEigenSolver<MatrixXd> eigenvalues_, spectrum_;
     VectorXd b_padded_;
     Eigen::Ref<VectorXd> b_;
-    VectorXd b_shifted_, h_, h_used_, w_;
+    VectorXd b_shifted_, h_, h_used_, Vw_, w_;
 };
 
 }  // namespace

@@ -243,6 +243,99 @@ def test_structure_changes_nothing_but_the_time(case):
         assert structured.constant == pytest.approx(dense.constant, rel=1e-12)
 
 
+def _packed(H, pattern):
+    """Lower triangles, by rows, of the inputs and the states with entries in their columns."""
+    used = [j for j in range(H.shape[1]) if pattern[:, j].any() or j >= len(pattern)]
+    return np.stack([[h[i, j] for a, i in enumerate(used) for j in used[: a + 1]] for h in H])
+
+
+@pytest.mark.parametrize("weights", ["diagonal", "per stage", "coupled", "part", "part of what nothing depends on"])
+@pytest.mark.parametrize("states", ["mechanical", "scattered", "one input", "all"])
+def test_what_a_pattern_leaves_out_is_not_read(weights, states):
+    rng = np.random.default_rng(9)
+    N = 6
+    A, B = _mechanical(rng, N)
+    nx, nu = B.shape[1:]
+    if states == "scattered":
+        order = rng.permutation(nx)
+        A, B = np.ascontiguousarray(A[:, order][:, :, order]), np.ascontiguousarray(B[:, order])
+    elif states == "one input":
+        B = np.ascontiguousarray(B[:, :, :1])
+    elif states == "all":
+        A, B = 0.3 * rng.standard_normal(A.shape), rng.standard_normal(B.shape)
+    nu = B.shape[2]
+    pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
+    unused = np.flatnonzero(~pattern[:, :nx].any(axis=0))
+    H = 0.02 * _symmetric(rng, N, nx + nu, nx + nu)
+    H[:, unused] = H[:, :, unused] = 0.0
+    given = {
+        "Q": rng.uniform(1, 2, nx),
+        "R": rng.uniform(1, 2, nu),
+        "q": rng.standard_normal((N, nx)),
+        "r": rng.standard_normal((N, nu)),
+        "c": rng.standard_normal((N, nx)),
+        "Q_final": _positive(rng, nx),
+        "q_final": rng.standard_normal(nx),
+        "keep_P": True,
+    }
+    if weights == "per stage":
+        given |= {"Q": rng.uniform(1, 2, (N, nx, 1)), "R": np.tile(_positive(rng, nu), (N, 1, 1))}
+    elif weights == "coupled":
+        given |= {"Q": _positive(rng, nx, 5.0), "S": 0.01 * rng.standard_normal((nx, nu))}
+    elif weights.startswith("part"):
+        places = [j for j in (0, nx // 2, nx - 1, nx) if weights != "part" or j not in unused]
+        parts = np.stack([_positive(rng, len(places)) for _ in range(N)])
+        given |= {"part": (places, parts)}
+    # What stands where nothing is read may be anything.
+    hidden = [np.where(part, whole, np.nan) for part, whole in ((pattern[:, :nx], A), (pattern[:, nx:], B))]
+    blind = H.copy()
+    blind[:, unused] = blind[:, :, unused] = np.nan
+    for scale, hessians in ((0.0, (None,)), (0.7, (blind, _packed(H, pattern)))):
+        expected = solve_linear_quadratic(A, B, **given, H=H, H_scale=scale, use_structure=False)
+        assert expected.definite
+        for h in hessians:
+            found = solve_linear_quadratic(*hidden, **given, H=h, H_scale=scale, pattern=pattern)
+            assert found.structured_stages == (0 if states == "all" else N)
+            for name in ("K", "C", "b", "P", "P0"):
+                size = np.abs(getattr(expected, name)).max()
+                np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12 * size)
+            assert found.constant == pytest.approx(expected.constant, rel=1e-12)
+
+
+def test_a_pattern_serves_what_is_made_convex():
+    rng = np.random.default_rng(10)
+    A, B = _mechanical(rng, 8)
+    nx, nu = B.shape[1:]
+    pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
+    H = np.zeros((8, nx + nu, nx + nu))
+    H[5] -= np.diag(np.where(np.arange(nx + nu) < 4, 300.0, 0.0))
+    H[2] -= np.diag(np.where(np.arange(nx + nu) >= nx, 300.0, 0.0))
+    given = {"A": A, "B": B, "Q": np.ones(nx), "R": np.ones(nu), "Q_final": np.ones(nx), "q": rng.normal(size=(8, nx))}
+    assert not solve_linear_quadratic(**given, H=H, pattern=pattern).definite
+    expected = solve_linear_quadratic(**given, H=H, regularize="stage")
+    assert expected.regularized_stages >= 1
+    for h in (H, _packed(H, pattern)):
+        found = solve_linear_quadratic(**given, H=h, regularize="stage", pattern=pattern)
+        assert (found.stage, found.regularized_stages) == (expected.stage, expected.regularized_stages)
+        np.testing.assert_allclose(found.P0, expected.P0, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(found.K, expected.K, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("pattern", [np.ones((5, 7), dtype=bool), np.ones((5, 8)), "all"])
+def test_a_wrong_pattern_is_refused(problem, pattern):
+    with pytest.raises(ArgumentError, match=r"pattern: got .*expected bool of shape \(5, 8\)"):
+        solve_linear_quadratic(**problem, pattern=pattern)
+
+
+def test_packed_hessians_need_a_pattern(problem):
+    packed = {**problem, "H": np.zeros((7, 36))}
+    with pytest.raises(ArgumentError, match="H: got shape"):
+        solve_linear_quadratic(**packed)
+    assert solve_linear_quadratic(**packed, pattern=np.ones((5, 8), dtype=bool)).definite
+    with pytest.raises(ArgumentError, match="H: got shape"):
+        solve_linear_quadratic(**packed, pattern=np.arange(8) != np.full((5, 1), 3))
+
+
 def test_one_state_and_one_input_read_nothing_behind_them():
     values = np.arange(1.0, 6.0)
     B = values[:4].reshape(4, 1, 1)  # behind whose last entry there is another number

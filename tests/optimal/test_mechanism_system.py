@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -19,13 +21,17 @@ from leastaction import (
     rx,
     rz,
     tx,
+    ty,
     tz,
 )
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import check_derivatives
+from leastaction.optimal.discrete.linear_quadratic import unpacked
+
+Motion = tuple[MidpointSystem, np.ndarray, np.ndarray]
 
 
-def crane(split: str = "symmetric") -> tuple[MidpointSystem, np.ndarray, np.ndarray]:
+def crane(split: str = "symmetric") -> Motion:
     """Return a cart with a double pendulum whose tip hangs on a string that is reeled, and a motion of it."""
     mechanism = Mechanism(
         [
@@ -69,6 +75,41 @@ def test_derivatives_of_the_system(split: str, multipliers: bool) -> None:
         ).x
     report = check_derivatives(system, x, u, tolerance=1e-5)
     assert report.ok, report.errors
+
+
+def mimicked() -> Motion:
+    """Return a mechanism whose first variable moves a frame without mass first, and masses after another's, moving."""
+    mechanism = Mechanism(
+        [
+            rx("b"), [tz(-0.3, name="pointer")],
+            tz(2.0), [rx("a"), [tz(-1.0, mass=1.0), [rx("b"), [tz(-0.5, name="tip", mass=1.0)]]]],
+            ty(0.5), [tz("post", name="post", kinematic=True)],
+        ],
+        [Gravity(), JointForce("b", "motor"), Distance("tip", "post", "length", name="string")],
+    )  # fmt: skip
+    q = project_configuration(mechanism, mechanism.configuration({"a": 0.3, "b": 0.4, "post": 1.0, "length": 1.0})).q
+    vi = MidpointVI(mechanism)
+    t = np.linspace(0.0, 0.2, 21)
+    run = vi.simulate(
+        vi.start(q), t, inputs=lambda s: [np.sin(9 * s)], rho=lambda s: q[mechanism.nd :] + np.array([0.1, -0.2]) * s
+    )
+    return MidpointSystem(vi, t), run.x, run.u
+
+
+@pytest.mark.parametrize("motion", [crane, mimicked])
+@pytest.mark.parametrize("multipliers", [False, True])
+def test_the_pattern_holds_all_that_is_not_zero(motion: Callable[[], Motion], multipliers: bool) -> None:
+    plain, x, u = motion()
+    system = MidpointSystem(plain.integrator, plain.t, multipliers=multipliers)
+    if multipliers:
+        x = np.hstack([x, np.zeros((len(x), system.nx - plain.nx))])
+    found = system.linearize(x, u)
+    assert found.pattern is not None
+    seen = np.any(np.concatenate([found.A, found.B], axis=2) != 0.0, axis=0)
+    assert not np.any(seen & ~found.pattern)
+    assert np.mean(seen == found.pattern) > 0.9  # the twist does not couple with everything
+    z = np.random.default_rng(0).normal(size=(system.N, system.nx))
+    np.testing.assert_array_equal(unpacked(found.packed_curvature(z), found.pattern), found.curvature(z))
 
 
 def test_whole_trajectories_agree_with_single_steps() -> None:

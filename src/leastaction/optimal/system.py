@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_count
@@ -51,12 +52,19 @@ class Linearization:
         the system's `curvatures`.
     memory : object
         Whatever the system writes over when this is given back to it as `out`.
+    pattern : ndarray of bool (nx, nx+nu) or None
+        Which entries of ``[A B]`` may differ from zero, at any step, where the system knows: no others are read.
+    packed : callable or None
+        ``packed(z) -> (N, m (m+1)/2)``, the lower triangles by rows of what `second` returns, of the m inputs and
+        states with entries in their columns of the `pattern`: it is less to write and to read.
     """
 
     A: Array
     B: Array
     second: SecondOrder | None = field(default=None, repr=False)
     memory: Any = field(default=None, repr=False)
+    pattern: npt.NDArray[np.bool_] | None = field(default=None, repr=False)
+    packed: SecondOrder | None = field(default=None, repr=False)
 
     def __iter__(self) -> Iterator[Array]:
         """Unpack into A and B."""
@@ -80,12 +88,19 @@ class Linearization:
         """
         if self.second is None:
             raise NotImplementedError("this linearization has no second order: make it as Linearization(A, B, second)")
+        return self.second(self._weights(z))
+
+    def packed_curvature(self, z: Array) -> Array:
+        """Return the same packed, (N, m (m+1)/2), where the system can; else as it is."""
+        return self.curvature(z) if self.packed is None else self.packed(self._weights(z))
+
+    def _weights(self, z: Array) -> Array:
         N, nx = self.A.shape[:2]
         if z.shape not in ((N, nx), (N + 1, nx)):
             raise ArgumentError(
                 f"z: got shape {z.shape}, expected ({N}, {nx}), weights, or ({N + 1}, {nx}), an adjoint"
             )
-        return self.second(np.ascontiguousarray(z[-N:]))
+        return np.ascontiguousarray(z[-N:])
 
 
 def difference(x: Array, xbar: Array) -> Array:

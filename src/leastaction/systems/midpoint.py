@@ -269,7 +269,7 @@ class MidpointSystem(DiscreteSystem):
                 "system returned"
             )
         d = self._linearize(self.t, x, u, self.first_share, memory)
-        return Linearization(d.A_all, d.B_all, d.curvature_all, d)
+        return Linearization(d.A_all, d.B_all, d.curvature_all, d, d.pattern, d.packed_curvature_all)
 
     def step_each(self, x: Array, u: Array) -> Rollout:
         if type(self).f is not MidpointSystem.f:
@@ -288,7 +288,7 @@ class MidpointSystem(DiscreteSystem):
         d = self.integrator.linearize_arrays(
             self.t, self._bare(x), u, multipliers=self.multipliers, ends=self._bare(ends), first_share=self.first_share
         )
-        return Linearization(d.A_all, d.B_all, d.curvature_all, d)
+        return Linearization(d.A_all, d.B_all, d.curvature_all, d, d.pattern, d.packed_curvature_all)
 
     def curvatures(self, x: Array, u: Array, z: Array) -> Array:
         return self.linearize(x, u).curvature(z)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from leastaction import _core
@@ -57,6 +58,24 @@ class StepDerivatives:
     def B_all(self) -> Array:
         """Next state, and multipliers, by input, shape (N, ny, n_inputs + nrho)."""
         return self.core.B
+
+    @property
+    def pattern(self) -> npt.NDArray[np.bool_]:
+        """Which entries of ``[A_all B_all]`` may differ from zero, at any step, shape (ny, ny + n_inputs + nrho).
+
+        The dynamic variables, their momenta and the multipliers depend on everything but the rates of the prescribed
+        variables and the multipliers; what is prescribed is copied or differenced.
+        """
+        m, ny = self.mechanism, self.A_all.shape[1]
+        dynamic = np.zeros(ny, dtype=bool)
+        dynamic[: m.nd] = dynamic[m.nq : m.nq + m.nd] = dynamic[m.nx :] = True
+        free = np.zeros(ny + m.n_inputs + m.nrho, dtype=bool)
+        free[: m.nq + m.nd] = free[ny:] = True
+        pattern = dynamic[:, None] & free
+        k = np.arange(m.nrho)
+        pattern[m.nd + k, ny + m.n_inputs + k] = True
+        pattern[m.nq + m.nd + k, ny + m.n_inputs + k] = pattern[m.nq + m.nd + k, m.nd + k] = True
+        return pattern
 
     @property
     def A(self) -> Array:
@@ -121,6 +140,10 @@ class StepDerivatives:
         """Return the Hessians (N, ny + nu, ny + nu) by the states of `A_all`, weighted with z (N, ny)."""
         more = self.core.A.shape[1] > self.mechanism.nx
         return self.core.curvature(z, more, self.integrator.threads)
+
+    def packed_curvature_all(self, z: Array) -> Array:
+        """Return lower triangles of the same Hessians, by rows, of what `pattern` has entries of and the inputs."""
+        return self.core.packed_curvature(z, self.integrator.threads)
 
 
 def _restored(integrator: Integrator, steps: int, multipliers: bool, arrays: list[Array]) -> StepDerivatives:

@@ -35,6 +35,7 @@ from leastaction.optimal.discrete.linear_quadratic import (
     Workspace,
     solve_linear_quadratic,
     sweep_forward,
+    unpacked,
 )
 from leastaction.optimal.discrete.model_hessian import ModelHessian
 from leastaction.optimal.system import Linearization
@@ -55,7 +56,8 @@ def minimise_model(
     """Solve the linear-quadratic problem of a method.
 
     ``method`` {"steepest", "quasi-newton", "newton"}: which model. ``linearization``, ``gradient``, ``hessian``: of
-    dynamics and cost along the current trajectory. ``curvature`` (N, nx+nu, nx+nu): ``z_{k+1} . D2f``, for "newton".
+    dynamics and cost along the current trajectory. ``curvature`` (N, nx+nu, nx+nu), or packed: ``z_{k+1} . D2f``, for
+    "newton".
     ``workspace``: where the solution is written. ``scale``: factor of the curvature. ``gaps``
     (N, nx): what the steps of a curve miss its next states by, to be closed; with P of every stage for its costates.
     """
@@ -78,6 +80,7 @@ def minimise_model(
         Q_final=hessian.Q_final,
         q_final=q_final,
         c=gaps,
+        pattern=linearization.pattern,
         keep_P=gaps is not None,
         workspace=workspace,
     )
@@ -101,6 +104,10 @@ def escape(
     if B.shape[2] == 0:
         return None
     whole = hessian(1.0)
+    full = curvature
+    if curvature.ndim == 2:
+        assert linearization.pattern is not None
+        full = unpacked(curvature, linearization.pattern)
 
     du = np.random.default_rng(0).normal(size=B.shape[::2])
     low, high = scale, 1.0
@@ -121,6 +128,7 @@ def escape(
             H_scale=trial,
             r=-du,
             Q_final=weights.Q_final,
+            pattern=linearization.pattern,
             workspace=workspace,
         )
         if not model.definite:
@@ -130,14 +138,14 @@ def escape(
         dx, du = sweep_forward(A, B, model)
         size = float(np.sqrt(np.sum(du**2)))
         dx, du = dx / size, du / size
-        bend = _along(whole, curvature, dx, du)
+        bend = _along(whole, full, dx, du)
         if bend < 0.0:
             slope = float(np.sum(gradient.q * dx[:-1]) + np.sum(gradient.r * du) + gradient.q_final @ dx[-1])
             sign = -1.0 if slope > 0.0 else 1.0
             best = sign * dx, sign * du, sign * slope, bend
             # As long as the model bends up by more than the whole bends down, most of it is what has nothing to do
             # with that, and on which cost and model may differ by as much.
-            clear = -bend > _along(weights, trial * curvature, dx, du)
+            clear = -bend > _along(weights, trial * full, dx, du)
     return best
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from leastaction import _core
@@ -23,7 +24,15 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number
 from leastaction.optimal.cost import final_of
 
-__all__ = ["LinearQuadraticSolution", "Workspace", "adjoint", "regulate", "solve_linear_quadratic", "sweep_forward"]
+__all__ = [
+    "LinearQuadraticSolution",
+    "Workspace",
+    "adjoint",
+    "regulate",
+    "solve_linear_quadratic",
+    "sweep_forward",
+    "unpacked",
+]
 
 Regularize = Literal["none", "stage"]
 
@@ -108,6 +117,7 @@ def solve_linear_quadratic(
     q_final: ArrayLike | None = None,
     regularize: Regularize = "none",
     use_structure: bool = True,
+    pattern: ArrayLike | None = None,
     keep_P: bool = False,
     workspace: Workspace | None = None,
 ) -> LinearQuadraticSolution:
@@ -125,7 +135,8 @@ def solve_linear_quadratic(
     S : array_like (nx, nu) or (N, nx, nu), optional
         Cross weight.
     H : array_like (N, nx+nu, nx+nu), optional
-        Symmetric Hessian of every stage, added to Q, S, R on the fly. Its lower triangle is read.
+        Symmetric Hessian of every stage, added to Q, S, R on the fly. Its lower triangle is read. With a `pattern` also
+        (N, m (m+1)/2): lower triangles by rows, of the m inputs and states with entries in their columns.
     H_scale : float
         Factor of H.
     part : pair of array_like, optional
@@ -141,6 +152,9 @@ def solve_linear_quadratic(
         such stages H is left out of all the earlier ones.
     use_structure : bool
         Look for rows of ``[A B]`` with at most two entries and for zero columns, and use them.
+    pattern : array_like of bool (nx, nx+nu), optional
+        Which entries of ``[A B]`` may differ from zero, at any stage, for `use_structure` to need no look at them. The
+        others are not read, nor is what H holds of states that nothing depends on.
     keep_P : bool
         Return P of every stage.
     workspace : Workspace, optional
@@ -164,6 +178,7 @@ def solve_linear_quadratic(
     final, final_diagonal = _weight(Q_final, "Q_final", N, nx, per_stage=False)
     if final is not None and not final_diagonal:
         final = np.ascontiguousarray(final)
+    entries = _pattern(pattern, (nx, nx + nu)) if use_structure else None
     if workspace is None:
         workspace = Workspace(N, nx, nu)
     elif workspace.K.shape != (N, nu, nx):
@@ -184,7 +199,7 @@ def solve_linear_quadratic(
         R=R,
         R_diagonal=R_diagonal,
         S=_optional(S, "S", (nx, nu), (N, nx, nu)),
-        H=_optional(H, "H", (N, nx + nu, nx + nu), finite=False),
+        H=_hessians(H, (N, nx + nu, nx + nu), entries),
         H_scale=as_number(H_scale, "H_scale", above=-np.inf),
         part_columns=columns,
         part=matrices,
@@ -195,6 +210,7 @@ def solve_linear_quadratic(
         q_final=_optional(q_final, "q_final", (nx,)),
         regularize=regularize == "stage",
         use_structure=use_structure,
+        pattern=entries,
     )
     status = _core.LinearQuadraticStatus
     if report.status == status.not_finite:
@@ -341,6 +357,38 @@ def _part(part: tuple[Any, Any] | None, N: int, n: int) -> tuple[np.ndarray | No
     if columns.ndim != 1 or (np.diff(columns) <= 0).any() or (columns.size and not 0 <= columns[0] <= columns[-1] < n):
         raise ArgumentError(f"part: got the places {columns.tolist()}, expected ascending ones of 0 .. {n - 1}.")
     return columns, _optional(matrices, "part", (N, len(columns), len(columns)), finite=False)
+
+
+def used(pattern: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+    """Return which of ``[x; u]`` a pattern of ``[A B]`` has entries of, with all inputs."""
+    nx = len(pattern)
+    return np.flatnonzero(pattern.any(axis=0) | (np.arange(pattern.shape[1]) >= nx))
+
+
+def unpacked(H: Array, pattern: npt.NDArray[np.bool_]) -> Array:
+    """Return packed Hessians as whole ones (N, nx+nu, nx+nu)."""
+    places = used(pattern)
+    full = np.zeros((len(H), pattern.shape[1], pattern.shape[1]))
+    rows, columns = (places[k] for k in np.tril_indices(len(places)))
+    full[:, rows, columns] = full[:, columns, rows] = H
+    return full
+
+
+def _hessians(value: ArrayLike | None, shape: tuple[int, ...], pattern: npt.NDArray[np.bool_] | None) -> Array | None:
+    shapes = [shape]
+    if pattern is not None:
+        m = len(used(pattern))
+        shapes.append((shape[0], m * (m + 1) // 2))
+    return _optional(value, "H", *shapes, finite=False)
+
+
+def _pattern(value: ArrayLike | None, shape: tuple[int, int]) -> npt.NDArray[np.bool_] | None:
+    if value is None:
+        return None
+    pattern = np.ascontiguousarray(value)
+    if pattern.dtype != np.bool_ or pattern.shape != shape:
+        raise ArgumentError(f"pattern: got {pattern.dtype} of shape {pattern.shape}, expected bool of shape {shape}.")
+    return pattern
 
 
 def _weight(value: ArrayLike | None, name: str, N: int, n: int, *, per_stage: bool = True) -> tuple[Array | None, bool]:

@@ -367,7 +367,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             with self.clock("lq"):
                 z = adjoint(linearization.A, linearization.B, self.gain, *gradient)
             with self.clock("curvature"):
-                self.curvature = linearization.curvature(z)
+                self.curvature = linearization.packed_curvature(z)
         return self.curvature
 
     def _own_gain(self) -> Array | None:

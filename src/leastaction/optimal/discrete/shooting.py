@@ -391,7 +391,7 @@ class ShootingProblem(DiscreteProblem):
         if self.curvature is None:
             linearization = self._linearize()
             with self.clock("curvature"):
-                self.curvature = linearization.curvature(self.costates)
+                self.curvature = linearization.packed_curvature(self.costates)
         return self.curvature
 
     def _solve(

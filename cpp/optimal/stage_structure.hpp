@@ -1,0 +1,216 @@
+// Which entries of G = [A B] of a stage count, and where they stand among those that do.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <vector>
+
+namespace leastaction {
+
+// Which rows of G = [A B] are dense, which have at most two entries, and which columns are used.
+class StageStructure {
+public:
+    using Index = Eigen::Index;
+
+    // Neighbours: indices first, first + 1, ... stand at positions offset, offset + 1, ...
+    struct Run {
+        Index first;
+        Index length;
+        Index offset;
+    };
+    // Entries of sparse rows that are neighbours along a diagonal: values offset, offset + 1, ... stand at (row, column),
+    // (row + 1, column + 1), ...; columns are counted among the used ones.
+    struct Diagonal {
+        Index row;
+        Index column;
+        Index length;
+        Index offset;
+    };
+
+    StageStructure(Index nx, Index nu)
+        : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(3 * nx), sources_(2 * nx) {
+        values_.resize(2 * nx);
+        sizes_.resize(nx);
+        for (Index i = 0; i < 3 * nx; ++i) last_columns_[i] = i % 3 < nx + nu ? i % 3 : -1;
+        for (auto* list : {&dense_, &sparse_}) list->reserve(nx);
+        dense_runs_.reserve(nx);
+        diagonals_.reserve(2 * nx);
+        runs_.reserve(nx + nu);
+    }
+
+    const std::vector<Index>& dense() const { return dense_; }
+    const std::vector<Run>& dense_runs() const { return dense_runs_; }
+    const std::vector<Diagonal>& diagonals() const { return diagonals_; }
+    Eigen::VectorBlock<const Eigen::VectorXd> values(const Diagonal& of) const {
+        return values_.segment(of.offset, of.length);
+    }
+    const std::vector<Run>& runs() const { return runs_; }
+    Index columns() const { return columns_; }
+    // Of state or input j: whether its column is used, and where it then stands among these.
+    bool uses(Index j) const { return used_[j] != 0; }
+    Index position(Index j) const { return position_[j]; }
+    bool trivial() const { return sparse_.empty() && columns_ == nx_ + nu_; }
+
+    void everything() {
+        clear();
+        for (Index i = 0; i < nx_; ++i) add_dense_row(i);
+        used_.assign(nx_ + nu_, true);
+        number_columns();
+    }
+
+    // The structure of all stages, from which entries of [A B] may differ from zero: (nx, nx + nu), by rows.
+    void follow(const bool* pattern) {
+        clear();
+        std::fill(used_.begin(), used_.begin() + nx_, false);
+        std::fill(used_.begin() + nx_, used_.end(), true);
+        const Index n = nx_ + nu_;
+        for (Index i = 0; i < nx_; ++i) {
+            const bool* row = pattern + i * n;
+            Index* at = &last_columns_[3 * i];
+            std::fill_n(at, 3, -1);
+            Index count = 0;
+            for (Index j = 0; j < n; ++j) {
+                if (!row[j]) continue;
+                used_[j] = true;
+                if (count < 3) at[count] = j;
+                ++count;
+            }
+            if (count > 2) {
+                add_dense_row(i);
+            } else {
+                sparse_.push_back(i);
+            }
+        }
+        number_columns();
+        list_entries();
+    }
+
+    void scan(const double* A, const double* B) {
+        clear();
+        std::fill(used_.begin(), used_.begin() + nx_, false);
+        std::fill(used_.begin() + nx_, used_.end(), true);
+        for (Index i = 0; i < nx_; ++i) scan_row(i, A + i * nx_, B + i * nu_);
+        sizes_.setZero();
+        for (const Index i : dense_) sizes_ += Eigen::Map<const Eigen::VectorXd>(A + i * nx_, nx_).cwiseAbs();
+        for (Index j = 0; j < nx_; ++j) used_[j] = used_[j] || sizes_[j] != 0.0;
+        number_columns();
+        list_entries();
+        read_entries(A, B);
+    }
+
+    // Takes the entries of sparse rows from a stage.
+    void read_entries(const double* A, const double* B) {
+        for (Index e = 0; e < entries_; ++e) {
+            const auto [i, j] = sources_[e];
+            values_[e] = j < nx_ ? A[i * nx_ + j] : B[i * nu_ + j - nx_];
+        }
+    }
+
+    // Calls need(i, j, length) for the parts of rows of [A B] that are read.
+    template <class Need>
+    void each_part(const Need& need) const {
+        for (const Index i : dense_) {
+            for (const Run& run : runs_) need(i, run.first, run.length);
+        }
+        for (Index e = 0; e < entries_; ++e) need(sources_[e].row, sources_[e].column, Index{1});
+    }
+
+    // Copies the used columns of row i of [A B].
+    void gather_row(Index i, const double* A, const double* B, double* out) const {
+        for (const Run& run : runs_) {
+            const Index in_A = std::clamp(nx_ - run.first, Index{0}, run.length);
+            std::copy_n(A + i * nx_ + run.first, in_A, out + run.offset);
+            if (in_A == run.length) continue;
+            const Index first_in_B = run.first + in_A - nx_;
+            std::copy_n(B + i * nu_ + first_in_B, run.length - in_A, out + run.offset + in_A);
+        }
+    }
+
+private:
+    void clear() {
+        dense_.clear();
+        dense_runs_.clear();
+        sparse_.clear();
+        diagonals_.clear();
+        entries_ = 0;
+    }
+
+    void scan_row(Index i, const double* a, const double* b) {
+        // The pattern rarely changes from stage to stage: look first where three entries were last time.
+        Index* at = &last_columns_[3 * i];
+        const auto entry = [this, a, b](Index j) { return j < 0 ? 0.0 : j < nx_ ? a[j] : b[j - nx_]; };
+        if (entry(at[0]) != 0.0 && entry(at[1]) != 0.0 && entry(at[2]) != 0.0) return add_dense_row(i);
+        const Index count = count_entries(a, nx_) + count_entries(b, nu_);
+        Index known = 0;
+        while (known < 3 && entry(at[known]) != 0.0) ++known;
+        if (known != count) {
+            Index e = 0;
+            for (Index j = 0; e < std::min(count, Index{3}); ++j) {
+                if (entry(j) != 0.0) at[e++] = j;
+            }
+            while (e < 3) at[e++] = -1;
+        }
+        if (count > 2) return add_dense_row(i);
+        sparse_.push_back(i);
+        for (Index e = 0; e < count; ++e) used_[at[e]] = true;
+    }
+
+    static Index count_entries(const double* row, Index size) {
+        Index count = 0;
+        for (Index j = 0; j < size; ++j) count += row[j] != 0.0 ? 1 : 0;
+        return count;
+    }
+
+    void add_dense_row(Index i) {
+        if (dense_.empty() || dense_.back() + 1 != i) {
+            dense_runs_.push_back({i, 0, static_cast<Index>(dense_.size())});
+        }
+        ++dense_runs_.back().length;
+        dense_.push_back(i);
+    }
+
+    void list_entries() {
+        for (Index e = 0; e < 2; ++e) {
+            for (const Index i : sparse_) add_entry(i, last_columns_[3 * i + e]);
+        }
+    }
+
+    void add_entry(Index i, Index j) {
+        if (j < 0) return;
+        const Index column = position_[j];
+        const auto follows = [&](const Diagonal& d) { return d.row + d.length == i && d.column + d.length == column; };
+        if (diagonals_.empty() || !follows(diagonals_.back())) diagonals_.push_back({i, column, 0, entries_});
+        ++diagonals_.back().length;
+        sources_[entries_++] = {i, j};
+    }
+
+    void number_columns() {
+        runs_.clear();
+        columns_ = 0;
+        for (Index j = 0; j < nx_ + nu_; ++j) {
+            if (!used_[j]) continue;
+            if (runs_.empty() || runs_.back().first + runs_.back().length != j) {
+                runs_.push_back({j, 0, columns_});
+            }
+            ++runs_.back().length;
+            position_[j] = columns_++;
+        }
+    }
+
+    Index nx_, nu_;
+    Index columns_ = 0, entries_ = 0;
+    std::vector<char> used_;
+    std::vector<Index> position_;
+    std::vector<Index> last_columns_;  // of up to three entries of each row; the others are -1
+    std::vector<Index> dense_, sparse_;
+    std::vector<Run> dense_runs_, runs_;
+    std::vector<Diagonal> diagonals_;
+    struct Source {
+        Index row, column;
+    };
+    std::vector<Source> sources_;  // of the values, in [A B]
+    Eigen::VectorXd values_;
+    Eigen::VectorXd sizes_;  // of the columns of A: the sums of their absolute values in dense rows
+};
+
+}  // namespace leastaction
