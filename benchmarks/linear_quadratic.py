@@ -45,8 +45,9 @@ def _marionette(case: Case, settings: Settings, size: str) -> list[Row]:
     d = integrator.linearize_arrays(given.t, x, u)
     gradient, hessian = given.cost.gradient(given.x, given.u), given.cost.hessian(x, u)
     z = np.ascontiguousarray(gradient.q)
-    H = d.curvature(z)
+    H = d.packed_curvature_all(z)
     common = {
+        "pattern": d.pattern,
         "Q": hessian.Q,
         "R": hessian.R,
         "Q_final": hessian.Q_final,

@@ -40,7 +40,8 @@ public:
     // Only what stands in such parts is needed: after nothing(), of every part.
     void nothing() { std::fill(needed_.begin(), needed_.end(), false); }
     void need(Index first, Index length) {
-        if (length > 0) std::fill(needed_.begin() + first / line, needed_.begin() + (first + length - 1) / line + 1, true);
+        if (length <= 0) return;
+        std::fill(needed_.begin() + first / line, needed_.begin() + (first + length - 1) / line + 1, true);
     }
     void list() {
         lines_.clear();
@@ -152,7 +153,8 @@ private:
     // Whether the cost may couple states that nothing depends on.
     bool couples_unused() const {
         const auto& places = problem_.part.columns;
-        const bool in_part = std::any_of(places, places + problem_.part.size, [this](auto i) { return !structure_.uses(i); });
+        const auto is_unused = [this](Index i) { return !structure_.uses(i); };
+        const bool in_part = std::any_of(places, places + problem_.part.size, is_unused);
         return problem_.S.data != nullptr || (problem_.Q.data != nullptr && !problem_.Q.diagonal) || in_part;
     }
 
