@@ -142,6 +142,16 @@ def test_b_is_the_adjoint_of_the_closed_loop(problem):
     np.testing.assert_allclose(z[0], expected, rtol=1e-11)
 
 
+@pytest.mark.parametrize("at", [(0, 0, 0), (3, 1, 2), (6, 2, 4)])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_gains_that_are_no_numbers_have_no_adjoint(problem, at, value):
+    p = problem
+    K = np.array(solve_linear_quadratic(**p).K)
+    K[at] = value
+    with pytest.raises(ArgumentError, match=r"K: got (nan|inf)"):
+        adjoint(p["A"], p["B"], K, p["q"], p["r"], p["q_final"])
+
+
 def test_sweep_forward_and_the_slope(problem):
     del problem["c"]
     solution = solve_linear_quadratic(**problem)

@@ -315,15 +315,13 @@ def adjoint(A: Array, B: Array, K: Array, q: Array, r: Array, q_final: Array) ->
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
     z = np.empty((N + 1, nx))
-    _core.sweep_adjoint(
-        A,
-        B,
-        as_array(K, "K", (N, nu, nx)),
-        as_array(q, "q", (N, nx)),
-        as_array(r, "r", (N, nu)),
-        as_array(q_final, "q_final", (nx,)),
-        z,
-    )
+    gains = _optional(K, "K", (N, nu, nx), finite=False)
+    assert gains is not None
+    q, r, q_final = as_array(q, "q", (N, nx)), as_array(r, "r", (N, nu)), as_array(q_final, "q_final", (nx,))
+    _core.sweep_adjoint(A, B, gains, q, r, q_final, z)
+    if not np.isfinite(z[0]).all():
+        # What is not a number goes on to the first stage, and K takes longer to look through than to use.
+        as_array(K, "K", (N, nu, nx))
     return z
 
 
