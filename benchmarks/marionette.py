@@ -82,7 +82,7 @@ def rows(case: Case, settings: Settings) -> list[Row | Absent]:
                 timing,
                 "run",
                 threads=threads,
-                target=settings.target(0.6) if threads == 1 else None,
+                target=settings.target(0.45) if threads == 1 else None,
                 dissertation=settings.target(33.0),
                 note=f"{last.iterations} iterations ({_methods(last)}), {last.rollouts} roll-outs, "
                 f"{last.status.name.lower()}",
