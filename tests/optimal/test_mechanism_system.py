@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -26,7 +27,9 @@ from leastaction import (
 )
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import check_derivatives
-from leastaction.optimal.discrete.linear_quadratic import unpacked
+from leastaction.optimal.discrete.descent import escape
+from leastaction.optimal.discrete.linear_quadratic import Workspace, unpacked
+from leastaction.optimal.discrete.model_hessian import ModelHessian
 
 Motion = tuple[MidpointSystem, np.ndarray, np.ndarray]
 
@@ -110,6 +113,26 @@ def test_the_pattern_holds_all_that_is_not_zero(motion: Callable[[], Motion], mu
     assert np.mean(seen == found.pattern) > 0.9  # the twist does not couple with everything
     z = np.random.default_rng(0).normal(size=(system.N, system.nx))
     np.testing.assert_array_equal(unpacked(found.packed_curvature(z), found.pattern), found.curvature(z))
+
+
+@pytest.mark.parametrize("motion", [crane, mimicked])
+def test_negative_curvature_is_found_in_packed_hessians(motion: Callable[[], Motion]) -> None:
+    system, x, u = motion()
+    cost = QuadraticCost(np.ones_like(x), np.zeros_like(u), Q=np.ones(system.nx), R=np.full(system.nu, 0.1))
+    weights, gradient = ModelHessian.of(cost.hessian(x, u)), cost.gradient(x, u)
+    known = system.linearize(x, u)
+    z = 1e4 * np.random.default_rng(0).normal(size=(system.N, system.nx))
+    found = [
+        escape(lin, gradient, lambda _: weights, H, Workspace(system.N, system.nx, system.nu), 0.0)
+        for lin, H in (
+            (known, known.packed_curvature(z)),
+            (dataclasses.replace(known, pattern=None), known.curvature(z)),
+        )
+    ]
+    assert found[0] is not None
+    assert found[1] is not None
+    assert found[0][3] < 0.0
+    assert found[0][2:] == pytest.approx(found[1][2:], rel=1e-9)
 
 
 def test_whole_trajectories_agree_with_single_steps() -> None:
