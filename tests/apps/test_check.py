@@ -9,7 +9,7 @@ import pytest
 
 from leastaction import Rig
 from leastaction.apps.cli.summary import checked
-from leastaction.apps.marionette import PuppetLimits, TrackingRun, check, load_motion, track, walk_in_place
+from leastaction.apps.marionette import TrackingRun, check, load_motion, track, walk_in_place
 from leastaction.apps.marionette.tracking.found import held_error
 from leastaction.models.marionette import marionette
 
@@ -46,16 +46,6 @@ def test_a_plan_that_a_rig_loses_is_told_what_may_help(run: TrackingRun, monkeyp
     assert run.tension.min() < 2.0
     assert "more than twice as much. Strings planned with" in (said := checked(run))
     assert said.endswith("plan with a higher least tension (--tension 2)")
-
-
-@pytest.mark.slow
-def test_a_boxer_is_held_with_two_newtons() -> None:
-    file = Path(os.environ.get("BOXER", SHARED / "mixamo_boxing.bvh"))
-    if not file.exists():
-        pytest.skip(f"no {file} (set BOXER)")
-    run = track(marionette(strings=9), load_motion(file).motion, limits=PuppetLimits(tension=2.0))
-    for seed in range(2):
-        assert check(run, Rig(seed=seed)).passed
 
 
 @pytest.mark.slow
