@@ -168,9 +168,8 @@ std::shared_ptr<const LargeArray> Linearization::curvature(const double* W, int 
 std::shared_ptr<const LargeArray> Linearization::packed_curvature(const double* W, int weights, int threads) const {
     const std::size_t size = packed_size();
     const std::shared_ptr<Hessians> H = hessians(2, size);
-    each_hessian(W, weights, threads, [&](SecondOrder& second, std::size_t k) {
-        second.write_packed(order_, H->values.data() + k * size);
-    });
+    each_hessian(W, weights, threads,
+                 [&](SecondOrder& second, std::size_t k) { second.write_packed(order_, H->values.data() + k * size); });
     return {H, &H->values};
 }
 

@@ -72,7 +72,7 @@ private:
     bool zeroed_ = false;                                // whether the zeros of A and B are there
     std::array<std::vector<SecondOrder::Run>, 2> runs_;  // into a Hessian without and with multipliers
     mutable std::mutex given_lock_;
-    std::vector<int> order_;                             // in a packed one
+    std::vector<int> order_;  // in a packed one
     // The last Hessians of each kind: without and with multipliers, packed.
     mutable std::array<std::array<std::shared_ptr<Hessians>, 2>, 3> given_;
 };

@@ -79,8 +79,7 @@ double* take(std::size_t bytes) {
 
 }  // namespace
 
-LargeArray::LargeArray(std::size_t size)
-    : size_(size), data_(take(whole_pages(size)), GiveBack{whole_pages(size)}) {}
+LargeArray::LargeArray(std::size_t size) : size_(size), data_(take(whole_pages(size)), GiveBack{whole_pages(size)}) {}
 
 void LargeArray::GiveBack::operator()(double* data) const {
     if (bytes < least_kept || bytes > most_kept) return release(data);

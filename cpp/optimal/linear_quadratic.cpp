@@ -213,8 +213,7 @@ private:
         if (structure_.dense().empty()) GPG_.setZero();
         each_pair([&](Into into, const auto& of_both) {
             const Sum of = of_both([&](const auto& run) {
-                return Factors{
-                    run.length, columns_of(G_, run.offset), {PG_.data() + run.first, 1, PG_.outerStride()}};
+                return Factors{run.length, columns_of(G_, run.offset), {PG_.data() + run.first, 1, PG_.outerStride()}};
             });
             upper_product(into, m, of, whole(GPG_));
         });
@@ -486,9 +485,8 @@ private:
         product(Into::set, active, 1, nu_, V, {w_.data(), 1, 0}, {Vw_.data(), 0});
         Vw_.tail(Vw_.size() - active).setZero();
         b_ = h_.head(nx_);
-        each_states([&](Index first, Index length, Index offset) {
-            b_.segment(first, length) -= Vw_.segment(offset, length);
-        });
+        each_states(
+            [&](Index first, Index length, Index offset) { b_.segment(first, length) -= Vw_.segment(offset, length); });
         constant_ -= 0.5 * w_.squaredNorm();
         factor_.matrixU().solveInPlace(w_);
     }
@@ -536,9 +534,9 @@ private:
     double constant_ = 0.0;
     Index k_ = 0;  // the stage
     bool use_H_ = true;
-    bool compact_ = false;       // whether the model is of those states alone that the next ones depend on
-    bool P_is_compact_ = false;  // whether of the others P is diagonal
-    Index n_states_ = 0;         // of the model
+    bool compact_ = false;          // whether the model is of those states alone that the next ones depend on
+    bool P_is_compact_ = false;     // whether of the others P is diagonal
+    Index n_states_ = 0;            // of the model
     std::array<Prefetch, 3> soon_;  // of A, B, H
     StageStructure structure_;
     // Column i of G_ holds the used columns of row dense[i] of G; PG_ and GPG_ have the used columns only.
