@@ -179,21 +179,17 @@ private:
         propagate_linear(k);
     }
 
-    // P G, the used columns. By the way it asks for what the next stage reads.
+    // P G, the used columns, where multiply_PG reads it. By the way it asks for what the next stage reads.
     void multiply_P(Index k) {
         const Index m = structure_.columns(), panels = (m + panel - 1) / panel;
         aim_at_stage(k - 1);
         // Rows of P beyond `coupled` hold nothing but their own block, and no dense row lies there.
         const Index coupled = coupled_rows();
         for (Index j = 0; j < m; j += panel) {
-            each_pair([&](Into into, const auto& of_both) {
-                const Sum of = of_both([&](const auto& run) {
-                    return Factors{run.length,
-                                   columns_of(P_padded_, run.first),
-                                   {G_.col(run.offset).data() + j, G_.outerStride(), 1}};
-                });
-                product(into, coupled, std::min(panel, m - j), of, {PG_.col(j).data(), PG_.outerStride()});
-            });
+            for (const auto& block : structure_.blocks()) {
+                const Index first = std::max(j, block.column), rows = std::min(block.rows, coupled - block.row);
+                if (rows > 0) multiply_P(block.row, rows, first, std::min(j + panel, m) - first);
+            }
             for (Prefetch& part : soon_) part.ask(panels);
         }
         PG_.block(coupled, 0, nx_ - coupled, m).setZero();
@@ -205,6 +201,18 @@ private:
                 PG_.col(of.column + e).segment(first, length) += values[e] * P_.col(row).segment(first, length);
             }
         }
+    }
+
+    // Some rows and columns of P_:D G_D.
+    void multiply_P(Index row, Index rows, Index column, Index columns) {
+        each_pair([&](Into into, const auto& of_both) {
+            const Sum of = of_both([&](const auto& run) {
+                return Factors{run.length,
+                               {P_padded_.col(run.first).data() + row, P_padded_.outerStride()},
+                               {G_.col(run.offset).data() + column, G_.outerStride(), 1}};
+            });
+            product(into, rows, columns, of, {PG_.col(column).data() + row, PG_.outerStride()});
+        });
     }
 
     // The upper triangle of G'P G: that of neither part alone is that of a symmetric matrix.

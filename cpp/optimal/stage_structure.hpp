@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "numerics/small_products.hpp"
+
 namespace leastaction {
 
 // Which rows of G = [A B] are dense, which have at most two entries, and which columns are used.
@@ -27,6 +29,14 @@ public:
         Index offset;
     };
 
+    // Rows row, row + 1, ... of P G, in whole packets, of which no column before this one is read for the upper triangle of
+    // G'P G: those of sparse rows of G are only read from the columns of their own entries on.
+    struct Block {
+        Index row;
+        Index rows;
+        Index column;
+    };
+
     StageStructure(Index nx, Index nu)
         : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(3 * nx), sources_(2 * nx) {
         values_.resize(2 * nx);
@@ -36,6 +46,7 @@ public:
         dense_runs_.reserve(nx);
         diagonals_.reserve(2 * nx);
         runs_.reserve(nx + nu);
+        blocks_.reserve(nx);
     }
 
     const std::vector<Index>& dense() const { return dense_; }
@@ -45,6 +56,7 @@ public:
         return values_.segment(of.offset, of.length);
     }
     const std::vector<Run>& runs() const { return runs_; }
+    const std::vector<Block>& blocks() const { return blocks_; }
     Index columns() const { return columns_; }
     // Of state or input j: whether its column is used, and where it then stands among these.
     bool uses(Index j) const { return used_[j] != 0; }
@@ -56,6 +68,7 @@ public:
         for (Index i = 0; i < nx_; ++i) add_dense_row(i);
         used_.assign(nx_ + nu_, true);
         number_columns();
+        list_blocks();
     }
 
     // The structure of all stages, from which entries of [A B] may differ from zero: (nx, nx + nu), by rows.
@@ -83,6 +96,7 @@ public:
         }
         number_columns();
         list_entries();
+        list_blocks();
     }
 
     void scan(const double* A, const double* B) {
@@ -95,6 +109,7 @@ public:
         for (Index j = 0; j < nx_; ++j) used_[j] = used_[j] || sizes_[j] != 0.0;
         number_columns();
         list_entries();
+        list_blocks();
         read_entries(A, B);
     }
 
@@ -184,6 +199,32 @@ private:
         sources_[entries_++] = {i, j};
     }
 
+    void list_blocks() {
+        blocks_.clear();
+        auto dense = dense_.begin();
+        for (Index row = 0; row < nx_; row += packet_size) {
+            const Index end = std::min(row + packet_size, nx_);
+            const bool all = dense != dense_.end() && *dense < end;
+            while (dense != dense_.end() && *dense < end) ++dense;
+            const Index column = all ? 0 : first_column(row, end);
+            if (!blocks_.empty() && (blocks_.back().column == 0) == (column == 0)) {
+                blocks_.back().rows = end - blocks_.back().row;
+                blocks_.back().column = std::min(blocks_.back().column, column);
+            } else {
+                blocks_.push_back({row, end - row, column});
+            }
+        }
+    }
+
+    // Of the entries of these rows, all of them sparse.
+    Index first_column(Index row, Index end) const {
+        Index column = columns_;
+        for (Index e = 0; e < entries_; ++e) {
+            if (row <= sources_[e].row && sources_[e].row < end) column = std::min(column, position_[sources_[e].column]);
+        }
+        return column;
+    }
+
     void number_columns() {
         runs_.clear();
         columns_ = 0;
@@ -204,6 +245,7 @@ private:
     std::vector<Index> last_columns_;  // of up to three entries of each row; the others are -1
     std::vector<Index> dense_, sparse_;
     std::vector<Run> dense_runs_, runs_;
+    std::vector<Block> blocks_;
     std::vector<Diagonal> diagonals_;
     struct Source {
         Index row, column;
