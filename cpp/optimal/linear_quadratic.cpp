@@ -21,7 +21,7 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 using ConstVector = Eigen::Map<const VectorXd>;
 using ConstRows = Eigen::Map<const RowMajor>;
 
-constexpr Index panel = 16;                // columns between which memory is asked for
+constexpr Index panel = 8;                 // columns between which memory is asked for
 constexpr double pivot_tolerance = 1e-14;  // of the square of a pivot, relative to its diagonal entry of H_uu
 
 // Regularisation: below this fraction of R an input's curvature counts as none, and after this many stages
@@ -79,7 +79,7 @@ public:
           output_(output),
           nx_(problem.nx),
           nu_(problem.nu),
-          soon_{Prefetch(nx_ * nx_), Prefetch(nx_ * nu_), Prefetch((nx_ + nu_) * (nx_ + nu_))},
+          soon_{Prefetch(nx_ * nx_), Prefetch(nx_ * nu_), Prefetch((nx_ + nu_) * (nx_ + nu_)), Prefetch(nx_ * nu_)},
           structure_(nx_, nu_),
           G_(MatrixXd::Zero(padded(nx_ + nu_), nx_)),
           PG_(MatrixXd::Zero(padded(nx_), nx_ + nu_)),
@@ -115,7 +115,7 @@ public:
                 use_H_ = report_.regularized_stages < max_regularized_stages;
             }
             eliminate_input();
-            if (!std::isfinite(P_.sum() + gains_.sum() + w_.sum() + b_.sum())) {
+            if (!std::isfinite(sum_of_P() + gains_.sum() + w_.sum() + b_.sum())) {
                 return ended(LinearQuadraticReport::Status::not_finite, k);
             }
             if (!structure_.trivial()) ++report_.structured_stages;
@@ -184,20 +184,22 @@ private:
         const Index m = structure_.columns(), panels = (m + panel - 1) / panel;
         aim_at_stage(k - 1);
         // Rows of P beyond `coupled` hold nothing but their own block, and no dense row lies there.
-        const Index coupled = coupled_rows();
+        const auto& sparse = structure_.sparse(P_is_compact_);
+        const Index end = P_is_compact_ ? sparse.rows : nx_, coupled = P_is_compact_ ? end : coupled_rows();
         for (Index j = 0; j < m; j += panel) {
-            for (const auto& block : structure_.blocks()) {
+            for (const auto& block : sparse.blocks) {
                 const Index first = std::max(j, block.column), rows = std::min(block.rows, coupled - block.row);
                 if (rows > 0) multiply_P(block.row, rows, first, std::min(j + panel, m) - first);
             }
             for (Prefetch& part : soon_) part.ask(panels);
         }
-        PG_.block(coupled, 0, nx_ - coupled, m).setZero();
+        const Index set = structure_.dense().empty() ? 0 : coupled;
+        PG_.block(set, 0, end - set, m).setZero();
         const Index uncoupled = structure_.dense().empty() ? 0 : structure_.dense().back() + 1;
-        for (const auto& of : structure_.diagonals()) {
+        for (const auto& of : sparse.diagonals) {
             const auto values = structure_.values(of);
             for (Index e = 0; e < of.length; ++e) {
-                const Index row = of.row + e, first = row < coupled ? 0 : uncoupled, length = nx_ - first;
+                const Index row = of.row + e, first = row < coupled ? 0 : uncoupled, length = end - first;
                 PG_.col(of.column + e).segment(first, length) += values[e] * P_.col(row).segment(first, length);
             }
         }
@@ -225,13 +227,27 @@ private:
             });
             upper_product(into, m, of, whole(GPG_));
         });
-        for (const auto& of : structure_.diagonals()) {
+        for (const auto& of : structure_.sparse(P_is_compact_).diagonals) {
             const auto values = structure_.values(of);
             for (Index j = of.column; j < m; ++j) {
                 const Index length = std::min(of.length, j - of.column + 1);
                 GPG_.col(j).segment(of.column, length) +=
                     values.head(length).cwiseProduct(PG_.col(j).segment(of.row, length));
             }
+        }
+        if (P_is_compact_) add_loners();
+    }
+
+    // What P holds of a state that nothing depends on is a number on the diagonal.
+    void add_loners() {
+        for (const auto& of : structure_.loners()) {
+            const auto [i, j] = of.columns;
+            const double value = structure_.value(of.values[0]), weighted = P_(of.row, of.row) * value;
+            GPG_(i, i) += weighted * value;
+            if (j < 0) continue;
+            const double other = structure_.value(of.values[1]);
+            GPG_(i, j) += weighted * other;
+            GPG_(j, j) += P_(of.row, of.row) * other * other;
         }
     }
 
@@ -249,7 +265,7 @@ private:
             product(first_set(run), m, 1, run.length, columns_of(G_, run.offset), {b_shifted_.data() + run.first, 1, 0},
                     {h_used_.data(), 0});
         }
-        for (const auto& of : structure_.diagonals()) {
+        for (const auto& of : structure_.sparse().diagonals) {
             h_used_.segment(of.column, of.length) +=
                 structure_.values(of).cwiseProduct(b_shifted_.segment(of.row, of.length));
         }
@@ -277,6 +293,7 @@ private:
     void aim_at_stage(Index k) {
         soon_[0].aim(k < 0 ? nullptr : problem_.A + k * nx_ * nx_);
         soon_[1].aim(k < 0 ? nullptr : problem_.B + k * nx_ * nu_);
+        soon_[3].aim(k < 0 ? nullptr : output_.K + k * nu_ * nx_);
         soon_[2].aim(k < 0 || problem_.H == nullptr || !use_H_ ? nullptr : hessian(k));
     }
 
@@ -288,7 +305,7 @@ private:
     // Of these arrays, what is read.
     void list_needed() {
         const Index n = nx_ + nu_;
-        auto& [A, B, H] = soon_;
+        auto& [A, B, H, K] = soon_;
         H.nothing();
         if (problem_.packed) {
             H.need(0, structure_.columns() * (structure_.columns() + 1) / 2);
@@ -499,6 +516,15 @@ private:
         factor_.matrixU().solveInPlace(w_);
     }
 
+    // Of all that was computed: the upper triangle.
+    double sum_of_P() {
+        const MatrixXd& P = compact_ ? GPG_ : P_padded_;
+        auto sums = h_used_.head(n_states_);
+        sums.setZero();
+        for (Index j = 0; j < n_states_; ++j) sums.head(j + 1) += P.col(j).head(j + 1);
+        return sums.sum();
+    }
+
     // P from that of the states that the model is of; of the others, upon which nothing depends, there is the cost alone.
     void spread_P() {
         if (!P_is_compact_) P_.setZero();
@@ -519,10 +545,13 @@ private:
 
     void store(Index k) {
         Eigen::Map<MatrixXd> K(output_.K + k * nu_ * nx_, nx_, nu_);  // K' by columns: K by rows
-        if (compact_) K.setZero();
+        Index next = 0;
         each_states([&](Index first, Index length, Index offset) {
+            K.middleRows(next, first - next).setZero();
             K.middleRows(first, length) = gains_.middleRows(offset, length);
+            next = first + length;
         });
+        K.bottomRows(nx_ - next).setZero();
         Eigen::Map<VectorXd>(output_.C + k * nu_, nu_) = w_;
         store_value(k);
     }
@@ -545,7 +574,7 @@ private:
     bool compact_ = false;          // whether the model is of those states alone that the next ones depend on
     bool P_is_compact_ = false;     // whether of the others P is diagonal
     Index n_states_ = 0;            // of the model
-    std::array<Prefetch, 3> soon_;  // of A, B, H
+    std::array<Prefetch, 4> soon_;  // of A, B, H, K
     StageStructure structure_;
     // Column i of G_ holds the used columns of row dense[i] of G; PG_ and GPG_ have the used columns only.
     MatrixXd G_, PG_, GPG_, P_padded_;

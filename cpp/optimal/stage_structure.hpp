@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "numerics/small_products.hpp"
@@ -36,6 +37,18 @@ public:
         Index rows;
         Index column;
     };
+    // What sparse rows add to products with P.
+    struct Sparse {
+        std::vector<Diagonal> diagonals;
+        std::vector<Block> blocks;
+        Index rows = 0;  // of P G, of which any are read
+    };
+    // A sparse row of a state whose own column is unused: values first, second at columns (of the used ones); -1: none.
+    struct Loner {
+        Index row;
+        std::array<Index, 2> values;
+        std::array<Index, 2> columns;
+    };
 
     StageStructure(Index nx, Index nu)
         : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(3 * nx), sources_(2 * nx) {
@@ -44,23 +57,28 @@ public:
         for (Index i = 0; i < 3 * nx; ++i) last_columns_[i] = i % 3 < nx + nu ? i % 3 : -1;
         for (auto* list : {&dense_, &sparse_}) list->reserve(nx);
         dense_runs_.reserve(nx);
-        diagonals_.reserve(2 * nx);
+        for (Sparse* of : {&all_, &of_used_}) {
+            of->diagonals.reserve(2 * nx);
+            of->blocks.reserve(nx);
+        }
+        loners_.reserve(nx);
         runs_.reserve(nx + nu);
-        blocks_.reserve(nx);
     }
 
     const std::vector<Index>& dense() const { return dense_; }
     const std::vector<Run>& dense_runs() const { return dense_runs_; }
-    const std::vector<Diagonal>& diagonals() const { return diagonals_; }
+    // All sparse rows, or without loners.
+    const Sparse& sparse(bool without_loners = false) const { return without_loners ? of_used_ : all_; }
+    const std::vector<Loner>& loners() const { return loners_; }
     Eigen::VectorBlock<const Eigen::VectorXd> values(const Diagonal& of) const {
         return values_.segment(of.offset, of.length);
     }
     const std::vector<Run>& runs() const { return runs_; }
-    const std::vector<Block>& blocks() const { return blocks_; }
     Index columns() const { return columns_; }
     // Of state or input j: whether its column is used, and where it then stands among these.
     bool uses(Index j) const { return used_[j] != 0; }
     Index position(Index j) const { return position_[j]; }
+    double value(Index e) const { return values_[e]; }
     bool trivial() const { return sparse_.empty() && columns_ == nx_ + nu_; }
 
     void everything() {
@@ -68,7 +86,7 @@ public:
         for (Index i = 0; i < nx_; ++i) add_dense_row(i);
         used_.assign(nx_ + nu_, true);
         number_columns();
-        list_blocks();
+        list_blocks(all_, true);
     }
 
     // The structure of all stages, from which entries of [A B] may differ from zero: (nx, nx + nu), by rows.
@@ -96,7 +114,6 @@ public:
         }
         number_columns();
         list_entries();
-        list_blocks();
     }
 
     void scan(const double* A, const double* B) {
@@ -109,7 +126,6 @@ public:
         for (Index j = 0; j < nx_; ++j) used_[j] = used_[j] || sizes_[j] != 0.0;
         number_columns();
         list_entries();
-        list_blocks();
         read_entries(A, B);
     }
 
@@ -146,7 +162,8 @@ private:
         dense_.clear();
         dense_runs_.clear();
         sparse_.clear();
-        diagonals_.clear();
+        for (Sparse* of : {&all_, &of_used_}) of->diagonals.clear();
+        loners_.clear();
         entries_ = 0;
     }
 
@@ -188,39 +205,66 @@ private:
         for (Index e = 0; e < 2; ++e) {
             for (const Index i : sparse_) add_entry(i, last_columns_[3 * i + e]);
         }
+        list_blocks(all_, true);
+        list_blocks(of_used_, false);
     }
 
     void add_entry(Index i, Index j) {
         if (j < 0) return;
-        const Index column = position_[j];
-        const auto follows = [&](const Diagonal& d) { return d.row + d.length == i && d.column + d.length == column; };
-        if (diagonals_.empty() || !follows(diagonals_.back())) diagonals_.push_back({i, column, 0, entries_});
-        ++diagonals_.back().length;
+        add_to(all_, i, position_[j]);
+        if (used_[i]) {
+            add_to(of_used_, i, position_[j]);
+        } else {
+            add_to_loner(i, position_[j]);
+        }
         sources_[entries_++] = {i, j};
     }
 
-    void list_blocks() {
-        blocks_.clear();
+    void add_to(Sparse& of, Index i, Index column) const {
+        const auto follows = [&](const Diagonal& d) {
+            return d.row + d.length == i && d.column + d.length == column && d.offset + d.length == entries_;
+        };
+        if (of.diagonals.empty() || !follows(of.diagonals.back())) of.diagonals.push_back({i, column, 0, entries_});
+        ++of.diagonals.back().length;
+    }
+
+    void add_to_loner(Index i, Index column) {
+        const auto is_it = [i](const Loner& loner) { return loner.row == i; };
+        const auto known = std::find_if(loners_.begin(), loners_.end(), is_it);
+        if (known == loners_.end()) {
+            loners_.push_back({i, {entries_, -1}, {column, -1}});
+        } else {
+            known->values[1] = entries_;
+            known->columns[1] = column;
+        }
+    }
+
+    void list_blocks(Sparse& of, bool loners) const {
+        auto& blocks = of.blocks;
+        blocks.clear();
+        of.rows = 0;
         auto dense = dense_.begin();
         for (Index row = 0; row < nx_; row += packet_size) {
             const Index end = std::min(row + packet_size, nx_);
             const bool all = dense != dense_.end() && *dense < end;
             while (dense != dense_.end() && *dense < end) ++dense;
-            const Index column = all ? 0 : first_column(row, end);
-            if (!blocks_.empty() && (blocks_.back().column == 0) == (column == 0)) {
-                blocks_.back().rows = end - blocks_.back().row;
-                blocks_.back().column = std::min(blocks_.back().column, column);
+            const Index column = all ? 0 : first_column(row, end, loners);
+            if (column < columns_) of.rows = end;
+            if (!blocks.empty() && (blocks.back().column == 0) == (column == 0)) {
+                blocks.back().rows = end - blocks.back().row;
+                blocks.back().column = std::min(blocks.back().column, column);
             } else {
-                blocks_.push_back({row, end - row, column});
+                blocks.push_back({row, end - row, column});
             }
         }
     }
 
-    // Of the entries of these rows, all of them sparse.
-    Index first_column(Index row, Index end) const {
+    // Of the entries of these rows, all of them sparse, with or without loners.
+    Index first_column(Index row, Index end, bool loners) const {
         Index column = columns_;
         for (Index e = 0; e < entries_; ++e) {
-            if (row <= sources_[e].row && sources_[e].row < end) column = std::min(column, position_[sources_[e].column]);
+            const auto [i, j] = sources_[e];
+            if (row <= i && i < end && (loners || used_[i])) column = std::min(column, position_[j]);
         }
         return column;
     }
@@ -245,8 +289,8 @@ private:
     std::vector<Index> last_columns_;  // of up to three entries of each row; the others are -1
     std::vector<Index> dense_, sparse_;
     std::vector<Run> dense_runs_, runs_;
-    std::vector<Block> blocks_;
-    std::vector<Diagonal> diagonals_;
+    Sparse all_, of_used_;
+    std::vector<Loner> loners_;
     struct Source {
         Index row, column;
     };
