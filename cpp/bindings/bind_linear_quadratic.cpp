@@ -178,7 +178,7 @@ void forward(const Input& A, const Input& B, const Input& K, const Input& C, con
 }
 
 void adjoint(const Input& A, const Input& B, const Input& K, const Input& q, const Input& r, const Input& q_final,
-             const Output& z) {
+             const Output& z, const std::optional<Pattern>& pattern) {
     const auto [N, nx, nu] = sizes(A, B);
     LinearQuadraticProblem problem = dynamics(A, B);
     problem.q = checked(q, {N, nx}, "q must have shape (N, nx)");
@@ -186,6 +186,8 @@ void adjoint(const Input& A, const Input& B, const Input& K, const Input& q, con
     problem.q_final = checked(q_final, {nx}, "q_final must have shape (nx)");
     require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
     require(has_shape(z, {N + 1, nx}), "z must have shape (N + 1, nx)");
+    require(!pattern || has_shape(*pattern, {nx, nx + nu}), "pattern must have shape (nx, nx + nu)");
+    if (pattern) problem.pattern = pattern->data();
     nb::gil_scoped_release release;
     sweep_adjoint(problem, K.data(), z.data());
 }
@@ -217,7 +219,7 @@ void bind_linear_quadratic(nb::module_& m) {
     m.def("sweep_forward", &forward, "A"_a, "B"_a, "K"_a, "C"_a, "c"_a.none(), "dx"_a, "du"_a,
           "Closed-loop linear roll-out from dx[0]; writes dx[1:] and du.");
     m.def("sweep_adjoint", &adjoint, "A"_a, "B"_a, "K"_a, "q"_a, "r"_a, "q_final"_a, "z"_a,
-          "Adjoint of the closed-loop linearisation; writes z.");
+          "pattern"_a.none() = nb::none(), "Adjoint of the closed-loop linearisation; writes z.");
 }
 
 }  // namespace leastaction

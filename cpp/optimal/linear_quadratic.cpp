@@ -611,10 +611,42 @@ void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const
     }
 }
 
+namespace {
+
+// Adds A'z and B'z of a stage, of which nothing is read that is zero by a structure.
+void add_transposed(const StageStructure& structure, const ConstRows& A, const ConstRows& B, const ConstVector& z,
+                    Eigen::Map<VectorXd>& by_x, VectorXd& by_u) {
+    const Index nx = A.cols();
+    for (const auto& rows : structure.dense_runs()) {
+        const auto z_rows = z.segment(rows.first, rows.length);
+        for (const auto& run : structure.runs()) {
+            const Index in_A = std::clamp(nx - run.first, Index{0}, run.length), in_B = run.length - in_A;
+            if (in_A > 0) {
+                by_x.segment(run.first, in_A).noalias() +=
+                    A.block(rows.first, run.first, rows.length, in_A).transpose() * z_rows;
+            }
+            if (in_B > 0) {
+                const Index first = run.first + in_A - nx;
+                by_u.segment(first, in_B).noalias() +=
+                    B.block(rows.first, first, rows.length, in_B).transpose() * z_rows;
+            }
+        }
+    }
+    structure.each_entry([&](Index i, Index j, double value) { (j < nx ? by_x[j] : by_u[j - nx]) += value * z[i]; });
+}
+
+}  // namespace
+
 void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z) {
     const Index nx = problem.nx;
     const Index nu = problem.nu;
     VectorXd input(nu);
+    StageStructure structure(nx, nu);
+    if (problem.pattern != nullptr) {
+        structure.follow(problem.pattern);
+    } else {
+        structure.everything();
+    }
     Eigen::Map<VectorXd> last(z + problem.horizon * nx, nx);
     last.setZero();
     if (problem.q_final != nullptr) last = ConstVector(problem.q_final, nx);
@@ -625,8 +657,9 @@ void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, doubl
         if (problem.q != nullptr) now = ConstVector(problem.q + k * nx, nx);
         input.setZero();
         if (problem.r != nullptr) input = ConstVector(problem.r + k * nu, nu);
-        input.noalias() += ConstRows(problem.B + k * nx * nu, nx, nu).transpose() * next;
-        now.noalias() += ConstRows(problem.A + k * nx * nx, nx, nx).transpose() * next;
+        const ConstRows A(problem.A + k * nx * nx, nx, nx), B(problem.B + k * nx * nu, nx, nu);
+        structure.read_entries(A.data(), B.data());
+        add_transposed(structure, A, B, next, now, input);
         now.noalias() -= ConstRows(K + k * nu * nx, nu, nx).transpose() * input;
     }
 }

@@ -113,7 +113,7 @@ LinearQuadraticReport solve_linear_quadratic(const LinearQuadraticProblem& probl
 // dx_{k+1} = A dx + B du + c with du = -K dx - C from dx[0]; dx (N + 1, nx), du (N, nu).
 void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const double* C, double* dx, double* du);
 
-// z_N = q_N, z_k = q - K'r + (A - BK)'z_{k+1} (dissertation Prop. 7); z (N + 1, nx).
+// z_N = q_N, z_k = q - K'r + (A - BK)'z_{k+1} (dissertation Prop. 7); z (N + 1, nx). With a pattern it reads no more than that.
 void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z);
 
 }  // namespace leastaction

@@ -146,6 +146,12 @@ public:
         for (Index e = 0; e < entries_; ++e) need(sources_[e].row, sources_[e].column, Index{1});
     }
 
+    // Calls with(i, j, value) for the entries of sparse rows.
+    template <class With>
+    void each_entry(const With& with) const {
+        for (Index e = 0; e < entries_; ++e) with(sources_[e].row, sources_[e].column, values_[e]);
+    }
+
     // Copies the used columns of row i of [A B].
     void gather_row(Index i, const double* A, const double* B, double* out) const {
         for (const Run& run : runs_) {

@@ -152,6 +152,20 @@ def test_gains_that_are_no_numbers_have_no_adjoint(problem, at, value):
         adjoint(p["A"], p["B"], K, p["q"], p["r"], p["q_final"])
 
 
+def test_an_adjoint_with_a_pattern_reads_nothing_else():
+    rng = np.random.default_rng(12)
+    A, B = _mechanical(rng, 8)
+    N, nx, nu = B.shape
+    pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
+    assert not pattern[:, :nx].any(axis=0).all()
+    assert pattern.sum(axis=1).min() <= 2 < pattern.sum(axis=1).max()
+    K, q, r = rng.standard_normal((N, nu, nx)), rng.standard_normal((N, nx)), rng.standard_normal((N, nu))
+    expected = adjoint(A, B, K, q, r, q[0])
+    hidden = [np.where(part, whole, np.nan) for part, whole in ((pattern[:, :nx], A), (pattern[:, nx:], B))]
+    found = adjoint(*hidden, K, q, r, q[0], pattern=pattern)
+    np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-13 * np.abs(expected).max())
+
+
 def test_sweep_forward_and_the_slope(problem):
     del problem["c"]
     solution = solve_linear_quadratic(**problem)

@@ -306,11 +306,13 @@ def sweep_forward(
     return dx, du
 
 
-def adjoint(A: Array, B: Array, K: Array, q: Array, r: Array, q_final: Array) -> Array:
+def adjoint(
+    A: Array, B: Array, K: Array, q: Array, r: Array, q_final: Array, *, pattern: ArrayLike | None = None
+) -> Array:
     """Return the adjoint z (N+1, nx) of the loop closed with K (dissertation Prop. 7).
 
     ``z_N = q_final``, ``z_k = q_k - K'r_k + (A - BK)'z_{k+1}``: the derivative of the cost to go by
-    the state while the feedback holds on.
+    the state while the feedback holds on. With a `pattern` as of `solve_linear_quadratic` nothing else of A, B is read.
     """
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
@@ -318,7 +320,7 @@ def adjoint(A: Array, B: Array, K: Array, q: Array, r: Array, q_final: Array) ->
     gains = _optional(K, "K", (N, nu, nx), finite=False)
     assert gains is not None
     q, r, q_final = as_array(q, "q", (N, nx)), as_array(r, "r", (N, nu)), as_array(q_final, "q_final", (nx,))
-    _core.sweep_adjoint(A, B, gains, q, r, q_final, z)
+    _core.sweep_adjoint(A, B, gains, q, r, q_final, z, _pattern(pattern, (nx, nx + nu)))
     if not np.isfinite(z[0]).all():
         # What is not a number goes on to the first stage, and K takes longer to look through than to use.
         as_array(K, "K", (N, nu, nx))

@@ -365,7 +365,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if self.curvature is None:
             linearization = self._linearize()
             with self.clock("lq"):
-                z = adjoint(linearization.A, linearization.B, self.gain, *gradient)
+                A, B = linearization
+                z = adjoint(A, B, self.gain, *gradient, pattern=linearization.pattern)
             with self.clock("curvature"):
                 self.curvature = linearization.packed_curvature(z)
         return self.curvature
