@@ -29,7 +29,7 @@ constexpr double pivot_tolerance = 1e-14;  // of the square of a pivot, relative
 constexpr double curvature_floor = 1e-3;
 constexpr Index max_regularized_stages = 16;
 
-Columns columns_of(const MatrixXd& M, Index first = 0) { return {M.col(first).data(), M.outerStride()}; }
+Columns columns_of(const MatrixXd& M, Index first = 0) { return {M.data() + first * M.outerStride(), M.outerStride()}; }
 Target whole(MatrixXd& M) { return {M.data(), M.outerStride()}; }
 
 // Asks for numbers of an array that are needed soon, a line of the cache at a time.
