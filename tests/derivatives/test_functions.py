@@ -31,6 +31,7 @@ from leastaction.mechanics import (
     Potential,
     PythonPotential,
     rz,
+    tx,
     ty,
 )
 from oracles import lagrangian as oracle_lagrangian
@@ -304,3 +305,10 @@ def test_elements_keep_their_places_under_other_numbers() -> None:
     m = small().with_parameters({"spring.stiffness": 5.0, "oil.a": 0.7})
     assert m.potential(Q, "spring").value == pytest.approx(2.5 * Q[1] ** 2)
     np.testing.assert_allclose(m.force(Q, V, element="oil").value, [-0.7 * V[0], 0.0, 0.0])
+
+
+def test_a_mechanism_in_which_nothing_moves_has_derivatives_of_no_entries() -> None:
+    post = Mechanism([tx(0.3, mass=1.0)], [Gravity((0.0, -9.81, 0.0))])
+    L = post.lagrangian([], [])
+    assert L.value == 0.0
+    assert L.gradient.shape == L.along(q=[], v=[]).gradient.shape == (0,)

@@ -169,7 +169,11 @@ class PotentialAt:
         first, last = parts.first.potentials, parts.last.potentials
         each = np.full(last - first, weights[0])
         values, gradients, hessian = self.mechanism.core.potentials(first, last, each, self.q, directions)
-        value, gradient, bend = values.sum(keepdims=True), gradients.reshape(-1, n).sum(0), hessian.reshape(n, n)
+        value, gradient, bend = (
+            values.sum(keepdims=True),
+            gradients.reshape(values.size, n).sum(0),
+            hessian.reshape(n, n),
+        )
         if parts.uniform_gravity:
             still = np.zeros_like(directions)
             L, slope, second = self.mechanism.core.lagrangian_of_bodies(self.q, np.zeros(n), directions, still)
@@ -214,7 +218,7 @@ class ConstraintsAt:
         n, first, last = self.mechanism.nq, self.parts.first.constraints, self.parts.last.constraints
         found = self.mechanism.core.constraint_functions(first, last, weights, self.q, directions)
         values, gradients, hessian = found
-        return values, gradients.reshape(-1, n), hessian.reshape(n, n)
+        return values, gradients.reshape(values.size, n), hessian.reshape(n, n)
 
 
 @dataclass(frozen=True)
