@@ -26,8 +26,8 @@ import numpy as np
 
 from benchmarks import unit
 from benchmarks.timing import Timing
+from leastaction.apps.choices import Follow
 from leastaction.apps.marionette import RigCheck, TrackingRun, check, load_motion, track, walk_in_place
-from leastaction.apps.marionette.markers import Follow
 from leastaction.errors import LeastActionError
 from leastaction.io import Motion
 from leastaction.models.marionette import STRING_SETS, Count, marionette

@@ -16,13 +16,11 @@ from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
+from leastaction.apps.choices import Axis, Follow, Heading
 from leastaction.apps.cli.options import (
     MOTION,
     OUTPUT,
     PUPPET,
-    Axis,
-    Follow,
-    Heading,
     OptimiserOptions,
     OutputOptions,
     speed_of,

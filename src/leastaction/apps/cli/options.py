@@ -9,15 +9,12 @@ from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter, Token
 
+from leastaction.optimal.settings import Method
+
 MOTION = Group("Motion", sort_key=1)
 PUPPET = Group("Strings", sort_key=2)
 OPTIMISER = Group("Optimiser", sort_key=3)
 OUTPUT = Group("Output", sort_key=4)
-
-Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
-Heading = Literal["facing", "travel", "axis", "straight"]
-Follow = Literal["joints", "markers"]
-Method = Literal["auto", "newton", "quasi-newton", "steepest"]
 
 
 def speed_of(_: object, tokens: Sequence[Token]) -> float | Literal["auto"]:

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from leastaction.apps.cli.options import Follow, OptimiserOptions, OutputOptions
+from leastaction.apps.choices import Follow
+from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
 from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
 from leastaction.apps.cli.summary import checked, run_summary, speed_table, summary_tables

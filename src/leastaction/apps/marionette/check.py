@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from leastaction.apps.marionette.markers import Follow
+from leastaction.apps.choices import Follow
 from leastaction.apps.marionette.tracking.found import TrackingRun
 from leastaction.mechanics import MidpointVI
 from leastaction.systems import MidpointSystem, Played, Rig, play

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from leastaction.io.motion.motion import Motion
-
-Follow = Literal["joints", "markers"]
-"""What is followed: the angles of all joints, or the places of the markers."""
 
 PELVIS: Final = "pelvis"
 LIMB_MARKERS: Final[Mapping[str, str]] = MappingProxyType(

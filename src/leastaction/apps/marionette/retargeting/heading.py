@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
+from leastaction.apps.choices import Axis, Heading
 from leastaction.apps.marionette.retargeting.geometry import unit
 from leastaction.errors import ArgumentError, MotionFileError
 from leastaction.io.motion.capture import Capture, axis_rotation
 from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array
-
-Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
-Heading = Literal["facing", "travel", "axis", "straight"]
 
 _SLOW = 0.25  # Hz
 

@@ -9,8 +9,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from leastaction.apps.choices import Axis, Heading
 from leastaction.apps.marionette.markers import with_markers
-from leastaction.apps.marionette.retargeting.heading import Axis, Heading
 from leastaction.apps.marionette.retargeting.mapping import read_mapping
 from leastaction.apps.marionette.retargeting.retarget import Retargeted, retarget
 from leastaction.apps.marionette.retargeting.skeleton import Proportions

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from leastaction.apps.choices import Axis, Heading
 from leastaction.apps.marionette.retargeting.captured_markers import captured_markers
 from leastaction.apps.marionette.retargeting.geometry import (
     angle_between,
@@ -27,8 +28,6 @@ from leastaction.apps.marionette.retargeting.geometry import (
     unit,
 )
 from leastaction.apps.marionette.retargeting.heading import (
-    Axis,
-    Heading,
     forward_axis,
     heading_angle,
     leg_length,

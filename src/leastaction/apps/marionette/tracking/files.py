@@ -10,7 +10,8 @@ from typing import cast, get_args
 
 import numpy as np
 
-from leastaction.apps.marionette.markers import MARKERS, Follow, wanted_markers, with_places
+from leastaction.apps.choices import Follow
+from leastaction.apps.marionette.markers import MARKERS, wanted_markers, with_places
 from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import KINDS
 from leastaction.apps.marionette.tracking.plan import PRICES

@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from leastaction.apps.marionette.markers import Follow, places_of, with_places
+from leastaction.apps.choices import Follow
+from leastaction.apps.marionette.markers import places_of, with_places
 from leastaction.apps.marionette.tracking.problem import ROOT, unheld
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from leastaction.apps.marionette.markers import LIMB_MARKERS, Follow, places_of, wanted_markers
+from leastaction.apps.choices import Follow
+from leastaction.apps.marionette.markers import LIMB_MARKERS, places_of, wanted_markers
 from leastaction.apps.marionette.tracking.cost import TrackingCost
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest

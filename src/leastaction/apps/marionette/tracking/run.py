@@ -20,7 +20,7 @@ from functools import partial
 
 import numpy as np
 
-from leastaction.apps.marionette.markers import Follow
+from leastaction.apps.choices import Follow
 from leastaction.apps.marionette.tracking.checkpoints import Checkpoints
 from leastaction.apps.marionette.tracking.found import CUT_SHORT, Effort, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
