@@ -6,6 +6,7 @@ import json
 import os
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,7 +19,6 @@ from leastaction.apps.cli import main
 from leastaction.apps.cli.summary import _unit_of, as_text, run_summary, summary_tables
 from leastaction.apps.marionette import (
     VARIABLES,
-    RestingPoses,
     load_motion,
     load_run,
     resting,
@@ -29,7 +29,7 @@ from leastaction.apps.marionette import (
 from leastaction.apps.marionette.retargeting.geometry import euler_zyx, rotation_zyx
 from leastaction.apps.marionette.retargeting.spins import FURTHEST, beside, without_spins
 from leastaction.apps.marionette.speeds import fastest
-from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun
+from leastaction.apps.marionette.tracking import PuppetLimits
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion, read_bvh
 from leastaction.io.motion.capture import axis_rotation
@@ -191,21 +191,23 @@ def check(out: Path, within: float = 1e-3) -> None:
 def test_a_lively_capture_in_one_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    at_rest: list[PuppetLimits] = []
-
-    def resting_too(run: TrackingRun, *, limits: PuppetLimits) -> RestingPoses:
-        at_rest.append(limits)
-        return resting(run, limits=limits, instants=2)
-
-    monkeypatch.setattr("leastaction.apps.cli.session.resting", resting_too)
+    monkeypatch.setattr("leastaction.apps.cli.report.resting", partial(resting, instants=2))
     path = write_puppet(tmp_path / "a.bvh", turned(0.1), convention=Convention(names=MIXAMO), frame_time=0.02)
     words = ("--motion", path, "--dt", 0.02, "--speed", 0.5, "--trim", 0, 0.5, "--forward", "z", "--up", "y")
     numbers = optimize(capsys, tmp_path / "out", *words, "--tension", 0.8)
-    assert [limits.tension for limits in at_rest] == [0.8]  # the command's, for the poses at rest too
+    run = load_run(tmp_path / "out" / "trajectory.npz")
+    assert run.limits == PuppetLimits(tension=0.8)  # the command's, for the poses at rest too
+    assert resting(run, instants=1).tension.min() == pytest.approx(0.8)
     assert numbers["run"]["status"] in ("CONVERGED", "STALLED")
     assert {entry["limit"] for entry in numbers["limits_reached"]}
     assert numbers["limits_broken"] == []
     check(tmp_path / "out")
+    # Drawn again it says the same.
+    pictures = tmp_path / "pictures"
+    with pytest.raises(SystemExit, match=r"^0$"):
+        main(["draw", str(tmp_path / "out" / "trajectory.npz"), "--out", str(pictures), "--no-plots"])
+    for name in ("summary.json", "summary.txt"):
+        assert (pictures / name).read_bytes() == (tmp_path / "out" / name).read_bytes(), name
 
 
 def test_limits_that_a_run_ended_before_stating_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -216,10 +218,11 @@ def test_limits_that_a_run_ended_before_stating_are_named(tmp_path: Path, capsys
     fast = float(np.abs(np.diff(run.trajectory["right_arm_string-x"])).max()) / 0.02
     slower = PuppetLimits(speed=0.5 * fast)
     said = "speed of the strings' ends"
-    assert said in run_summary(replace(run, kinds=frozenset()), limits=slower)["limits_broken"]
-    assert said in as_text(summary_tables(run_summary(replace(run, kinds=frozenset()), limits=slower)))
+    broken = replace(run, kinds=frozenset(), limits=slower)
+    assert said in run_summary(broken)["limits_broken"]
+    assert said in as_text(summary_tables(run_summary(broken)))
     # Where they were stated the optimiser's message tells of them.
-    assert said not in run_summary(replace(run, kinds=frozenset({"speed"})), limits=slower)["limits_broken"]
+    assert said not in run_summary(replace(broken, kinds=frozenset({"speed"})))["limits_broken"]
 
 
 def test_what_speaks_against_a_capture_is_said_before_the_run(

@@ -458,10 +458,14 @@ def test_the_kinds_of_limits_are_kept(tmp_path: Path) -> None:
     assert {"tension", "joints"} <= run.kinds
     path = save_run(tmp_path / "run.npz", run)
     assert load_run(path).kinds == run.kinds
+    assert load_run(path).limits == PuppetLimits(speed=0.5)
     record = load_record(path, files.MarionetteRun)
     # A file of before has none: its limits' labels say it.
-    save_record(path, replace(record.content, kinds=None), provenance=record.provenance)
+    save_record(path, replace(record.content, kinds=None, limits=None), provenance=record.provenance)
     assert load_run(path).kinds == run.kinds
+    assert load_run(path).limits is None
+    save_record(path, replace(record.content, limits=PuppetLimits(speed=np.inf)), provenance=record.provenance)
+    assert load_run(path).limits == PuppetLimits(speed=np.inf)
     save_record(path, replace(record.content, kinds=("speed", "weather")), provenance=record.provenance)
     with pytest.raises(ResultFileError, match="kinds weather are none"):
         load_run(path)

@@ -260,7 +260,8 @@ def draw(file: Path, /, *, output: OutputOptions) -> int:
     file
         trajectory.npz of an earlier run.
     """
-    from leastaction.apps.cli.report import TRAJECTORY, write_report
+    from leastaction.apps.cli.report import TRAJECTORY, at_rest, write_report
+    from leastaction.apps.cli.summary import run_summary
     from leastaction.apps.marionette.tracking import load_run
 
     run, console = load_run(file), Console(highlight=False)
@@ -271,13 +272,16 @@ def draw(file: Path, /, *, output: OutputOptions) -> int:
                 f"{beside} is another run than {file}, and pictures of this one do not belong beside it: "
                 "give another folder as --out"
             )
-        with console.status("") as status:
+        with console.status("looking for poses at rest") as status:
+            rest = at_rest(run)
             report = write_report(
                 run,
                 folder,
                 plots=output.plots,
                 animation=output.animation,
                 progress=lambda name: status.update(f"writing {name}"),
+                rest=rest,
+                summary=run_summary(run, rest),
             )
     console.print(report)
     return 0

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
 from leastaction.apps.marionette.markers import plot_markers
-from leastaction.apps.marionette.resting import RestingPoses, plot_resting
+from leastaction.apps.marionette.resting import RestingPoses, plot_resting, resting
 from leastaction.apps.marionette.scene import GROUPS, marionette_scene, string_label, string_lengths
 from leastaction.apps.marionette.speeds import AtSpeed, plot_speeds
 from leastaction.apps.marionette.tracking import TrackingRun, load_run
@@ -68,6 +68,14 @@ def remove_report(folder: Path) -> None:
             raise OutputError(
                 f"cannot remove {folder / name}, which belongs to an earlier run: {error.strerror}"
             ) from error
+
+
+def at_rest(run: TrackingRun) -> RestingPoses | None:
+    """Return what strings can hold at rest of what a run was to follow; None where it is not told, see `resting`.
+
+    That is of a motion that was planned by tensions: hanging strings that follow one well need no reasons.
+    """
+    return None if run.plan is None else resting(run)
 
 
 def write_report(

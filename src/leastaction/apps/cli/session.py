@@ -16,10 +16,9 @@ from rich.console import Console
 
 from leastaction.apps.choices import Follow
 from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
-from leastaction.apps.cli.report import TRAJECTORY, remove_report, write_report
+from leastaction.apps.cli.report import TRAJECTORY, at_rest, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
 from leastaction.apps.cli.summary import checked, run_summary, speed_table, summary_tables
-from leastaction.apps.marionette.resting import resting
 from leastaction.apps.marionette.speeds import AtSpeed, fastest
 from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch, save_run, save_search, track
 from leastaction.errors import OutputError
@@ -87,9 +86,8 @@ def run(
         with uninterrupted():
             kept.append(_keep(found, folder, complain))
         console.print()
-        kept_to = limits or PuppetLimits()
-        rest = resting(found, limits=kept_to) if found.plan is not None else None
-        summary = run_summary(found, rest, kept_to)
+        rest = at_rest(found)
+        summary = run_summary(found, rest)
         console.print(summary_tables(summary))
         console.print()
         if tried:

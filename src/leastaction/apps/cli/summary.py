@@ -43,13 +43,10 @@ _MESSAGES: Final = {
 }
 
 
-def run_summary(
-    run: TrackingRun, rest: RestingPoses | None = None, limits: PuppetLimits | None = None
-) -> dict[str, Any]:
+def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str, Any]:
     """Return the numbers of a run as plain data for JSON.
 
-    ``rest``: what strings can hold at rest, if that is to be told. ``limits``: those that it had to keep to, if it is
-    to be told which kinds of them it breaks. Returns ``run``, ``settings``, ``versions``,
+    ``rest``: what strings can hold at rest, if that is to be told. Returns ``run``, ``settings``, ``versions``,
     ``cost``, ``tracking`` (errors in degrees and metres) and ``strings``.
     """
     result, t = run.result, run.trajectory.t
@@ -81,7 +78,7 @@ def run_summary(
         "markers": {} if run.markers is None else _markers(run, rest),
         "not_followed": far,
         "limits_reached": against,
-        "limits_broken": [] if limits is None else _broken(run, limits),
+        "limits_broken": [] if run.limits is None else _broken(run, run.limits),
         "held_joints": {"rms_deg": run.held_error}
         | ({} if rest is None or run.follow == "markers" else {"at_rest_rms_deg": rest.error}),
         "strings": {

@@ -80,7 +80,7 @@ def resting(
     ----------
     run : TrackingRun
     limits : PuppetLimits, optional
-        Those of tensions, joints and reach are kept to; `PuppetLimits` as it is if not given.
+        Those of tensions, joints and reach are kept to; the run's if not given.
     weights : TrackingWeights, optional
         How far from the wanted pose is.
     instants : int, optional
@@ -99,7 +99,7 @@ def resting(
     """
     if instants < 1:
         raise ArgumentError(f"instants: got {instants}, expected 1 or more")
-    limits = limits or PuppetLimits()
+    limits = limits or run.limits or PuppetLimits()
     plan = Plan(TrackingProblem(run.mechanism, run.motion, weights, 1, run.follow), weights, limits)
     search = _Search(plan)
     last = len(plan.t) - 1

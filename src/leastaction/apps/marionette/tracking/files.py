@@ -13,7 +13,7 @@ import numpy as np
 from leastaction.apps.choices import Follow
 from leastaction.apps.marionette.markers import MARKERS, wanted_markers, with_places
 from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, TrackingSearch
-from leastaction.apps.marionette.tracking.limits import KINDS
+from leastaction.apps.marionette.tracking.limits import KINDS, PuppetLimits
 from leastaction.apps.marionette.tracking.plan import PRICES
 from leastaction.errors import LeastActionError, ResultFileError
 from leastaction.io.motion.motion import Motion
@@ -47,6 +47,7 @@ class MarionetteRun:
     follow: str = "joints"
     markers: Array | None = None
     effort: Effort | None = None
+    limits: PuppetLimits | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +101,7 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
         follow=run.follow,
         markers=run.markers,
         effort=run.effort,
+        limits=run.limits,
     )
     arrays = {name: getattr(trajectory, name) for name in ("q", "p", "lam")}
     return save_record(path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension})
@@ -204,6 +206,7 @@ def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Prov
             follow=_follow_of(saved),
             markers=saved.markers,
             effort=saved.effort,
+            limits=saved.limits,
             provenance=provenance,
         )
     except LeastActionError as error:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from leastaction.apps.choices import Follow
 from leastaction.apps.marionette.markers import places_of, with_places
+from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.problem import ROOT, unheld
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion
@@ -87,6 +88,8 @@ class TrackingRun:
         Where the markers are wanted (m), in the order of `leastaction.apps.marionette.MARKERS`, if that is known.
     effort : Effort or None
         What it took in all; None of a file that does not say it.
+    limits : PuppetLimits or None
+        What it had to keep to; None of a file that does not say it.
     provenance : Provenance
     """
 
@@ -102,6 +105,7 @@ class TrackingRun:
     follow: Follow = "joints"
     markers: Array | None = field(default=None, repr=False)
     effort: Effort | None = None
+    limits: PuppetLimits | None = field(default=None, repr=False)
     provenance: Provenance = field(default_factory=Provenance.now)
 
     @property

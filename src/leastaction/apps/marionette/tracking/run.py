@@ -351,6 +351,7 @@ class _Job:
             result=result,
             plan=None if self.plan is None else found,
             kinds=self.kinds,
+            limits=self.limits,
             follow=self.follow,
             markers=self.problem.markers,
             effort=self.effort if counted else self.effort.plus(found, before=before),
