@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from leastaction.errors import ArgumentError, StepError
+from leastaction.io.results import load_result, save_result
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
 from leastaction.optimal.discrete.problem import DiscreteProblem
@@ -374,13 +375,18 @@ def test_a_run_that_began_again_is_resumed_within_its_stages():
     np.testing.assert_array_equal(part.history.cost, whole.history.cost)
 
 
-def test_a_cost_without_an_easier_one_ends_where_it_is_stuck():
-    class Own(QuadraticCost):
-        """A quadratic cost, for all that the optimiser knows with terms of its own."""
+class Own(QuadraticCost):
+    """A quadratic cost, for all that the optimiser knows with terms of its own: there is no easier one."""
 
-    given = BY_NAME[LOST].build()
+
+def own_cost(given: Given) -> Own:
     cost = given.cost
-    own = Own(cost.x_wanted, cost.u_wanted, Q=cost.Q, R=cost.R, Q_final=cost.Q_final)
+    return Own(cost.x_wanted, cost.u_wanted, Q=cost.Q, R=cost.R, Q_final=cost.Q_final)
+
+
+def test_a_cost_without_an_easier_one_ends_where_it_is_stuck():
+    given = BY_NAME[LOST].build()
+    cost, own = given.cost, own_cost(given)
     result = optimize(given.system, own, initial=(given.x, given.u))
     assert result.status is Status.LINE_SEARCH_FAILED
     assert own.eased(10.0) is None
@@ -390,6 +396,46 @@ def test_a_cost_without_an_easier_one_ends_where_it_is_stuck():
     np.testing.assert_allclose(easier.r, 100.0 * gradient.r)
     np.testing.assert_allclose(10.0 * easier.q_final, gradient.q_final)
     np.testing.assert_array_equal(easier.q, gradient.q)
+
+
+PLAINLY = "began again where it had begun, by Newton's method"
+
+
+def test_where_all_ways_are_stuck_newtons_method_goes_from_the_start():
+    given = BY_NAME[LOST].build()
+    initial, records = (given.x, given.u), []
+    result = optimize(given.system, own_cost(given), initial=initial, shooting="single", callback=records.append)
+    (began,) = [i for i, record in enumerate(records) if PLAINLY in record.note]
+    newton = optimize(given.system, own_cost(given), initial=initial, shooting="single", method="newton")
+    as_far = slice(1, 11)
+    assert newton.iterations > 10
+    np.testing.assert_allclose(result.history.cost[began:][:10], newton.history.cost[as_far], rtol=1e-6)
+    # Not where it is Newton's method that is stuck.
+    assert newton.status is Status.LINE_SEARCH_FAILED
+    records.clear()
+    optimize(given.system, own_cost(given), initial=initial, method="quasi-newton", callback=records.append)
+    assert not any(PLAINLY in record.note for record in records)
+
+
+def test_a_run_that_goes_from_the_start_again_is_resumed(tmp_path: Path):
+    given = BY_NAME[LOST].build()
+    cost = own_cost(given)
+    whole = optimize(given.system, cost, initial=(given.x, given.u), shooting="single")
+    part = optimize(given.system, cost, initial=(given.x, given.u), shooting="single", max_iterations=12)
+    for more in (10, 500):  # before and after it began again
+        part = load_result(save_result(tmp_path / "part.npz", part))
+        part = optimize(given.system, cost, resume=part, shooting="single", max_iterations=more)
+    assert part.status is whole.status is Status.LINE_SEARCH_FAILED
+    np.testing.assert_array_equal(part.x, whole.x)
+    np.testing.assert_array_equal(part.history.cost, whole.history.cost)
+
+
+@pytest.mark.slow
+def test_the_ways_to_begin_again_do_not_lead_away_for_good():
+    """Newton's method comes to a minimum of a motion that looks as if it would get lost."""
+    outcome = solve(BY_NAME["chain of 8, raising, R 0.01, final 10000, rest"])
+    assert outcome.minimum
+    assert outcome.cost == pytest.approx(90.394, rel=1e-4)
 
 
 def test_what_led_further_before_is_gone_back_to():

@@ -61,6 +61,8 @@ class NewtonSchedule:
         Whether the run has begun again.
     finer : bool
         Whether it has begun from what shorter steps of time led to.
+    newton : bool
+        Whether Newton's method is tried in every iteration.
     ease : float
         How much easier the problem of this stage is than the one that was asked for.
     spent : int
@@ -79,6 +81,7 @@ class NewtonSchedule:
     method: str = ""
     again: bool = False
     finer: bool = False
+    newton: bool = False
     ease: float = 1.0
     spent: int = 0
 

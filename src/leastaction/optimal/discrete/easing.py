@@ -12,19 +12,20 @@ Gaps between the steps are the other way to begin again, from the start that was
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from leastaction.errors import LeastActionError
-from leastaction.numerics.arrays import read_only
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.problem import COARSE, DiscreteProblem
 from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.loop import Loop
-from leastaction.optimal.memory import Memory, Place
+from leastaction.optimal.memory import Memory, Place, Start
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
@@ -65,6 +66,12 @@ class EasedProblem(ShootingProblem):
         self.settings = settings
         self.stride, self.retries = _STRIDE, _RETRIES
         self.sound: Place | None = None
+        self.first: Start | None = None
+
+    def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
+        super().start(initial)
+        if not self.is_open:
+            self.first = Start(self.x, self.u)
 
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended, in the stage that it had come to."""
@@ -72,10 +79,11 @@ class EasedProblem(ShootingProblem):
         super().resume(result)
         memory = result.memory
         if memory is not None:
-            self.stride, self.retries, self.sound = memory.stride, memory.retries, memory.sound
+            self.stride, self.retries = memory.stride, memory.retries
+            self.sound, self.first = memory.sound, memory.first
 
     def memory(self) -> Memory:
-        return replace(super().memory(), stride=self.stride, retries=self.retries, sound=self.sound)
+        return replace(super().memory(), stride=self.stride, retries=self.retries, sound=self.sound, first=self.first)
 
     # ---- What the loop knows of a stage ---------------------------------------------------------
 
@@ -130,8 +138,8 @@ class EasedProblem(ShootingProblem):
         if eased is None:
             return False
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
-        now = self._place()
-        try:
+
+        def ease() -> bool:
             start = self._project(np.tile(self.x[0], (N + 1, 1)), eased[1], np.zeros((N, nu, nx)))
             if np.array_equal(start.x, self.x):
                 return False  # Where no step was possible, none is now.
@@ -140,13 +148,9 @@ class EasedProblem(ShootingProblem):
             self.forget()
             self._project_curve(start)
             self.value = self.cost.value(self.x, self.u)
-        except BaseException as error:  # an interruption too leaves it where it stood
-            self._go_to(now)
-            if isinstance(error, LeastActionError):
-                return False
-            raise
-        self._remember(now)
-        return True
+            return True
+
+        return self._leave(ease)
 
     def next_stage(self) -> bool:
         """Go on with less ease, or over trajectories where there were gaps."""
@@ -170,6 +174,11 @@ class EasedProblem(ShootingProblem):
         self._go_to(replace(self.sound, ease=max(1.0, self.sound.ease / self.stride)))
         return True
 
+    def begin_plainly(self) -> bool:
+        """Begin again with the first trajectory, once; return whether that can be done."""
+        first, self.first = self.first, None
+        return first is not None and not self.is_open and self._leave(lambda: self._stand_at(first.x, first.u))
+
     def begin_finer(self) -> bool:
         """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
         if self.free_start is not False or self.worst_step is None or not self.worst_step.is_coarse:
@@ -178,8 +187,8 @@ class EasedProblem(ShootingProblem):
         eased = None if cost is None else cost.eased(1.0)
         if system is None or cost is None or eased is None:
             return False
-        now = self._place()
-        try:
+
+        def refine() -> bool:
             finer = EasedProblem(system, cost, self.settings)
             finer.start((self.x[0], eased[1]))
             found = Loop(finer, self.settings, schedule=NewtonSchedule(finer=True)).run()
@@ -188,15 +197,29 @@ class EasedProblem(ShootingProblem):
                 raise KeyboardInterrupt
             if found.worst_step is None or found.worst_step.is_coarse:
                 return False
-            self._set_stage(1.0)
-            self.forget()
-            DiscreteProblem.start(self, (found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS)))
-        except BaseException as error:  # an interruption too leaves it where it stood
+            return self._stand_at(found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS))
+
+        return self._leave(refine)
+
+    def _leave(self, go: Callable[[], bool]) -> bool:
+        """Go elsewhere and remember where it stood; if that leads nowhere or is interrupted, it stands there again."""
+        now = self._place()
+        try:
+            gone = go()
+        except BaseException as error:
             self._go_to(now)
             if isinstance(error, LeastActionError):
                 return False
             raise
-        self._remember(now)
+        if gone:
+            self._remember(now)
+        return gone
+
+    def _stand_at(self, x: Array, u: Array) -> bool:
+        """Begin the last stage at the projection of a curve."""
+        self._set_stage(1.0)
+        self.forget()
+        DiscreteProblem.start(self, (x, u))
         return True
 
     def _asked_at(self, place: Place) -> float:

@@ -72,7 +72,8 @@ class Directions:
         """Return the methods for this iteration: each replaces the one before if that fails."""
         first = self.run.settings.method
         if first == "auto":
-            newton = self.run.problem.has_curvature and self.run.schedule.wait == 0
+            schedule = self.run.schedule
+            newton = self.run.problem.has_curvature and (schedule.newton or schedule.wait == 0)
             first = "newton" if newton else "quasi-newton"
         return _CHAIN[_CHAIN.index(first) :]
 

@@ -216,6 +216,10 @@ class Problem(ABC, Generic[M, D, I]):
         """Return to where it stood before it began again, if that is better, and return whether it was."""
         return False
 
+    def begin_plainly(self) -> bool:
+        """Begin again with the first trajectory, to go on from there by one method; return whether that can be done."""
+        return False
+
     def begin_finer(self) -> bool:
         """Begin again from what shorter steps of time lead to, and return whether there is such a thing."""
         return False

@@ -54,10 +54,12 @@ class Stages:
         # Stages that end at steps of time that are too coarse lead there again, however they are made.
         if stuck and run.schedule.again and self._begin_finer():
             return True
-        if stuck and problem.retry_stage():
+        if stuck and not run.schedule.newton and problem.retry_stage():
             self._set_out_again("led nowhere, back to the last stage that ended well")
             return True
         if stuck and ((problem.prefers_gaps and self._begin_with_gaps()) or self._begin_again()):
+            return True
+        if stuck and self._begin_plainly():
             return True
         if stuck and problem.fall_back():
             self._set_out_again("the way before it began again had led further: it goes on there")
@@ -117,6 +119,18 @@ class Stages:
         if run.schedule.finer or not run.is_automatic or not run.problem.begin_finer():
             return False
         run.set_out(NewtonSchedule(again=True, finer=True), "began again, from a minimum with half the steps of time")
+        return True
+
+    def _begin_plainly(self) -> bool:
+        """Begin again where it began, by Newton's method in every iteration; once and for the automatic choice only.
+
+        The ways to begin again are good guesses, and this is what they may have led away from.
+        """
+        run = self.run
+        if not (run.is_automatic and run.problem.has_curvature and run.problem.begin_plainly()):
+            return False
+        schedule = NewtonSchedule(wait=0, again=True, finer=run.schedule.finer, newton=True)
+        run.set_out(schedule, "began again where it had begun, by Newton's method")
         return True
 
     def _set_out_again(self, why: str) -> None:
