@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
@@ -17,6 +18,14 @@ class MotionText:
         self.path = path
         self.lines = text.splitlines()
         self.line = 0  # being looked at, from 1, for messages
+
+    def uncommented(self) -> Iterator[list[str]]:
+        """Words of each line that has some, without comments (from # on); the last line is looked at after them."""
+        for number, line in enumerate(self.lines, start=1):
+            self.line = number
+            if words := line.split("#", 1)[0].split():
+                yield words
+        self.line = max(1, len(self.lines))
 
     def fail(self, found: str, expected: str) -> NoReturn:
         """Raise `MotionFileError` that names the line, what was found, and what was expected."""
