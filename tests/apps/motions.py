@@ -1,13 +1,27 @@
-"""Motions of the marionette that several tests follow."""
+"""Motions that several tests follow: made up for the marionette, and captured ones."""
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from leastaction.io import Motion
 from leastaction.models.marionette import REST, marionette
 
 PUPPET = marionette()
+
+_BESIDE = Path(__file__).resolve().parents[3] / "shared"
+
+
+def captured(file: str) -> Path:
+    """Return a real capture by its name, such as wave_hello.bvh; without the captures a test is skipped."""
+    path = Path(os.environ.get("SHARED_DIR", _BESIDE)) / "data" / "mocap" / file
+    if not path.exists():
+        pytest.skip(f"no {path} (set SHARED_DIR)")
+    return path
 
 
 def leap(duration: float = 0.5, dt: float = 0.01) -> Motion:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from dataclasses import replace
 from functools import partial
@@ -13,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from apps.motions import leap
+from apps.motions import captured, leap
 from apps.puppet_bvh import CMU_NAMES, Z_UP, Convention, waving, write_puppet
 from leastaction.apps.cli import main
 from leastaction.apps.cli.summary import _unit_of, as_text, run_summary, summary_tables
@@ -34,9 +33,6 @@ from leastaction.errors import ArgumentError
 from leastaction.io import Motion, read_bvh
 from leastaction.io.motion.capture import axis_rotation
 from leastaction.models.marionette import JOINT_LIMITS, marionette
-
-REPOSITORY = Path(__file__).resolve().parents[2]
-SHARED = Path(os.environ.get("SHARED_DIR", REPOSITORY.parent / "shared")) / "data" / "mocap"
 
 MIXAMO = {role: f"mixamorig:{name}" for role, name in CMU_NAMES.items()}
 KINECT = {
@@ -308,8 +304,6 @@ def test_speeds_are_tried_until_one_is_slow_enough() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("file", ["cmu_02_01_walk", "wave_hello", "dab"])
 def test_real_captures(tmp_path: Path, capsys: pytest.CaptureFixture[str], file: str) -> None:
-    path = SHARED / f"{file}.bvh"
-    if not path.exists():
-        pytest.skip(f"no {path} (set SHARED_DIR)")
+    path = captured(f"{file}.bvh")
     optimize(capsys, tmp_path / "out", "--motion", path, "--dt", 0.02, "--trim", 0, 1, "--max-iterations", 30)
     check(tmp_path / "out", within=0.02)

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import pytest
 
+from apps.motions import captured
 from leastaction import Rig
 from leastaction.apps.cli.summary import checked
 from leastaction.apps.marionette import TrackingRun, check, load_motion, track, walk_in_place
 from leastaction.apps.marionette.tracking.found import held_error
 from leastaction.models.marionette import marionette
-
-SHARED = Path(os.environ.get("SHARED_DIR", Path(__file__).parents[3] / "shared")) / "data" / "mocap"
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +47,6 @@ def test_a_plan_that_a_rig_loses_is_told_what_may_help(run: TrackingRun, monkeyp
 @pytest.mark.slow
 def test_strings_that_go_slack_are_reckoned_with() -> None:
     """Two strings at each limb, half a newton in some: noise that pulls one taut slackens another."""
-    file = SHARED / "cmu_02_01_walk.bvh"
-    if not file.exists():
-        pytest.skip(f"no {file} (set SHARED_DIR)")
-    run = track(marionette(strings=9), load_motion(file, dt=0.01).motion)
+    run = track(marionette(strings=9), load_motion(captured("cmu_02_01_walk.bvh"), dt=0.01).motion)
     for seed in range(2):
         assert check(run, Rig(seed=seed)).error < 1.3 * run.held_error

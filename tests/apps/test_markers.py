@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from apps.motions import captured
 from apps.puppet_bvh import waving, write_puppet
 from leastaction.apps.cli import main
 from leastaction.apps.marionette import (
@@ -30,8 +30,6 @@ from leastaction.io import Motion, read_bvh
 from leastaction.io.results.record import load_record, save_record
 from leastaction.models.marionette import JOINT_LIMITS, REST, marionette
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-SHARED = Path(os.environ.get("SHARED_DIR", REPOSITORY.parent / "shared")) / "data" / "mocap"
 PUPPET = marionette(strings=9)
 
 
@@ -221,10 +219,7 @@ def test_markers_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.slow
 @pytest.mark.parametrize("file", ["cmu_02_01_walk", "wave_hello"])
 def test_markers_of_captures(file: str) -> None:
-    path = SHARED / f"{file}.bvh"
-    if not path.exists():
-        pytest.skip(f"no {path} (set SHARED_DIR)")
-    motion = load_motion(path, dt=0.02, markers=True).motion
+    motion = load_motion(captured(f"{file}.bvh"), dt=0.02, markers=True).motion
     by_joints, by_markers = (track(PUPPET, motion, planned=True, follow=what) for what in ("joints", "markers"))
     assert by_markers.result.success
     assert by_markers.tension.min() >= 0.5 - 1e-6

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import re
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from apps.motions import captured
 from apps.puppet_bvh import write_puppet
 
 pytest.importorskip("matplotlib")
@@ -27,8 +27,6 @@ from leastaction.models.marionette import marionette
 
 REPOSITORY = Path(__file__).parents[2]
 EXAMPLES = REPOSITORY / "examples"
-SHARED = Path(os.environ.get("SHARED_DIR", REPOSITORY.parent / "shared")) / "data" / "mocap"
-CAPTURE = SHARED / "cmu_02_01_walk.bvh"
 SCRIPTS = sorted(path.stem for path in EXAMPLES.glob("[0-9]*.py"))
 
 
@@ -363,10 +361,9 @@ def test_marionette_follows_in_continuous_time_what_it_has_to_be_made_to_do(monk
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not CAPTURE.exists(), reason="the captured walk is not part of the package")
 def test_marionette_follows_a_real_capture_in_continuous_time(monkeypatch: pytest.MonkeyPatch) -> None:
     example = load("18_marionette", monkeypatch)
-    motion = load_motion(CAPTURE).motion
+    motion = load_motion(captured("cmu_02_01_walk.bvh")).motion
     run = track(marionette(strings=9), replace(motion, t=motion.t[:121], q=motion.q[:121]))
     window = example.follow_continuously(run, (0.4, 0.9))
     assert window.result.status is Status.CONVERGED, window.result.message

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import time
 from collections.abc import Callable
@@ -14,14 +13,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as some
 
 from apps import puppet_asf, puppet_bvh
+from apps.motions import captured
 from apps.puppet_bvh import waving
 from leastaction.apps.cli import main
 from leastaction.apps.marionette import load_motion, retarget
 from leastaction.errors import ArgumentError, MotionFileError
 from leastaction.io import forward_kinematics, read_amc, read_bvh, read_capture
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-SHARED = Path(os.environ.get("SHARED_DIR", REPOSITORY.parent / "shared")) / "data" / "mocap"
 Change = Callable[[list[str]], list[str]]
 
 
@@ -270,9 +268,7 @@ def test_an_amc_file_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureF
 
 def test_the_walk_of_the_database_in_both_formats() -> None:
     """The BVH file is a conversion: its person is 6.31 % larger, and was fitted to the markers anew."""
-    amc, bvh = SHARED / "cmu_02_01_walk.amc", SHARED / "cmu_02_01_walk.bvh"
-    if not amc.exists():
-        pytest.skip(f"no {amc} (set SHARED_DIR)")
+    amc, bvh = captured("cmu_02_01_walk.amc"), captured("cmu_02_01_walk.bvh")
     one, other = read_amc(amc), read_bvh(bvh)
     assert one.n_frames == other.n_frames == 343
     assert one.frame_time == pytest.approx(other.frame_time, rel=1e-4)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from apps.motions import captured
 from apps.puppet_bvh import (
     CMU_NAMES,
     Y_UP,
@@ -32,16 +32,10 @@ from leastaction.io import Motion, forward_kinematics, read_bvh
 from leastaction.io.motion.capture import axis_rotation
 from leastaction.models.marionette import REST, marionette
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-SHARED = Path(os.environ.get("SHARED_DIR", REPOSITORY.parent / "shared"))
-CMU_WALK = SHARED / "data" / "mocap" / "cmu_02_01_walk.bvh"
-
 
 @pytest.fixture
 def cmu_walk() -> Path:
-    if not CMU_WALK.exists():
-        pytest.skip(f"no {CMU_WALK} (set SHARED_DIR)")
-    return CMU_WALK
+    return captured("cmu_02_01_walk.bvh")
 
 
 # Reading and forward kinematics
