@@ -10,6 +10,7 @@ from benchmarks.cases import Array, Case
 from benchmarks.marionette import problem
 from benchmarks.settings import Settings
 from benchmarks.timing import Absent, Row, Timing, best_of, timed
+from leastaction.mechanics.discrete.linearization import step_pattern
 from leastaction.optimal.discrete.linear_quadratic import Workspace, solve_linear_quadratic
 
 GROUP = "lq"
@@ -47,7 +48,7 @@ def _marionette(case: Case, settings: Settings, size: str) -> list[Row]:
     z = np.ascontiguousarray(gradient.q)
     H = d.packed_curvature_all(z)
     common = {
-        "pattern": d.pattern,
+        "pattern": step_pattern(integrator.mechanism, multipliers=False),
         "Q": hessian.Q,
         "R": hessian.R,
         "Q_final": hessian.Q_final,

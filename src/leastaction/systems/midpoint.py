@@ -13,7 +13,7 @@ from leastaction._core import StepStatus
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.configuration.assembly import project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
-from leastaction.mechanics.discrete.linearization import StepDerivatives
+from leastaction.mechanics.discrete.linearization import StepDerivatives, step_pattern
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.sensitivity import by_time_step, start_by, steps_by
@@ -57,6 +57,7 @@ class MidpointSystem(DiscreteSystem):
         self.nu = m.n_inputs + m.nrho
         self.N = len(self.t) - 1
         self.first_share = 1.0
+        self._pattern = step_pattern(m, multipliers=multipliers)
 
     def when(self, k: int) -> str:
         return f"step {k} at t = {self.t[k]:.4g} s"
@@ -269,7 +270,10 @@ class MidpointSystem(DiscreteSystem):
                 "system returned"
             )
         d = self._linearize(self.t, x, u, self.first_share, memory)
-        return Linearization(d.A_all, d.B_all, d.curvature_all, d, d.pattern, d.packed_curvature_all)
+        return self._linearization(d)
+
+    def _linearization(self, d: StepDerivatives) -> Linearization:
+        return Linearization(d.A_all, d.B_all, d.curvature_all, d, self._pattern, d.packed_curvature_all)
 
     def step_each(self, x: Array, u: Array) -> Rollout:
         if type(self).f is not MidpointSystem.f:
@@ -288,7 +292,7 @@ class MidpointSystem(DiscreteSystem):
         d = self.integrator.linearize_arrays(
             self.t, self._bare(x), u, multipliers=self.multipliers, ends=self._bare(ends), first_share=self.first_share
         )
-        return Linearization(d.A_all, d.B_all, d.curvature_all, d, d.pattern, d.packed_curvature_all)
+        return self._linearization(d)
 
     def curvatures(self, x: Array, u: Array, z: Array) -> Array:
         return self.linearize(x, u).curvature(z)

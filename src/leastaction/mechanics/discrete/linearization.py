@@ -60,24 +60,6 @@ class StepDerivatives:
         return self.core.B
 
     @property
-    def pattern(self) -> npt.NDArray[np.bool_]:
-        """Which entries of ``[A_all B_all]`` may differ from zero, at any step, shape (ny, ny + n_inputs + nrho).
-
-        The dynamic variables, their momenta and the multipliers depend on everything but the rates of the prescribed
-        variables and the multipliers; what is prescribed is copied or differenced.
-        """
-        m, ny = self.mechanism, self.A_all.shape[1]
-        dynamic = np.zeros(ny, dtype=bool)
-        dynamic[: m.nd] = dynamic[m.nq : m.nq + m.nd] = dynamic[m.nx :] = True
-        free = np.zeros(ny + m.n_inputs + m.nrho, dtype=bool)
-        free[: m.nq + m.nd] = free[ny:] = True
-        pattern = dynamic[:, None] & free
-        k = np.arange(m.nrho)
-        pattern[m.nd + k, ny + m.n_inputs + k] = True
-        pattern[m.nq + m.nd + k, ny + m.n_inputs + k] = pattern[m.nq + m.nd + k, m.nd + k] = True
-        return pattern
-
-    @property
     def A(self) -> Array:
         """Next state by state, shape (N, nx, nx)."""
         nx = self.mechanism.nx
@@ -142,8 +124,28 @@ class StepDerivatives:
         return self.core.curvature(z, more, self.integrator.threads)
 
     def packed_curvature_all(self, z: Array) -> Array:
-        """Return lower triangles of the same Hessians, by rows, of what `pattern` has entries of and the inputs."""
+        """Return lower triangles of the same Hessians, by rows, of inputs and what `step_pattern` has entries of."""
         return self.core.packed_curvature(z, self.integrator.threads)
+
+
+def step_pattern(mechanism: Mechanism, *, multipliers: bool) -> npt.NDArray[np.bool_]:
+    """Return which entries of ``[A_all B_all]`` may differ from zero, at any step, shape (ny, ny + n_inputs + nrho).
+
+    The dynamic variables, their momenta and the multipliers depend on everything but the rates of the prescribed
+    variables and the multipliers; what is prescribed is copied or differenced. ``multipliers``: whether these stand
+    after the state.
+    """
+    m = mechanism
+    ny = m.nx + (m.nc if multipliers else 0)
+    dynamic = np.zeros(ny, dtype=bool)
+    dynamic[: m.nd] = dynamic[m.nq : m.nq + m.nd] = dynamic[m.nx :] = True
+    free = np.zeros(ny + m.n_inputs + m.nrho, dtype=bool)
+    free[: m.nq + m.nd] = free[ny:] = True
+    pattern = dynamic[:, None] & free
+    k = np.arange(m.nrho)
+    pattern[m.nd + k, ny + m.n_inputs + k] = True
+    pattern[m.nq + m.nd + k, ny + m.n_inputs + k] = pattern[m.nq + m.nd + k, m.nd + k] = True
+    return pattern
 
 
 def _restored(integrator: Integrator, steps: int, multipliers: bool, arrays: list[Array]) -> StepDerivatives:
