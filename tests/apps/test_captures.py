@@ -15,7 +15,8 @@ import pytest
 from apps.motions import captured, leap
 from apps.puppet_bvh import CMU_NAMES, Z_UP, Convention, waving, write_puppet
 from leastaction.apps.cli import main
-from leastaction.apps.cli.summary import _unit_of, as_text, run_summary, summary_tables
+from leastaction.apps.cli.summary import _unit_of, run_summary
+from leastaction.apps.cli.tables import as_text, summary_tables
 from leastaction.apps.marionette import (
     VARIABLES,
     load_motion,

@@ -6,7 +6,7 @@ import pytest
 
 from apps.motions import captured
 from leastaction import Rig
-from leastaction.apps.cli.summary import checked
+from leastaction.apps.cli.tables import checked
 from leastaction.apps.marionette import TrackingRun, check, load_motion, track, walk_in_place
 from leastaction.apps.marionette.tracking.found import held_error
 from leastaction.models.marionette import marionette
@@ -38,7 +38,7 @@ def test_another_puppet_is_not_held_to_the_plan(run: TrackingRun) -> None:
 
 def test_a_plan_that_a_rig_loses_is_told_what_may_help(run: TrackingRun, monkeypatch: pytest.MonkeyPatch) -> None:
     light = Rig(factors={"?humerus_mass.mass": 0.3, "?radius_mass.mass": 0.3}, stiffness=200.0)
-    monkeypatch.setattr("leastaction.apps.cli.summary.check", lambda each: check(each, light))
+    monkeypatch.setattr("leastaction.apps.cli.tables.check", lambda each: check(each, light))
     assert run.tension.min() < 2.0
     assert "more than twice as much. Strings planned with" in (said := checked(run))
     assert said.endswith("plan with a higher least tension (--tension 2)")

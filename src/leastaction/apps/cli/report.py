@@ -13,7 +13,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from leastaction.apps.cli.summary import as_text, run_summary, summary_tables
+from leastaction.apps.cli.summary import run_summary
+from leastaction.apps.cli.tables import as_text, summary_tables
 from leastaction.apps.marionette.markers import plot_markers
 from leastaction.apps.marionette.resting import RestingPoses, plot_resting, resting
 from leastaction.apps.marionette.scene import GROUPS, marionette_scene, string_label, string_lengths

@@ -18,7 +18,8 @@ from leastaction.apps.choices import Follow
 from leastaction.apps.cli.options import OptimiserOptions, OutputOptions
 from leastaction.apps.cli.report import TRAJECTORY, at_rest, remove_report, write_report
 from leastaction.apps.cli.shield import uninterrupted
-from leastaction.apps.cli.summary import checked, run_summary, speed_table, summary_tables
+from leastaction.apps.cli.summary import run_summary
+from leastaction.apps.cli.tables import checked, speed_table, summary_tables
 from leastaction.apps.marionette.speeds import AtSpeed, fastest
 from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch, save_run, save_search, track
 from leastaction.errors import OutputError
