@@ -6,17 +6,13 @@ Every check compares order n of a derivative with differences of order n - 1.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, overload
-
-from numpy.typing import ArrayLike
+from typing import Any
 
 from leastaction.errors import ArgumentError
 from leastaction.optimal.continuous.checks import compare_continuous
-from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.discrete.checks import compare_discrete
-from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import check_system
 
@@ -50,29 +46,6 @@ class DerivativeReport:
             for name, error in self.errors.items()
         ]
         return "\n".join(lines)
-
-
-@overload
-def check_derivatives(
-    system: DiscreteSystem,
-    x: ArrayLike,
-    u: ArrayLike,
-    *,
-    cost: Cost | None = ...,
-    tolerance: float = ...,
-    seed: int = ...,
-) -> DerivativeReport: ...
-
-
-@overload
-def check_derivatives(
-    system: ContinuousSystem,
-    x: DenseTrajectory,
-    *,
-    cost: ContinuousCost | None = ...,
-    tolerance: float = ...,
-    seed: int = ...,
-) -> DerivativeReport: ...
 
 
 def check_derivatives(
