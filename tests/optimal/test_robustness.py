@@ -23,6 +23,7 @@ from optimal.systems import CartPendulum
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.robustness import certify, solve, summary
+from benchmarks.robustness_drawn import drawn
 from benchmarks.robustness_further import FURTHER
 from benchmarks.robustness_others import OTHERS
 from benchmarks.robustness_problems import PROBLEMS, Given, arm, chain, constant, posed
@@ -148,23 +149,45 @@ def test_a_wrong_second_derivative_does_not_keep_it_from_converging(worth):
     assert "check_derivatives" in result.message
 
 
-def test_a_leap_to_another_solution_ends_the_search():
-    """A step of time that is torn away by the least change: the message says which."""
+def torn_beyond(wall: float) -> FunctionSystem:
+    """Return a system in which the least change beyond some place tears a step of time away."""
 
     def f(x, u, k):
-        torn = 4.0 if k == 12 and x[0] > 1e-9 else 0.0
+        torn = 4.0 if k == 12 and x[0] > wall else 0.0
         return np.array([x[0] + 0.1 * u[0] + torn])
 
     def derivatives(x, u, k):
         return np.eye(1), np.full((1, 1), 0.1)
 
-    system = FunctionSystem(f, nx=1, nu=1, N=N, derivatives=derivatives)
+    return FunctionSystem(f, nx=1, nu=1, N=N, derivatives=derivatives)
+
+
+def test_a_leap_to_another_solution_ends_the_search():
+    """A step of time that is torn away by the least change: the message says which."""
     cost = QuadraticCost(np.ones((N + 1, 1)), np.zeros((N, 1)), Q=[1.0], R=[1.0], Q_final=[1.0])
-    result = optimize(system, cost, initial=(np.zeros(1), np.zeros((N, 1))))
+    result = optimize(torn_beyond(1e-9), cost, initial=(np.zeros(1), np.zeros((N, 1))))
     assert result.status is Status.LINE_SEARCH_FAILED
     assert "step 12 leaps" in result.message
     assert "time step is too coarse" in result.message
     assert result.rollouts < 30
+
+
+def test_steps_that_may_be_shortened_are_before_a_leap_ends_the_search():
+    wall = 3e-3  # less than the shortest steps of a search lead to, without a shift of weights
+    cost = QuadraticCost(np.ones((N + 1, 1)), np.zeros((N, 1)), Q=[1.0], R=[1.0], Q_final=[1.0])
+    result = optimize(torn_beyond(wall), cost, initial=(np.zeros(1), np.zeros((N, 1))))
+    assert result.status is Status.LINE_SEARCH_FAILED
+    assert result.x[12, 0] > 0.9 * wall
+    assert "step 12 leaps" in result.message
+
+
+def test_a_run_that_creeps_towards_its_end_is_not_begun_again():
+    """After 200 iterations in a flat valley, with a hundred thousandth of the cost to be gained."""
+    (given,) = [problem.build() for problem in drawn(31) if problem.name.endswith("noise 31035")]
+    records = []
+    result = optimize(given.system, given.cost, initial=(given.x, given.u), callback=records.append)
+    assert result.status is Status.CONVERGED
+    assert not any("began again" in record.note for record in records)
 
 
 def test_what_cut_a_step_is_told():

@@ -36,8 +36,8 @@ __all__ = ["COARSE", "DiscreteDirection", "DiscreteProblem", "Iterate"]
 _DEAR = 10.0
 
 # A leap: a short step, foretold to move the trajectory by less than the second, moves it by more than the third from
-# one instant to the next.
-_SHORT, _NEAR, _FAR = 0.1, 0.02, 0.2
+# one instant to the next. Shorter ones will too if it was foretold to move it by less than the last.
+_SHORT, _NEAR, _FAR, _TORN = 0.1, 0.02, 0.2, 1e-3
 
 # A trial is refused where the determinant ratio s of its coarsest step is above the first, unless it is so along the
 # current iterate; the second is how much further a step may go there.
@@ -451,7 +451,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     def _look_for_jump(self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal) -> Refusal:
         """Return the refusal of a trial, the better explained if one step of time leapt to another solution.
 
-        Where a step that hardly moves the trajectory is torn away at once, shorter ones will be too.
+        Where a step that hardly moves the trajectory at all is torn away at once, shorter ones will be too.
         """
         if length > _SHORT and direction.shift == 0.0:
             return refusal
@@ -472,7 +472,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             f"trajectory there by {moved[k + 1]:.2g} of its size, where {expected[k + 1]:.2g} was foretold. "
             "The time step is too coarse there"
         )
-        return Refusal(reason, k, hopeless=True)
+        return Refusal(reason, k, hopeless=bool(expected[k + 1] < _TORN))
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
         x, u, self.worst_step = trial.iterate

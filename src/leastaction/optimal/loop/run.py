@@ -16,6 +16,9 @@ __all__ = ["Run"]
 # Of so many first steps, most were shorter than the last where a run is likely to get lost.
 _FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
 
+# Where less than this part of the cost is expected to be gained, a run creeps towards its end: it is not lost.
+_CREEPING = 1e-4
+
 # The decrease that is expected is at most this part of what it was before a Newton step that was all but full.
 _AFTER, _FULL = 0.1, 0.9
 
@@ -72,6 +75,11 @@ class Run:
     def was_violent(self) -> bool:
         """Whether most of the first steps had to be cut short: the run is likely to get lost."""
         return sum(length < _CUT for length in self.history.step_lengths[:_FIRST_STEPS]) >= _MOST
+
+    @property
+    def creeps(self) -> bool:
+        """Whether so little is left to be gained that no other way is likely to be the shorter one."""
+        return self.schedule.expected <= _CREEPING * abs(self.problem.value)
 
     @property
     def foresees_end(self) -> bool:

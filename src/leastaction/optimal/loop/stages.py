@@ -40,7 +40,7 @@ class Stages:
         elif run.has_just_begun and run.was_violent and run.problem.tells_violence:
             if not self._begin_with_gaps():
                 self._begin_again()
-        elif run.history.iterations == run.problem.long_run and not run.schedule.again:
+        elif run.history.iterations == run.problem.long_run and not (run.schedule.again or run.creeps):
             self._begin_with_gaps()
 
     def go_on(self, outcome: Outcome) -> bool:
