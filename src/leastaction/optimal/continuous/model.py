@@ -16,7 +16,7 @@ from leastaction.optimal.continuous.riccati import Samples
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
-__all__ = ["SampledSystem", "TangentModel", "sample_model", "with_identities"]
+__all__ = ["SampledSystem", "TangentModel", "sample_model", "with_curvature", "with_identities"]
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,12 @@ def with_identities(samples: Samples) -> Samples:
     return samples._replace(
         Q=np.broadcast_to(np.eye(nx), (n, nx, nx)), R=np.broadcast_to(np.eye(nu), (n, nu, nu)), S=np.zeros((n, nx, nu))
     )
+
+
+def with_curvature(samples: Samples, H: Array) -> Samples:
+    """Return the problem with a Hessian (n, nx+nu, nx+nu) beside the weights: a part of the dynamics' curvature."""
+    nx = samples.A.shape[1]
+    return samples._replace(Q=samples.Q + H[:, :nx, :nx], R=samples.R + H[:, nx:, nx:], S=samples.S + H[:, :nx, nx:])
 
 
 def _united(breaks: Array, jumps: ArrayLike) -> Array:

@@ -11,8 +11,15 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, require_finite
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.cost import ContinuousCost
+from leastaction.optimal.continuous.descent import escape
 from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.continuous.model import SampledSystem, TangentModel, sample_model, with_identities
+from leastaction.optimal.continuous.model import (
+    SampledSystem,
+    TangentModel,
+    sample_model,
+    with_curvature,
+    with_identities,
+)
 from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.riccati import (
     ContinuousLinearQuadraticSolution,
@@ -41,8 +48,8 @@ _ESCAPE = 1e4
 # Of the whole Newton model, which also tells a minimum from a saddle, it takes more.
 _SURELY = 1e6
 
-_MODELS, _ENOUGH = 40, 6  # that are tried at most to find a direction of negative curvature, and once there is one
-_DECREASE, _REACH = 0.1, 0.3  # expected of a step along it, and how far it goes, relative to the sizes of the states
+# Expected of a step along a direction of negative curvature, and how far it goes, relative to the sizes of the states.
+_DECREASE, _REACH = 0.1, 0.3
 
 
 @dataclass(frozen=True)
@@ -275,64 +282,24 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         return swept.trajectory
 
     def negative_curvature(self, scale: float) -> ContinuousDirection | None:
-        """Return a direction of negative curvature, where the undamped Newton model has one.
-
-        As in discrete time: between the part of the curvature that leaves the model a minimum and the whole of it the
-        model becomes flat along a direction, which models that come close lead to by inverse iteration.
-        """
+        """Return a direction of negative curvature, where the undamped Newton model has one."""
         model = self._model()
-        nx, nu = self.system.nx, self.system.nu
-        t, weights = model.mesh.t, model.mesh.weights
-        whole = self._newton_samples(model, 1.0)
-        since = (t - t[0]) / (t[-1] - t[0])
-        du = np.cos(np.pi * np.outer(since, np.arange(4))) @ np.random.default_rng(0).normal(size=(4, nu))
-        low, high = scale, 1.0
-        found: tuple[float, float, float, float, PiecewisePolynomial] | None = None
-        for tried in range(_MODELS):
-            if found is not None and tried >= _ENOUGH:
-                break
-            trial = 0.5 * (low + high)
-            samples = self._newton_samples(model, trial)._replace(q=np.zeros((len(t), nx)), r=-du)
-            with self.clock("lq"):
-                solution = solve_samples(
-                    model.mesh, samples, model.Q_final, np.zeros(nx), accuracy=self.accuracy, jumps=self.jumps
-                )
-            if not solution.definite:
-                high = trial
-                continue
-            low = trial
-            tangent = self._sweep(solution)
-            dxu, end = tangent.xu(t), tangent.xu.flat(tangent.tf)[:nx]
-            dx, du = dxu[:, :nx], dxu[:, nx:]
-            size = float(np.sqrt(weights @ np.sum(du**2, axis=1)))
-            dx, du, end = dx / size, du / size, end / size
-            second = np.einsum("ni,nij,nj->n", dx, whole.Q, dx) + np.einsum("ni,nij,nj->n", du, whole.R, du)
-            second += 2.0 * np.einsum("ni,nij,nj->n", dx, whole.S, du)
-            bend = float(weights @ second + end @ model.Q_final @ end)
-            if bend < 0.0:
-                first = np.sum(model.samples.q * dx, axis=1) + np.sum(model.samples.r * du, axis=1)
-                slope = float(weights @ first + model.q_final @ end)
-                reach = float((np.abs(dx).max(axis=0) / (1.0 + self._size()[:nx])).max())
-                found = (slope, bend, size, reach, solution.feedback)
+
+        def solve(samples: Samples) -> ContinuousLinearQuadraticSolution:
+            return self._minimum(samples, model.Q_final, np.zeros(self.system.nx))
+
+        found = escape(model, self._curvature_along(model), scale, self._size(), solve=solve, sweep=self._sweep)
         if found is None:
             return None
-        slope, bend, size, reach, feedback = found
-        length = min(np.sqrt(2.0 * _DECREASE * abs(self.value) / -bend), _REACH / reach)
-        sign = -1.0 if slope > 0.0 else 1.0
+        length = min(np.sqrt(2.0 * _DECREASE * abs(self.value) / -found.bend), _REACH / found.reach)
+        sign = -1.0 if found.slope > 0.0 else 1.0
+        nx, nu = self.system.nx, self.system.nu
         factors = np.ones(nu * nx + nu)
-        factors[nu * nx :] = sign * length / size
-        mesh = Mesh(feedback.breaks)
-        scaled = mesh.fit(feedback(mesh.t) * factors, factors.shape)
+        factors[nu * nx :] = sign * length / found.size
+        mesh = Mesh(found.feedback.breaks)
+        scaled = mesh.fit(found.feedback(mesh.t) * factors, factors.shape)
         return ContinuousDirection(
-            "negative-curvature", -length * abs(slope), 1.0, bend=length**2 * bend, feedback=scaled
-        )
-
-    def _newton_samples(self, model: TangentModel, scale: float) -> Samples:
-        """Return the samples of the model with a part of the dynamics' curvature."""
-        nx, samples = self.system.nx, model.samples
-        H = scale * self._curvature_along(model)
-        return samples._replace(
-            Q=samples.Q + H[:, :nx, :nx], R=samples.R + H[:, nx:, nx:], S=samples.S + H[:, :nx, nx:]
+            "negative-curvature", -length * abs(found.slope), 1.0, bend=length**2 * found.bend, feedback=scaled
         )
 
     def _solve(self, method: str, scale: float, shift: float = 0.0) -> ContinuousLinearQuadraticSolution:
@@ -343,21 +310,20 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             samples = with_identities(samples)
             Q_final = np.eye(nx)
         elif method == "newton":
-            samples = self._newton_samples(model, scale)
+            samples = with_curvature(samples, scale * self._curvature_along(model))
         if shift > 0.0:
             nu = self.system.nu
             samples = samples._replace(Q=samples.Q + shift * np.eye(nx), R=samples.R + shift * np.eye(nu))
             Q_final = Q_final + shift * np.eye(nx)
+        return self._minimum(samples, Q_final, model.q_final, escape=_SURELY if scale == 1.0 else _ESCAPE)
+
+    def _minimum(
+        self, samples: Samples, Q_final: Array, q_final: Array, **options: float
+    ) -> ContinuousLinearQuadraticSolution:
+        """Return the solution of a model with other weights along the current curve."""
+        mesh = self._model().mesh
         with self.clock("lq"):
-            return solve_samples(
-                model.mesh,
-                samples,
-                Q_final,
-                model.q_final,
-                accuracy=self.accuracy,
-                jumps=self.jumps,
-                escape=_SURELY if scale == 1.0 else _ESCAPE,
-            )
+            return solve_samples(mesh, samples, Q_final, q_final, accuracy=self.accuracy, jumps=self.jumps, **options)
 
     def _solve_regulator(self) -> ContinuousLinearQuadraticSolution:
         """Return the LQR with identities as weights about the current curve."""
@@ -365,10 +331,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         samples = with_identities(model.samples)
         samples = samples._replace(q=np.zeros_like(samples.q), r=np.zeros_like(samples.r))
         nx = self.system.nx
-        with self.clock("lq"):
-            return solve_samples(
-                model.mesh, samples, np.eye(nx), np.zeros(nx), accuracy=self.accuracy, jumps=self.jumps
-            )
+        return self._minimum(samples, np.eye(nx), np.zeros(nx))
 
     def _model(self) -> TangentModel:
         """Return linearisation and cost along the current curve."""
