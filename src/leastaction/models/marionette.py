@@ -2,8 +2,8 @@
 
 22 dynamic variables: the pelvis' three translations and three rotations, three angles at each hip and
 shoulder, one at each knee and elbow. 18 kinematic variables: each string hangs from a point that moves in
-the horizontal plane `PLANE_HEIGHT` above the origin, and is drawn in and let out. There are no motors: the
-strings and gravity move the puppet.
+the horizontal plane `PLANE_HEIGHT` above the origin, and is drawn in and let out; or strings are tied to bars
+(`leastaction.models.puppet_controls`). There are no motors: the strings and gravity move the puppet.
 
 Axes: x to the puppet's right, y ahead, z up. All angles are zero when it stands straight with its arms down.
 """
@@ -12,13 +12,39 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Damping, Distance, Frame, Gravity, Mechanism, TendonForce, rx, ry, rz, tx, ty, tz
+from leastaction.models.puppet_controls import (
+    CONTROLS,
+    NINE_STRINGS,
+    STRING_SETS,
+    STRINGS,
+    Bar,
+    Control,
+    Count,
+    Hanging,
+    PuppetString,
+    TiedString,
+    bars_of,
+    held_strings,
+    set_of,
+    string_lengths,
+    strings_of,
+    strings_on,
+    tied_strings,
+)
+
+__all__ = [
+    "CONTROLS", "HOOK_REACH", "JOINT_LIMITS", "NINE_STRINGS", "PLANE_HEIGHT", "REST", "STRINGS", "STRING_SETS",
+    "UNHELD", "Bar", "Control", "Count", "Hanging", "PuppetString", "TiedString", "bars_of", "hang_strings",
+    "held_strings", "marionette", "rest_pose", "set_of", "string_lengths", "strings_of", "tie_strings",
+    "tied_strings",
+]  # fmt: skip
 
 PLANE_HEIGHT = 2.0
 """Height of the plane that the strings hang from (m)."""
@@ -47,93 +73,36 @@ JOINT_LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 there; who plans a motion states them as limits."""
 
 
-class PuppetString(NamedTuple):
-    """One string: the frames that it joins and the kinematic variables that move it.
-
-    ``hook``: the frame on the puppet; ``control``: the upper end; ``x``, ``y``: variables of the upper
-    end's place in the plane; ``length``: variable of the length.
-    """
-
-    name: str
-    hook: str
-    control: str
-    x: str
-    y: str
-    length: str
-
-
-def _string(part: str) -> PuppetString:
-    name = f"{part}_string"
-    return PuppetString(name, f"{name}_hook", f"{name}_control", f"{name}-x", f"{name}-y", f"{name}-length")
-
-
-_SIX = ("right_leg", "left_arm", "upper_torso", "right_arm", "lower_torso", "left_leg")
-_FEET, _ELBOWS = ("left_foot", "right_foot"), ("left_elbow", "right_elbow")
-_ALL = tuple(_string(part) for part in (*_SIX, *_FEET, "back", *_ELBOWS, "neck"))
-
-
-def _strings(*parts: str) -> tuple[PuppetString, ...]:
-    return tuple(string for string in _ALL if string.name in {f"{part}_string" for part in parts})
-
-
-STRINGS: tuple[PuppetString, ...] = _strings(*_SIX)
-"""The six strings, in the order of the constraints and of the kinematic variables."""
-
-NINE_STRINGS: tuple[PuppetString, ...] = _strings(
-    "right_leg", "left_arm", "right_arm", "left_leg", *_FEET, *_ELBOWS, "neck"
-)
-"""Nine strings: two at each leg, at the knee and at the foot, two at each arm, at the wrist and behind the elbow, and
-one at the neck. A limb of four angles on a single string swings about the line from its joint to the hook: at rest its
-elbow or knee hangs straight below that line. So the second strings are at the limbs, which hold the trunk as well."""
-
-Count = Literal[6, 7, 8, 9, 11]
-
-STRING_SETS: Mapping[Count, tuple[PuppetString, ...]] = MappingProxyType(
-    {
-        6: STRINGS,
-        7: _strings(*_SIX, "back"),
-        8: _strings(*_SIX, *_FEET),
-        9: NINE_STRINGS,
-        11: _strings(*_SIX, *_FEET, "back", *_ELBOWS),
-    }
-)
-"""The sets of strings by their number: the six; and the back; or the feet; two at each limb and the neck; the six with
-feet, back, and elbows."""
-
-
-def strings_of(mechanism: Mechanism) -> tuple[PuppetString, ...]:
-    """Return the strings of a marionette, in the order of its constraints, or of its tensions as inputs."""
-    names = mechanism.constraints or mechanism.inputs
-    return tuple(string for string in _ALL if string.name in names)
-
-
-def set_of(mechanism: Mechanism) -> Count:
-    """Return which of `STRING_SETS` a marionette hangs on."""
-    strings = strings_of(mechanism)
-    return next(count for count, each in STRING_SETS.items() if each == strings)
-
-
-def marionette(*, damping: float = 0.2, strings: Count = 6, by: Literal["length", "tension"] = "length") -> Mechanism:
+def marionette(*, damping: float = 0.2, strings: Hanging = 6, by: Literal["length", "tension"] = "length") -> Mechanism:
     """Return the marionette.
 
     Parameters
     ----------
     damping : float, optional
         Damping of every dynamic variable (N s/m and N m s/rad).
-    strings : {6, 7, 8, 9, 11}, optional
-        How many strings it hangs on: one of `STRING_SETS`.
+    strings : {6, 7, 8, 9, 11} or {"cross", "cross+legs", "cross+hands", "cross+legs+hands"}, optional
+        How many strings it hangs on, each held by a hand: one of `STRING_SETS`; or the control that it hangs on by
+        seven strings: one of `CONTROLS`. Strings that are tied to a bar have the lengths with which the puppet stands
+        straight, at the origin, below a level control; `tie_strings` gives them others.
     by : {"length", "tension"}, optional
         What is prescribed of a string besides its upper end: its length, as a kinematic variable of a constraint, or
-        its tension, as an input of the string's name (N, positive where it pulls). `PulledSystem` makes the same
-        motions of the second that `MidpointSystem` makes of the first.
+        as its number if it is tied to a bar; or its tension, as an input of the string's name (N, positive where it
+        pulls). `PulledSystem` makes the same motions of the second that `MidpointSystem` makes of the first.
+
+    Raises
+    ------
+    ArgumentError
+        For strings or a way that there are not.
     """
-    if strings not in STRING_SETS or by not in ("length", "tension"):
+    if (strings not in STRING_SETS and strings not in CONTROLS) or by not in ("length", "tension"):
         raise ArgumentError(
-            f"strings, by: got {strings!r} and {by!r}, expected {', '.join(map(str, STRING_SETS))} strings, "
-            "by 'length' or by 'tension'"
+            f"strings, by: got {strings!r} and {by!r}, expected {', '.join(map(str, STRING_SETS))} strings or one of "
+            f"{', '.join(map(repr, CONTROLS))}, by 'length' or by 'tension'"
         )
-    table = STRING_SETS[strings]
-    feet, back, elbows, neck = (_string(part) in table for part in ("left_foot", "back", "left_elbow", "neck"))
+    table = strings_on(strings)
+    bars = next((bars for name, bars in CONTROLS.items() if name == strings), ())
+    names = {string.name for string in table}
+    feet, back, elbows, neck = (f"{part}_string" in names for part in ("left_foot", "back", "left_elbow", "neck"))
     puppet = [
         tx("torso_tx"), [ty("torso_ty"), [tz("torso_tz"), [
             rz("torso_rz"), [ry("torso_ry"), [
@@ -160,20 +129,47 @@ def marionette(*, damping: float = 0.2, strings: Count = 6, by: Literal["length"
         ]]],
     ]  # fmt: skip
     upper_ends: list[Any] = []
-    for string in table:
+    hands = [string for string in table if isinstance(string, PuppetString)]
+    for string in hands:
         upper_ends += [tx(string.x, kinematic=True), [ty(string.y, name=string.control, kinematic=True)]]
+    for bar in bars:
+        upper_ends += bar.tree()
     pulls: list[Distance | TendonForce]
     if by == "length":
-        pulls = [Distance(s.hook, s.control, s.length, name=s.name) for s in table]
-        kinematic = [name for s in table for name in (s.x, s.y, s.length)]
+        pulls = [Distance(s.hook, s.control, s.length if s in hands else 1.0, name=s.name) for s in table]
+        kinematic = [name for s in hands for name in (s.x, s.y, s.length)]
     else:
         pulls = [TendonForce((s.hook, s.control), s.name) for s in table]
-        kinematic = [name for s in table for name in (s.x, s.y)]
-    return Mechanism(
+        kinematic = [name for s in hands for name in (s.x, s.y)]
+    result = Mechanism(
         [*puppet, tz(PLANE_HEIGHT, name="string_plane"), upper_ends],
         [Gravity((0.0, 0.0, -9.8)), Damping(damping), *pulls],
-        kinematic=kinematic,
+        kinematic=[*kinematic, *(name for bar in bars for name in bar.variables)],
     )
+    return tie_strings(result, hang_strings(result, np.zeros(result.nq))) if bars and by == "length" else result
+
+
+def tie_strings(mechanism: Mechanism, q: npt.ArrayLike) -> Mechanism:
+    """Return a marionette whose strings on bars are as long as they are in configurations.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From `marionette`, by lengths.
+    q : array_like, shape (nq,) or (N, nq)
+        Of several configurations, as long as in the mean.
+
+    Returns
+    -------
+    Mechanism
+        The same one where hands hold all strings.
+    """
+    strings = tied_strings(mechanism)
+    if not strings:
+        return mechanism
+    lengths = np.atleast_2d(string_lengths(mechanism, q)).mean(axis=0)
+    names = [string.name for string in strings_of(mechanism)]
+    return mechanism.with_parameters({s.length: float(lengths[names.index(s.name)]) for s in strings})
 
 
 def _leg(side: str, side_name: str, foot_string: bool) -> list[Frame | list[Any]]:
@@ -239,7 +235,10 @@ def rest_pose(mechanism: Mechanism) -> npt.NDArray[np.float64]:
 
 
 def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) -> npt.NDArray[np.float64]:
-    """Return configurations with every string taut, straight above its hook or slanted ahead.
+    """Return configurations with every string that a hand holds taut, straight above its hook or slanted ahead.
+
+    Bars are held level over the pelvis and turned as it is, in the plane of the hands: the strings that are tied to
+    them are as long there as they happen to be.
 
     Parameters
     ----------
@@ -255,7 +254,7 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) 
     Returns
     -------
     ndarray, shape (nq,) or (N, nq)
-        Satisfies the constraints.
+        Satisfies the constraints, but those of strings on bars.
 
     Raises
     ------
@@ -277,8 +276,16 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) 
     order = {name: index for index, name in enumerate(mechanism.variables)}
     yaw = result[..., order["torso_rz"]]
     for i, string in enumerate(strings):
+        if not isinstance(string, PuppetString):
+            continue
         slant = 0.0 if "torso" in string.name else ahead
         result[..., order[string.x]] = hooks[..., i, 0] - slant * np.sin(yaw)
         result[..., order[string.y]] = hooks[..., i, 1] + slant * np.cos(yaw)
         result[..., order[string.length]] = np.hypot(heights[..., i], slant)
+    for bar in bars_of(mechanism):
+        x, y, _ = bar.places
+        result[..., [order[name] for name in bar.variables]] = 0.0
+        result[..., order[x]] = result[..., order["torso_tx"]] - bar.ahead * np.sin(yaw)
+        result[..., order[y]] = result[..., order["torso_ty"]] + bar.ahead * np.cos(yaw)
+        result[..., order[bar.angles[0]]] = yaw
     return result

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import filecmp
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
-from leastaction.apps.choices import Axis, Follow, Heading
+from leastaction.apps.choices import Axis, Follow, Heading, Strings
 from leastaction.apps.cli.options import (
     MOTION,
     OUTPUT,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from leastaction.apps.cli.session import AtSpeeds
     from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch
     from leastaction.io.motion.motion import Motion
-    from leastaction.models.marionette import Count
+    from leastaction.models.marionette import Hanging
 
 _NOT_PRINTED = 1
 _BAD_INPUT = 2
@@ -105,11 +106,15 @@ def optimize(
     up: Annotated[Axis | None, Parameter(group=MOTION)] = None,
     forward: Annotated[Axis | None, Parameter(group=MOTION)] = None,
     heading: Annotated[Heading, Parameter(group=MOTION)] = "facing",
-    strings: Annotated[Literal[6, 7, 8, 9, 11], Parameter(group=PUPPET)] = 6,
+    strings: Annotated[Strings, Parameter(group=PUPPET)] = 6,
     tension: Annotated[float, Parameter(group=PUPPET)] = 0.5,
     reach: Annotated[float, Parameter(group=PUPPET)] = 2.0,
     end_speed: Annotated[float, Parameter(group=PUPPET)] = 8.0,
     end_acceleration: Annotated[float, Parameter(group=PUPPET)] = 150.0,
+    lift: Annotated[float, Parameter(group=PUPPET)] = 0.5,
+    tilt: Annotated[float, Parameter(group=PUPPET)] = 57.0,
+    turn_speed: Annotated[float, Parameter(group=PUPPET)] = 12.0,
+    turn_acceleration: Annotated[float, Parameter(group=PUPPET)] = 300.0,
     check: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False,
     resume: Annotated[Path | None, Parameter(group=MOTION)] = None,
     optimiser: OptimiserOptions | None = None,
@@ -124,7 +129,7 @@ def optimize(
     Parameters
     ----------
     mechanism
-        The mechanism: marionette, a puppet of 22 joint variables on six strings, or on more.
+        The mechanism: marionette, a puppet of 22 joint variables on six strings, on more, or on a control.
     motion
         Motion capture to follow: a BVH file, or an AMC file. A walk on the spot is made up without it.
     mapping
@@ -162,15 +167,25 @@ def optimize(
         takes out the slow turns of one who walks in a circle.
     strings
         How many strings: 6; 7, with one behind the pelvis; 8, with one at each foot; 9, two at each limb and one at the
-        neck; 11, the six with feet, pelvis and elbows.
+        neck; 11, the six with feet, pelvis and elbows. Or what the seven are tied to, with fixed lengths: cross, a
+        rigid bar for all; cross+legs, with a bar of their own for the knees; cross+hands, cross+legs+hands, where
+        the strings of the puppet's hands are picked up by hands.
     tension
         Least tension of every string at every instant, N.
     reach
-        How far the strings' upper ends may be from above the wanted pelvis along each axis, m.
+        How far the strings' upper ends, and bars, may be from above the wanted pelvis along each axis, m.
     end_speed
-        Largest speed of the upper ends along each axis, m/s.
+        Largest speed of the upper ends, and bars, along each axis, m/s.
     end_acceleration
-        Largest acceleration of the upper ends along each axis, m/s^2.
+        Largest acceleration of the upper ends, and bars, along each axis, m/s^2.
+    lift
+        How far a bar may be lifted above the plane of the hands, and lowered, m.
+    tilt
+        How far a bar may be tilted from level about each axis, degrees.
+    turn_speed
+        Largest speed of a bar's turns about each axis, rad/s.
+    turn_acceleration
+        Largest acceleration of a bar's turns about each axis, rad/s^2.
     check
         Play what is found, under feedback, on a simulated rig with elastic strings that go slack, masses that are
         off, and sensors that are noisy and late; say how far its joints are off.
@@ -195,7 +210,16 @@ def optimize(
             raise ArgumentError(f"{option} belongs to a motion capture file: give --motion FILE too")
     from leastaction.apps.marionette.tracking.limits import PuppetLimits
 
-    limits = PuppetLimits(tension=tension, reach=reach, speed=end_speed, acceleration=end_acceleration)
+    limits = PuppetLimits(
+        tension=tension,
+        reach=reach,
+        speed=end_speed,
+        acceleration=end_acceleration,
+        lift=lift,
+        tilt=math.radians(tilt),
+        turn_speed=turn_speed,
+        turn_acceleration=turn_acceleration,
+    )
     if resume is not None:
         from leastaction.apps.marionette.tracking import load_unfinished
 
@@ -335,7 +359,7 @@ def _run(
     folder: Path,
     *,
     limits: PuppetLimits | None = None,
-    strings: Count = 6,
+    strings: Hanging = 6,
     follow: Follow = "joints",
     check: bool = False,
 ) -> int:

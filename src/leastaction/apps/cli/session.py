@@ -24,7 +24,7 @@ from leastaction.apps.marionette.speeds import AtSpeed, fastest
 from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch, save_run, save_search, track
 from leastaction.errors import OutputError
 from leastaction.io.motion.motion import Motion
-from leastaction.models.marionette import Count, marionette
+from leastaction.models.marionette import Hanging, marionette
 from leastaction.optimal import IterationRecord, IterationTable, Status
 
 SEARCH = "search.npz"  # a run that still seeks its first trajectory
@@ -52,7 +52,7 @@ def run(
     folder: Path,
     complain: Complain,
     limits: PuppetLimits | None = None,
-    strings: Count = 6,
+    strings: Hanging = 6,
     follow: Follow = "joints",
     check: bool = False,
 ) -> int:
@@ -152,7 +152,7 @@ def _optimise(
     console: Console,
     kept: list[Path],
     limits: PuppetLimits | None,
-    strings: Count,
+    strings: Hanging,
     follow: Follow,
 ) -> TrackingRun:
     """Optimise, printing the iterations as they happen and keeping the run now and then."""

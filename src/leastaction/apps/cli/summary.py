@@ -11,6 +11,7 @@ from leastaction.apps.marionette.markers import MARKERS
 from leastaction.apps.marionette.resting import RestingPoses
 from leastaction.apps.marionette.scene import string_lengths
 from leastaction.apps.marionette.tracking import Effort, PuppetLimits, TrackingRun
+from leastaction.models.marionette import bars_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Status
 from leastaction.viz import TrackingErrors
@@ -19,9 +20,9 @@ _FAR: Final = 5.0  # degrees (rms), from which a joint is said not to be followe
 _KINDS: Final = {
     "tension": "tensions of the strings",
     "joints": "angles of the joints",
-    "reach": "reach of the strings' ends",
-    "speed": "speed of the strings' ends",
-    "acceleration": "acceleration of the strings' ends",
+    "reach": "reach of the strings' ends, or lift and tilt of bars",
+    "speed": "speed of the strings' ends, or of bars",
+    "acceleration": "acceleration of the strings' ends, or of bars",
 }
 
 # The optimiser speaks of its arguments, the command line of its options.
@@ -36,7 +37,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
     """Return the numbers of a run as plain data for JSON.
 
     ``rest``: what strings can hold at rest, if that is to be told. Returns ``run``, ``settings``, ``versions``,
-    ``cost``, ``tracking`` (errors in degrees and metres) and ``strings``.
+    ``cost``, ``tracking`` (errors in degrees and metres), ``strings`` and ``bars``.
     """
     result, t = run.result, run.trajectory.t
     far, against = _not_followed(run)
@@ -74,6 +75,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
             name: _string(run.tension[:, i], string_lengths(run)[:, i])
             for i, name in enumerate(run.mechanism.constraints)
         },
+        "bars": _bars(run),
     }
 
 
@@ -111,13 +113,12 @@ def _not_followed(run: TrackingRun) -> tuple[list[dict[str, Any]], list[dict[str
 
 def _unit_of(label: str) -> str:
     """Return the unit of a limit by its label, which begins with what is limited."""
-    for begins, unit in (("v_", "m/s"), ("acceleration of ", "m/s²"), ("tension of ", "N")):
-        if label.startswith(begins):
-            return unit
-    name = label.split(maxsplit=1)[0]
-    if name.endswith(("-x", "-y")):
-        return "m"
-    return "N" if name.endswith("_string") else "rad"
+    if label.startswith("tension of "):
+        return "N"
+    begins = next((each for each in ("v_", "acceleration of ") if label.startswith(each)), "")
+    name = label.removeprefix(begins).split(maxsplit=1)[0]
+    unit = "m" if name.endswith(("-x", "-y", "-z")) else "N" if name.endswith("_string") else "rad"
+    return unit + {"": "", "v_": "/s", "acceleration of ": "/s²"}[begins]
 
 
 def _broken(run: TrackingRun, limits: PuppetLimits) -> list[str]:
@@ -169,3 +170,22 @@ def _string(pull: Array, length: Array) -> dict[str, float]:
         "length_min_m": float(length.min()),
         "length_max_m": float(length.max()),
     }
+
+
+def _bars(run: TrackingRun) -> dict[str, dict[str, dict[str, float | str]]]:
+    """How bars are moved: each of their variables from its least to its largest value, and its largest speed."""
+    dt = float(run.trajectory.t[1] - run.trajectory.t[0])
+    found: dict[str, dict[str, dict[str, float | str]]] = {}
+    for bar in bars_of(run.mechanism):
+        found[bar.name] = {}
+        for name in bar.variables:
+            place, unit = run.trajectory[name], "m"
+            if name in bar.angles:
+                place, unit = np.rad2deg(place), "deg"
+            found[bar.name][name.removeprefix(f"{bar.name}-")] = {
+                "unit": unit,
+                "min": float(place.min()),
+                "max": float(place.max()),
+                "max_speed": float(np.abs(np.diff(place)).max()) / dt,
+            }
+    return found

@@ -32,6 +32,7 @@ def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
         _tracking_table(summary["tracking"]),
         "",
         _string_table(summary["strings"]),
+        *(["", _bar_table(summary["bars"])] if summary["bars"] else []),
     )
 
 
@@ -155,6 +156,18 @@ def _string_table(strings: Mapping[str, Any]) -> RenderableType:
             *(f"{entry[f'length_{kind}_m']:.3f} m" for kind in ("min", "max")),
         )
     return _titled("Strings", table)
+
+
+def _bar_table(bars: Mapping[str, Any]) -> RenderableType:
+    table = _table("bar", "", "min", "max", "fastest", left=2)
+    moves = {"x": "right", "y": "ahead", "z": "up", "rz": "turned", "ry": "tilted aside", "rx": "tilted ahead"}
+    for bar, variables in bars.items():
+        for i, (name, entry) in enumerate(variables.items()):
+            unit, digits = ("°", 1) if entry["unit"] == "deg" else (" m", 3)
+            ends = (f"{entry[end]:z.{digits}f}{unit}" for end in ("min", "max"))
+            label = Text(bar if i == 0 else "", style="dim")
+            table.add_row(label, moves[name], *ends, f"{entry['max_speed']:.{digits}f}{unit}/s")
+    return _titled("Bars", table)
 
 
 def _millimetres(value: float) -> str:

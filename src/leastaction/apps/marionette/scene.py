@@ -10,7 +10,8 @@ import numpy as np
 
 from leastaction.apps.marionette.tracking.found import TrackingRun
 from leastaction.apps.marionette.tracking.problem import ROOT
-from leastaction.models.marionette import strings_of
+from leastaction.mechanics import Mechanism
+from leastaction.models.marionette import PuppetString, bars_of, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.viz.scene import Bone, Cord, Scene, mechanism_scene
 
@@ -51,6 +52,7 @@ _BONES: Final = (
     *(Bone(start=a, end=b, radius=r) for a, b, r in _BODY_BONES),
     *(Bone(start=s + a, end=s + b, radius=r) for s in "lr" for a, b, r in _SIDE_BONES),
 )
+_BAR: Final = 0.015  # m, half the thickness of a bar
 # Each hook stands on a stub on the frame that carries it; that at the neck is at the end of the spine itself.
 _CARRIERS: Final = {
     "left_leg_string_hook": "lfemur_end",
@@ -87,7 +89,7 @@ def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
         run.mechanism,
         run.trajectory.t,
         run.trajectory.q,
-        bones=(*_BONES, *stubs),
+        bones=(*_BONES, *stubs, *_bars(run.mechanism)),
         cords=[Cord(name=string_label(s.name), start=s.hook, end=s.control) for s in strings],
         reference=run.reference,
         tension=run.tension,
@@ -98,9 +100,33 @@ def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
     )
 
 
+def _bars(mechanism: Mechanism) -> list[Bone]:
+    """Return what is drawn of the bars: beams to their ends, and what joins the beams."""
+    bones = []
+    for bar in bars_of(mechanism):
+        controls = {string.name: string.control for string in strings_of(mechanism)}
+        along = sorted(bar.ends, key=lambda string: bar.ends[string][1])
+        middle = bar.beam(along[0]), bar.beam(along[-1])
+        if bar.ends[along[0]][1] < bar.ends[along[-1]][1]:
+            bones.append(Bone(start=middle[0], end=middle[1], radius=_BAR))
+        bones += [
+            Bone(start=bar.beam(string), end=controls[string], radius=_BAR)
+            for string, (across, _) in bar.ends.items()
+            if across != 0.0
+        ]
+    return bones
+
+
 def string_lengths(run: TrackingRun) -> Array:
-    """Return the lengths of the strings (m), shape (N+1, 6), in the order of the constraints."""
-    return np.stack([run.trajectory[string.length] for string in strings_of(run.mechanism)], axis=1)
+    """Return the lengths of the strings (m), shape (N+1, strings), in the order of the constraints."""
+    m, steps = run.mechanism, np.ones(len(run.trajectory.t))
+    return np.stack(
+        [
+            run.trajectory[s.length] if isinstance(s, PuppetString) else m.parameters[s.length] * steps
+            for s in strings_of(m)
+        ],
+        axis=1,
+    )
 
 
 def string_label(name: str) -> str:

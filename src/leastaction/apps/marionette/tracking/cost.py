@@ -23,8 +23,8 @@ class TrackingCost(CostOfAccelerations):
         Time step (s).
     rho, v_rho, rho_next : slice
         Where these are in the state and in the input.
-    acceleration : float
-        Weight of half the squared acceleration.
+    acceleration : float or array_like (nrho,)
+        Weight of half the squared acceleration of each.
     """
 
     def __init__(
@@ -38,14 +38,14 @@ class TrackingCost(CostOfAccelerations):
         rho: slice,
         v_rho: slice,
         rho_next: slice,
-        acceleration: float,
+        acceleration: float | Array,
     ) -> None:
         super().__init__(
             QuadraticCost(x_reference, u_reference, Q=Q, R=R),
             dt=np.full(len(u_reference), dt),
             nx=x_reference.shape[1],
             nu=u_reference.shape[1],
-            weights=np.full(rho.stop - rho.start, acceleration),
+            weights=np.array(np.broadcast_to(acceleration, rho.stop - rho.start)),
             rho=np.arange(rho.start, rho.stop),
             v_rho=np.arange(v_rho.start, v_rho.stop),
             rho_next=np.arange(rho_next.start, rho_next.stop),

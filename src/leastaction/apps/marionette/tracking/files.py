@@ -20,7 +20,17 @@ from leastaction.io.motion.motion import Motion
 from leastaction.io.results import check_result, load_record, save_record
 from leastaction.io.results.record import Provenance
 from leastaction.mechanics import Mechanism, MidpointVI
-from leastaction.models.marionette import JOINT_LIMITS, STRING_SETS, marionette, strings_of
+from leastaction.models.marionette import (
+    CONTROLS,
+    JOINT_LIMITS,
+    STRING_SETS,
+    Hanging,
+    held_strings,
+    marionette,
+    set_of,
+    strings_of,
+)
+from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult
 from leastaction.systems import MidpointSystem
@@ -30,7 +40,8 @@ from leastaction.systems import MidpointSystem
 class MarionetteRun:
     """What a file holds of a `TrackingRun`: all that the rest follows from.
 
-    ``numbers`` are the parameters of the mechanism that are not those of `marionette`, ``strings`` how many it has.
+    ``numbers`` are the parameters of the mechanism that are not those of `marionette`, ``strings`` how many it has,
+    ``control`` which of `CONTROLS` it hangs on, if any.
     ``kinds`` are those of the limits that were stated; files of earlier versions leave them to the limits' labels.
     """
 
@@ -42,6 +53,7 @@ class MarionetteRun:
     result: OptimizationResult
     plan: OptimizationResult | None = None
     strings: int = 6
+    control: str = ""
     kinds: tuple[str, ...] | None = None
     unfinished: OptimizationResult | None = None
     follow: str = "joints"
@@ -61,6 +73,7 @@ class MarionetteSearch:
     stage: int
     result: OptimizationResult
     strings: int = 6
+    control: str = ""
     follow: str = "joints"
     markers: Array | None = None
     effort: Effort | None = None
@@ -96,6 +109,7 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
         result=run.result,
         plan=run.plan,
         strings=run.mechanism.nc,
+        control=_control(run.mechanism),
         kinds=tuple(sorted(run.kinds)),
         unfinished=run.unfinished,
         follow=run.follow,
@@ -120,6 +134,7 @@ def save_search(path: str | os.PathLike[str], search: TrackingSearch) -> Path:
         stage=search.stage,
         result=search.result,
         strings=search.mechanism.nc,
+        control=_control(search.mechanism),
         follow=search.follow,
         markers=wanted_markers(search.mechanism, search.motion),
         effort=search.effort,
@@ -162,15 +177,23 @@ def load_unfinished(path: str | os.PathLike[str]) -> TrackingRun | TrackingSearc
 
 def _numbers(mechanism: Mechanism) -> dict[str, float]:
     """Return the parameters of a mechanism that are not those of `marionette`."""
-    standard = _mechanism(mechanism.nc, {}).parameters
+    standard = _mechanism(mechanism.nc, {}, _control(mechanism)).parameters
     return {name: value for name, value in mechanism.parameters.items() if standard.get(name) != value}
 
 
-def _mechanism(strings: int, numbers: Mapping[str, float]) -> Mechanism:
-    count = next((each for each in STRING_SETS if each == strings), None)
-    if count is None:
-        raise ResultFileError(f"a marionette on {strings} strings is none")
-    mechanism = marionette(strings=count)
+def _control(mechanism: Mechanism) -> str:
+    """Return which of `CONTROLS` a marionette hangs on; nothing where hands hold all strings."""
+    hanging = set_of(mechanism)
+    return hanging if isinstance(hanging, str) else ""
+
+
+def _mechanism(strings: int, numbers: Mapping[str, float], control: str = "") -> Mechanism:
+    known: tuple[Hanging, ...] = tuple(CONTROLS) if control else tuple(STRING_SETS)
+    hanging = next((each for each in known if each == (control or strings)), None)
+    if hanging is None:
+        what = f"a control called {control!r}" if control else f"{strings} strings"
+        raise ResultFileError(f"a marionette on {what} is none")
+    mechanism = marionette(strings=hanging)
     return mechanism.with_parameters(numbers) if numbers else mechanism
 
 
@@ -183,7 +206,7 @@ def _check(arrays: Mapping[str, tuple[Array, tuple[int, ...]]]) -> None:
 def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Provenance) -> TrackingRun:
     check_result(saved.result, str(path))
     try:
-        mechanism = _mechanism(saved.strings, saved.numbers)
+        mechanism = _mechanism(saved.strings, saved.numbers, saved.control)
         system = MidpointSystem(MidpointVI(mechanism), saved.t, multipliers=True)
         _check(
             {
@@ -224,13 +247,13 @@ def _kinds_of(saved: MarionetteRun, mechanism: Mechanism) -> frozenset[str]:
         return frozenset(saved.kinds)
     found = (saved.plan or saved.result).limits
     labels = () if found is None else found.labels
-    string = strings_of(mechanism)[0]
+    string, end = strings_of(mechanism)[0], ends_of(mechanism).x[0]
     signs = {
         "tension": (f"{string.name} ", f"tension of {string.name} "),
         "joints": tuple(f"{name} " for name in JOINT_LIMITS),
-        "speed": (f"v_{string.x} ",),
-        "acceleration": (f"acceleration of {string.x} ",),
-        "reach": (f"{string.x} ",),
+        "speed": (f"v_{end} ",),
+        "acceleration": (f"acceleration of {end} ",),
+        "reach": (f"{end} ",),
     }
     return frozenset(kind for kind, sign in signs.items() if any(label.startswith(sign) for label in labels))
 
@@ -238,10 +261,11 @@ def _kinds_of(saved: MarionetteRun, mechanism: Mechanism) -> frozenset[str]:
 def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance: Provenance) -> TrackingSearch:
     check_result(saved.result, str(path))
     try:
-        mechanism = _mechanism(saved.strings, saved.numbers)
+        mechanism = _mechanism(saved.strings, saved.numbers, saved.control)
         # By tensions: no lengths among the variables. Inputs are tensions, motors, and places of the upper ends.
         N, strings = len(saved.t) - 1, mechanism.nc
-        nx, inputs = 2 * (mechanism.nd + 2 * strings), 3 * strings + mechanism.nd
+        moved = mechanism.nrho - len(held_strings(mechanism))
+        nx, inputs = 2 * (mechanism.nd + moved), strings + moved + mechanism.nd
         if not 0 < saved.stage <= len(PRICES):
             raise ResultFileError(f"a search at stage {saved.stage} is none")
         steps = len(saved.result.u)

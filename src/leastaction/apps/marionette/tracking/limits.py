@@ -11,6 +11,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import JOINT_LIMITS, strings_of
+from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Bound, Limit
 
@@ -22,7 +23,7 @@ _TOLERANCE: Final = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class PuppetLimits:
-    """Limits on strings, joints, and the hands or machines that move the strings' upper ends.
+    """Limits on strings, joints, and the hands or machines that move the strings' upper ends, or bars with them.
 
     Attributes
     ----------
@@ -31,9 +32,15 @@ class PuppetLimits:
     joints : mapping of name to (float, float)
         Least and largest angles (rad).
     speed, acceleration : float
-        Largest of the upper ends along x and along y (m/s, m/s^2); infinite for none.
+        Largest of the upper ends, or middles of bars, along x, y and z (m/s, m/s^2); infinite for none.
     reach : float
-        How far the upper ends may be from above the wanted place of the pelvis, along x and along y (m).
+        How far these may be from above the wanted place of the pelvis, along x and along y (m).
+    lift : float
+        How far the middle of a bar may be above and below the plane of the hands (m).
+    tilt : float
+        How far a bar may be turned about y, and about x, from level (rad); less than a right angle.
+    turn_speed, turn_acceleration : float
+        Largest of a bar's turns about each axis (rad/s, rad/s^2); infinite for none.
     """
 
     tension: float = 0.5
@@ -41,13 +48,19 @@ class PuppetLimits:
     speed: float = 8.0
     acceleration: float = 150.0
     reach: float = 2.0
+    lift: float = 0.5
+    tilt: float = 1.0
+    turn_speed: float = 12.0
+    turn_acceleration: float = 300.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.tension) and self.tension >= 0.0):
             raise ArgumentError(f"limits: tension is {self.tension}, expected a finite number >= 0 (N): strings pull")
-        for name in ("speed", "acceleration", "reach"):
+        for name in ("speed", "acceleration", "reach", "lift", "turn_speed", "turn_acceleration"):
             if not getattr(self, name) > 0.0:
                 raise ArgumentError(f"limits: {name} is {getattr(self, name)}, expected a number > 0")
+        if not 0.0 < self.tilt < 0.5 * np.pi:
+            raise ArgumentError(f"limits: tilt is {self.tilt}, expected more than 0 and less than a right angle (rad)")
         for name, (least, most) in self.joints.items():
             if not least < most:
                 raise ArgumentError(f"limits: {name} is to stay between {least} and {most}, expected the least first")
@@ -57,41 +70,72 @@ class PuppetLimits:
 
         ``pelvis`` (N+1, 2): the wanted place over the ground. ``kinds``: which of `KINDS`.
         """
-        strings = strings_of(mechanism)
-        x, y = [s.x for s in strings], [s.y for s in strings]
-        most = self.acceleration
+        ends = ends_of(mechanism)
         skip = 1 if mechanism.constraints else 0  # by tensions the start is free, and limits hold there too
         by_kind: dict[str, list[Limit]] = {
             "tension": [
-                Bound([s.name for s in strings], min=self.tension, of="tension" if mechanism.constraints else "input")
+                Bound(
+                    [s.name for s in strings_of(mechanism)],
+                    min=self.tension,
+                    of="tension" if mechanism.constraints else "input",
+                )
             ],
             "joints": [Bound(name, least, most, of="variable") for name, (least, most) in self.joints.items()],
             # A rate over a step is part of the next state.
-            "speed": [Bound([f"v_{name}" for name in (*x, *y)], -self.speed, self.speed, of="state")],
-            "acceleration": [Bound([*x, *y], -most, most, of="acceleration")],
+            "speed": [
+                Bound([f"v_{name}" for name in names], -most, most, of="state")
+                for names, most in (((*ends.x, *ends.y, *ends.z), self.speed), (ends.angles, self.turn_speed))
+                if names
+            ],
+            "acceleration": [
+                Bound(names, -most, most, of="acceleration")
+                for names, most in (
+                    ((*ends.x, *ends.y, *ends.z), self.acceleration),
+                    (ends.angles, self.turn_acceleration),
+                )
+                if names
+            ],
             "reach": [
-                Bound(names, place - self.reach, place + self.reach, of="variable")
-                for names, place in ((x, pelvis[skip:, 0]), (y, pelvis[skip:, 1]))
+                *(
+                    Bound(names, place - self.reach, place + self.reach, of="variable")
+                    for names, place in ((ends.x, pelvis[skip:, 0]), (ends.y, pelvis[skip:, 1]))
+                ),
+                *(
+                    Bound(names, -most, most, of="variable")
+                    for names, most in ((ends.z, self.lift), (ends.tilts, self.tilt))
+                    if names
+                ),
             ],
         }
         return [limit for kind in KINDS if kind in kinds for limit in by_kind[kind]]
 
     def broken(self, mechanism: Mechanism, t: Array, pelvis: Array, x: Array) -> frozenset[str]:
         """Return which kinds of limits a motion x (N+1, nx) does not keep to, besides that of the tensions."""
-        m = mechanism
+        m, ends = mechanism, ends_of(mechanism)
         found = set()
         for name, (least, most) in self.joints.items():
             angle = x[1:, m.variables.index(name)]
             if angle.min() < least - _TOLERANCE or angle.max() > most + _TOLERANCE:
                 found.add("joints")
         dt = float(t[1] - t[0])
-        for axis, ends in enumerate(zip(*((s.x, s.y) for s in strings_of(m)), strict=True)):
-            place = x[:, [m.variables.index(name) for name in ends]]
-            speed = np.diff(place, axis=0, prepend=place[:1]) / dt
-            if np.abs(place - pelvis[:, axis, None])[1:].max() > self.reach + _TOLERANCE:
+
+        def away(names: tuple[str, ...], wanted: Array | float, reach: float) -> None:
+            place = x[:, [m.variables.index(name) for name in names]]
+            if np.abs(place - wanted)[1:].max(initial=0.0) > reach + _TOLERANCE:
                 found.add("reach")
-            if np.abs(speed).max() > self.speed * (1.0 + _TOLERANCE):
+
+        def fast(names: tuple[str, ...], most_speed: float, most: float) -> None:
+            place = x[:, [m.variables.index(name) for name in names]]
+            speed = np.diff(place, axis=0, prepend=place[:1]) / dt
+            if np.abs(speed).max(initial=0.0) > most_speed * (1.0 + _TOLERANCE):
                 found.add("speed")
-            if np.abs(np.diff(speed, axis=0)).max() / dt > self.acceleration * (1.0 + _TOLERANCE):
+            if np.abs(np.diff(speed, axis=0)).max(initial=0.0) / dt > most * (1.0 + _TOLERANCE):
                 found.add("acceleration")
+
+        away(ends.x, pelvis[:, :1], self.reach)
+        away(ends.y, pelvis[:, 1:], self.reach)
+        away(ends.z, 0.0, self.lift)
+        away(ends.tilts, 0.0, self.tilt)
+        fast((*ends.x, *ends.y, *ends.z), self.speed, self.acceleration)
+        fast(ends.angles, self.turn_speed, self.turn_acceleration)
         return frozenset(found)

@@ -20,12 +20,21 @@ from scipy.optimize import lsq_linear
 
 from leastaction.apps.marionette.tracking.cost import TrackingCost
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
-from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
+from leastaction.apps.marionette.tracking.problem import TrackingProblem, levers, unheld
+from leastaction.apps.marionette.tracking.settle import NotTiedError, settled
+from leastaction.apps.marionette.tracking.ties import Ties
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import LeastActionError, ProjectionError, StepError
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import JointForce, MidpointVI, Trajectory
-from leastaction.models.marionette import marionette, set_of, strings_of
+from leastaction.models.marionette import (
+    held_strings,
+    marionette,
+    set_of,
+    string_lengths,
+    strings_of,
+    tied_strings,
+)
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Cost, IterationRecord, OptimizationResult, Status, optimize
 from leastaction.optimal.discrete.linear_quadratic import regulate
@@ -70,7 +79,10 @@ class Plan:
         self.system = PulledSystem(MidpointVI(m, threads=problem.threads), t, at_instants=m.inputs)
         self._columns = np.array([whole.variables.index(name) for name in m.variables])
         self._ends = np.array([whole.kinematic.index(name) for name in m.kinematic])
-        self._lengths = np.array([whole.kinematic.index(s.length) for s in self.strings])
+        held = held_strings(whole)
+        self._held = np.array([self.strings.index(s) for s in held], dtype=int)
+        self._lengths = np.array([whole.kinematic.index(s.length) for s in held], dtype=int)
+        self.ties = Ties(whole, m, len(t) - 1) if tied_strings(whole) else None
         q = problem.reference[:, self._columns]
         self.tension = self._tension_at_rest(limits.tension)
         self.x_reference = self._states(q)
@@ -90,7 +102,8 @@ class Plan:
     def cost(self, *, motor: float | None = None) -> Cost:
         """Return the cost; that of the system with motors if they have a price."""
         system = self.system if motor is None else self.by_motors
-        return self.problem.with_markers(self.tracking_cost(motor=motor), system)
+        cost = self.problem.with_markers(self.tracking_cost(motor=motor), system)
+        return cost if self.ties is None else self.ties.priced(cost, system)
 
     def tracking_cost(self, *, motor: float | None = None) -> TrackingCost:
         """Return the part of the cost that is quadratic in states and inputs."""
@@ -100,17 +113,17 @@ class Plan:
         rate = w.rate * np.array([w.unheld if n in free else 1.0 for n in m.dynamic]) / inertia**2
         motors = 0 if motor is None else m.nd
         price = np.full(motors, 0.0 if motor is None else motor)
-        u = self.u_reference
+        u, squares = self.u_reference, levers(m) ** 2
         return TrackingCost(
             self.x_reference,
             np.hstack([u[:, :strings], np.zeros((len(u), motors)), u[:, strings:]]),
-            Q=np.concatenate([self.problem.body_weights(w), np.full(m.nrho, w.string), rate, np.zeros(m.nrho)]),
-            R=np.concatenate([np.full(strings, w.tension), price, np.full(m.nrho, 0.01 * w.string)]),
+            Q=np.concatenate([self.problem.body_weights(w), squares * w.string, rate, np.zeros(m.nrho)]),
+            R=np.concatenate([np.full(strings, w.tension), price, squares * (0.01 * w.string)]),
             dt=self.dt,
             rho=slice(m.nd, m.nq),
             v_rho=slice(m.nq + m.nd, m.nx),
             rho_next=slice(strings + motors, strings + motors + m.nrho),
-            acceleration=w.string_acceleration,
+            acceleration=squares * w.string_acceleration,
         )
 
     def search(
@@ -354,14 +367,20 @@ class Plan:
         )
 
     def by_lengths(self, result: OptimizationResult) -> OptimizationResult:
-        """Return a result of this system as one of the puppet on strings of prescribed lengths: the same motion."""
+        """Return a result of this system as one of the puppet on strings of prescribed lengths: the same motion.
+
+        With strings on bars it is the nearest one on which their lengths are exact. Raises `NotTiedError` where there
+        is none.
+        """
         m, whole, problem, dt = self.mechanism, self.problem.mechanism, self.problem, self.dt
         N, system = len(self.t) - 1, problem.system
+        if self.ties is not None:
+            x, u = self._tied(result)
+            result = replace(result, x=x, u=u)
         q = np.zeros((N + 1, whole.nq))
         q[:, self._columns] = result.x[:, : m.nq]
-        places = (whole.positions(q, names) for names in zip(*((s.hook, s.control) for s in self.strings), strict=True))
-        lengths = np.linalg.norm(np.subtract(*places), axis=2)
-        q[:, whole.nd + self._lengths] = lengths
+        lengths = string_lengths(whole, q)
+        q[:, whole.nd + self._lengths] = lengths[:, self._held]
         x = np.zeros((N + 1, system.nx))
         x[:, : whole.nq] = q
         x[:, whole.nq : whole.nq + whole.nd] = result.x[:, m.nq : m.nq + m.nd]
@@ -382,6 +401,22 @@ class Plan:
             x, u = done.x, done.u
         return replace(result, x=x, u=u, K=K, projection_gain=K)
 
+    def _tied(self, result: OptimizationResult) -> tuple[Array, Array]:
+        """Return a motion near a result with strings on bars as long as they are tied.
+
+        Raises `NotTiedError` where none is found.
+        """
+        assert self.ties is not None
+        found = settled(
+            self.system, self.ties, result.x, result.u, inputs=self.mechanism.inputs, least=self.limits.tension
+        )
+        if found is None:
+            raise NotTiedError(
+                "strings on bars: no motion is found in which all of them pull. Lower the least tension, allow bars "
+                "more reach, or let hands hold more strings"
+            )
+        return found
+
     def by_tensions(self, trajectory: Trajectory, tension: Array, result: OptimizationResult) -> OptimizationResult:
         """Return a motion on strings of prescribed lengths, and its result, as one of this system: the same motion."""
         m = self.mechanism
@@ -398,6 +433,6 @@ class Plan:
         whole = self.problem.mechanism
         q = self.problem.reference[0]
         weight = -whole.core.gradient(q, np.zeros(whole.nq))[0][: whole.nd]
-        lengths = q[whole.nd + self._lengths]
+        lengths = string_lengths(whole, q)
         by_tension = whole.constraint_jacobian(q)[:, : whole.nd] / (2.0 * lengths[:, None])
         return np.asarray(lsq_linear(by_tension.T, -weight, bounds=(least, np.inf)).x)

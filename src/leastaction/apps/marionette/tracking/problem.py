@@ -13,7 +13,17 @@ from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus
-from leastaction.models.marionette import PLANE_HEIGHT, STRINGS, UNHELD, hang_strings, set_of, strings_of
+from leastaction.models.marionette import (
+    PLANE_HEIGHT,
+    STRINGS,
+    UNHELD,
+    hang_strings,
+    set_of,
+    string_lengths,
+    strings_of,
+    tied_strings,
+)
+from leastaction.models.puppet_controls import ends_of, held_strings
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Cost
 from leastaction.systems import MidpointSystem, PlaceCost
@@ -25,11 +35,18 @@ MOST_STEPS = 100_000
 _GOOD_START_ANGLE = np.deg2rad(15.0)  # largest rms error of a held joint in a first trajectory
 _LEAST_LENGTH = 0.1  # m, of a string above its hook
 _GOOD_START_DISTANCE = 0.15  # m, the same for the pelvis
+_LEVER = 0.3  # m, about half a bar's size: a turn costs what it moves a bar's ends by
 
 
 def unheld(mechanism: Mechanism) -> tuple[str, ...]:
     """Return the joints behind which no string is tied: with a string at each foot there is none."""
-    return UNHELD if set_of(mechanism) in (6, 7) else ()
+    return () if set_of(mechanism) in (8, 9, 11) else UNHELD
+
+
+def levers(mechanism: Mechanism) -> Array:
+    """Return by which lever (nrho,) each kinematic variable counts: 1, or that of a bar where it is its turn (m)."""
+    angles = ends_of(mechanism).angles
+    return np.array([_LEVER if name in angles else 1.0 for name in mechanism.kinematic])
 
 
 def below_strings(mechanism: Mechanism, motion: Motion) -> tuple[Motion, float]:
@@ -71,8 +88,10 @@ class TrackingProblem:
             self.markers = places_of(mechanism, self.reference)
 
     def hang(self) -> tuple[Array, Array] | None:
-        """Return what the puppet does under hanging strings, or None where that is no good start."""
+        """Return what the puppet does under hanging strings, or None where that is no good start, as for bars."""
         m = self.mechanism
+        if tied_strings(m):
+            return None
         run = self.integrator.simulate(self.integrator.start(self.reference[0]), self.t, rho=self.reference[:, m.nd :])
         if run.status is not SimulationStatus.COMPLETED:
             return None
@@ -113,10 +132,10 @@ class TrackingProblem:
         free = unheld(m)
         rate = w.rate * np.array([w.unheld if n in free else 1.0 for n in m.dynamic]) / inertia**2
         # lam is an impulse for |p1 - p2|^2 - L^2: a newton of tension is dt / (2 L) of it.
-        lengths = self.reference[0, [m.variables.index(s.length) for s in strings_of(m)]]
-        pull = tension * (2.0 * lengths / self.dt) ** 2
-        Q = np.concatenate([self.body_weights(w), np.full(m.nrho, w.string), rate, np.zeros(m.nrho), pull])
-        R = np.full(m.nrho, 0.01 * w.string)
+        pull = tension * (2.0 * string_lengths(m, self.reference[0]) / self.dt) ** 2
+        squares = levers(m) ** 2
+        Q = np.concatenate([self.body_weights(w), squares * w.string, rate, np.zeros(m.nrho), pull])
+        R = squares * (0.01 * w.string)
         u_reference = self.reference[1:, m.nd :]
         cost = TrackingCost(
             self.x_reference,
@@ -127,7 +146,7 @@ class TrackingProblem:
             rho=slice(m.nd, m.nq),
             v_rho=slice(m.nq + m.nd, m.nx),
             rho_next=slice(0, m.nrho),
-            acceleration=w.string_acceleration,
+            acceleration=squares * w.string_acceleration,
         )
         return self.with_markers(cost, self.system)
 
@@ -138,12 +157,12 @@ class TrackingProblem:
         q[:, : m.nd] = self.body
         self.reference = hang_strings(m, q)
         v = np.gradient(self.reference, self.t, axis=0)
-        start = self.integrator.start(self.reference[0])
         x = np.zeros((N + 1, self.system.nx))
         x[:, : m.nq] = self.reference
         x[:, m.nq : m.nq + m.nd] = [m.momentum(a, b)[: m.nd] for a, b in zip(self.reference, v, strict=True)]
         x[1:, m.nq + m.nd : m.nx] = np.diff(self.reference[:, m.nd :], axis=0) / self.dt
-        x[0, : m.nx] = start.x
+        # At rest to begin with.
+        x[0, m.nq : m.nx] = 0.0
         x[:, m.nx :] = self._tension_at_rest()
         self.x_reference = x
 
@@ -159,7 +178,8 @@ class TrackingProblem:
 
 def _columns(mechanism: Mechanism, motion: Motion) -> Array:
     """Return the motion's columns in the order of the mechanism's dynamic variables, checked."""
-    needed = {name for string in strings_of(mechanism) or STRINGS for name in (string.x, string.y, string.length)}
+    held = held_strings(mechanism) if strings_of(mechanism) else STRINGS
+    needed = {name for string in held for name in (string.x, string.y, string.length)}
     if not needed <= set(mechanism.kinematic):
         missing = ", ".join(sorted(needed - set(mechanism.kinematic))[:4])
         raise ArgumentError(

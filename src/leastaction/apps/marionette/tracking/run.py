@@ -10,6 +10,8 @@ dissertation 6.6.1); the motors are made ever more expensive until they do nothi
 
 Limits hold all along: strings pull, hinges do not overstretch, the strings' upper ends stay within reach and move as
 fast as `PuppetLimits` says. What cannot be followed within them is followed as well as they allow.
+
+Strings that are tied to bars may vary in length at first, and are tied ever more firmly (`ties.py`).
 """
 
 from __future__ import annotations
@@ -25,11 +27,15 @@ from leastaction.apps.marionette.tracking.checkpoints import Checkpoints
 from leastaction.apps.marionette.tracking.found import CUT_SHORT, Effort, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.poses import held_still
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, below_strings
+from leastaction.apps.marionette.tracking.settle import NotTiedError
+from leastaction.apps.marionette.tracking.ties import FIXED_FROM, WEIGHTS
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
 from leastaction.errors import ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import Mechanism
+from leastaction.models.marionette import tie_strings
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction.optimal.optimize import Callback
@@ -125,12 +131,12 @@ def track(
         left=max_iterations,
     )
     job.begin(resume, planned=planned)
-    result = job.improve()
+    result = job.tied(job.improve())
     run = job.ended(result)
     if not job.must_be_planned(run):
         return job.with_strings_that_pull(run)
     job.begin_plan(run, max_iterations)
-    return job.ended(job.improve())
+    return job.ended(job.tied(job.improve()))
 
 
 @dataclass
@@ -198,10 +204,14 @@ class _Job:
         self.earlier = run.unfinished or run.result
         if run.embedded and run.unfinished is None:
             self.plan, self.earlier = self._planned(), run.plan
+            if self.plan.ties is not None:
+                self.plan.ties.weight = WEIGHTS[-1]
         self.patience = _PATIENCE - (0 if self.earlier is None else self.earlier.iterations)
 
     def _search(self, cut_short: TrackingSearch | None) -> None:
         """Seek a first trajectory with motors, or go on with a search that was cut short."""
+        if cut_short is None:
+            self.mechanism = tie_strings(self.mechanism, self.problem.reference)
         self.plan = plan = self._planned()
         stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
         if cut_short is not None:
@@ -290,6 +300,39 @@ class _Job:
             result, self.kinds = left_behind
         return result
 
+    @property
+    def _varies(self) -> bool:
+        """Whether strings that are tied to bars still vary in length."""
+        return self.plan is not None and self.plan.ties is not None and self.plan.ties.weight < WEIGHTS[-1]
+
+    def tied(self, result: OptimizationResult) -> OptimizationResult:
+        """Return a motion whose strings on bars hardly vary: each optimisation ties them more firmly than the last."""
+        left = self.left
+        if self._varies:
+            self.others = []  # they are where strings are tied loosely
+        for weight in WEIGHTS:
+            if not self._varies or result.status in CUT_SHORT or left < 1:
+                break
+            assert self.plan is not None
+            assert self.plan.ties is not None
+            if weight <= FIXED_FROM:
+                self._tie(result)
+            self.plan.ties.weight = weight
+            off = 1e3 * float(np.abs(self.plan.ties.off(result.x)).max())
+            self.say(f"strings on bars vary by {off:.2g} mm: tied more firmly")
+            self.start, self.earlier, self.left = result, None, left if weight == WEIGHTS[-1] else _FEW
+            result = self.improve()
+        return result
+
+    def _tie(self, result: OptimizationResult) -> None:
+        """Give strings on bars the lengths that suit a motion of the plan."""
+        assert self.plan is not None
+        assert self.plan.ties is not None
+        lengths = self.plan.ties.distances(result.x).mean(axis=0)
+        named = dict(zip(self.plan.ties.names, map(float, lengths), strict=True))
+        self.mechanism = self.mechanism.with_parameters(named)
+        self.plan = self._planned()
+
     def _elsewhere(self) -> Curve:
         """Return the next of the other places to begin."""
         said, find = self.others.pop(0)
@@ -322,7 +365,8 @@ class _Job:
         if record.iteration == 0 and record.cost > self.most:
             self.lost = True
             return True
-        self.kept(lambda: self._run_of(record.snapshot(), counted=False))
+        if not self._varies:
+            self.kept(lambda: self._run_of(record.snapshot(), counted=False))
         return self.callback(record) if self.callback is not None else None
 
     def _count(self, result: OptimizationResult) -> None:
@@ -360,9 +404,15 @@ class _Job:
     def ended(self, result: OptimizationResult) -> TrackingRun:
         """Return the run that a result is; of a plan, with strings that pull wherever it ended."""
         if self.plan is not None:
+            if self._varies and self.plan.ties is not None and self.plan.ties.weight < FIXED_FROM:
+                self._tie(result)
             result = self.plan.pulling(result)
         try:
             return self._run_of(result)
+        except NotTiedError as error:
+            assert self.plan is not None
+            self.say(f"{error}: it is held still")
+            return self._run_of(held_still(self.plan, result))
         except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
             return self._run_of(result)
 

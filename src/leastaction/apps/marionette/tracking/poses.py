@@ -1,0 +1,135 @@
+"""Poses in which strings hold the puppet still.
+
+At rest, tensions T and gravity balance: ``-V_q(q) + f(q, T) = 0`` over the body's variables. Of the poses in which they
+do, with the tensions and the places of the upper ends within their limits, and strings on bars as long as they are
+tied, the one of least tracking cost is sought, by sequential quadratic programming in variables scaled by their
+weights.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from leastaction.apps.marionette.markers import LIMB_MARKERS
+from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.errors import ArgumentError
+from leastaction.models.puppet_controls import ends_of
+from leastaction.numerics.arrays import Array
+from leastaction.optimal import OptimizationResult
+
+_BALANCED = 1e-4  # N or N m, to which forces balance
+_DIGITS, _STEPS = 1e-7, 100  # of the cost, and of the search for a pose
+
+
+class PoseSearch:
+    """Poses at rest of a plan, each with its tensions behind. For one thread."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.mechanism = plan, plan.mechanism
+        cost, strings = plan.tracking_cost(), len(plan.strings)
+        Q, R, _, _ = cost.cost.hessian(plan.x_reference, plan.u_reference)
+        self.scale = np.sqrt(np.concatenate([Q[: self.mechanism.nq], R[:strings]]))
+        self.still = np.zeros(self.mechanism.nq)
+        places = plan.problem.mechanism.variables
+        self.columns = [places.index(name) for name in self.mechanism.variables]
+
+    def wanted(self, k: int) -> Array:
+        """Return the pose that is wanted at an instant, with the tensions that carry the puppet at the start."""
+        return np.concatenate([self.plan.x_reference[k, : self.mechanism.nq], self.plan.tension])
+
+    def net(self, pose: Array) -> Array:
+        """Return the net forces (nd,) on the body, and how much longer strings on bars are than they are tied (m)."""
+        m, (q, pull) = self.mechanism, np.split(pose, [self.mechanism.nq])
+        net = (m.core.gradient(q, self.still)[0] + m.core.force(q, self.still, pull))[: m.nd]
+        ties = self.plan.ties
+        return np.asarray(net if ties is None else np.concatenate([net, ties.off(q[None, :])[0]]))
+
+    def net_derivative(self, pose: Array) -> Array:
+        """Return their derivative (nd, nq + strings)."""
+        m, (q, pull) = self.mechanism, np.split(pose, [self.mechanism.nq])
+        by_q, _, by_pull = m.core.force_jacobians(q, self.still, pull)
+        slopes = np.hstack([m.core.hessian(q, self.still)[0][: m.nd] + by_q[: m.nd], by_pull[: m.nd]])
+        ties = self.plan.ties
+        if ties is None:
+            return slopes
+        return np.vstack([slopes, np.pad(ties.slopes(q), ((0, 0), (0, len(pull))))])
+
+    def markers_off(self, pose: Array, k: int) -> tuple[float, Array]:
+        """Return what it costs that markers are not where instant k wants them, and its slope (nq + strings,)."""
+        value, slope, problem = 0.0, np.zeros(len(pose)), self.plan.problem
+        if problem.follow == "joints" or problem.markers is None:
+            return value, slope
+        q = np.ascontiguousarray(pose[: self.mechanism.nq])
+        for i, frame in enumerate(LIMB_MARKERS.values(), start=1):
+            apart = self.mechanism.frame_pose(q, frame)[:3, 3] - problem.markers[k, i]
+            value += 0.5 * self.plan.weights.marker * float(apart @ apart)
+            slope[: len(q)] += self.plan.weights.marker * apart @ self.mechanism.frame_jacobian(q, frame)[:3]
+        return value, slope
+
+    def nearest(self, k: int, start: Array) -> tuple[float, Array]:
+        """Return what a pose at rest costs at instant k, and the pose; infinity where none was found from a start."""
+        wanted = self.wanted(k)
+        m, limits, scale = self.mechanism, self.plan.limits, self.scale
+        least, most = np.full(len(wanted), -np.inf), np.full(len(wanted), np.inf)
+        least[m.nq :] = limits.tension
+        ends = ends_of(m)
+        for names, reach in (((*ends.x, *ends.y), limits.reach), (ends.z, limits.lift), (ends.tilts, limits.tilt)):
+            at = [m.variables.index(name) for name in names]
+            least[at], most[at] = wanted[at] - reach, wanted[at] + reach
+        for name, bounds in limits.joints.items():
+            i = m.variables.index(name)
+            least[i], most[i] = bounds
+        goal = wanted * scale
+
+        def cost(z: Array) -> tuple[float, Array]:
+            value, slope = self.markers_off(z / scale, k)
+            return value + 0.5 * float(np.sum((z - goal) ** 2)), slope / scale + z - goal
+
+        with warnings.catch_warnings():
+            # Older versions of SciPy tell of a step past a bound by rounding, which they take back.
+            warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
+            done = minimize(
+                cost,
+                np.clip(start, least, most) * scale,
+                jac=True,
+                bounds=np.stack([least * scale, most * scale], axis=1),
+                constraints={
+                    "type": "eq",
+                    "fun": lambda z: self.net(z / scale),
+                    "jac": lambda z: self.net_derivative(z / scale) / scale,
+                },
+                method="SLSQP",
+                options={"ftol": _DIGITS, "maxiter": _STEPS},
+            )
+        pose = done.x / scale
+        balanced = np.isfinite(pose).all() and float(np.abs(self.net(pose)).max()) < _BALANCED
+        return (float(done.fun), pose) if balanced else (np.inf, pose)
+
+
+def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
+    """Return a motion of a plan in which strings hold the puppet still: nearest to the pose in which it is to begin.
+
+    ``near``: what was found instead, in whose pose the search begins too.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none within the limits.
+    """
+    search, m = PoseSearch(plan), plan.mechanism
+    wanted, found = search.wanted(0), np.concatenate([near.x[0, : m.nq], near.u[0, : len(plan.strings)]])
+    starts = [start for start in (wanted, found) if np.isfinite(start).all()]
+    cost, pose = min((search.nearest(0, start) for start in starts), key=lambda each: each[0])
+    if not np.isfinite(cost):
+        raise ArgumentError(
+            "strings on bars: neither the motion nor a pose at rest is found in which all of them pull. Lower the "
+            "least tension, allow bars more reach and tilt, or let hands hold more strings"
+        )
+    x, u = np.zeros_like(near.x), np.zeros_like(near.u)
+    x[:, : m.nq] = pose[: m.nq]
+    u[:] = np.concatenate([pose[m.nq :], pose[m.nd : m.nq]])
+    return replace(near, x=x, u=u, cost=plan.cost().value(x, u))

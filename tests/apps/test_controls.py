@@ -1,0 +1,250 @@
+"""The marionette on control bars: strings of fixed lengths, tied to rigid bars whose poses are prescribed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from leastaction.apps.choices import Strings
+from leastaction.apps.cli import main
+from leastaction.apps.cli.summary import run_summary
+from leastaction.apps.cli.tables import as_text, summary_tables
+from leastaction.apps.marionette import (
+    FORCED,
+    PuppetLimits,
+    TrackingRun,
+    load_run,
+    marionette_scene,
+    resting,
+    save_run,
+    track,
+    walk_in_place,
+)
+from leastaction.apps.marionette.tracking.files import _mechanism
+from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
+from leastaction.errors import ArgumentError, ResultFileError
+from leastaction.models.marionette import (
+    CONTROLS,
+    PLANE_HEIGHT,
+    STRING_SETS,
+    UNHELD,
+    Control,
+    PuppetString,
+    bars_of,
+    hang_strings,
+    held_strings,
+    marionette,
+    set_of,
+    string_lengths,
+    strings_of,
+    tie_strings,
+    tied_strings,
+)
+from leastaction.models.puppet_controls import ends_of
+from leastaction.optimal import check_derivatives
+
+_LEAST = 0.5  # N
+
+
+def walk() -> TrackingRun:
+    motion = walk_in_place(1.0, 0.02)
+    return track(marionette(strings="cross"), motion)
+
+
+@pytest.fixture(scope="module")
+def run() -> TrackingRun:
+    """A second of a walk with all strings on the cross."""
+    return walk()
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_every_control_is_the_puppet_of_seven_strings_on_bars(control: Control) -> None:
+    m, by_tension = marionette(strings=control), marionette(strings=control, by="tension")
+    assert set_of(m) == set_of(by_tension) == control
+    assert m.constraints == by_tension.inputs == tuple(string.name for string in STRING_SETS[7])
+    assert strings_of(m) == strings_of(by_tension)
+    assert bars_of(m) == bars_of(by_tension) == CONTROLS[control]
+    tied = {name for bar in bars_of(m) for name in bar.ends}
+    assert {string.name for string in tied_strings(m)} == tied
+    assert {string.name for string in held_strings(m)} == set(m.constraints) - tied
+    assert ("hands" in control) == (len(held_strings(m)) == 2)
+    ends = ends_of(m)
+    moved = {*ends.x, *ends.y, *ends.z, *ends.angles, *(string.length for string in held_strings(m))}
+    assert moved == set(m.kinematic)
+    assert unheld(m) == UNHELD
+    assert _mechanism(7, {}, control).kinematic == m.kinematic
+
+
+def test_the_command_line_offers_all_of_them() -> None:
+    assert set(get_args(Strings)) == {*STRING_SETS, *CONTROLS}
+
+
+@pytest.mark.parametrize("count", STRING_SETS)
+def test_hands_hold_sets_of_strings(count: int) -> None:
+    m = marionette(strings=count)  # type: ignore[arg-type]
+    assert bars_of(m) == tied_strings(m) == ()
+    assert strings_of(m) == held_strings(m)
+    assert tie_strings(m, np.zeros(m.nq)) is m
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_a_bar_is_rigid_and_goes_where_its_variables_say(control: Control) -> None:
+    m = marionette(strings=control)
+    q = np.random.default_rng(1).uniform(-0.7, 0.7, (5, m.nq))
+    for bar in bars_of(m):
+        controls = {string.name: string.control for string in strings_of(m)}
+        places = m.positions(q, [controls[name] for name in bar.ends])
+        flat = np.array([(x, y, 0.0) for x, y in bar.ends.values()])
+        for i, each in enumerate(flat):
+            apart = np.linalg.norm(places - places[:, i : i + 1], axis=2)
+            np.testing.assert_allclose(apart, np.tile(np.linalg.norm(flat - each, axis=1), (5, 1)), atol=1e-12)
+        at = {name: q[:, m.variables.index(name)] for name in bar.variables}
+        x, y, z = bar.places
+        np.testing.assert_allclose(
+            m.positions(q, [bar.name])[:, 0], np.stack([at[x], at[y], PLANE_HEIGHT + at[z]], axis=1), atol=1e-12
+        )
+        # About z, then y, then x: the bar's own axes in the world.
+        turn = m.frame_pose(q, bar.name)[:, :3, :3]
+        np.testing.assert_allclose(np.arctan2(turn[:, 1, 0], turn[:, 0, 0]), at[bar.angles[0]], atol=1e-12)
+        np.testing.assert_allclose(-np.arcsin(turn[:, 2, 0]), at[bar.angles[1]], atol=1e-12)
+
+
+def test_bars_go_with_the_pelvis_and_strings_are_tied_where_they_are() -> None:
+    m = marionette(strings="cross+legs+hands")
+    q = np.zeros((2, m.nq))
+    for name, value in {"torso_tx": 0.3, "torso_ty": -0.2, "torso_tz": 0.1, "torso_rz": np.pi / 2}.items():
+        q[1, m.variables.index(name)] = value
+    hung = hang_strings(m, q)
+    values = dict(zip(m.variables, hung[1], strict=True))
+    assert [values[f"cross-{each}"] for each in ("x", "y", "z", "rz", "ry", "rx")] == [0.3, -0.2, 0, np.pi / 2, 0, 0]
+    # The leg bar is 0.3 m ahead, which is to the left of a puppet's place that has turned left.
+    np.testing.assert_allclose([values["legs-x"], values["legs-y"]], [0.0, -0.2], atol=1e-12)
+    tied = tie_strings(m, hung)
+    expected = string_lengths(m, hung).mean(axis=0)
+    for string, length in zip(strings_of(m), expected, strict=True):
+        if not isinstance(string, PuppetString):
+            assert tied.parameters[string.length] == pytest.approx(length, rel=1e-14)
+    # As it comes it stands straight under a level control.
+    assert np.abs(m.constraint_values(hung[0])).max() < 1e-12
+
+
+def test_the_price_of_lengths_has_its_derivatives() -> None:
+    motion = walk_in_place(0.2, 0.02)
+    m = marionette(strings="cross+legs")
+    plan = Plan(TrackingProblem(m, motion, FORCED, 1), FORCED, PuppetLimits())
+    assert plan.ties is not None
+    plan.ties.weight = 50.0
+    plan.ties.duals = np.random.default_rng(3).normal(0.0, 5.0, plan.ties.duals.shape)
+    x = plan.x_reference + np.random.default_rng(4).normal(0.0, 0.02, plan.x_reference.shape)
+    assert check_derivatives(plan.system, x, plan.u_reference, cost=plan.cost(), tolerance=1e-6).ok
+    # What it adds is y c + w c^2 / 2 with c = (d^2 - L^2) / (2 L), by lengths measured elsewhere.
+    q = np.zeros((len(x), m.nq))
+    q[:, [m.variables.index(name) for name in plan.mechanism.variables]] = x[:, : plan.mechanism.nq]
+    d, L = string_lengths(m, q), np.array([m.parameters[string.length] for string in tied_strings(m)])
+    c = (d**2 - L**2) / (2.0 * L)
+    added = np.sum(plan.ties.duals * c + 25.0 * c**2)
+    without = plan.tracking_cost().value(x, plan.u_reference)
+    assert plan.cost().value(x, plan.u_reference) == pytest.approx(without + added, rel=1e-12)
+
+
+def test_a_walk_on_the_cross_keeps_the_lengths_and_every_limit(run: TrackingRun) -> None:
+    m, limits = run.mechanism, PuppetLimits()
+    assert run.result.success
+    assert run.embedded
+    lengths = string_lengths(m, run.trajectory.q)
+    expected = [m.parameters[string.length] for string in tied_strings(m)]
+    np.testing.assert_allclose(lengths, np.tile(expected, (len(lengths), 1)), rtol=0.0, atol=1e-9)
+    assert run.tension.min() >= _LEAST
+    assert limits.broken(m, run.trajectory.t, run.reference[:, :2], run.result.x) == frozenset()
+    assert run.held_error < 4.0
+    # The bar moves: it is what the puppet follows by.
+    assert max(np.ptp(run.trajectory[name]) for name in CONTROLS["cross"][0].variables) > 0.01
+
+
+def test_the_motion_is_one_of_the_puppet_on_rods(run: TrackingRun) -> None:
+    """By the integrator with constraints, which knows nothing of plans by tensions."""
+    problem = TrackingProblem(run.mechanism, run.motion, FORCED, 1)
+    done = problem.system.step_each(run.result.x, run.result.u)
+    assert done.complete
+    np.testing.assert_allclose(done.x[:, : run.mechanism.nq], run.result.x[1:, : run.mechanism.nq], atol=1e-7)
+
+
+def test_a_run_on_bars_comes_back_from_its_file_and_goes_on(run: TrackingRun, tmp_path: Path) -> None:
+    loaded = load_run(save_run(tmp_path / "run.npz", run))
+    assert loaded.mechanism.parameters == run.mechanism.parameters
+    assert set_of(loaded.mechanism) == "cross"
+    np.testing.assert_array_equal(loaded.tension, run.tension)
+    again = track(loaded.mechanism, loaded.motion, resume=loaded)
+    assert again.result.success
+    assert again.mechanism.parameters == run.mechanism.parameters
+    assert again.tension.min() >= _LEAST
+    assert again.held_error == pytest.approx(run.held_error, abs=0.1)
+
+
+@pytest.mark.parametrize("iterations", [1, 4])
+def test_a_run_cut_short_is_an_answer_too(iterations: int) -> None:
+    run = track(marionette(strings="cross+legs"), walk_in_place(0.4, 0.02), max_iterations=iterations)
+    assert run.tension.min() >= _LEAST
+    lengths = string_lengths(run.mechanism, run.trajectory.q)
+    assert np.ptp(lengths, axis=0).max() < 1e-9
+
+
+def test_bars_keep_to_the_tilt_that_is_allowed(run: TrackingRun) -> None:
+    tilts = ends_of(run.mechanism).tilts
+    free = max(np.abs(run.trajectory[name]).max() for name in tilts)
+    most = 0.4 * free
+    held = track(marionette(strings="cross"), run.motion, limits=PuppetLimits(tilt=most))
+    assert max(np.abs(held.trajectory[name]).max() for name in tilts) < most + 1e-4
+    assert held.held_error > run.held_error
+    assert held.tension.min() >= _LEAST
+
+
+def test_what_bars_can_hold_at_rest_has_their_lengths(run: TrackingRun) -> None:
+    rest = resting(run, instants=2)
+    assert rest.missing == 0
+    np.testing.assert_allclose(
+        string_lengths(run.mechanism, rest.q),
+        np.tile([run.mechanism.parameters[s.length] for s in tied_strings(run.mechanism)], (2, 1)),
+        atol=1e-5,
+    )
+    assert rest.tension.min() >= _LEAST - 1e-9
+
+
+def test_the_scene_and_the_summary_have_the_bars(run: TrackingRun) -> None:
+    scene = marionette_scene(run)
+    # The ends of all strings are on drawn beams.
+    ends = np.array([scene.points[name][0] for bone in scene.bones for name in (bone.start, bone.end)])
+    for string in strings_of(run.mechanism):
+        assert np.linalg.norm(ends - scene.points[string.control][0], axis=1).min() < 1e-12
+    summary = run_summary(run)
+    assert set(summary["bars"]) == {"cross"}
+    turned = summary["bars"]["cross"]["rx"]
+    assert turned["max"] == pytest.approx(np.rad2deg(run.trajectory["cross-rx"].max()))
+    assert summary["limits_broken"] == []
+    text = as_text(summary_tables(summary))
+    assert "Bars" in text
+    assert "tilted ahead" in text
+
+
+def test_bad_controls_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ArgumentError, match=r"'croos'.*'cross\+legs'"):
+        marionette(strings="croos")  # type: ignore[arg-type]
+    with pytest.raises(ResultFileError, match="a control called 'plane'"):
+        _mechanism(7, {}, "plane")
+    with pytest.raises(ArgumentError, match="tilt is 2"):
+        PuppetLimits(tilt=2.0)
+    for name in ("lift", "turn_speed", "turn_acceleration"):
+        with pytest.raises(ArgumentError, match=f"{name} is 0"):
+            PuppetLimits(**{name: 0.0})  # type: ignore[arg-type]
+    for words, said in (
+        (["--strings", "croos"], "cross+legs+hands"),
+        (["--strings", "cross", "--tilt", "100"], "tilt is 1.7"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(["optimize", "marionette", "--out", str(tmp_path / "x"), *words])
+        assert ended.value.code == 2
+        assert said in capsys.readouterr().err
