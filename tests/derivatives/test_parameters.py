@@ -21,7 +21,7 @@ from leastaction import mechanics as la
 from leastaction.errors import ArgumentError, DescriptionError, StepError
 from leastaction.mechanics import Mechanism, MidpointVI, State, Trajectory, rx
 from leastaction.mechanics.discrete.midpoint import Split
-from leastaction.mechanics.discrete.sensitivity import momentum_by
+from leastaction.mechanics.discrete.step_sensitivity import momentum_by
 from leastaction.mechanics.elements import kinds
 from leastaction.mechanics.elements.base import Element
 

@@ -29,8 +29,9 @@ from leastaction.mechanics.description.joints import prismatic, revolute, screw,
 from leastaction.mechanics.description.poses import pose
 from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
 from leastaction.mechanics.discrete.midpoint import MidpointVI
-from leastaction.mechanics.discrete.sensitivity import Sensitivity, StepSensitivity, momentum_by
+from leastaction.mechanics.discrete.sensitivity import Sensitivity
 from leastaction.mechanics.discrete.step import Step
+from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, momentum_by
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory
 from leastaction.mechanics.elements import (
     BodyWrench,

@@ -16,7 +16,8 @@ from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.discrete.linearization import StepDerivatives, step_pattern
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.quality import quality_of
-from leastaction.mechanics.discrete.sensitivity import by_time_step, start_by, steps_by
+from leastaction.mechanics.discrete.sensitivity import start_by
+from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array, as_number, as_times
 from leastaction.numerics.step_quality import StepQuality

@@ -30,7 +30,8 @@ from leastaction.mechanics.configuration.assembly import check_consistent, check
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
 from leastaction.mechanics.discrete import functions
-from leastaction.mechanics.discrete import sensitivity as parameters
+from leastaction.mechanics.discrete import sensitivity as of_trajectories
+from leastaction.mechanics.discrete import step_sensitivity as of_steps
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.quality import quality_of
@@ -393,8 +394,8 @@ class MidpointVI(Integrator):
     linearize_arrays = differentiate.linearize_arrays
     curvature = differentiate.curvature
     tensors = differentiate.tensors
-    differentiate_by = parameters.differentiate_by
-    sensitivity = parameters.sensitivity
+    differentiate_by = of_steps.differentiate_by
+    sensitivity = of_trajectories.sensitivity
     discrete_lagrangian = functions.discrete_lagrangian
     discrete_potential = functions.discrete_potential
     discrete_force = functions.discrete_force

@@ -1,0 +1,239 @@
+"""Exact derivatives of every discrete step, and of momenta, by the named parameters of the mechanism.
+
+`differentiate_by` is a method of `MidpointVI`, which is ``vi`` here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics.description.tree import WORLD
+from leastaction.mechanics.discrete.derivatives import linearize, linearize_arrays
+from leastaction.mechanics.discrete.integrator import Integrator
+from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.parameters import (
+    BodyNumber,
+    ElementNumber,
+    JointNumber,
+    Length,
+    Place,
+    Prescribed,
+    inertia_slope,
+)
+from leastaction.numerics.arrays import Array, as_array
+
+
+@dataclass(frozen=True)
+class StepSensitivity:
+    """Derivatives of every step by parameters, its start and its inputs held. Threads may share it.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The parameters.
+    x : ndarray, shape (N, nx, len(names))
+        Of the state at the end of each step.
+    lam : ndarray, shape (N, nc, len(names))
+        Of its multipliers.
+    """
+
+    names: tuple[str, ...]
+    x: Array
+    lam: Array
+
+
+def differentiate_by(vi: Integrator, trajectory: Trajectory, names: Sequence[str]) -> StepSensitivity:
+    """Return the exact first derivatives of every step by some parameters.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Of this mechanism.
+    names : sequence of str
+        Parameters, among the names of `Mechanism.parameters`.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown parameter, or a trajectory of a mechanism with other variables.
+    StepError
+        Where the arrays are not a trajectory of the mechanism.
+    """
+    linearize(vi, trajectory, multipliers=False)  # its checks
+    return steps_by(vi, trajectory.t, trajectory.x, trajectory.u, names)
+
+
+def steps_by(
+    vi: Integrator, t: Array, x: Array, u: Array, names: Sequence[str], *, first_share: float = 1.0
+) -> StepSensitivity:
+    """Differentiate every step along arrays of a trajectory, which are not checked, by parameters.
+
+    Numbers of elements are differentiated by one dual evaluation each, inertias through the linearity of
+    the Lagrangian in them, lengths as what they are: prescribed variables that do not move, and numbers of joints as
+    prescribed motions. ``first_share``: the part of the first step for which forces at the instants act at its start.
+    """
+    m = vi.mechanism
+    places = m.parameter_places(names)
+    by_x = np.zeros((len(u), m.nx, len(places)))
+    by_lam = np.zeros((len(u), m.nc, len(places)))
+    lengths = {name: place for name, place in places.items() if isinstance(place, Prescribed)}
+    columns = {name: column for column, name in enumerate(places)}
+    if lengths:
+        chosen = [columns[name] for name in lengths]
+        by_x[:, :, chosen], by_lam[:, :, chosen] = _by_lengths(vi, t, x, u, lengths, first_share)
+    others = {name: place for name, place in places.items() if name not in lengths}
+    if others:
+        directions, inertias = _directions(m, others)
+        out = vi.core.by_parameters(t, x, u, directions, inertias, threads=vi.threads, first_share=first_share)
+        chosen = [columns[name] for name in others]
+        by_x[:, :, chosen], by_lam[:, :, chosen] = out.x, out.lam
+    return StepSensitivity(tuple(places), by_x, by_lam)
+
+
+def by_time_step(vi: Integrator, t: Array, x: Array, u: Array, *, first_share: float = 1.0) -> StepSensitivity:
+    """Differentiate every step along arrays by its length, its start, its inputs and its prescribed end held."""
+    nothing = np.zeros((1, len(vi.mechanism.core.numbers)))
+    out = vi.core.by_parameters(t, x, u, nothing, [], time_step=0, threads=vi.threads, first_share=first_share)
+    return StepSensitivity(("dt",), out.x, out.lam)
+
+
+def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequence[str]) -> Array:
+    """Return the derivatives (nd, len(names)) of the momentum dL/dv by parameters, q and v held.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : array_like, shape (nq,)
+    names : sequence of str
+        Parameters, among the names of `Mechanism.parameters`.
+    """
+    places = mechanism.parameter_places(names)
+    q0 = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
+    v0 = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
+    out = np.zeros((mechanism.nd, len(places)))
+    lengths = {name: place for name, place in places.items() if isinstance(place, Prescribed)}
+    if lengths:
+        nq = mechanism.nq
+        freed = mechanism.with_free_lengths(_as_variables(mechanism, lengths))
+        q, v = np.append(q0, _held(mechanism, lengths)), np.append(v0, np.zeros(len(lengths)))
+        _, by_q, by_v = freed.core.hessian(q, v)
+        factors, constant = _growth(mechanism, lengths)
+        by = by_q[:nq, nq:] * (factors @ q0 + constant) + by_v[:nq, nq:] * (factors @ v0)
+        by += factors.T * freed.momentum(q, v)[nq:]
+    for column, (name, place) in enumerate(places.items()):
+        if isinstance(place, BodyNumber):
+            joint, slope = inertia_slope(mechanism.tree, place)
+            if joint != WORLD:
+                out[:, column] = mechanism.core.inertia_slope(q0, v0, joint, list(slope))[1][: mechanism.nd]
+        elif isinstance(place, Prescribed):
+            out[:, column] = by[: mechanism.nd, list(lengths).index(name)]
+    return out
+
+
+def _directions(m: Mechanism, places: dict[str, Place]) -> tuple[Array, list[tuple[int, int, list[float]]]]:
+    """Return what the core takes: directions of the elements' numbers, and slopes of inertias."""
+    directions = np.zeros((len(places), len(m.core.numbers)))
+    inertias = []
+    for row, (name, place) in enumerate(places.items()):
+        if isinstance(place, ElementNumber):
+            directions[row, place.slot] = 1.0
+        elif isinstance(place, BodyNumber):
+            _refuse_partial_gravity(m, name, place)
+            joint, slope = inertia_slope(m.tree, place)
+            if joint != WORLD:
+                inertias.append((row, joint, slope.tolist()))
+    return directions, inertias
+
+
+def _refuse_partial_gravity(m: Mechanism, name: str, place: BodyNumber) -> None:
+    if place.field.startswith("inertia"):
+        return
+    frame = m.tree.frames[place.frame].name
+    for label, element in m.elements.items():
+        if frame in element.weighed:
+            raise ArgumentError(
+                f"the parameter {name!r} also sets the weight that {label!r} gives to {frame!r} alone; "
+                "derivatives by it are for gravity on all masses, or for none"
+            )
+
+
+def _as_variables(m: Mechanism, lengths: dict[str, Prescribed]) -> dict[str, Prescribed]:
+    """Return the places of numbers by names that are no variables of the mechanism yet."""
+    renamed = {}
+    for name, place in lengths.items():
+        while name in m.variables:
+            name += "'"
+        renamed[name] = place
+    return renamed
+
+
+def _by_lengths(
+    vi: Integrator, t: Array, X: Array, U: Array, lengths: dict[str, Prescribed], first_share: float
+) -> tuple[Array, Array]:
+    """Derivatives of the steps by numbers that a prescribed variable w stands for.
+
+    A length is a variable that stands still. What another number changes is a motion w(q) that is zero and grows with
+    the number as c(q) = c_k q_k + c_0: beside what w moves at both ends, its own equation is added to those of the
+    variables, c_k times.
+    """
+    m = vi.mechanism
+    freed = vi.like(m.with_free_lengths(_as_variables(m, lengths)))
+    count, steps = len(lengths), len(U)
+    held = np.tile(_held(m, lengths), (steps + 1, 1))
+    x = np.concatenate([X[:, : m.nq], held, X[:, m.nq :], np.zeros_like(held)], axis=1)
+    u = np.concatenate([U, held[1:]], axis=1)
+    d = linearize_arrays(freed, t, x, u, multipliers=True, first_share=first_share)
+    factors, constant = _growth(m, lengths)
+    grown = X[:, : m.nq] @ factors.T + constant
+    at_start, at_end = (slice(m.nq, m.nq + count), slice(m.n_inputs + m.nrho, m.n_inputs + m.nrho + count))
+    by = d.A_all[:, :, at_start] * grown[:-1, None] + d.B_all[:, :, at_end] * grown[1:, None]
+    own = factors[:, : m.nd].T  # (nd, count)
+    if own.any():
+        momenta = slice(m.nq + count, m.nq + count + m.nd)
+        at_first, at_second = _momenta_of(freed, t, x, u, d.lam, first_share)
+        by += d.A_all[:, :, momenta] @ (own * at_first[:, None, at_start])
+        by[:, momenta] += own * at_second[:, None, at_start]
+    rows = [*range(m.nq), *range(m.nq + count, m.nq + count + m.nq)]
+    out = by[:, rows]
+    out[:, [*range(m.nd, m.nq), *range(m.nq + m.nd, m.nx)]] = 0.0
+    return out, by[:, freed.mechanism.nx :]
+
+
+def _held(m: Mechanism, lengths: dict[str, Prescribed]) -> Array:
+    """Return the values (len(lengths),) of the variables that stand for numbers."""
+    return np.array([m.parameters[name] if isinstance(place, Length) else 0.0 for name, place in lengths.items()])
+
+
+def _growth(m: Mechanism, lengths: dict[str, Prescribed]) -> tuple[Array, Array]:
+    """Return how the variables that stand for numbers grow with those: factors (len(lengths), nq), and constants."""
+    column = {name: i for i, name in enumerate(m.variables)}
+    factors, constant = np.zeros((len(lengths), m.nq)), np.ones(len(lengths))
+    for row, place in enumerate(lengths.values()):
+        if isinstance(place, JointNumber):
+            growth = place.growth(m.tree)
+            constant[row] = growth.offset
+            for name, factor in growth.terms:
+                factors[row, column[name]] = factor
+    return factors, constant
+
+
+def _momenta_of(vi: Integrator, t: Array, x: Array, u: Array, lam: Array, first_share: float) -> tuple[Array, Array]:
+    """Return what the equations of all variables have beside the momentum at the start, and the momenta at the end.
+
+    Both (N, nq), of prescribed variables too.
+    """
+    m = vi.mechanism
+    start, end = np.empty((len(u), m.nq)), np.empty((len(u), m.nq))
+    for k in range(len(u)):
+        dt = t[k + 1] - t[k]
+        share = dt * (first_share if k == 0 else 1.0)
+        q = np.ascontiguousarray(x[k, : m.nq])
+        p, end[k] = vi.core.momenta(q, np.ascontiguousarray(x[k + 1, : m.nq]), u[k, : m.n_inputs].copy(), dt, share)
+        start[k] = -p - lam[k] @ m.constraint_jacobian(q)
+    return start, end
