@@ -120,6 +120,13 @@ LinearQuadraticProblem dynamics(const Input& A, const Input& B) {
     return problem;
 }
 
+void set_pattern(LinearQuadraticProblem& problem, const std::optional<Pattern>& pattern) {
+    if (!pattern) return;
+    const auto nx = static_cast<std::size_t>(problem.nx), nu = static_cast<std::size_t>(problem.nu);
+    require(has_shape(*pattern, {nx, nx + nu}), "pattern must have shape (nx, nx + nu)");
+    problem.pattern = pattern->data();
+}
+
 LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, const Output& C, const Output& b,
                             const Output& P0, const MaybeOutput& P_all, const MaybeInput& Q, bool Q_diagonal,
                             const MaybeInput& R, bool R_diagonal, const MaybeInput& S, const MaybeInput& H,
@@ -149,8 +156,7 @@ LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, con
     problem.Q_final =
         block(Q_final, N, nx, nx, false, Q_final && Q_final->ndim() == 1, "Q_final must have shape (nx) or (nx, nx)");
     problem.q_final = checked(q_final, {nx}, "q_final must have shape (nx)");
-    require(!pattern || has_shape(*pattern, {nx, nx + nu}), "pattern must have shape (nx, nx + nu)");
-    if (pattern) problem.pattern = pattern->data();
+    set_pattern(problem, pattern);
 
     require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
     require(has_shape(C, {N, nu}), "C must have shape (N, nu)");
@@ -165,9 +171,10 @@ LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, con
 }
 
 void forward(const Input& A, const Input& B, const Input& K, const Input& C, const MaybeInput& c, const Output& dx,
-             const Output& du) {
+             const Output& du, const std::optional<Pattern>& pattern) {
     const auto [N, nx, nu] = sizes(A, B);
     LinearQuadraticProblem problem = dynamics(A, B);
+    set_pattern(problem, pattern);
     problem.c = checked(c, {N, nx}, "c must have shape (N, nx)");
     require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
     require(has_shape(C, {N, nu}), "C must have shape (N, nu)");
@@ -186,8 +193,7 @@ void adjoint(const Input& A, const Input& B, const Input& K, const Input& q, con
     problem.q_final = checked(q_final, {nx}, "q_final must have shape (nx)");
     require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
     require(has_shape(z, {N + 1, nx}), "z must have shape (N + 1, nx)");
-    require(!pattern || has_shape(*pattern, {nx, nx + nu}), "pattern must have shape (nx, nx + nu)");
-    if (pattern) problem.pattern = pattern->data();
+    set_pattern(problem, pattern);
     nb::gil_scoped_release release;
     sweep_adjoint(problem, K.data(), z.data());
 }
@@ -217,7 +223,7 @@ void bind_linear_quadratic(nb::module_& m) {
           "regularize"_a = false, "use_structure"_a = true, "pattern"_a.none() = nb::none(),
           "Backward recursion of the affine LQ problem; writes K, C, b, P0 and, if given, P_all.");
     m.def("sweep_forward", &forward, "A"_a, "B"_a, "K"_a, "C"_a, "c"_a.none(), "dx"_a, "du"_a,
-          "Closed-loop linear roll-out from dx[0]; writes dx[1:] and du.");
+          "pattern"_a.none() = nb::none(), "Closed-loop linear roll-out from dx[0]; writes dx[1:] and du.");
     m.def("sweep_adjoint", &adjoint, "A"_a, "B"_a, "K"_a, "q"_a, "r"_a, "q_final"_a, "z"_a,
           "pattern"_a.none() = nb::none(), "Adjoint of the closed-loop linearisation; writes z.");
 }

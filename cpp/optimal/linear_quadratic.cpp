@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "numerics/small_products.hpp"
+#include "optimal/outer_rows.hpp"
+#include "optimal/prefetch.hpp"
 #include "optimal/stage_structure.hpp"
 
 namespace leastaction {
@@ -32,43 +34,6 @@ constexpr Index max_regularized_stages = 16;
 Columns columns_of(const MatrixXd& M, Index first = 0) { return {M.data() + first * M.outerStride(), M.outerStride()}; }
 Target whole(MatrixXd& M) { return {M.data(), M.outerStride()}; }
 
-// Asks for numbers of an array that are needed soon, a line of the cache at a time.
-class Prefetch {
-public:
-    explicit Prefetch(Index size) : needed_((size + line - 1) / line, true) { list(); }
-
-    // Only what stands in such parts is needed: after nothing(), of every part.
-    void nothing() { std::fill(needed_.begin(), needed_.end(), false); }
-    void need(Index first, Index length) {
-        if (length <= 0) return;
-        std::fill(needed_.begin() + first / line, needed_.begin() + (first + length - 1) / line + 1, true);
-    }
-    void list() {
-        lines_.clear();
-        for (std::size_t i = 0; i < needed_.size(); ++i) {
-            if (needed_[i]) lines_.push_back(static_cast<Index>(i) * line);
-        }
-    }
-
-    // What is needed of the array at `data`; null: nothing.
-    void aim(const double* data) {
-        data_ = data;
-        next_ = data ? 0 : lines_.size();
-    }
-    // Asks for a part of it, of so many that are all of it together.
-    void ask(Index parts) {
-        const std::size_t share = (lines_.size() + parts - 1) / parts, end = std::min(next_ + share, lines_.size());
-        for (; next_ < end; ++next_) Eigen::internal::prefetch(data_ + lines_[next_]);
-    }
-
-private:
-    static constexpr Index line = 8;  // numbers
-    std::vector<bool> needed_;
-    std::vector<Index> lines_;  // where they start
-    const double* data_ = nullptr;
-    std::size_t next_ = 0;
-};
-
 // The recursion and its work space; nothing is allocated inside the loop over the stages.
 class Recursion {
 public:
@@ -81,6 +46,7 @@ public:
           nu_(problem.nu),
           soon_{Prefetch(nx_ * nx_), Prefetch(nx_ * nu_), Prefetch((nx_ + nu_) * (nx_ + nu_)), Prefetch(nx_ * nu_)},
           structure_(nx_, nu_),
+          outer_(nx_, nu_),
           G_(MatrixXd::Zero(padded(nx_ + nu_), nx_)),
           PG_(MatrixXd::Zero(padded(nx_), nx_ + nu_)),
           GPG_(MatrixXd::Zero(padded(nx_ + nu_), nx_ + nu_)),
@@ -146,16 +112,48 @@ private:
             structure_.everything();
         }
         list_needed();
-        compact_ = follows_pattern() && !couples_unused();
+        compact_ = follows_pattern() && !couples_all();
         n_states_ = compact_ ? structure_.columns() - nu_ : nx_;
+        terms_.reserve(2 * nx_);
     }
 
-    // Whether the cost may couple states that nothing depends on.
-    bool couples_unused() const {
+    // Whether the cost may couple any states with others, and with inputs.
+    bool couples_all() const {
         const auto& places = problem_.part.columns;
-        const auto is_unused = [this](Index i) { return !structure_.uses(i); };
-        const bool in_part = std::any_of(places, places + problem_.part.size, is_unused);
-        return problem_.S.data != nullptr || (problem_.Q.data != nullptr && !problem_.Q.diagonal) || in_part;
+        const auto end = places + problem_.part.size;
+        const auto is_unused = [this](Index j) { return !structure_.uses(j); };
+        const bool with_inputs = problem_.part.size > 0 && end[-1] >= nx_ && std::any_of(places, end, is_unused);
+        return problem_.S.data != nullptr || (problem_.Q.data != nullptr && !problem_.Q.diagonal) || with_inputs;
+    }
+
+    // Looks which rows of G count from now on, where P of states upon which nothing depends is what the cost of a stage says:
+    // not those of such states that cost nothing.
+    void look_at_cost() {
+        const HessianPart& part = problem_.part;
+        std::vector<Index> rows(part.columns, part.columns + part.size);
+        if (std::all_of(rows.begin(), rows.end(), [this](Index j) { return structure_.uses(j); })) rows.clear();
+        for (const Index i : rows) structure_.couple(i);
+        for (const Index i : structure_.dense()) {
+            if (structure_.uses(i) || std::binary_search(rows.begin(), rows.end(), i)) continue;
+            if (costs_something(i)) {
+                rows.insert(std::upper_bound(rows.begin(), rows.end(), i), i);
+            } else {
+                structure_.leave_out(i);
+            }
+        }
+        structure_.follow(problem_.pattern);
+        outer_.choose(structure_, rows);
+        list_needed();
+    }
+
+    // Whether there is a diagonal weight or a gradient of state i, at any stage.
+    bool costs_something(Index i) const {
+        for (Index k = 0; k < problem_.horizon; ++k) {
+            if (problem_.q != nullptr && problem_.q[k * nx_ + i] != 0.0) return true;
+            const double* Q = problem_.Q.at(k);
+            if (Q != nullptr && Q[i] != 0.0) return true;
+        }
+        return false;
     }
 
     bool follows_pattern() const { return options_.use_structure && problem_.pattern != nullptr; }
@@ -173,6 +171,7 @@ private:
         const auto& dense = structure_.dense();
         for (std::size_t i = 0; i < dense.size(); ++i) structure_.gather_row(dense[i], A, B, G_.col(i).data());
         multiply_P(k);
+        if (P_is_compact_) outer_.multiply(structure_, G_);
         multiply_PG();
         if (!compact_) spread(GPG_);
         add_cost(k);
@@ -183,7 +182,7 @@ private:
     void multiply_P(Index k) {
         const Index m = structure_.columns(), panels = (m + panel - 1) / panel;
         aim_at_stage(k - 1);
-        // Rows of P beyond `coupled` hold nothing but their own block, and no dense row lies there.
+        // Whole rows of P beyond `coupled` hold nothing but their own block, and no dense row lies there.
         const auto& sparse = structure_.sparse(P_is_compact_);
         const Index end = P_is_compact_ ? sparse.rows : nx_, coupled = P_is_compact_ ? end : coupled_rows();
         for (Index j = 0; j < m; j += panel) {
@@ -193,7 +192,7 @@ private:
             }
             for (Prefetch& part : soon_) part.ask(panels);
         }
-        const Index set = structure_.dense().empty() ? 0 : coupled;
+        const Index set = structure_.dense_runs(P_is_compact_).empty() ? 0 : coupled;
         PG_.block(set, 0, end - set, m).setZero();
         const Index uncoupled = structure_.dense().empty() ? 0 : structure_.dense().back() + 1;
         for (const auto& of : sparse.diagonals) {
@@ -207,12 +206,13 @@ private:
 
     // Some rows and columns of P_:D G_D.
     void multiply_P(Index row, Index rows, Index column, Index columns) {
-        each_pair([&](Into into, const auto& of_both) {
-            const Sum of = of_both([&](const auto& run) {
-                return Factors{run.length,
-                               {P_padded_.col(run.first).data() + row, P_padded_.outerStride()},
-                               {G_.col(run.offset).data() + column, G_.outerStride(), 1}};
-            });
+        terms_.clear();
+        for (const auto& run : structure_.dense_runs(P_is_compact_)) {
+            terms_.push_back({run.length,
+                              {P_padded_.col(run.first).data() + row, P_padded_.outerStride()},
+                              {G_.col(run.offset).data() + column, G_.outerStride(), 1}});
+        }
+        each_pair([&](Into into, const Sum& of) {
             product(into, rows, columns, of, {PG_.col(column).data() + row, PG_.outerStride()});
         });
     }
@@ -220,13 +220,13 @@ private:
     // The upper triangle of G'P G: that of neither part alone is that of a symmetric matrix.
     void multiply_PG() {
         const Index m = structure_.columns();
-        if (structure_.dense().empty()) GPG_.setZero();
-        each_pair([&](Into into, const auto& of_both) {
-            const Sum of = of_both([&](const auto& run) {
-                return Factors{run.length, columns_of(G_, run.offset), {PG_.data() + run.first, 1, PG_.outerStride()}};
-            });
-            upper_product(into, m, of, whole(GPG_));
-        });
+        terms_.clear();
+        for (const auto& run : structure_.dense_runs(P_is_compact_)) {
+            terms_.push_back({run.length, columns_of(G_, run.offset), {PG_.data() + run.first, 1, PG_.outerStride()}});
+        }
+        if (P_is_compact_) outer_.each_product(G_, [this](const Factors& of) { terms_.push_back(of); });
+        if (terms_.empty()) GPG_.setZero();
+        each_pair([&](Into into, const Sum& of) { upper_product(into, m, of, whole(GPG_)); });
         for (const auto& of : structure_.sparse(P_is_compact_).diagonals) {
             const auto values = structure_.values(of);
             for (Index j = of.column; j < m; ++j) {
@@ -235,7 +235,9 @@ private:
                     values.head(length).cwiseProduct(PG_.col(j).segment(of.row, length));
             }
         }
-        if (P_is_compact_) add_loners();
+        if (!P_is_compact_) return;
+        add_loners();
+        if (!outer_.empty()) outer_.add_entries(GPG_.topLeftCorner(m, m));
     }
 
     // What P holds of a state that nothing depends on is a number on the diagonal.
@@ -274,15 +276,12 @@ private:
         }
     }
 
-    // Calls add_product(into, of_both) for two runs of dense rows at a time: the first set a product, the others add to it.
-    // of_both(factors_of) is the sum of their products.
+    // Calls add_product(into, sum) for two of the terms at a time: the first set a product, the others add to it.
     template <class AddProduct>
     void each_pair(const AddProduct& add_product) const {
-        const auto& runs = structure_.dense_runs();
-        for (std::size_t i = 0; i < runs.size(); i += 2) {
-            add_product(i == 0 ? Into::set : Into::add, [&](const auto& factors_of) {
-                return Sum{factors_of(runs[i]), i + 1 < runs.size() ? factors_of(runs[i + 1]) : Factors{}};
-            });
+        for (std::size_t i = 0; i < terms_.size(); i += 2) {
+            add_product(i == 0 ? Into::set : Into::add,
+                        Sum{terms_[i], i + 1 < terms_.size() ? terms_[i + 1] : Factors{}});
         }
     }
 
@@ -318,15 +317,7 @@ private:
         }
         H.list();
         if (!follows_pattern()) return;
-        A.nothing();
-        B.nothing();
-        structure_.each_part([&](Index i, Index first, Index length) {
-            const Index in_A = std::clamp(nx_ - first, Index{0}, length);
-            A.need(i * nx_ + first, in_A);
-            B.need(i * nu_ + std::max(first - nx_, Index{0}), length - in_A);
-        });
-        A.list();
-        B.list();
+        need_dynamics(structure_, nx_, nu_, A, B);
     }
 
     Index coupled_rows() const {
@@ -390,14 +381,22 @@ private:
     }
 
     void add_part(Index k) {
+        each_of_part(k, [this](Index i, Index j, double value) {
+            if (!compact_) {
+                H_(i, j) += value;
+            } else if (structure_.uses(i) && structure_.uses(j)) {
+                GPG_(structure_.position(i), structure_.position(j)) += value;
+            }
+        });
+    }
+
+    // Calls with(i, j, value) for the entries (i, j), i <= j, of the part of a stage.
+    template <class With>
+    void each_of_part(Index k, const With& with) const {
         const HessianPart& part = problem_.part;
-        const auto place = [this, &part](Index i) {
-            return compact_ ? structure_.position(part.columns[i]) : static_cast<Index>(part.columns[i]);
-        };
         const double* row = part.data + k * part.size * part.size;
         for (Index j = 0; j < part.size; ++j, row += part.size) {
-            double* column = model().col(place(j)).data();
-            for (Index i = 0; i <= j; ++i) column[place(i)] += row[i];
+            for (Index i = 0; i <= j; ++i) with(part.columns[i], part.columns[j], row[i]);
         }
     }
 
@@ -522,19 +521,28 @@ private:
         auto sums = h_used_.head(n_states_);
         sums.setZero();
         for (Index j = 0; j < n_states_; ++j) sums.head(j + 1) += P.col(j).head(j + 1);
-        return sums.sum();
+        return sums.sum() + (compact_ ? outer_.sum() : 0.0);
     }
 
     // P from that of the states that the model is of; of the others, upon which nothing depends, there is the cost alone.
     void spread_P() {
+        if (!looked_) look_at_cost();
+        looked_ = true;
         if (!P_is_compact_) P_.setZero();
         P_is_compact_ = true;
-        if (const double* Q = problem_.Q.at(k_)) P_.diagonal() = ConstVector(Q, nx_);
+        const double* Q = problem_.Q.at(k_);
+        if (Q != nullptr) P_.diagonal() = ConstVector(Q, nx_);
         each_states([&](Index from, Index width, Index at) {
             each_states([&](Index to, Index height, Index below) {
                 P_.block(to, from, height, width) = GPG_.block(below, at, height, width);
             });
         });
+        if (outer_.empty()) return;
+        each_of_part(k_, [&](Index i, Index j, double value) {
+            if (structure_.uses(i) && structure_.uses(j)) return;
+            P_(i, j) = P_(j, i) = i == j && Q != nullptr ? Q[i] + value : value;
+        });
+        outer_.take(P_);
     }
 
     LinearQuadraticReport ended(LinearQuadraticReport::Status status, Index k) {
@@ -572,10 +580,13 @@ private:
     Index k_ = 0;  // the stage
     bool use_H_ = true;
     bool compact_ = false;          // whether the model is of those states alone that the next ones depend on
-    bool P_is_compact_ = false;     // whether of the others P is diagonal
+    bool P_is_compact_ = false;     // whether of the others P is what the cost says
+    bool looked_ = false;           // whether look_at_cost was called
     Index n_states_ = 0;            // of the model
     std::array<Prefetch, 4> soon_;  // of A, B, H, K
     StageStructure structure_;
+    OuterRows outer_;
+    std::vector<Factors> terms_;  // of a product
     // Column i of G_ holds the used columns of row dense[i] of G; PG_ and GPG_ have the used columns only.
     MatrixXd G_, PG_, GPG_, P_padded_;
     Eigen::Ref<MatrixXd> P_;
@@ -593,75 +604,6 @@ LinearQuadraticReport solve_linear_quadratic(const LinearQuadraticProblem& probl
                                              const LinearQuadraticOptions& options,
                                              const LinearQuadraticOutput& output) {
     return Recursion(problem, options, output).run();
-}
-
-void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const double* C, double* dx, double* du) {
-    const Index nx = problem.nx;
-    const Index nu = problem.nu;
-    for (Index k = 0; k < problem.horizon; ++k) {
-        const ConstVector x(dx + k * nx, nx);
-        Eigen::Map<VectorXd> u(du + k * nu, nu);
-        Eigen::Map<VectorXd> next(dx + (k + 1) * nx, nx);
-        u = -ConstVector(C + k * nu, nu);
-        u.noalias() -= ConstRows(K + k * nu * nx, nu, nx) * x;
-        next.setZero();
-        if (problem.c != nullptr) next = ConstVector(problem.c + k * nx, nx);
-        next.noalias() += ConstRows(problem.A + k * nx * nx, nx, nx) * x;
-        next.noalias() += ConstRows(problem.B + k * nx * nu, nx, nu) * u;
-    }
-}
-
-namespace {
-
-// Adds A'z and B'z of a stage, of which nothing is read that is zero by a structure.
-void add_transposed(const StageStructure& structure, const ConstRows& A, const ConstRows& B, const ConstVector& z,
-                    Eigen::Map<VectorXd>& by_x, VectorXd& by_u) {
-    const Index nx = A.cols();
-    for (const auto& rows : structure.dense_runs()) {
-        const auto z_rows = z.segment(rows.first, rows.length);
-        for (const auto& run : structure.runs()) {
-            const Index in_A = std::clamp(nx - run.first, Index{0}, run.length), in_B = run.length - in_A;
-            if (in_A > 0) {
-                by_x.segment(run.first, in_A).noalias() +=
-                    A.block(rows.first, run.first, rows.length, in_A).transpose() * z_rows;
-            }
-            if (in_B > 0) {
-                const Index first = run.first + in_A - nx;
-                by_u.segment(first, in_B).noalias() +=
-                    B.block(rows.first, first, rows.length, in_B).transpose() * z_rows;
-            }
-        }
-    }
-    structure.each_entry([&](Index i, Index j, double value) { (j < nx ? by_x[j] : by_u[j - nx]) += value * z[i]; });
-}
-
-}  // namespace
-
-void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z) {
-    const Index nx = problem.nx;
-    const Index nu = problem.nu;
-    VectorXd input(nu);
-    StageStructure structure(nx, nu);
-    if (problem.pattern != nullptr) {
-        structure.follow(problem.pattern);
-    } else {
-        structure.everything();
-    }
-    Eigen::Map<VectorXd> last(z + problem.horizon * nx, nx);
-    last.setZero();
-    if (problem.q_final != nullptr) last = ConstVector(problem.q_final, nx);
-    for (Index k = problem.horizon - 1; k >= 0; --k) {
-        const ConstVector next(z + (k + 1) * nx, nx);
-        Eigen::Map<VectorXd> now(z + k * nx, nx);
-        now.setZero();
-        if (problem.q != nullptr) now = ConstVector(problem.q + k * nx, nx);
-        input.setZero();
-        if (problem.r != nullptr) input = ConstVector(problem.r + k * nu, nu);
-        const ConstRows A(problem.A + k * nx * nx, nx, nx), B(problem.B + k * nx * nu, nx, nu);
-        structure.read_entries(A.data(), B.data());
-        add_transposed(structure, A, B, next, now, input);
-        now.noalias() -= ConstRows(K + k * nu * nx, nu, nx).transpose() * input;
-    }
 }
 
 }  // namespace leastaction

@@ -75,8 +75,9 @@ struct LinearQuadraticProblem {
     const double* r = nullptr;        // (N, nu)
     HessianBlock Q_final;             // (nx) or (nx, nx)
     const double* q_final = nullptr;  // (nx)
-    // (nx, nx + nu): which entries of [A B] may differ from zero, at any stage; null: looked for at each of them. Nothing
-    // else is read, nor rows and columns of H of states that no entry stands in the columns of.
+    // (nx, nx + nu): which entries of [A B] may differ from zero, at any stage; null: looked for at each of them. Of the
+    // others only those are read that stand in a row and in a column with more: not columns without entries, nor what H has
+    // of such states.
     const bool* pattern = nullptr;
 };
 
@@ -110,7 +111,8 @@ LinearQuadraticReport solve_linear_quadratic(const LinearQuadraticProblem& probl
                                              const LinearQuadraticOptions& options,
                                              const LinearQuadraticOutput& output);
 
-// dx_{k+1} = A dx + B du + c with du = -K dx - C from dx[0]; dx (N + 1, nx), du (N, nu).
+// dx_{k+1} = A dx + B du + c with du = -K dx - C from dx[0]; dx (N + 1, nx), du (N, nu). With a pattern it reads no more of A
+// and B than that.
 void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const double* C, double* dx, double* du);
 
 // z_N = q_N, z_k = q - K'r + (A - BK)'z_{k+1} (dissertation Prop. 7); z (N + 1, nx). With a pattern it reads no more than that.

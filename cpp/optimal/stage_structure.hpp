@@ -43,7 +43,7 @@ public:
         std::vector<Block> blocks;
         Index rows = 0;  // of P G, of which any are read
     };
-    // A sparse row of a state whose own column is unused: values first, second at columns (of the used ones); -1: none.
+    // A sparse row of a state whose own column is unused, if the cost does not couple it: values first, second at columns (of the used ones); -1: none.
     struct Loner {
         Index row;
         std::array<Index, 2> values;
@@ -51,12 +51,19 @@ public:
     };
 
     StageStructure(Index nx, Index nu)
-        : nx_(nx), nu_(nu), used_(nx + nu), position_(nx + nu), last_columns_(3 * nx), sources_(2 * nx) {
+        : nx_(nx),
+          nu_(nu),
+          used_(nx + nu),
+          left_out_(nx),
+          coupled_(nx),
+          position_(nx + nu),
+          last_columns_(3 * nx),
+          sources_(2 * nx) {
         values_.resize(2 * nx);
         sizes_.resize(nx);
         for (Index i = 0; i < 3 * nx; ++i) last_columns_[i] = i % 3 < nx + nu ? i % 3 : -1;
         for (auto* list : {&dense_, &sparse_}) list->reserve(nx);
-        dense_runs_.reserve(nx);
+        for (auto* list : {&dense_runs_, &inner_runs_}) list->reserve(nx);
         for (Sparse* of : {&all_, &of_used_}) {
             of->diagonals.reserve(2 * nx);
             of->blocks.reserve(nx);
@@ -66,9 +73,9 @@ public:
     }
 
     const std::vector<Index>& dense() const { return dense_; }
-    const std::vector<Run>& dense_runs() const { return dense_runs_; }
-    // All sparse rows, or without loners.
-    const Sparse& sparse(bool without_loners = false) const { return without_loners ? of_used_ : all_; }
+    // Of all states, or of those alone upon which something depends.
+    const std::vector<Run>& dense_runs(bool of_used = false) const { return of_used ? inner_runs_ : dense_runs_; }
+    const Sparse& sparse(bool of_used = false) const { return of_used ? of_used_ : all_; }
     const std::vector<Loner>& loners() const { return loners_; }
     Eigen::VectorBlock<const Eigen::VectorXd> values(const Diagonal& of) const {
         return values_.segment(of.offset, of.length);
@@ -80,6 +87,11 @@ public:
     Index position(Index j) const { return position_[j]; }
     double value(Index e) const { return values_[e]; }
     bool trivial() const { return sparse_.empty() && columns_ == nx_ + nu_; }
+
+    // What the cost couples to others is no loner.
+    void couple(Index i) { coupled_[i] = true; }
+    // A dense row of a state that neither anything depends on nor the cost: it is not read any more.
+    void leave_out(Index i) { left_out_[i] = true; }
 
     void everything() {
         clear();
@@ -107,7 +119,7 @@ public:
                 ++count;
             }
             if (count > 2) {
-                add_dense_row(i);
+                if (!left_out_[i]) add_dense_row(i);
             } else {
                 sparse_.push_back(i);
             }
@@ -166,7 +178,7 @@ public:
 private:
     void clear() {
         dense_.clear();
-        dense_runs_.clear();
+        for (auto* list : {&dense_runs_, &inner_runs_}) list->clear();
         sparse_.clear();
         for (Sparse* of : {&all_, &of_used_}) of->diagonals.clear();
         loners_.clear();
@@ -200,14 +212,19 @@ private:
     }
 
     void add_dense_row(Index i) {
-        if (dense_.empty() || dense_.back() + 1 != i) {
-            dense_runs_.push_back({i, 0, static_cast<Index>(dense_.size())});
-        }
-        ++dense_runs_.back().length;
+        add_to(dense_runs_, i, static_cast<Index>(dense_.size()));
         dense_.push_back(i);
     }
 
+    static void add_to(std::vector<Run>& runs, Index i, Index offset) {
+        if (runs.empty() || runs.back().first + runs.back().length != i) runs.push_back({i, 0, offset});
+        ++runs.back().length;
+    }
+
     void list_entries() {
+        for (std::size_t d = 0; d < dense_.size(); ++d) {
+            if (used_[dense_[d]]) add_to(inner_runs_, dense_[d], static_cast<Index>(d));
+        }
         for (Index e = 0; e < 2; ++e) {
             for (const Index i : sparse_) add_entry(i, last_columns_[3 * i + e]);
         }
@@ -220,7 +237,7 @@ private:
         add_to(all_, i, position_[j]);
         if (used_[i]) {
             add_to(of_used_, i, position_[j]);
-        } else {
+        } else if (!coupled_[i]) {
             add_to_loner(i, position_[j]);
         }
         sources_[entries_++] = {i, j};
@@ -245,16 +262,17 @@ private:
         }
     }
 
-    void list_blocks(Sparse& of, bool loners) const {
+    // `whole`: of all states.
+    void list_blocks(Sparse& of, bool whole) const {
         auto& blocks = of.blocks;
         blocks.clear();
         of.rows = 0;
         auto dense = dense_.begin();
         for (Index row = 0; row < nx_; row += packet_size) {
             const Index end = std::min(row + packet_size, nx_);
-            const bool all = dense != dense_.end() && *dense < end;
-            while (dense != dense_.end() && *dense < end) ++dense;
-            const Index column = all ? 0 : first_column(row, end, loners);
+            bool all = false;
+            for (; dense != dense_.end() && *dense < end; ++dense) all = all || whole || used_[*dense];
+            const Index column = all ? 0 : first_column(row, end, whole);
             if (column < columns_) of.rows = end;
             if (!blocks.empty() && (blocks.back().column == 0) == (column == 0)) {
                 blocks.back().rows = end - blocks.back().row;
@@ -265,12 +283,12 @@ private:
         }
     }
 
-    // Of the entries of these rows, all of them sparse, with or without loners.
-    Index first_column(Index row, Index end, bool loners) const {
+    // Of the entries of these rows, all of them sparse.
+    Index first_column(Index row, Index end, bool whole) const {
         Index column = columns_;
         for (Index e = 0; e < entries_; ++e) {
             const auto [i, j] = sources_[e];
-            if (row <= i && i < end && (loners || used_[i])) column = std::min(column, position_[j]);
+            if (row <= i && i < end && (whole || used_[i])) column = std::min(column, position_[j]);
         }
         return column;
     }
@@ -290,11 +308,11 @@ private:
 
     Index nx_, nu_;
     Index columns_ = 0, entries_ = 0;
-    std::vector<char> used_;
+    std::vector<char> used_, left_out_, coupled_;
     std::vector<Index> position_;
     std::vector<Index> last_columns_;  // of up to three entries of each row; the others are -1
     std::vector<Index> dense_, sparse_;
-    std::vector<Run> dense_runs_, runs_;
+    std::vector<Run> dense_runs_, inner_runs_, runs_;
     Sparse all_, of_used_;
     std::vector<Loner> loners_;
     struct Source {

@@ -273,7 +273,10 @@ def _packed(H, pattern):
     return np.stack([[h[i, j] for a, i in enumerate(used) for j in used[: a + 1]] for h in H])
 
 
-@pytest.mark.parametrize("weights", ["diagonal", "per stage", "coupled", "part", "part of what nothing depends on"])
+_WEIGHTS = ["diagonal", "per stage", "coupled", "part", "part of what nothing depends on", "part of everything"]
+
+
+@pytest.mark.parametrize("weights", _WEIGHTS)
 @pytest.mark.parametrize("states", ["mechanical", "scattered", "one input", "all"])
 def test_what_a_pattern_leaves_out_is_not_read(weights, states):
     rng = np.random.default_rng(9)
@@ -308,6 +311,8 @@ def test_what_a_pattern_leaves_out_is_not_read(weights, states):
         given |= {"Q": _positive(rng, nx, 5.0), "S": 0.01 * rng.standard_normal((nx, nu))}
     elif weights.startswith("part"):
         places = [j for j in (0, nx // 2, nx - 1, nx) if weights != "part" or j not in unused]
+        if weights == "part of everything":
+            places = list(range(nx + nu))
         parts = np.stack([_positive(rng, len(places)) for _ in range(N)])
         given |= {"part": (places, parts)}
     # What stands where nothing is read may be anything.
@@ -343,6 +348,106 @@ def test_a_pattern_serves_what_is_made_convex():
         assert (found.stage, found.regularized_stages) == (expected.stage, expected.regularized_stages)
         np.testing.assert_allclose(found.P0, expected.P0, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(found.K, expected.K, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("in_part", range(1, 7))
+def test_a_part_may_couple_some_of_what_nothing_depends_on(in_part):
+    # The model then holds them before the others: every number of them stands elsewhere in packets of any width.
+    rng = np.random.default_rng(in_part)
+    A, B = _mechanical(rng, 9, nq=5, nr=6)
+    N, nx, nu = B.shape
+    pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
+    unused = np.flatnonzero(~pattern[:, :nx].any(axis=0))
+    assert len(unused) == 6
+    # Dense rows too, such as those of multipliers.
+    used = np.setdiff1d(np.arange(nx), unused)
+    A[:, unused[:2, None], used], B[:, unused[:2]] = rng.normal(size=(N, 2, len(used))), rng.normal(size=(N, 2, nu))
+    pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
+    places = np.sort(np.r_[rng.choice(unused, in_part, replace=False), 2, nx + 1])
+    H = 0.02 * _symmetric(rng, N, nx + nu, nx + nu)
+    H[:, unused] = H[:, :, unused] = 0.0
+    given = {
+        "Q": rng.uniform(1, 2, nx),
+        "R": rng.uniform(1, 2, nu),
+        "part": (places, np.stack([_positive(rng, len(places)) for _ in range(N)])),
+        "q": rng.standard_normal((N, nx)),
+        "c": rng.standard_normal((N, nx)),
+        "Q_final": rng.uniform(1, 2, nx),
+        "keep_P": True,
+    }
+    expected = solve_linear_quadratic(A, B, **given, H=H, use_structure=False)
+    hidden = [np.where(part, whole, np.nan) for part, whole in ((pattern[:, :nx], A), (pattern[:, nx:], B))]
+    found = solve_linear_quadratic(*hidden, **given, H=_packed(H, pattern), pattern=pattern)
+    for name in ("K", "C", "b", "P"):
+        size = np.abs(getattr(expected, name)).max()
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12 * size)
+    for each, dynamics in ((expected, (A, B)), (found, hidden)):
+        swept = sweep_forward(*dynamics, each, given["q"][0], c=given["c"], pattern=pattern)
+        wanted = _roll({"A": A, "B": B, "c": given["c"]}, expected, given["q"][0])
+        for one, other in zip(swept, wanted, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-11 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("cost", ["nothing", "weight", "weight at one stage", "gradient", "final", "part"])
+def test_states_that_nothing_depends_on_and_that_cost_nothing_are_not_read(cost):
+    rng = np.random.default_rng(13)
+    A, B = _mechanical(rng, 7)
+    N, nx, nu = B.shape
+    pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
+    idle = np.flatnonzero(~pattern[:, :nx].any(axis=0))[1]
+    pattern[idle] = pattern.any(axis=0)  # as of a multiplier
+    A[:, idle], B[:, idle] = rng.normal(size=(N, nx)) * pattern[idle, :nx], rng.normal(size=(N, nu))
+    Q, q, final = np.tile(rng.uniform(1, 2, (nx, 1)), (N, 1, 1)), rng.normal(size=(N, nx)), _positive(rng, nx)
+    Q[:, idle] = q[:, idle] = final[idle] = final[:, idle] = 0.0
+    given = {"R": np.ones(nu), "Q": Q, "q": q, "Q_final": final, "c": rng.normal(size=(N, nx)), "keep_P": True}
+    if cost == "weight":
+        Q[:, idle] = 2.0
+    elif cost == "weight at one stage":
+        Q[3, idle] = 2.0
+    elif cost == "gradient":
+        q[2, idle] = 2.0
+    elif cost == "final":
+        final[idle, idle] = 2.0
+    elif cost == "part":
+        given["part"] = [idle], np.tile(2.0, (N, 1, 1))
+    expected = solve_linear_quadratic(A, B, **given, use_structure=False)
+    if cost in ("nothing", "final"):
+        A[:-1, idle] = B[:-1, idle] = np.nan
+    found = solve_linear_quadratic(A, B, **given, pattern=pattern)
+    for name in ("K", "C", "b", "P"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-10, atol=1e-10)
+
+
+def test_a_part_that_is_no_number_is_met():
+    rng = np.random.default_rng(14)
+    A, B = _mechanical(rng, 5)
+    nx, nu = B.shape[1:]
+    pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
+    for stage in range(5):
+        matrices = np.zeros((5, 2, 2))
+        matrices[stage, 1, 0] = np.nan
+        with pytest.raises(ArgumentError, match=f"met at stage {stage}"):
+            solve_linear_quadratic(A, B, R=np.ones(nu), part=([nx - 2, nx - 1], matrices), pattern=pattern)
+
+
+@pytest.mark.parametrize("regularize", [False, True])
+def test_a_part_may_couple_what_nothing_depends_on_where_stages_are_made_convex(regularize):
+    rng = np.random.default_rng(11)
+    A, B = _mechanical(rng, 8)
+    N, nx, nu = B.shape
+    pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
+    H = np.zeros((N, nx + nu, nx + nu))
+    if regularize:
+        H[5] -= np.diag(np.where(np.arange(nx + nu) < 4, 300.0, 0.0))
+    places = [0, nx - 2, nx - 1]
+    given = {"A": A, "B": B, "Q": np.ones(nx), "R": np.ones(nu), "Q_final": _positive(rng, nx), "regularize": "stage"}
+    given |= {"q": rng.normal(size=(N, nx)), "part": (places, np.stack([_positive(rng, 3) for _ in range(N)]))}
+    expected = solve_linear_quadratic(**given, H=H, use_structure=False)
+    assert (expected.regularized_stages > 0) == regularize
+    found = solve_linear_quadratic(**given, H=_packed(H, pattern), pattern=pattern)
+    assert (found.stage, found.regularized_stages) == (expected.stage, expected.regularized_stages)
+    for name in ("K", "C", "b", "P0"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("pattern", [np.ones((5, 7), dtype=bool), np.ones((5, 8)), "all"])

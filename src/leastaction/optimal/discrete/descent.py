@@ -135,7 +135,7 @@ def escape(
             high = trial
             continue
         low = trial
-        dx, du = sweep_forward(A, B, model)
+        dx, du = sweep_forward(A, B, model, pattern=linearization.pattern)
         size = float(np.sqrt(np.sum(du**2)))
         dx, du = dx / size, du / size
         bend = _along(whole, full, dx, du)

@@ -154,7 +154,8 @@ def solve_linear_quadratic(
         Look for rows of ``[A B]`` with at most two entries and for zero columns, and use them.
     pattern : array_like of bool (nx, nx+nu), optional
         Which entries of ``[A B]`` may differ from zero, at any stage, for `use_structure` to need no look at them. The
-        others are not read, nor is what H holds of states that nothing depends on.
+        others are read at most where rows with more than two meet columns with some; nor is what H holds of states that
+        nothing depends on. A `part` may couple these.
     keep_P : bool
         Return P of every stage.
     workspace : Workspace, optional
@@ -295,14 +296,23 @@ class Law(Protocol):
 
 
 def sweep_forward(
-    A: Array, B: Array, solution: Law, dx0: ArrayLike | None = None, *, c: Array | None = None
+    A: Array,
+    B: Array,
+    solution: Law,
+    dx0: ArrayLike | None = None,
+    *,
+    c: Array | None = None,
+    pattern: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
-    """Return dx (N+1, nx) and du (N, nu) of ``dx+ = A dx + B du + c`` with ``du = -K dx - C``; c (N, nx) or zero."""
+    """Return dx (N+1, nx) and du (N, nu) of ``dx+ = A dx + B du + c`` with ``du = -K dx - C``; c (N, nx) or zero.
+
+    With a `pattern` as of `solve_linear_quadratic` nothing else of A, B is read.
+    """
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
     dx, du = np.empty((N + 1, nx)), np.empty((N, nu))
     dx[0] = 0.0 if dx0 is None else as_array(dx0, "dx0", (nx,))
-    _core.sweep_forward(A, B, solution.K, solution.C, c, dx, du)
+    _core.sweep_forward(A, B, solution.K, solution.C, c, dx, du, _pattern(pattern, (nx, nx + nu)))
     return dx, du
 
 

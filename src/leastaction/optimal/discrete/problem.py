@@ -15,6 +15,7 @@ from leastaction.numerics.step_quality import StepQuality, coarsest
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model
 from leastaction.optimal.discrete.linear_quadratic import (
+    Law,
     LinearQuadraticSolution,
     Workspace,
     adjoint,
@@ -242,12 +243,17 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         dx = du = None
         dx0 = self._start_step(model)
         if own_gain is not None:
-            A, B = self._linearize()
-            dx, du = sweep_forward(A, B, model, dx0)
+            dx, du = self._sweep(model, dx0)
         self.feedback = model.K if own_gain is None else own_gain
         # The model's minimum is half of its linear part: that of the inputs for dx_0 = 0, and that of dx_0.
         slope = 2.0 * model.constant + (0.0 if dx0 is None else float(model.b[0] @ dx0))
         return DiscreteDirection(method, slope, scale, shift, gain=self.feedback, C=model.C, dx=dx, du=du, dx0=dx0)
+
+    def _sweep(self, law: Law, dx0: Array | None, *, gaps: Array | None = None) -> tuple[Array, Array]:
+        """Return the motion of the linear dynamics under a law, which closes gaps."""
+        linearization = self._linearize()
+        A, B = linearization
+        return sweep_forward(A, B, law, dx0, c=gaps, pattern=linearization.pattern)
 
     def _directions_of_start(self) -> Array:
         """Return the directions (nx, n) in which the initial state may move."""
@@ -457,8 +463,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             return refusal
         dx = direction.dx
         if dx is None:
-            A, B = self._linearize()
-            dx = sweep_forward(A, B, direction, direction.dx0)[0]
+            dx = self._sweep(direction, direction.dx0)[0]
         size = 1.0 + np.abs(self.x).max(axis=0)
         n = len(x)
         expected = np.maximum.accumulate((np.abs(length * dx[:n]) / size).max(axis=1))

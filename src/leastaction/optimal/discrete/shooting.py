@@ -28,7 +28,7 @@ from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.gap_filter import Curve, Filter
-from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
+from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
 from leastaction.optimal.discrete.model_hessian import shifted
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -415,9 +415,8 @@ class ShootingProblem(DiscreteProblem):
         """Return the direction of a model that has a minimum, and choose the penalty so that it is one of descent."""
         if self.open_curve is None:
             return super().direction(method, model, scale, shift)
-        A, B = self._linearize()
         dx0 = self._start_step(model)
-        dx, du = sweep_forward(A, B, model, dx0, c=self.open_curve.gaps)
+        dx, du = self._sweep(model, dx0, gaps=self.open_curve.gaps)
         assert model.P is not None
         costates = np.einsum("kij,kj->ki", model.P, dx) + model.b
         q, r, q_final = self._gradient()
@@ -453,13 +452,12 @@ class ShootingProblem(DiscreteProblem):
         outcome = self._judge(direction.fall, length, trial)
         if isinstance(outcome, Trial) or isinstance(trial, Refusal) or length < 1.0 or trial.theta < curve.theta:
             return outcome
-        A, B = self._linearize()
         missed = curve.gaps
         for _ in range(_CORRECTIONS):
             # The full step missed by this much more than the linear dynamics say.
             missed, before = missed + trial.gaps, trial.theta
             model = self._solve(direction.base, self.spare, direction.curvature_scale, direction.shift, missed)
-            trial = self._moved(*sweep_forward(A, B, model, direction.dx0, c=missed), 1.0)
+            trial = self._moved(*self._sweep(model, direction.dx0, gaps=missed), 1.0)
             if isinstance(trial, Refusal):
                 break
             corrected = self._judge(direction.fall, 1.0, trial)

@@ -11,7 +11,7 @@ import numpy as np
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient
-from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace, sweep_forward
+from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
 from leastaction.optimal.discrete.model_hessian import ModelHessian
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
 from leastaction.optimal.discrete.shooting import Gapped, ShootingDirection, ShootingProblem
@@ -337,8 +337,7 @@ class LimitedProblem(ShootingProblem):
         """Return how the limits' values change along a direction."""
         dx, du = direction.dx, direction.du
         if dx is None or du is None:
-            A, B = self._linearize()
-            dx, du = sweep_forward(A, B, direction, direction.dx0)
+            dx, du = self._sweep(direction, direction.dx0)
         return self.limited.along(dx, du, self._jacobians())
 
     # ---- Steps ----------------------------------------------------------------------------------
@@ -416,8 +415,7 @@ class LimitedProblem(ShootingProblem):
             model = self._with_start(self._solve("newton" if self.has_curvature else "quasi-newton", spare, 1.0))
             if not model.definite:
                 return None
-            A, B = self._linearize()
-            return self.limited.along(*sweep_forward(A, B, model, self._start_step(model)), self._jacobians())
+            return self.limited.along(*self._sweep(model, self._start_step(model)), self._jacobians())
         except LeastActionError:
             return None  # The duals of the last step will do.
 
