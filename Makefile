@@ -4,7 +4,7 @@
 #   make test                 the test suite        (ARGS="-k midpoint", SLOW=1, ORACLES=1, WORKERS=0)
 #   make bench                the benchmarks        (ARGS=--json)
 #   make lint                 everything that is checked without running
-#   make variants             the fast tests of numbers in the variants of the core that are not the default here
+#   make variants             the fast tests in the variants of the core that are not the default here
 #   make lowest               the fast tests with the lowest versions that pyproject.toml states
 #   make sanitize             tests of the core with its memory, its arithmetic and Eigen's assertions checked (slow)
 #   make build                compile the C++ that changed   (VARIANTS=v3: only that instruction set)
@@ -18,8 +18,7 @@ ORACLES  ?=
 SLOW     ?=
 WORKERS  ?= auto
 LOWEST   ?= .venv-lowest
-# What depends on how the core rounds, and what of that is quick enough when every access is checked.
-VARIED    ?= tests/conformance tests/derivatives tests/numerics tests/optimal tests/physics tests/api/test_variants.py
+# What is quick enough when every access is checked.
 SANITIZED ?= tests/conformance tests/derivatives tests/physics tests/optimal
 JOBS     ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu 2>/dev/null || echo 2)
 
@@ -91,9 +90,9 @@ lint: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extr
 	$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 	$(BIN)/lint-imports
 
-variants: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test
+variants: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(if $(ORACLES),$(STAMPS)/extra-oracles)
 	for variant in $$($(BIN)/python -c 'from leastaction import _core; print(*[v for v in _core.available_variants() if v != _core.variant])'); do \
-	  LEASTACTION_CORE=$$variant $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(VARIED) $(ARGS) || exit 1; \
+	  LEASTACTION_CORE=$$variant $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(if $(ORACLES),,--without-oracles) $(ARGS) || exit 1; \
 	done
 
 # An environment of its own beside $(VENV), with the modules that are compiled already. (Matplotlib 3.9 calls what

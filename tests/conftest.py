@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 from collections.abc import Iterator
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 
 # What JAX compiles is most of the oracles' time: the processes of a run, and the next run, share it.
 _COMPILED = Path(__file__).resolve().parents[1] / ".pytest_cache" / "jax"
+
+_ORACLES = ("pybvh", "jax", "pinocchio", "example_robot_data", "mujoco", "casadi", "crocoddyl")
 
 # Before NumPy, JAX and Matplotlib are imported: tests share their cores with each other, oracles
 # compute in double precision, and figures need no screen.
@@ -40,6 +44,20 @@ settings.load_profile("leastaction")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="run the long studies too")
+    parser.addoption("--without-oracles", action="store_true", help="skip what needs them, also where they are")
+
+
+class _NoOracles(MetaPathFinder):
+    """Says of every oracle that it is not there."""
+
+    def find_spec(self, name: str, path: object, target: object = None) -> None:
+        if name in _ORACLES:
+            raise ModuleNotFoundError(f"--without-oracles: {name} is not to be used", name=name)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--without-oracles"):
+        sys.meta_path.insert(0, _NoOracles())
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -54,6 +72,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 # crashes when none is left.
 _AREAS = Path("/proc/self/maps")
 _MOST_AREAS = 20_000
+_TESTS_BETWEEN = 20  # to count them takes ten milliseconds
+
+_tests = itertools.count()
 
 
 @pytest.fixture(autouse=True)
@@ -61,7 +82,9 @@ def _compiled_oracles_are_dropped() -> Iterator[None]:
     """Drop what JAX compiled for the tests so far before the system's bookkeeping of it overflows."""
     yield
     jax = sys.modules.get("jax")
-    if jax is not None and _AREAS.exists() and _AREAS.read_bytes().count(b"\n") > _MOST_AREAS:
+    if next(_tests) % _TESTS_BETWEEN or jax is None or not _AREAS.exists():
+        return
+    if _AREAS.read_bytes().count(b"\n") > _MOST_AREAS:
         jax.clear_caches()
 
 
