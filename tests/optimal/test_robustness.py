@@ -263,7 +263,7 @@ def test_the_end_of_a_run_that_is_stuck_names_the_instant():
     class Blind(type(a_swing_up().system)):
         def rollout(self, *arguments):
             run = super().rollout(*arguments)
-            return replace(run, x=run.x + 1.0) if self.torn else run
+            return replace(run, x=run.x - 1.0) if self.torn else run  # away from what is wanted
 
     given = a_swing_up()
     blind = Blind(given.system.integrator, given.system.t)
@@ -448,6 +448,12 @@ def test_a_run_that_goes_from_the_start_again_is_resumed(tmp_path: Path):
     for more in (10, 500):  # before and after it began again
         part = load_result(save_result(tmp_path / "part.npz", part))
         part = optimize(given.system, cost, resume=part, shooting="single", max_iterations=more)
+        if more == 10:
+            # What it had come to before is better than where it stands, and not lost.
+            assert part.status is Status.ITERATION_LIMIT
+            assert "the trajectory that it had come to before" in part.message
+            assert part.cost == whole.history.cost[:20].min() < whole.history.cost[22]
+            assert part.cost == cost.value(part.x, part.u)
     assert part.status is whole.status is Status.LINE_SEARCH_FAILED
     np.testing.assert_array_equal(part.x, whole.x)
     np.testing.assert_array_equal(part.history.cost, whole.history.cost)

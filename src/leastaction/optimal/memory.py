@@ -84,7 +84,8 @@ class Memory:
     ``stride``, ``retries``: how much less ease the next stage has, and how often one may be made again. ``earlier``:
     where it stood before it began again. ``sound``: where the last stage ended that ended well. ``start``: what it
     began with, until another way is looked for from there. ``first``: the trajectory that it began with, until
-    Newton's method alone is tried from there. ``gaps``: None of a trajectory.
+    Newton's method alone is tried from there. ``here``: where it stands, if what is returned is `earlier`. ``gaps``:
+    None of a trajectory.
     """
 
     stride: float = 1.0
@@ -93,6 +94,7 @@ class Memory:
     sound: Place | None = None
     start: Start | None = None
     first: Start | None = None
+    here: Place | None = None
     gaps: Gaps | None = None
 
     __getstate__, __setstate__ = saved_state, restore_state

@@ -106,7 +106,7 @@ def optimize(
     collocate: bool = False,
     method: Method = "auto",
     regulator: Regulator = "descent",
-    max_iterations: int = 500,
+    max_iterations: int = 1000,
     tolerance: float = 1e-9,
     absolute_tolerance: float = 1e-14,
     alpha: float = 1e-4,

@@ -110,7 +110,7 @@ def follow(
     *,
     t: ArrayLike | None = None,
     start: State | None = None,
-    max_iterations: int = 500,
+    max_iterations: int = 1000,
     tolerance: float = 1e-6,
     threads: int = 0,
     progress: Callable[[str], object] | None = None,

@@ -29,6 +29,12 @@ __all__ = ["by_tensions", "relax"]
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE, Status.ITERATION_LIMIT
 
 
+def _leads_on(result: OptimizationResult) -> bool:
+    """Return whether a stage led to a motion from which the next may begin."""
+    coarse = result.worst_step is not None and result.worst_step.is_coarse
+    return result.status in _ENOUGH and not (coarse and result.status is Status.ITERATION_LIMIT)
+
+
 def relax(
     system: MidpointSystem,
     cost: Cost,
@@ -112,7 +118,7 @@ def relax(
         np.geomspace(least, most, max(2, round(np.log10(most / least)) + 1)),
         scale="log",
         name="stiffness",
-        accept=lambda result: result.status in _ENOUGH,
+        accept=_leads_on,
         done=lambda result: residual(result) <= limit,
         note=lambda result: f"residual of the constraints {residual(result):.2g}",
         max_stages=max_stages,

@@ -72,7 +72,7 @@ def check_result(result: OptimizationResult, source: str) -> None:
     }
     memory = result.memory
     if memory is not None:
-        places = {"earlier": memory.earlier, "sound": memory.sound, "gaps": memory.gaps}
+        places = {"earlier": memory.earlier, "sound": memory.sound, "here": memory.here, "gaps": memory.gaps}
         for where, place in places.items():
             if place is not None:
                 # With unknowns the states of a run are longer than those of its result.

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -67,6 +68,7 @@ class EasedProblem(ShootingProblem):
         self.stride, self.retries = _STRIDE, _RETRIES
         self.sound: Place | None = None
         self.first: Start | None = None
+        self.plainly = False  # whether it goes from the first trajectory once more
 
     def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
         super().start(initial)
@@ -81,9 +83,30 @@ class EasedProblem(ShootingProblem):
         if memory is not None:
             self.stride, self.retries = memory.stride, memory.retries
             self.sound, self.first = memory.sound, memory.first
+            self.plainly = result.schedule.newton
+            if memory.here is not None:
+                self._go_to(memory.here)
 
     def memory(self) -> Memory:
         return replace(super().memory(), stride=self.stride, retries=self.retries, sound=self.sound, first=self.first)
+
+    def result(self, summary: dict[str, Any]) -> OptimizationResult:
+        """Return the result at the current iterate, or where it stood before it set out again, if that is better."""
+        result, before = super().result(summary), self.earlier
+        if not self._is_behind or before is None or result.memory is None:
+            return result
+        return replace(self._of(before, result), memory=replace(result.memory, here=self._place()))
+
+    @property
+    def _is_behind(self) -> bool:
+        """Whether it goes from the first trajectory once more, and stood in a better place before."""
+        if not self.plainly or self.earlier is None or self.is_open:
+            return False
+        return self._asked_at(self.earlier) < self.value
+
+    def fall_back(self) -> bool:
+        self.plainly = False
+        return super().fall_back()
 
     # ---- What the loop knows of a stage ---------------------------------------------------------
 
@@ -100,6 +123,11 @@ class EasedProblem(ShootingProblem):
     @property
     def unfinished(self) -> str:
         """What is to be said of a run that ends in a stage that is not the last."""
+        if self._is_behind:
+            return (
+                "It had set out again from where it had begun, and has not come as far yet: what is returned is the "
+                "trajectory that it had come to before."
+            )
         if self.ease == 1.0:
             return super().unfinished
         return (
@@ -177,7 +205,15 @@ class EasedProblem(ShootingProblem):
     def begin_plainly(self) -> bool:
         """Begin again with the first trajectory, once; return whether that can be done."""
         first, self.first = self.first, None
-        return first is not None and not self.is_open and self._leave(lambda: self._stand_at(first.x, first.u))
+        if first is None or self.is_open:
+            return False
+
+        def again() -> bool:
+            # What a system of a user's own says now need not be what it said then.
+            return self._stand_at(first.x, first.u) and np.allclose(self.x, first.x, rtol=1e-6, atol=1e-6)
+
+        self.plainly = self._leave(again)
+        return self.plainly
 
     def begin_finer(self) -> bool:
         """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
@@ -213,6 +249,8 @@ class EasedProblem(ShootingProblem):
             raise
         if gone:
             self._remember(now)
+        else:
+            self._go_to(now)
         return gone
 
     def _stand_at(self, x: Array, u: Array) -> bool:

@@ -217,9 +217,13 @@ class ShootingProblem(DiscreteProblem):
         result, before = replace(super().result(summary), memory=self.memory(), gap=self.gap), self.earlier
         if not self.is_open or before is None:
             return result
+        return self._of(before, result)
+
+    def _of(self, place: Place, result: OptimizationResult) -> OptimizationResult:
+        """Return a result with the trajectory of a place."""
         return replace(
-            result, x=before.x, u=before.u, K=before.gain, projection_gain=before.gain,
-            cost=self.cost.value(before.x, before.u), worst_step=before.worst_step, gap=0.0,
+            result, x=place.x, u=place.u, K=place.gain, projection_gain=place.gain,
+            cost=self.cost.value(place.x, place.u), worst_step=place.worst_step, gap=0.0,
         )  # fmt: skip
 
     # ---- Where it stood before ------------------------------------------------------------------

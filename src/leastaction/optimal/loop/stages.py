@@ -17,6 +17,9 @@ __all__ = ["Stages"]
 # A run within limits has got nowhere where so many first steps were all shorter than that.
 _FEW, _VERY_SHORT = 8, 0.1
 
+# Where the last way to begin again may lead: that before it was better.
+_ASTRAY = (Status.NO_DIRECTION, Status.DERIVATIVES_FAILED)
+
 # Where a stage of the problem may be followed by the next.
 _ENDS = (Status.CONVERGED, Status.STALLED)
 
@@ -46,7 +49,7 @@ class Stages:
     def go_on(self, outcome: Outcome) -> bool:
         """Return whether the problem has more to do where a stage ended so."""
         run, problem = self.run, self.run.problem
-        stuck = outcome.status in STUCK
+        stuck = outcome.status in STUCK or (run.schedule.newton and outcome.status in _ASTRAY)
         if (outcome.status in _ENDS or (stuck and problem.longest_stage is not None)) and self._next():
             return True
         if outcome.status in _ENDS:
