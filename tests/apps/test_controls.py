@@ -24,9 +24,11 @@ from leastaction.apps.marionette import (
     walk_in_place,
 )
 from leastaction.apps.marionette.tracking.files import _mechanism
+from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
-from leastaction.errors import ArgumentError, ResultFileError
+from leastaction.apps.marionette.tracking.run import _Job
+from leastaction.errors import ArgumentError, ProjectionError, ResultFileError
 from leastaction.models.marionette import (
     CONTROLS,
     PLANE_HEIGHT,
@@ -45,7 +47,7 @@ from leastaction.models.marionette import (
     tied_strings,
 )
 from leastaction.models.puppet_controls import ends_of
-from leastaction.optimal import check_derivatives
+from leastaction.optimal import OptimizationResult, check_derivatives
 
 _LEAST = 0.5  # N
 
@@ -159,7 +161,7 @@ def test_a_walk_on_the_cross_keeps_the_lengths_and_every_limit(run: TrackingRun)
     expected = [m.parameters[string.length] for string in tied_strings(m)]
     np.testing.assert_allclose(lengths, np.tile(expected, (len(lengths), 1)), rtol=0.0, atol=1e-9)
     assert run.tension.min() >= _LEAST
-    assert limits.broken(m, run.trajectory.t, run.reference[:, :2], run.result.x) == frozenset()
+    assert limits.broken(m, run.trajectory.t, pelvis_of(m, run.reference), run.result.x) == frozenset()
     assert run.held_error < 4.0
     # The bar moves: it is what the puppet follows by.
     assert max(np.ptp(run.trajectory[name]) for name in CONTROLS["cross"][0].variables) > 0.01
@@ -191,6 +193,29 @@ def test_a_run_cut_short_is_an_answer_too(iterations: int) -> None:
     assert run.tension.min() >= _LEAST
     lengths = string_lengths(run.mechanism, run.trajectory.q)
     assert np.ptp(lengths, axis=0).max() < 1e-9
+
+
+@pytest.mark.parametrize("optimisations", [1, 4])
+def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
+    optimisations: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a search ends at the edge of what a step of time can follow."""
+    made, whole = 0, _Job.improve
+
+    def improve(self: _Job) -> OptimizationResult:
+        nonlocal made
+        made += 1
+        if made > optimisations:
+            raise ProjectionError("lost")
+        return whole(self)
+
+    monkeypatch.setattr(_Job, "improve", improve)
+    said: list[str] = []
+    run = track(marionette(strings="cross"), walk_in_place(0.4, 0.02), progress=said.append)
+    assert any("cannot be tied more firmly: lost" in line for line in said)
+    assert not run.result.success
+    assert run.tension.min() >= _LEAST
+    assert np.ptp(string_lengths(run.mechanism, run.trajectory.q), axis=0).max() < 1e-9
 
 
 def test_bars_keep_to_the_tilt_that_is_allowed(run: TrackingRun) -> None:
@@ -237,7 +262,7 @@ def test_bad_controls_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[st
         _mechanism(7, {}, "plane")
     with pytest.raises(ArgumentError, match="tilt is 2"):
         PuppetLimits(tilt=2.0)
-    for name in ("lift", "turn_speed", "turn_acceleration"):
+    for name in ("lift", "turn", "turn_speed", "turn_acceleration"):
         with pytest.raises(ArgumentError, match=f"{name} is 0"):
             PuppetLimits(**{name: 0.0})  # type: ignore[arg-type]
     for words, said in (

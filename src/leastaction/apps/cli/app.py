@@ -113,6 +113,7 @@ def optimize(
     end_acceleration: Annotated[float, Parameter(group=PUPPET)] = 150.0,
     lift: Annotated[float, Parameter(group=PUPPET)] = 0.5,
     tilt: Annotated[float, Parameter(group=PUPPET)] = 57.0,
+    turn: Annotated[float, Parameter(group=PUPPET)] = 86.0,
     turn_speed: Annotated[float, Parameter(group=PUPPET)] = 12.0,
     turn_acceleration: Annotated[float, Parameter(group=PUPPET)] = 300.0,
     check: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False,
@@ -182,6 +183,8 @@ def optimize(
         How far a bar may be lifted above the plane of the hands, and lowered, m.
     tilt
         How far a bar may be tilted from level about each axis, degrees.
+    turn
+        How far a bar may be turned about the vertical from where the pelvis is wanted to face, degrees.
     turn_speed
         Largest speed of a bar's turns about each axis, rad/s.
     turn_acceleration
@@ -217,6 +220,7 @@ def optimize(
         acceleration=end_acceleration,
         lift=lift,
         tilt=math.radians(tilt),
+        turn=math.radians(turn),
         turn_speed=turn_speed,
         turn_acceleration=turn_acceleration,
     )

@@ -11,6 +11,7 @@ from leastaction.apps.marionette.markers import MARKERS
 from leastaction.apps.marionette.resting import RestingPoses
 from leastaction.apps.marionette.scene import string_lengths
 from leastaction.apps.marionette.tracking import Effort, PuppetLimits, TrackingRun
+from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.models.marionette import bars_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Status
@@ -123,7 +124,7 @@ def _unit_of(label: str) -> str:
 
 def _broken(run: TrackingRun, limits: PuppetLimits) -> list[str]:
     """Return the kinds of limits that a motion breaks which ended before they were stated."""
-    kinds = limits.broken(run.mechanism, run.trajectory.t, run.reference[:, :2], run.result.x)
+    kinds = limits.broken(run.mechanism, run.trajectory.t, pelvis_of(run.mechanism, run.reference), run.result.x)
     if run.tension.min() < 0.0:
         kinds |= {"tension"}
     return [said for kind, said in _KINDS.items() if kind in kinds - run.kinds]

@@ -39,6 +39,8 @@ class PuppetLimits:
         How far the middle of a bar may be above and below the plane of the hands (m).
     tilt : float
         How far a bar may be turned about y, and about x, from level (rad); less than a right angle.
+    turn : float
+        How far it may be turned about the vertical from where the pelvis is wanted to face (rad).
     turn_speed, turn_acceleration : float
         Largest of a bar's turns about each axis (rad/s, rad/s^2); infinite for none.
     """
@@ -50,13 +52,14 @@ class PuppetLimits:
     reach: float = 2.0
     lift: float = 0.5
     tilt: float = 1.0
+    turn: float = 1.5
     turn_speed: float = 12.0
     turn_acceleration: float = 300.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.tension) and self.tension >= 0.0):
             raise ArgumentError(f"limits: tension is {self.tension}, expected a finite number >= 0 (N): strings pull")
-        for name in ("speed", "acceleration", "reach", "lift", "turn_speed", "turn_acceleration"):
+        for name in ("speed", "acceleration", "reach", "lift", "turn", "turn_speed", "turn_acceleration"):
             if not getattr(self, name) > 0.0:
                 raise ArgumentError(f"limits: {name} is {getattr(self, name)}, expected a number > 0")
         if not 0.0 < self.tilt < 0.5 * np.pi:
@@ -68,7 +71,7 @@ class PuppetLimits:
     def of(self, mechanism: Mechanism, pelvis: Array, kinds: Collection[str]) -> list[Limit]:
         """Return limits of a marionette, by lengths or by tensions.
 
-        ``pelvis`` (N+1, 2): the wanted place over the ground. ``kinds``: which of `KINDS`.
+        ``pelvis`` (N+1, 3): what `pelvis_of` says. ``kinds``: which of `KINDS`.
         """
         ends = ends_of(mechanism)
         skip = 1 if mechanism.constraints else 0  # by tensions the start is free, and limits hold there too
@@ -97,8 +100,14 @@ class PuppetLimits:
             ],
             "reach": [
                 *(
-                    Bound(names, place - self.reach, place + self.reach, of="variable")
-                    for names, place in ((ends.x, pelvis[skip:, 0]), (ends.y, pelvis[skip:, 1]))
+                    Bound(names, place - most, place + most, of="variable")
+                    for names, place, most in zip(
+                        (ends.x, ends.y, ends.headings),
+                        pelvis[skip:].T,
+                        (self.reach, self.reach, self.turn),
+                        strict=True,
+                    )
+                    if names
                 ),
                 *(
                     Bound(names, -most, most, of="variable")
@@ -133,9 +142,16 @@ class PuppetLimits:
                 found.add("acceleration")
 
         away(ends.x, pelvis[:, :1], self.reach)
-        away(ends.y, pelvis[:, 1:], self.reach)
+        away(ends.y, pelvis[:, 1:2], self.reach)
+        away(ends.headings, pelvis[:, 2:], self.turn)
         away(ends.z, 0.0, self.lift)
         away(ends.tilts, 0.0, self.tilt)
         fast((*ends.x, *ends.y, *ends.z), self.speed, self.acceleration)
         fast(ends.angles, self.turn_speed, self.turn_acceleration)
         return frozenset(found)
+
+
+def pelvis_of(mechanism: Mechanism, reference: Array) -> Array:
+    """Return where a reference (N+1, nq) wants the pelvis over the ground (m), and how it faces (rad): (N+1, 3)."""
+    names = mechanism.variables
+    return reference[:, [names.index(name) for name in ("torso_tx", "torso_ty", "torso_rz")]]

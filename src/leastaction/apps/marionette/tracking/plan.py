@@ -220,14 +220,14 @@ class Plan:
     def _options(self, more: Collection[str] = (), tolerance: float = _ROUGHLY) -> dict[str, Any]:
         """Return options of a stage: limits of the first kinds and `more`, what is free of the start, the tolerance."""
         return {
-            "limits": self.limits.of(self.mechanism, self.problem.reference[:, :2], {*_FIRST, *more}),
+            "limits": self.limits.of(self.mechanism, self.problem.pelvis, {*_FIRST, *more}),
             "free_start": self.free_start,
             "tolerance": tolerance,
         }
 
     def _broken(self, x: Array) -> frozenset[str]:
         """Return the kinds of limits that states break, of those that are not stated from the first stage on."""
-        place = self.problem.reference[:, :2]
+        place = self.problem.pelvis
         return self.limits.broken(self.mechanism, self.t, place, x) - frozenset(_FIRST)
 
     def _release(self, result: OptimizationResult, motors: range, stated: frozenset[str]) -> OptimizationResult:

@@ -77,7 +77,12 @@ class PoseSearch:
         least, most = np.full(len(wanted), -np.inf), np.full(len(wanted), np.inf)
         least[m.nq :] = limits.tension
         ends = ends_of(m)
-        for names, reach in (((*ends.x, *ends.y), limits.reach), (ends.z, limits.lift), (ends.tilts, limits.tilt)):
+        for names, reach in (
+            ((*ends.x, *ends.y), limits.reach),
+            (ends.z, limits.lift),
+            (ends.headings, limits.turn),
+            (ends.tilts, limits.tilt),
+        ):
             at = [m.variables.index(name) for name in names]
             least[at], most[at] = wanted[at] - reach, wanted[at] + reach
         for name, bounds in limits.joints.items():

@@ -9,6 +9,7 @@ import numpy as np
 from leastaction.apps.choices import Follow
 from leastaction.apps.marionette.markers import LIMB_MARKERS, places_of, wanted_markers
 from leastaction.apps.marionette.tracking.cost import TrackingCost
+from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
 from leastaction.io.motion.motion import Motion
@@ -156,6 +157,7 @@ class TrackingProblem:
         q = np.zeros((N + 1, m.nq))
         q[:, : m.nd] = self.body
         self.reference = hang_strings(m, q)
+        self.pelvis = pelvis_of(m, self.reference)
         v = np.gradient(self.reference, self.t, axis=0)
         x = np.zeros((N + 1, self.system.nx))
         x[:, : m.nq] = self.reference

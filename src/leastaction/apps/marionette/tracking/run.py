@@ -254,7 +254,7 @@ class _Job:
     def _broken(self, x: Array) -> frozenset[str]:
         """Return the kinds of limits that states break, besides that of the tensions."""
         mechanism = (self.problem if self.plan is None else self.plan).mechanism
-        return self.limits.broken(mechanism, self.problem.t, self.problem.reference[:, :2], x)
+        return self.limits.broken(mechanism, self.problem.t, self.problem.pelvis, x)
 
     def improve(self) -> OptimizationResult:
         """Optimise until nothing more is gained: from inside of limits, from elsewhere, with limits that it breaks."""
@@ -321,7 +321,11 @@ class _Job:
             off = 1e3 * float(np.abs(self.plan.ties.off(result.x)).max())
             self.say(f"strings on bars vary by {off:.2g} mm: tied more firmly")
             self.start, self.earlier, self.left = result, None, left if weight == WEIGHTS[-1] else _FEW
-            result = self.improve()
+            try:
+                result = self.improve()
+            except ProjectionError as error:
+                self.say(f"strings cannot be tied more firmly: {error}")
+                return replace(result, status=Status.LINE_SEARCH_FAILED)
         return result
 
     def _tie(self, result: OptimizationResult) -> None:
@@ -351,7 +355,7 @@ class _Job:
             cost,
             initial=self.start,
             resume=self.earlier,
-            limits=self.limits.of(system.integrator.mechanism, problem.reference[:, :2], self.kinds),
+            limits=self.limits.of(system.integrator.mechanism, problem.pelvis, self.kinds),
             free_start=plan.free_start if plan else False,
             shooting="single",
             method=self.method,
