@@ -18,6 +18,7 @@ from leastaction.apps.marionette import (
     TrackingRun,
     load_run,
     marionette_scene,
+    plot_bars,
     resting,
     save_run,
     track,
@@ -245,6 +246,9 @@ def test_the_scene_and_the_summary_have_the_bars(run: TrackingRun) -> None:
     ends = np.array([scene.points[name][0] for bone in scene.bones for name in (bone.start, bone.end)])
     for string in strings_of(run.mechanism):
         assert np.linalg.norm(ends - scene.points[string.control][0], axis=1).min() < 1e-12
+    assert scene.ghost is not None
+    assert "cross_beam_of_back_string" not in scene.ghost  # nothing is wanted of the bar
+    assert "lhand" in scene.ghost
     summary = run_summary(run)
     assert set(summary["bars"]) == {"cross"}
     turned = summary["bars"]["cross"]["rx"]
@@ -253,6 +257,20 @@ def test_the_scene_and_the_summary_have_the_bars(run: TrackingRun) -> None:
     text = as_text(summary_tables(summary))
     assert "Bars" in text
     assert "tilted ahead" in text
+
+
+def test_poses_of_bars_are_drawn(run: TrackingRun) -> None:
+    figure = plot_bars(run)
+    places, turns = figure.axes
+    ahead = next(line for line in places.lines if line.get_label() == "ahead")
+    wanted = run.reference[:, run.mechanism.variables.index("torso_ty")]
+    yaw = run.reference[:, run.mechanism.variables.index("torso_rz")]
+    assert np.abs(yaw).max() < 0.1
+    np.testing.assert_allclose(ahead.get_ydata(), run.trajectory["cross-y"] - wanted, atol=0.1 * np.ptp(wanted) + 5e-3)
+    tilted = next(line for line in turns.lines if line.get_label() == "tilted back")
+    np.testing.assert_allclose(tilted.get_ydata(), np.rad2deg(run.trajectory["cross-rx"]))
+    with pytest.raises(ArgumentError, match="held by hands"):
+        plot_bars(track(marionette(), walk_in_place(0.2, 0.02), max_iterations=1))
 
 
 def test_bad_controls_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,10 @@ import pytest
 
 from leastaction import (
     Bound,
+    Distance,
     ElasticString,
+    Gravity,
+    Mechanism,
     MidpointSystem,
     MidpointVI,
     OptimizationResult,
@@ -17,6 +20,10 @@ from leastaction import (
     SmoothCost,
     optimize,
     play,
+    project_configuration,
+    ry,
+    tx,
+    tz,
 )
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
@@ -110,6 +117,54 @@ def test_strings_stretch_go_slack_and_are_reeled_in(hanging: tuple[MidpointSyste
     np.testing.assert_allclose((plan.u[:-1, 1] - played.u[:-1, 1]) * 500.0, tension[1:], atol=1e-9)
     np.testing.assert_allclose((plan.x[0, 3] - played.x[0, 3]) * 500.0, 2.0 * tension[0], atol=1e-9)
     assert np.degrees(held.off(plan.x[:, :2])) < 1.5
+
+
+def test_what_carries_strings_of_fixed_lengths_is_lifted_where_they_are_stretched() -> None:
+    """Two balls on strings of half a metre and 0.4 m below a bar that goes up and down and is tilted."""
+    across = {"left": -0.3, "right": 0.3}
+    bar = [
+        tz("height", kinematic=True),
+        [ry("tilt", kinematic=True), [tx(x, name=f"{s} end") for s, x in across.items()]],
+    ]
+    balls = [item for s, x in across.items() for item in (tx(x), [tz(s, mass=1.0, name=f"{s} ball")])]
+    lengths = {"left": 0.5, "right": 0.4}
+    strings = [Distance(f"{s} ball", f"{s} end", length, name=f"{s} string") for s, length in lengths.items()]
+    m = Mechanism([*balls, *bar], [Gravity(), *strings])
+    t = np.linspace(0.0, 1.0, 101)
+    system = MidpointSystem(MidpointVI(m), t, multipliers=True)
+    rise = 0.05 * (1.0 - np.cos(2.0 * np.pi * t))
+    rho = np.stack([rise, 0.2 * rise], axis=1)
+    start = project_configuration(m, m.configuration({"left": -0.5, "right": -0.4}), hold=["height", "tilt"]).q
+    done = system.rollout(
+        np.r_[system.integrator.start(start).x, 0.0, 0.0],
+        np.zeros((101, system.nx)),
+        rho[1:],
+        np.zeros((100, 2, system.nx)),
+        0,
+        100,
+    )
+    plan = done.x, done.u
+    tension = system.trajectory(*plan).tensions()
+    rig = Rig(stiffness=500.0, smoothing=1e-5, spread=0.0, noise=0.0, delay=0.0)
+    played = play(system, plan, rig, feedback=False)
+    for s, length in lengths.items():
+        pull = tension[f"{s} string"] * np.r_[2.0, np.ones(99)]
+        short = played.mechanism.parameters[f"{s} string.length"]
+        # They are tied shorter by what they stretch in the mean (the last instant counts twice).
+        assert short == pytest.approx(length - np.append(pull, pull[-1]).mean() / 500.0, abs=1e-9)
+        # As commanded the ends are where planned balls stretch the strings to the planned tensions.
+        q = plan[0][1:-1, : m.nq].copy()
+        q[:, m.nd :] = played.u[:-1]
+        ends = m.positions(q, [f"{s} ball", f"{s} end"])
+        stretch = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - short
+        np.testing.assert_allclose(500.0 * stretch, pull[1:], atol=1e-5)
+    assert played.off(plan[0][:, : m.nq]) < 1e-3
+    # Left as they are the balls hang 2 cm lower.
+    plain = m.with_exchanged(
+        {f"{s} string": [each.as_string(500.0, 1e-5)] for s, each in zip(lengths, strings, strict=True)}
+    )
+    sunk = MidpointVI(plain).simulate(MidpointVI(plain).start(start), t, rho=rho)
+    assert np.abs(sunk.q - plan[0][:, : m.nq])[:, :2].max() > 0.02
 
 
 def test_masses_are_drawn_with_their_inertias_and_factors_come_on_top() -> None:

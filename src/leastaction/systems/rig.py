@@ -34,6 +34,8 @@ _HELD, _PLACES, _SPEEDS = 20.0, 0.1, 10.0  # weights of the regulator: joints, p
 _SURPRISE, _SLACK = 0.15, 12.0
 _UNSURE = 0.1  # m, rad, m/s or rad/s: how far off the start may be
 _LEAST_NOISE = 1e-6  # m or rad
+_VARIED = 0.1  # part of a length by which it is varied
+_CORRECTIONS, _FIRM = 3, 1e-2  # of prescribed variables; what moves strings less than this part of the most is left
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,6 +192,8 @@ def play(
     """Play a plan on a rig, under a feedback along it: a check of what the plan is worth outside of its model.
 
     Where strings are elastic, what is commanded as their lengths is less by what the planned tension stretches them.
+    Strings whose lengths are numbers are shorter by that in the mean, and the prescribed variables that move their ends
+    go along with the rest, as nearly as they can: a bar that carries strings is lifted where they are stretched.
 
     Parameters
     ----------
@@ -224,13 +228,13 @@ def play(
     x, u = (plan.x, plan.u) if isinstance(plan, OptimizationResult) else both(plan)
     x = as_array(x, "plan x", (N + 1, system.nx), meaning="(N+1, nx)")
     u = as_array(u, "plan u", (N, system.nu), meaning="(N, nu)")
-    x, u = _reeled_in(system, x, u, rig)
-    machine = system.integrator.like(rig.machine(m))
+    x, u, shorter = _reeled_in(system, x, u, rig)
+    machine = system.integrator.like(_with_lengths(rig.machine(m), shorter))
     late = int(np.ceil(rig.delay / np.diff(t).max() - 1e-9))
     noise = rig.noise * np.random.default_rng([rig.seed, 1]).standard_normal((N + 1, m.nd))
     controller = None
     if feedback:
-        model = rig.model(m)
+        model = _with_lengths(rig.model(m), shorter)
         surprise = _SURPRISE if model.nc == m.nc else _SLACK
         controller = _Controller(MidpointSystem(system.integrator.like(model), t), x, u, Q, R, rig.noise, surprise)
     now = x[0] if start is None else np.concatenate([start.q, start.p, start.v_rho])
@@ -255,22 +259,66 @@ def play(
     return Played(mechanism=machine.mechanism, t=t[: len(states)], x=np.array(states), u=played, failure=failure)
 
 
-def _reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> tuple[Array, Array]:
-    """Return the states without multipliers and inputs with strings shorter by what their tensions stretch them."""
+def _reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> tuple[Array, Array, Mapping[str, float]]:
+    """Return the states without multipliers and the inputs with strings shorter by what their tensions stretch them.
+
+    The third are the parameters of strings whose lengths are numbers, and by how much these are shorter: by what the
+    strings are stretched in the mean. What is left of that is made up for by the prescribed variables, as nearly as
+    they can.
+    """
     m, t = system.integrator.mechanism, system.t
     planned, u = np.array(x[:, : m.nx]), np.array(u)
     if rig.stiffness is None or not m.nc:
-        return planned, u
-    tensions = system.trajectory(x, u).tensions()
-    for name, pull in tensions.items():
+        return planned, u, {}
+    stretched: dict[str, Array] = {}
+    for name, pull in system.trajectory(x, u).tensions().items():
+        pull[0] *= 2.0  # the first impulse is that of half a step
+        by = np.maximum(np.append(pull, pull[-1]), 0.0) / rig.stiffness
         variable = m.elements[name].length_variable
         if variable is None:
-            continue
-        pull[0] *= 2.0  # the first impulse is that of half a step
-        planned[:, m.variables.index(variable)] -= np.maximum(np.append(pull, pull[-1]), 0.0) / rig.stiffness
+            stretched[name] = by
+        else:
+            planned[:, m.variables.index(variable)] -= by
+    shorter = {f"{name}.length": float(by.mean()) for name, by in stretched.items()}
+    if stretched and m.nrho:
+        _follow_stretch(m, planned, {name: by - by.mean() for name, by in stretched.items()})
     u[:, m.n_inputs :] = planned[1:, m.nd : m.nq]
     planned[1:, m.nq + m.nd :] = np.diff(planned[:, m.nd : m.nq], axis=0) / np.diff(t)[:, None]
-    return planned, u
+    return planned, u, shorter
+
+
+def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array]) -> None:
+    """Move the prescribed variables of states (N+1, nx) so that strings of given lengths are longer by (N+1,)."""
+    rows = [m.constraints.index(name) for name in longer]
+    lengths = [f"{name}.length" for name in longer]
+    q = np.ascontiguousarray(planned[:, : m.nq])
+    # Of a longer string a constraint has less, by a square or a line of its length, wherever its ends are.
+    wanted = np.empty((len(q), len(rows)))
+    for i, (row, name, by) in enumerate(zip(rows, lengths, longer.values(), strict=True)):
+        length = m.parameters[name]
+        less, same, more = (
+            m.with_parameters({name: factor * length}).constraint_values(q[0])[row]
+            for factor in (1.0 - _VARIED, 1.0, 1.0 + _VARIED)
+        )
+        share = by / (_VARIED * length)
+        wanted[:, i] = -0.5 * share * ((more - less) + share * (more - 2.0 * same + less))
+    reeled = {m.elements[name].length_variable for name in m.constraints if name in m.elements}
+    moved = [m.variables.index(name) for name in m.kinematic if name not in reeled]
+    for at, goal, row in zip(q, wanted, planned, strict=True):
+        before = m.constraint_values(at)[rows]
+        for _ in range(_CORRECTIONS):
+            missing = goal - (m.constraint_values(at)[rows] - before)
+            by_moved = m.constraint_jacobian(at)[np.ix_(rows, moved)]
+            at[moved] += np.linalg.lstsq(by_moved, missing, rcond=_FIRM)[0]
+        row[moved] = at[moved]
+
+
+def _with_lengths(mechanism: Mechanism, shorter: Mapping[str, float]) -> Mechanism:
+    """Return a mechanism whose strings are shorter by so much, by the parameters of their lengths."""
+    numbers = mechanism.parameters
+    return (
+        mechanism.with_parameters({name: numbers[name] - by for name, by in shorter.items()}) if shorter else mechanism
+    )
 
 
 class _Controller:

@@ -85,7 +85,8 @@ def plot_strings(
         left.yaxis.get_major_locator().set_params(nbins=4)
         right.plot(times, length[:, i], color=GREEN, linewidth=1.4)
         at_least(right, _SPAN_METRES)
-        right.set_title(f"{length[:, i].min():.3f} to {length[:, i].max():.3f} m", loc="right")
+        ends = [f"{end:.3f}" for end in (length[:, i].min(), length[:, i].max())]
+        right.set_title(f"{' to '.join(dict.fromkeys(ends))} m", loc="right")
         right.yaxis.get_major_locator().set_params(nbins=4)
         right.margins(x=0.0)
         left.margins(x=0.0)

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from leastaction.apps.cli.summary import run_summary
 from leastaction.apps.cli.tables import as_text, summary_tables
+from leastaction.apps.marionette.bars import plot_bars
 from leastaction.apps.marionette.markers import plot_markers
 from leastaction.apps.marionette.resting import RestingPoses, plot_resting, resting
 from leastaction.apps.marionette.scene import GROUPS, marionette_scene, string_label, string_lengths
@@ -22,6 +23,7 @@ from leastaction.apps.marionette.speeds import AtSpeed, plot_speeds
 from leastaction.apps.marionette.tracking import TrackingRun, load_run
 from leastaction.apps.marionette.tracking.problem import ROOT
 from leastaction.errors import ArgumentError, OutputError
+from leastaction.models.marionette import bars_of
 from leastaction.numerics.files import write_text
 from leastaction.viz import plot_convergence, plot_snapshots, plot_strings, plot_tracking, save_png, write_animation
 
@@ -37,6 +39,7 @@ _FILES: Final = {
     "tracking.png": "reference and achieved motion",
     "markers.png": "how far head, hands and feet are off",
     "strings.png": "string tensions and lengths",
+    "bars.png": "how control bars are moved",
     "snapshots.png": "poses over time",
     "speeds.png": "error over speed",
     "resting.png": "what strings can hold at rest",
@@ -117,6 +120,8 @@ def write_report(
             ),
             "snapshots.png": lambda: plot_snapshots(scene, title=scene.title),
         }
+        if bars_of(run.mechanism):
+            figures["bars.png"] = lambda: plot_bars(run)
         if run.markers is not None:
             figures["markers.png"] = lambda: plot_markers(run.trajectory.t, run.markers_apart())
         if rest is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from leastaction.apps.marionette.bars import plot_bars
 from leastaction.apps.marionette.check import RigCheck, check
 from leastaction.apps.marionette.markers import MARKERS, plot_markers
 from leastaction.apps.marionette.resting import RestingPoses, plot_resting, resting
@@ -34,6 +35,6 @@ from leastaction.apps.marionette.walk import walk_in_place
 __all__ = [
     "FORCED", "GENTLE", "MARKERS", "VARIABLES", "Proportions", "PuppetLimits", "PuppetMotion", "RestingPoses",
     "Retargeted", "RigCheck", "TrackingCost", "TrackingRun", "TrackingWeights", "check", "default_names",
-    "load_motion", "load_run", "map_joints", "marionette_scene", "plot_markers", "plot_resting", "puppet_points",
-    "read_mapping", "resting", "retarget", "save_run", "track", "walk_in_place",
+    "load_motion", "load_run", "map_joints", "marionette_scene", "plot_bars", "plot_markers", "plot_resting",
+    "puppet_points", "read_mapping", "resting", "retarget", "save_run", "track", "walk_in_place",
 ]  # fmt: skip

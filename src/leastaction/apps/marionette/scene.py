@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
@@ -81,15 +82,16 @@ def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
     Returns
     -------
     Scene
-        Puppet, strings, the reference as a ghost, tracking error in degrees, and the paths of both hands.
+        Puppet, strings, bars, the reference as a ghost, tracking error in degrees, and the paths of both hands.
     """
     strings = strings_of(run.mechanism)
     stubs = [Bone(start=_CARRIERS[s.hook], end=s.hook, radius=0.009) for s in strings if s.hook in _CARRIERS]
-    return mechanism_scene(
+    bars = _bars(run.mechanism)
+    scene = mechanism_scene(
         run.mechanism,
         run.trajectory.t,
         run.trajectory.q,
-        bones=(*_BONES, *stubs, *_bars(run.mechanism)),
+        bones=(*_BONES, *stubs, *bars),
         cords=[Cord(name=string_label(s.name), start=s.hook, end=s.control) for s in strings],
         reference=run.reference,
         tension=run.tension,
@@ -98,6 +100,10 @@ def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
         focus="pelvis",
         title=title or f"Marionette: {run.source or 'motion'}",
     )
+    # Nothing is wanted of bars.
+    others = {name for bone in bars for name in (bone.start, bone.end)}
+    ghost = {name: path for name, path in (scene.ghost or {}).items() if name not in others}
+    return replace(scene, ghost=ghost) if bars else scene
 
 
 def _bars(mechanism: Mechanism) -> list[Bone]:
