@@ -6,7 +6,7 @@ brings them together.
 
 from __future__ import annotations
 
-from leastaction.optimal.checks import DerivativeReport, check_continuous_derivatives, check_derivatives
+from leastaction.optimal.checks import DerivativeReport, check_derivatives
 from leastaction.optimal.continuous import (
     Accuracy,
     ContinuousCost,
@@ -69,7 +69,7 @@ __all__ = [
     "LinearQuadraticSolution", "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult",
     "Parameter", "Periodic", "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient",
     "RateHessian", "Rollout", "Settings", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status",
-    "Unknown", "WindowCost", "WindowSystem", "Within", "adjoint", "check_continuous_derivatives", "check_derivatives",
+    "Unknown", "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives",
     "coarse_to_fine", "continuation", "controllability", "optimize", "optimize_continuous", "receding_horizon",
     "regulate", "regulate_continuous", "resample", "solve_continuous_linear_quadratic", "solve_linear_quadratic",
     "steady_state_regulator", "sweep_forward",

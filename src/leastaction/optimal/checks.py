@@ -11,12 +11,11 @@ from typing import Any
 from leastaction.errors import ArgumentError
 from leastaction.optimal.continuous.checks import compare_continuous
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.discrete.checks import compare_discrete
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import check_system
 
-__all__ = ["DerivativeReport", "check_continuous_derivatives", "check_derivatives"]
+__all__ = ["DerivativeReport", "check_derivatives"]
 
 
 @dataclass(frozen=True)
@@ -92,9 +91,3 @@ def check_derivatives(
             )
         errors = compare_continuous(system, x, cost, seed)
     return DerivativeReport(dict(errors), tolerance)
-
-
-def check_continuous_derivatives(system: ContinuousSystem, curve: DenseTrajectory, **options: Any) -> DerivativeReport:
-    """Return what `check_derivatives` does, which takes systems in either kind of time: the older name."""
-    check_system(system, (ContinuousSystem,), ())
-    return check_derivatives(system, curve, **options)
