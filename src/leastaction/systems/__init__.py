@@ -8,9 +8,10 @@ from leastaction.systems.costs.places import PlaceCost
 from leastaction.systems.costs.smooth import SmoothCost
 from leastaction.systems.embedding import embed
 from leastaction.systems.follow import Followed, follow
-from leastaction.systems.keep import Ball, Box, HalfSpace, Keep, Region
+from leastaction.systems.keep import Keep
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
+from leastaction.systems.regions import Ball, Box, HalfSpace, Region
 from leastaction.systems.relaxation import by_tensions, relax
 from leastaction.systems.rig import Played, Rig, play
 from leastaction.systems.warm_start import warm_start
