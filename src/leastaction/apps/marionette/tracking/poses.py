@@ -26,10 +26,14 @@ _DIGITS, _STEPS = 1e-7, 100  # of the cost, and of the search for a pose
 
 
 class PoseSearch:
-    """Poses at rest of a plan, each with its tensions behind. For one thread."""
+    """Poses at rest of a plan, each with its tensions behind. For one thread.
 
-    def __init__(self, plan: Plan) -> None:
+    ``tied``: whether strings on bars are as long as they are tied.
+    """
+
+    def __init__(self, plan: Plan, *, tied: bool = True) -> None:
         self.plan, self.mechanism = plan, plan.mechanism
+        self.ties = plan.ties if tied else None
         cost, strings = plan.tracking_cost(), len(plan.strings)
         Q, R, _, _ = cost.cost.hessian(plan.x_reference, plan.u_reference)
         self.scale = np.sqrt(np.concatenate([Q[: self.mechanism.nq], R[:strings]]))
@@ -45,7 +49,7 @@ class PoseSearch:
         """Return the net forces (nd,) on the body, and how much longer strings on bars are than they are tied (m)."""
         m, (q, pull) = self.mechanism, np.split(pose, [self.mechanism.nq])
         net = (m.core.gradient(q, self.still)[0] + m.core.force(q, self.still, pull))[: m.nd]
-        ties = self.plan.ties
+        ties = self.ties
         return np.asarray(net if ties is None else np.concatenate([net, ties.off(q[None, :])[0]]))
 
     def net_derivative(self, pose: Array) -> Array:
@@ -53,7 +57,7 @@ class PoseSearch:
         m, (q, pull) = self.mechanism, np.split(pose, [self.mechanism.nq])
         by_q, _, by_pull = m.core.force_jacobians(q, self.still, pull)
         slopes = np.hstack([m.core.hessian(q, self.still)[0][: m.nd] + by_q[: m.nd], by_pull[: m.nd]])
-        ties = self.plan.ties
+        ties = self.ties
         if ties is None:
             return slopes
         return np.vstack([slopes, np.pad(ties.slopes(q), ((0, 0), (0, len(pull))))])
@@ -118,14 +122,15 @@ class PoseSearch:
 def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
     """Return a motion of a plan in which strings hold the puppet still: nearest to the pose in which it is to begin.
 
-    ``near``: what was found instead, in whose pose the search begins too.
+    Strings on bars are as long there as they happen to be. ``near``: what was found instead, in whose pose the search
+    begins too.
 
     Raises
     ------
     ArgumentError
         If there is none within the limits.
     """
-    search, m = PoseSearch(plan), plan.mechanism
+    search, m = PoseSearch(plan, tied=False), plan.mechanism
     wanted, found = search.wanted(0), np.concatenate([near.x[0, : m.nq], near.u[0, : len(plan.strings)]])
     starts = [start for start in (wanted, found) if np.isfinite(start).all()]
     cost, pose = min((search.nearest(0, start) for start in starts), key=lambda each: each[0])

@@ -16,7 +16,7 @@ Strings that are tied to bars may vary in length at first, and are tied ever mor
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -32,7 +32,7 @@ from leastaction.apps.marionette.tracking.problem import TrackingProblem, below_
 from leastaction.apps.marionette.tracking.settle import NotTiedError
 from leastaction.apps.marionette.tracking.ties import FIXED_FROM, WEIGHTS
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
-from leastaction.errors import ProjectionError
+from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import tie_strings
@@ -48,6 +48,9 @@ _GAINED = 0.999  # times its cost is that of a motion with which it is worth to 
 _AGAIN = "the motion found with longer steps cannot be followed: the search begins again with these"
 _HANGING = "the motion found cannot be followed: it begins with a puppet that hangs still"
 _PATIENCE = 100  # iterations of a puppet that began hanging; then its motion is planned by tensions
+_TYING = 200  # iterations in which strings on bars are tied more firmly, but the last time
+_TOO_LOOSE = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
+_FIRST = frozenset({"tension", "joints"})  # kinds of limits of any plan
 _FEW = 100  # steps, for which a search with longer ones is not worth it
 
 Curve = tuple[Array, Array]
@@ -227,7 +230,7 @@ class _Job:
             self.most = _LOST * expected
             self.others.append((_AGAIN, partial(self._searched_by, plan)))
         self.others.append((_HANGING, plan.hung))
-        self.kinds = frozenset({"tension", "joints"}) | self._broken(self.start[0])
+        self.kinds = _FIRST | self._broken(self.start[0])
 
     def _searched_by(self, plan: Plan, *, stage: int = 0, result: OptimizationResult | None = None) -> Curve:
         assert self.plan is not None
@@ -306,21 +309,49 @@ class _Job:
         return self.plan is not None and self.plan.ties is not None and self.plan.ties.weight < WEIGHTS[-1]
 
     def tied(self, result: OptimizationResult) -> OptimizationResult:
-        """Return a motion whose strings on bars hardly vary: each optimisation ties them more firmly than the last."""
+        """Return a motion whose strings on bars hardly vary; from a puppet at rest where a given one leads to none."""
+        if not self._varies:
+            return result
+        found = self._tied(result, WEIGHTS)
+        if found.success or found.status in CUT_SHORT or self.left < 1:
+            return found
+        self.say("strings on bars cannot be tied on the motion found: it begins with a puppet that hangs still")
+        before = self.mechanism, self.problem, self.plan, self.kinds
+        try:
+            still = self._still(found)
+        except ArgumentError:
+            return found
+        self.kinds = _FIRST
+        again = self._tied(still, WEIGHTS[1:])
+        if not again.success and self._varies:
+            again = found
+            self.mechanism, self.problem, self.plan, self.kinds = before
+        return again
+
+    def _still(self, near: OptimizationResult) -> OptimizationResult:
+        """Return the puppet at rest, with strings on bars tied as they are there; ``near``: what was found instead."""
+        assert self.plan is not None
+        still = held_still(self.plan, near)
+        self._tie(still)
+        return still
+
+    def _tied(self, result: OptimizationResult, weights: Sequence[float]) -> OptimizationResult:
+        """Return what is found where each optimisation ties strings on bars more firmly than the last."""
         left = self.left
-        if self._varies:
-            self.others = []  # they are where strings are tied loosely
-        for weight in WEIGHTS:
-            if not self._varies or result.status in CUT_SHORT or left < 1:
+        self.others = []  # they are where strings are tied loosely
+        for weight in weights:
+            if result.status in CUT_SHORT or left < 1:
                 break
             assert self.plan is not None
             assert self.plan.ties is not None
             if weight <= FIXED_FROM:
                 self._tie(result)
+            off = float(np.abs(self.plan.ties.off(result.x)).max())
+            if weight > FIXED_FROM and off > _TOO_LOOSE:
+                return replace(result, status=Status.LINE_SEARCH_FAILED)
             self.plan.ties.weight = weight
-            off = 1e3 * float(np.abs(self.plan.ties.off(result.x)).max())
-            self.say(f"strings on bars vary by {off:.2g} mm: tied more firmly")
-            self.start, self.earlier, self.left = result, None, left if weight == WEIGHTS[-1] else _FEW
+            self.say(f"strings on bars vary by {1e3 * off:.2g} mm: tied more firmly")
+            self.start, self.earlier, self.left = result, None, left if weight == weights[-1] else _TYING
             try:
                 result = self.improve()
             except ProjectionError as error:
@@ -412,13 +443,24 @@ class _Job:
                 self._tie(result)
             result = self.plan.pulling(result)
         try:
-            return self._run_of(result)
+            run = self._run_of(result)
+            return run if self.plan is None or self.plan.ties is None or result.success else self._or_still(run)
         except NotTiedError as error:
             assert self.plan is not None
             self.say(f"{error}: it is held still")
-            return self._run_of(held_still(self.plan, result))
+            return self._run_of(self._still(result))
         except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
             return self._run_of(result)
+
+    def _or_still(self, run: TrackingRun) -> TrackingRun:
+        """Return a run on bars that is no minimum, or the puppet held still where that is nearer to what is wanted."""
+        assert self.plan is not None
+        assert run.plan is not None
+        try:
+            still = self._run_of(self._still(run.plan))
+        except ArgumentError:
+            return run
+        return run if run.off <= still.off else still
 
     def must_be_planned(self, run: TrackingRun) -> bool:
         """Whether hanging strings found no way, or ended up pushing, with time to plan by tensions."""
