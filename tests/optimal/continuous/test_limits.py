@@ -309,6 +309,35 @@ def test_a_piece_is_a_step_of_order_five():
     assert (orders > 4.5).all(), (errors, orders)
 
 
+@pytest.mark.parametrize("reference", ["near", "far", "without derivatives"])
+def test_pieces_are_simulated_with_matrices_of_the_curve_that_is_followed(reference, rng, monkeypatch):
+    mesh = RadauMesh(np.linspace(0.0, 0.9, 7))
+    cart = MechanismSystem(cart_pendulum())
+    system = CollocationSystem(cart, mesh)
+    u, nothing = 5.0 * rng.normal(size=(6, system.nu)), np.zeros((6, system.nu, system.nx))
+    along = system.rollout(np.zeros(system.nx), np.zeros((7, system.nx)), u, nothing, 0, 6).x
+    if reference == "far":
+        along[:, :12] += rng.normal(size=(7, 12))
+    asked, linearize = [], cart.linearize
+
+    def counted(x, u, t):
+        asked.append(len(x))
+        if reference == "without derivatives" and len(x) > STAGES:
+            raise ArithmeticError("none of a curve")
+        return linearize(x, u, t)
+
+    monkeypatch.setattr(cart, "linearize", counted)
+    u += 1e-4 * rng.normal(size=u.shape)
+    run = system.rollout(np.zeros(system.nx), along, u, nothing, 0, 6)
+    assert run.complete
+    if reference == "near":
+        assert asked == [6 * STAGES]  # of all pieces at once, and no more
+    x = np.zeros(system.nx)
+    for k in range(6):
+        x = system.f(x, u[k], k)
+        np.testing.assert_allclose(run.x[k + 1], x, rtol=1e-11, atol=1e-11)
+
+
 def test_limits_stand_at_every_point_once():
     mesh = RadauMesh(np.array([0.0, 0.2, 0.5, 1.0]))
     limits = [Bound("x[0]", max=lambda t: 1.0 + t), Bound("u[0]", -1.0), Equal("x[1]", 0.3, at=0.5)]

@@ -103,28 +103,47 @@ class CollocationSystem(DiscreteSystem):
         x, u = np.empty((stop - start + 1, self.nx)), np.empty((stop - start, self.nu))
         x[0] = x0
         along = self.layout.points(xbar[start + 1 : stop + 1])[0]
+        matrices = self._matrices_along(along, ubar[start:stop], slice(start, stop))
+        size = STAGES * nx
         for i, k in enumerate(range(start, stop)):
             off = self.difference(x[i], xbar[k])
             u[i] = ubar[k] - K[k] @ off
             inputs = u[i].reshape(STAGES, -1)
             try:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    states = self._solve(x[i, :nx], inputs, k, along[i] + off[:nx])
+                    states = self._solve(x[i, :nx], inputs, k, along[i] + off[:nx], matrices[i])
             except StepError:
                 failure = self._make_step(read_only(x[i]), read_only(u[i]), k, x[i + 1])
                 if failure is not None:
                     return Rollout(x[: i + 1], u[:i], i, failure)
                 continue
-            x[i + 1] = self.layout.joined(states[None], inputs[None])[0]
+            x[i + 1, :size], x[i + 1, size:] = states[_ORDER].ravel(), u[i]
         return Rollout(x, u, stop - start)
 
-    def _solve(self, x: Array, u: Array, k: int, states: Array) -> Array:
-        """Return the states (STAGES, nx) of the points of a piece by Newton's method, begun where they are given."""
+    def _matrices_along(self, states: Array, u: Array, pieces: slice) -> Sequence[Array | None]:
+        """Return Newton's matrices of pieces along a curve: all at once they cost little more than one alone."""
+        n, nx, t = states.shape[0], self.system.nx, self.mesh.t[pieces].ravel()
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                A = self.system.linearize(states.reshape(-1, nx), u.reshape(n * STAGES, -1), t).A
+        except (LeastActionError, ArithmeticError):
+            return [None] * n
+        matrices = _newton_matrix(self.mesh.h[pieces, None, None], A.reshape(n, STAGES, nx, nx))
+        good = np.isfinite(matrices).all(axis=(1, 2))
+        return [each if fit else None for each, fit in zip(matrices, good, strict=True)]
+
+    def _solve(self, x: Array, u: Array, k: int, states: Array, matrix: Array | None = None) -> Array:
+        """Return the states (STAGES, nx) of the points of a piece by Newton's method, begun where they are given.
+
+        ``matrix``: Newton's, of somewhere near, for as long as its steps shrink.
+        """
         h, t = self.mesh.h[k], self.mesh.t[k]
         factors: Factors | None = None
         why, made, residual, before = "it takes too many iterations", 0, np.full(states.shape, np.nan), _NEAR
         try:
-            for made in range(1, _MOST_ITERATIONS + 1):  # noqa: B007 - told below
+            if matrix is not None:
+                factors = _factored(matrix)
+            for made in range(1, _MOST_ITERATIONS + 1):
                 residual = x + h * (MATRIX @ self.system.rates(states, u, t)) - states
                 if factors is None:
                     factors = _factored(_newton_matrix(h, self.system.linearize(states, u, t).A))
@@ -133,11 +152,12 @@ class CollocationSystem(DiscreteSystem):
                 if not np.isfinite(states).all():
                     raise ArithmeticError("it leads to no finite state")
                 size = float((np.abs(step) / (1.0 + np.abs(states))).max())
-                left = size / before
+                # A matrix of somewhere near shows what it is good for by its second step.
+                left = size / before if made > 1 or matrix is None else 1.0
                 # Steps with one matrix shrink by a factor, those with a new one are squared.
                 if size * min(left, 1.0) <= _CLOSE or (size <= _ROUNDING and left > _SHRINKS):
                     return states
-                if left > _SHRINKS:
+                if left > _SHRINKS and (made > 1 or matrix is None or size > _SHRINKS * _NEAR):
                     factors = None
                 before = size
         except (LeastActionError, ArithmeticError) as error:
@@ -189,27 +209,25 @@ class CollocationSystem(DiscreteSystem):
         along = self.system.linearize(*flat)
         A, B = along.A.reshape(N, STAGES, nx, nx), along.B.reshape(N, STAGES, nx, nu)
         size = STAGES * nx
-        factors = [_factored(matrix) for matrix in _newton_matrix(h, A)]
+        matrices = _newton_matrix(h, A)
         pushed = h * np.einsum("ij,njab->niajb", MATRIX, B).reshape(N, size, STAGES * nu)
         start = np.broadcast_to(np.tile(np.eye(nx), (STAGES, 1)), (N, size, nx))
         # By the first state and by the inputs of all points, (N, STAGES, nx, nx + STAGES nu).
         moved = np.concatenate([start, pushed], axis=2)
-        J = np.stack([_solved(each, right) for each, right in zip(factors, moved, strict=True)])
-        J = J.reshape(N, STAGES, nx, nx + STAGES * nu)
+        J = _solved_each(matrices, moved).reshape(N, STAGES, nx, nx + STAGES * nu)
         A_all, B_all = np.zeros((N, self.nx, self.nx)), np.zeros((N, self.nx, self.nu))
         ordered = J[:, _ORDER].reshape(N, size, -1)
         A_all[:, :size, :nx], B_all[:, :size] = ordered[:, :, :nx], ordered[:, :, nx:]
         B_all[:, size:] = np.eye(STAGES * nu)
-        return Linearization(A_all, B_all, partial(self._second, factors, J, flat, along))
+        return Linearization(A_all, B_all, partial(self._second, matrices, J, flat, along))
 
     def _second(
-        self, factors: list[Factors], J: Array, flat: tuple[Array, Array, Array], along: Linearization, z: Array
+        self, matrices: Array, J: Array, flat: tuple[Array, Array, Array], along: Linearization, z: Array
     ) -> Array:
         """Return ``z . D2f``: the dynamics' curvature at the points, weighed by the pieces' own adjoint."""
         N, nx, nu = self.N, self.system.nx, self.system.nu
         weights = z[:, : STAGES * nx].reshape(N, STAGES, nx)[:, _PLACE].reshape(N, -1)
-        costate = np.stack([_solved(each, w, transposed=True) for each, w in zip(factors, weights, strict=True)])
-        costate = costate.reshape(N, STAGES, nx)
+        costate = _solved_each(matrices.transpose(0, 2, 1), weights[:, :, None]).reshape(N, STAGES, nx)
         pull = self.mesh.h[:, None, None] * np.einsum("ij,nia->nja", MATRIX, costate)
         pull = pull.reshape(-1, nx)
         bent = self.system.curvatures(*flat, pull) if along.second is None else along.curvature(pull)
@@ -243,8 +261,16 @@ def _factored(matrix: Array) -> Factors:
     return factors, pivots
 
 
-def _solved(factors: Factors, right: Array, *, transposed: bool = False) -> Array:
-    """Return what a factored matrix, or its transpose, takes to the right side."""
+def _solved(factors: Factors, right: Array) -> Array:
+    """Return what a factored matrix takes to the right side."""
     from scipy.linalg.lapack import dgetrs
 
-    return np.asarray(dgetrs(*factors, right, trans=int(transposed))[0])
+    return np.asarray(dgetrs(*factors, right)[0])
+
+
+def _solved_each(matrices: Array, right: Array) -> Array:
+    """Return what matrices (N, n, n) take to right sides (N, n, m); `ArithmeticError` of a singular one."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right))
+    except np.linalg.LinAlgError:
+        raise ArithmeticError("its equations are singular") from None
