@@ -18,6 +18,7 @@ from leastaction.mechanics.description.tree import Ball, Tree
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import constraint_queries, frame_queries, function_queries, mass_queries
 from leastaction.mechanics.mechanism.arguments import batch
+from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.parameters import (
@@ -26,10 +27,8 @@ from leastaction.mechanics.mechanism.parameters import (
     check_names,
     checked,
     find,
-    freed,
     parameter_places,
     parameter_value,
-    with_values,
 )
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view

@@ -9,21 +9,17 @@ frame that moves by more than a variable, ``"nut.pitch"`` of a `screw`, and ``"s
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from leastaction.errors import ArgumentError, DescriptionError, unknown
 from leastaction.mechanics.description.affine import Affine
-from leastaction.mechanics.description.bodies import Body
-from leastaction.mechanics.description.flattening import place_frames
-from leastaction.mechanics.description.frames import PRIMITIVES, Frame
-from leastaction.mechanics.description.joints import screw_detail
-from leastaction.mechanics.description.poses import pose
-from leastaction.mechanics.description.tree import Tree, TreeFrame
+from leastaction.mechanics.description.frames import Frame
+from leastaction.mechanics.description.tree import Tree
 from leastaction.numerics.arrays import Array, as_number
 
-_AXES = "xyz"
+AXES = "xyz"
 _MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
@@ -139,7 +135,7 @@ def _frame_places(tree: Tree, index: int, frame_stem: str) -> dict[str, Place]:
     frame, places = tree.frames[index].frame, dict[str, Place]()
     for number in range(len(frame.bodies)):
         stem = frame_stem if number == 0 else f"{frame_stem}.body{number + 1}"
-        fields = ["mass", *(f"com.{a}" for a in _AXES), *(f"inertia.{m}" for m in _MOMENTS)]
+        fields = ["mass", *(f"com.{a}" for a in AXES), *(f"inertia.{m}" for m in _MOMENTS)]
         places.update({f"{stem}.{field}": BodyNumber(index, number, field) for field in fields})
     if index == 0:
         return places
@@ -154,7 +150,7 @@ def _frame_places(tree: Tree, index: int, frame_stem: str) -> dict[str, Place]:
     elif frame.matrix is None:
         places[f"{frame_stem}.value"] = Length(index, None)
     else:
-        for axis, letter in enumerate(_AXES):
+        for axis, letter in enumerate(AXES):
             places[f"{frame_stem}.translation.{letter}"] = Length(index, axis)
     return places
 
@@ -173,15 +169,15 @@ def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
     if isinstance(place, JointNumber):
         assert frame.coordinate is not None
         if place.field == "pitch":
-            return _pitch(frame)
+            return pitch_of(frame)
         return dict(frame.coordinate.terms)[place.variable] if place.field == "factor" else frame.coordinate.offset
     body = frame.bodies[place.body]
     kind, _, which = place.field.partition(".")
     if kind == "mass":
         return body.mass
     if kind == "com":
-        return float(body.com[_AXES.index(which)])
-    return float(body.inertia[_AXES.index(which[0]), _AXES.index(which[1])])
+        return float(body.com[AXES.index(which)])
+    return float(body.inertia[AXES.index(which[0]), AXES.index(which[1])])
 
 
 def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str, Place]:
@@ -210,51 +206,6 @@ def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str
     return found
 
 
-def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
-    """Return a tree with other masses and lengths; the names of its frames stay.
-
-    Raises `DescriptionError` for a body that cannot be, with the name of its frame.
-    """
-    bodies: dict[tuple[int, int], dict[str, float]] = {}
-    lengths: dict[int, dict[int | None, float]] = {}
-    joints: list[tuple[JointNumber, float]] = []
-    for place, value in changes.items():
-        if isinstance(place, BodyNumber):
-            bodies.setdefault((place.frame, place.body), {})[place.field] = value
-        elif isinstance(place, Length):
-            lengths.setdefault(place.frame, {})[place.axis] = value
-        elif isinstance(place, JointNumber):
-            joints.append((place, value))
-    if not bodies and not lengths and not joints:
-        return tree
-    frames = [placed.frame for placed in tree.frames]
-    order_stays = True
-    for (index, number), values in bodies.items():
-        frame = frames[index]
-        try:
-            changed = _changed(frame.bodies[number], values)
-        except DescriptionError as error:
-            raise DescriptionError(f"frame {tree.frames[index].name!r}: {error}") from None
-        kept = frame.bodies
-        order_stays = order_stays and changed.is_massive == kept[number].is_massive
-        frames[index] = replace(frame, bodies=(*kept[:number], changed, *kept[number + 1 :]))
-    if order_stays and not lengths and not joints:
-        # Frames stand where they stood.
-        return replace(tree, frames=tuple(map(_exchanged, tree.frames, frames)))
-    for index, coordinates in lengths.items():
-        frame = frames[index]
-        frames[index] = _resized(frame, coordinates)
-    for place, value in joints:
-        frames[place.frame] = _geared(frames[place.frame], tree.frames[place.frame].name, place, value)
-    return place_frames(
-        [placed.name for placed in tree.frames], frames[1:], [placed.parent for placed in tree.frames[1:]]
-    )
-
-
-def _exchanged(placed: TreeFrame, frame: Frame) -> TreeFrame:
-    return placed if frame is placed.frame else replace(placed, frame=frame)
-
-
 def checked(changes: Mapping[str, float]) -> dict[str, float]:
     """Return new values as finite floats; raise an `ArgumentError` for anything else."""
     given: object = changes
@@ -265,54 +216,10 @@ def checked(changes: Mapping[str, float]) -> dict[str, float]:
     return {name: as_number(value, f"the parameter {name!r}") for name, value in changes.items()}
 
 
-def _changed(body: Body, values: Mapping[str, float]) -> Body:
-    """Return a body with other numbers, all at once: what is in between need not be a body."""
-    mass, com, inertia = body.mass, body.com.copy(), body.inertia.copy()
-    for field, value in values.items():
-        kind, _, which = field.partition(".")
-        if kind == "mass":
-            mass = value
-        elif kind == "com":
-            com[_AXES.index(which)] = value
-        else:
-            i, j = _AXES.index(which[0]), _AXES.index(which[1])
-            inertia[i, j] = inertia[j, i] = value
-    return Body(mass, com=com, inertia=inertia, allow_nonphysical=body.allow_nonphysical)
-
-
-def _resized(frame: Frame, coordinates: Mapping[int | None, float]) -> Frame:
-    """Return a constant frame with another coordinate (None), or other components of its translation."""
-    if None in coordinates:
-        return replace(frame, coordinate=Affine((), coordinates[None]))
-    assert frame.matrix is not None
-    matrix = frame.matrix.copy()
-    for axis, value in coordinates.items():
-        matrix[axis, 3] = value
-    matrix.setflags(write=False)
-    return replace(frame, matrix=matrix)
-
-
-def _pitch(frame: Frame) -> float:
+def pitch_of(frame: Frame) -> float:
     """Return the pitch of a screw: what its axis, of length one, advances."""
     assert frame.twist is not None
     return float(frame.twist[:3] @ frame.twist[3:])
-
-
-def _geared(frame: Frame, name: str, place: JointNumber, value: float) -> Frame:
-    """Return a frame with another number of its joint."""
-    assert frame.coordinate is not None
-    if place.field == "pitch":
-        assert frame.twist is not None
-        axis = frame.twist[3:]
-        twist = np.concatenate([frame.twist[:3] + (value - _pitch(frame)) * axis, axis])
-        twist.setflags(write=False)
-        return replace(frame, twist=twist, detail=screw_detail(frame.detail.rpartition(", ")[0], value))
-    if place.field == "offset":
-        return replace(frame, coordinate=replace(frame.coordinate, offset=value))
-    if value == 0.0:
-        raise DescriptionError(f"frame {name!r}: the factor of {place.variable!r} is 0, by which it would not move it")
-    terms = tuple((variable, value if variable == place.variable else f) for variable, f in frame.coordinate.terms)
-    return replace(frame, coordinate=replace(frame.coordinate, terms=terms))
 
 
 def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
@@ -331,63 +238,14 @@ def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:
         mass, moment = 1.0, centre
         inertia = (centre @ centre) * np.eye(3) - np.outer(centre, centre)
     elif kind == "com":
-        axis = rotation[:, _AXES.index(which)]
+        axis = rotation[:, AXES.index(which)]
         moment = body.mass * axis
         across = np.outer(centre, axis)
         inertia = body.mass * (2.0 * (centre @ axis) * np.eye(3) - across - across.T)
     else:
-        i, j = _AXES.index(which[0]), _AXES.index(which[1])
+        i, j = AXES.index(which[0]), AXES.index(which[1])
         unit = np.zeros((3, 3))
         unit[i, j] = unit[j, i] = 1.0
         inertia = rotation @ unit @ rotation.T
-    upper = [inertia[_AXES.index(m[0]), _AXES.index(m[1])] for m in _MOMENTS]
+    upper = [inertia[AXES.index(m[0]), AXES.index(m[1])] for m in _MOMENTS]
     return placed.joint, np.array([mass, *moment, *upper])
-
-
-def freed(tree: Tree, lengths: Mapping[str, Prescribed]) -> Tree:
-    """Return the tree with numbers turned into kinematic variables of the parameters' names.
-
-    What moves with a length then moves with a variable, so that derivatives by the one are derivatives by
-    the other. A `pose` is split into translations and its rotation. To a joint a variable is added that stands for what
-    a change of its number does, to a screw a slide along its axis.
-    """
-    names, parents, frames = [tree.frames[0].name], [], []
-    moved_to = {0: 0}  # the frame's index in the new tree
-    for index, placed in enumerate(tree.frames[1:], start=1):
-        frame = placed.frame
-        parent = moved_to[placed.parent]
-        own = {p.axis: name for name, p in lengths.items() if isinstance(p, Length) and p.frame == index}
-        for name, p in lengths.items():
-            if not isinstance(p, JointNumber) or p.frame != index:
-                continue
-            added = Affine(((name, 1.0),))
-            if p.field == "pitch":
-                assert frame.twist is not None
-                along = np.concatenate([frame.twist[3:], np.zeros(3)])
-                names.append(f"{name} (slide)")
-                frames.append(Frame("twist", added, along, kinematic=(name,)))
-                parents.append(parent)
-                parent = len(names) - 1
-            else:
-                assert frame.coordinate is not None
-                frame = replace(frame, coordinate=frame.coordinate + added, kinematic=(*frame.kinematic, name))
-        if None in own:
-            frame = replace(frame, coordinate=Affine(((own[None], 1.0),)), kinematic=(own[None],))
-        elif own:
-            assert frame.matrix is not None
-            offset = np.where([axis in own for axis in range(3)], 0.0, frame.matrix[:3, 3])
-            for axis, name in own.items():
-                assert axis is not None
-                unit = np.eye(6)[axis]
-                slide = Frame(PRIMITIVES[axis], Affine(((name, 1.0),)), unit, kinematic=(name,))
-                names.append(f"{name} (slide)")
-                frames.append(slide)
-                parents.append(parent)
-                parent = len(names) - 1
-            rest = pose(translation=offset, rotation=frame.matrix[:3, :3])
-            frame = replace(frame, matrix=rest.matrix)
-        moved_to[index] = len(names)
-        names.append(placed.name)
-        frames.append(frame)
-        parents.append(parent)
-    return place_frames(names, frames, parents)
