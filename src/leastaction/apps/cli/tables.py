@@ -160,7 +160,7 @@ def _string_table(strings: Mapping[str, Any]) -> RenderableType:
 
 def _bar_table(bars: Mapping[str, Any]) -> RenderableType:
     table = _table("bar", "", "min", "max", "fastest", left=2)
-    moves = {"x": "right", "y": "ahead", "z": "up", "rz": "turned", "ry": "tilted aside", "rx": "tilted ahead"}
+    moves = {"x": "right", "y": "ahead", "z": "up", "rz": "turned left", "ry": "tilted right", "rx": "tilted back"}
     for bar, variables in bars.items():
         for i, (name, entry) in enumerate(variables.items()):
             unit, digits = ("°", 1) if entry["unit"] == "deg" else (" m", 3)

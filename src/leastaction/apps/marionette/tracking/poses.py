@@ -19,7 +19,7 @@ from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.errors import ArgumentError
 from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import OptimizationResult
+from leastaction.optimal import OptimizationResult, Status
 
 _BALANCED = 1e-4  # N or N m, to which forces balance
 _DIGITS, _STEPS = 1e-7, 100  # of the cost, and of the search for a pose
@@ -142,4 +142,15 @@ def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
     x, u = np.zeros_like(near.x), np.zeros_like(near.u)
     x[:, : m.nq] = pose[: m.nq]
     u[:] = np.concatenate([pose[m.nq :], pose[m.nd : m.nq]])
-    return replace(near, x=x, u=u, cost=plan.cost().value(x, u))
+    none = np.zeros_like(near.K)
+    return replace(
+        near,
+        status=Status.LINE_SEARCH_FAILED if near.success else near.status,
+        message="No motion was found in which strings on bars keep their lengths and pull: the puppet is held still.",
+        x=x,
+        u=u,
+        K=none,
+        projection_gain=none,
+        cost=plan.cost().value(x, u),
+        limits=None,
+    )

@@ -49,6 +49,7 @@ _AGAIN = "the motion found with longer steps cannot be followed: the search begi
 _HANGING = "the motion found cannot be followed: it begins with a puppet that hangs still"
 _PATIENCE = 100  # iterations of a puppet that began hanging; then its motion is planned by tensions
 _TYING = 200  # iterations in which strings on bars are tied more firmly, but the last time
+_NOT_TIED = "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
 _TOO_LOOSE = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
 _FIRST = frozenset({"tension", "joints"})  # kinds of limits of any plan
 _FEW = 100  # steps, for which a search with longer ones is not worth it
@@ -348,7 +349,7 @@ class _Job:
                 self._tie(result)
             off = float(np.abs(self.plan.ties.off(result.x)).max())
             if weight > FIXED_FROM and off > _TOO_LOOSE:
-                return replace(result, status=Status.LINE_SEARCH_FAILED)
+                return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
             self.plan.ties.weight = weight
             self.say(f"strings on bars vary by {1e3 * off:.2g} mm: tied more firmly")
             self.start, self.earlier, self.left = result, None, left if weight == weights[-1] else _TYING
@@ -356,7 +357,7 @@ class _Job:
                 result = self.improve()
             except ProjectionError as error:
                 self.say(f"strings cannot be tied more firmly: {error}")
-                return replace(result, status=Status.LINE_SEARCH_FAILED)
+                return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
         return result
 
     def _tie(self, result: OptimizationResult) -> None:
