@@ -224,6 +224,23 @@ class Symbolic:
             arguments, names = [*arguments, self.numbers], [*names, "p"]
         return ca.Function("step", arguments, [residual], names, ["F"])
 
+    def rate(self) -> ca.Function:
+        """Return the rate of ``x = [q; v]`` under inputs, ``(x, u) -> dx/dt``: of mechanisms without constraints.
+
+        Raises
+        ------
+        NotImplementedError
+            The mechanism has constraints or prescribed variables.
+        """
+        m = self.mechanism
+        if m.nc or m.nrho or self._unknown:
+            raise NotImplementedError("rates are those of mechanisms without constraints, all of whose variables move")
+        by_v = ca.gradient(self.lagrangian, self.v)
+        push = self.force + ca.gradient(self.lagrangian, self.q) - ca.jtimes(by_v, self.q, self.v)
+        accelerations = ca.solve(ca.jacobian(by_v, self.v), push)
+        x = ca.vertcat(self.q, self.v)
+        return ca.Function("rate", [x, self.u], [ca.vertcat(self.v, accelerations)], ["x", "u"], ["rate"])
+
 
 def _clean(array: Any) -> ca.SX:
     """Return numbers as constants of CasADi, without what rounding left of zeros: those cost nothing."""

@@ -2,7 +2,8 @@
 
 The free optimum of a problem comes first; then its inputs, states or tensions get limits that it does not keep to. Both
 solvers start from where the problem says, know exact second derivatives, and are asked for the same optimum. Shortest
-times, motions that return and free initial states follow, of `benchmarks.limits_unknowns`.
+times, motions that return and free initial states follow, of `benchmarks.limits_unknowns`, and problems in continuous
+time on a mesh, of `benchmarks.limits_continuous`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 
-from benchmarks import limits_unknowns  # noqa: E402
+from benchmarks import limits_continuous, limits_unknowns  # noqa: E402
 from benchmarks.fatrop import fatrop  # noqa: E402
 from benchmarks.multiple_shooting import MultipleShooting  # noqa: E402
 from benchmarks.peers import Comparison, start_of  # noqa: E402
@@ -168,6 +169,10 @@ def main() -> int:
     for other in limits_unknowns.cases():
         if all(word in other.name for word in words):
             rows.append(limits_unknowns.compare(other, rounds=arguments.rounds))
+            print(_line(rows[-1]), flush=True)
+    for continuous in limits_continuous.cases():
+        if all(word in continuous.name for word in words):
+            rows.append(limits_continuous.compare(continuous, rounds=arguments.rounds))
             print(_line(rows[-1]), flush=True)
     if rows:
         print(f"median ratio of times: {np.median([row.ratio for row in rows]):.2f}")

@@ -70,3 +70,13 @@ def test_nonlinear_problems_agree_with_ipopt(name: str) -> None:
     assert row.our_status == "CONVERGED"
     assert row.ipopt_status == "Solve_Succeeded"
     assert abs(row.better) < 1e-7
+
+
+@pytest.mark.parametrize("case", range(4))
+def test_continuous_problems_agree_with_ipopt_on_the_same_mesh(case: int) -> None:
+    from benchmarks import limits_continuous  # asks for CasADi
+
+    row = limits_continuous.compare(limits_continuous.cases()[case], rounds=1)
+    assert row.our_status in ("CONVERGED", "STALLED")
+    assert row.ipopt_status == "Solve_Succeeded"
+    assert abs(row.better) < 1e-7

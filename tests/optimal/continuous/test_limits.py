@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, tx, ty, tz
+from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, ry, tx, ty, tz
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import (
     Accuracy,
@@ -266,6 +266,20 @@ def test_wrong_limits_are_named(limits, words, bounded):
         optimize(MASS, cost, **start, limits=limits, **ROUGHLY)
     for word in words:
         assert word in str(caught.value)
+
+
+def test_stiff_conditions_that_drown_the_rest_of_the_curvature_make_no_saddle():
+    # Four equations at the end beside six inputs of the last piece, of a small price: the model is lost in rounding.
+    arm = Mechanism(
+        [ry("shoulder"), [tz(-0.5, mass=1.0), [ry("elbow"), [tz(-0.5, mass=0.5)]]]],
+        [Gravity((0.0, 0.0, -9.81)), JointForce("shoulder", input="upper"), JointForce("elbow", input="lower")],
+    )
+    wanted, rest = np.array([1.0, 0.5, 0.0, 0.0]), {"initial": (np.zeros(4), np.zeros(2)), "horizon": (0.0, 1.5)}
+    cost = ContinuousQuadraticCost(wanted, np.zeros(2), Q=[1.0, 1.0, 0.01, 0.01], R=[0.01, 0.01])
+    limits = [Bound("upper", -8.0, 8.0), Bound("lower", -3.0, 3.0), Equal("*", wanted, of="state")]
+    result = optimize(MechanismSystem(arm), cost, **rest, limits=limits, accuracy=Accuracy(rtol=0.09))
+    assert result.success, result.message
+    np.testing.assert_allclose(result.x[-1], wanted, atol=1e-9)
 
 
 # ---- Inside ----------------------------------------------------------------------------------------

@@ -129,7 +129,7 @@ class CollocationSystem(DiscreteSystem):
         except (LeastActionError, ArithmeticError):
             return [None] * n
         matrices = _newton_matrix(self.mesh.h[pieces, None, None], A.reshape(n, STAGES, nx, nx))
-        good = np.isfinite(matrices).all(axis=(1, 2))
+        good = np.asarray(np.isfinite(matrices).all(axis=(1, 2))).tolist()
         return [each if fit else None for each, fit in zip(matrices, good, strict=True)]
 
     def _solve(self, x: Array, u: Array, k: int, states: Array, matrix: Array | None = None) -> Array:

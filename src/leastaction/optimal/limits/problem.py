@@ -321,6 +321,14 @@ class LimitedProblem(ShootingProblem):
         # The multipliers of the dynamics are those of the Lagrangian.
         return super()._curvature_along(self._with_duals(self.duals.y) if self._begun else gradient)
 
+    def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
+        """Solve the linear-quadratic problem of a method; see `DiscreteProblem`."""
+        model = super().minimise_model(method, scale, shift)
+        if self._begun and model.smallest_eigenvalue > 0.0:
+            # Beside stiff limits the rest of the curvature is lost in rounding: this is no saddle.
+            self.tells_saddles = False
+        return model
+
     def direction(
         self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
     ) -> DiscreteDirection:
