@@ -26,7 +26,7 @@ from leastaction import (
 from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics import ContinuousDynamics, PythonConstraint, PythonFunction
 from leastaction.models.cart_pendulum import cart_pendulum
-from leastaction.optimal import Status, check_continuous_derivatives, optimize_continuous
+from leastaction.optimal import Status, check_derivatives, optimize_continuous
 from leastaction.optimal.continuous import (
     Accuracy,
     ContinuousQuadraticCost,
@@ -71,7 +71,7 @@ def test_derivatives_of_the_system(stabilised: bool) -> None:
         nx=system.nx,
         nu=system.nu,
     )
-    report = check_continuous_derivatives(system, curve, tolerance=1e-6)
+    report = check_derivatives(system, curve, tolerance=1e-6)
     assert report.ok, report
     assert "curvatures" in report.errors
 

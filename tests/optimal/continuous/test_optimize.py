@@ -14,7 +14,7 @@ from leastaction.optimal import (
     IterationTable,
     QuadraticCost,
     Status,
-    check_continuous_derivatives,
+    check_derivatives,
     optimize,
     optimize_continuous,
 )
@@ -382,10 +382,10 @@ def test_wrong_derivatives_end_in_a_failed_search():
         Wrong(), _tracking(), **REST, method="quasi-newton", max_iterations=20, max_backtracks=8
     )
     assert result.status is Status.LINE_SEARCH_FAILED
-    report = check_continuous_derivatives(Wrong(), result.trajectory, cost=_tracking())
+    report = check_derivatives(Wrong(), result.trajectory, cost=_tracking())
     assert not report.ok
     assert [name for name, error in report.errors.items() if error > 1e-6] == ["linearize"]
-    assert check_continuous_derivatives(CartPendulum(), result.trajectory, cost=_tracking()).ok
+    assert check_derivatives(CartPendulum(), result.trajectory, cost=_tracking()).ok
 
 
 def test_derivatives_that_fail_end_the_run():
@@ -420,7 +420,7 @@ def test_plain_functions_are_systems(system):
     result = optimize_continuous(plain, _tracking(1.2), **REST, method="newton")
     assert result.history.method == exact.history.method
     assert result.cost == pytest.approx(exact.cost, rel=1e-8)
-    assert check_continuous_derivatives(plain, result.trajectory, tolerance=1e-5).ok
+    assert check_derivatives(plain, result.trajectory, tolerance=1e-5).ok
     first_order = FunctionContinuousSystem(f, nx=4, nu=1, derivatives=system.derivatives)
     result = optimize_continuous(first_order, _tracking(), **REST)
     assert result.success
