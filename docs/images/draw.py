@@ -1,4 +1,8 @@
-"""Draws the picture of the README from a demo: python docs/images/draw.py demo/trajectory.npz."""
+"""Draws pictures of the documents from runs: python docs/images/draw.py demo/trajectory.npz [control/trajectory.npz].
+
+The first is that of ``leastaction demo --out demo``, the second of
+``leastaction optimize marionette --strings cross+legs --duration 6 --out control``.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,6 @@ from leastaction.viz import plot_snapshots, save_png
 # One cycle of the walk.
 TIMES = (2.2, 2.45, 2.65, 2.95, 3.2, 3.45, 3.65)
 
-scene = marionette_scene(load_run(sys.argv[1]))
-figure = plot_snapshots(scene, times=TIMES, ceiling=1.95, azimuth=28.0)
-save_png(figure, Path(__file__).with_name("marionette.png"), dpi=110.0)
+for file, name, ceiling in zip(sys.argv[1:], ("marionette", "controls"), (1.95, None), strict=False):
+    figure = plot_snapshots(marionette_scene(load_run(file)), times=TIMES, ceiling=ceiling, azimuth=28.0)
+    save_png(figure, Path(__file__).with_name(f"{name}.png"), dpi=110.0)

@@ -13,7 +13,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal import Bound, OptimizationResult, QuadraticCost, optimize
 from leastaction.systems import PulledSystem
 
-_MARGIN: Final = 1e-3  # N, above the least tension, for what the last digits of lengths change of it
+_MARGIN: Final = 5e-3  # N, above the least tension, for what the last digits of lengths change of it
 _BY_TENSION, _BY_PLACE, _BY_POSE, _BY_MOMENTUM = 1e-2, 1e-2, 1.0, 1e-3  # prices of changes
 # Weights of lengths; between optimisations the multipliers take over what they hold.
 _WITHIN_LIMITS: Final = (1e9, 1e9, 1e10, 1e10, 1e11, 1e11)
