@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from pathlib import Path
 from typing import get_args
 
@@ -263,6 +265,16 @@ def test_the_scene_and_the_summary_have_the_bars(run: TrackingRun) -> None:
     text = as_text(summary_tables(summary))
     assert "Bars" in text
     assert "tilted back" in text
+
+
+def test_bars_and_runs_on_them_can_be_pickled(run: TrackingRun) -> None:
+    for bars in CONTROLS.values():
+        assert pickle.loads(pickle.dumps(bars)) == copy.deepcopy(bars) == bars
+    with pytest.raises(TypeError):
+        CONTROLS["cross"][0].ends["back_string"] = (0.0, 0.0)  # type: ignore[index]
+    again = pickle.loads(pickle.dumps(run))
+    assert set_of(again.mechanism) == "cross"
+    np.testing.assert_array_equal(again.tension, run.tension)
 
 
 def test_poses_of_bars_are_drawn(run: TrackingRun) -> None:

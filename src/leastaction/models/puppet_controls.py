@@ -11,6 +11,7 @@ Axes: x to the puppet's right, y ahead, z up.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.mechanics import Mechanism, rx, ry, rz, tx, ty, tz
+from leastaction.numerics.frozen import restore_state, saved_state
 
 
 class PuppetString(NamedTuple):
@@ -47,18 +49,31 @@ class TiedString(NamedTuple):
     length: str
 
 
-class Bar(NamedTuple):
-    """A rigid control bar.
+@dataclass(frozen=True)
+class Bar:
+    """A rigid control bar. Frozen: threads may share it.
 
-    ``ends``: where its strings are tied, x and y (m) as seen from its middle, by the strings' names. ``ahead``: how far
-    ahead of the pelvis it is held when nothing else is wanted (m). ``turns``: the axes that it is turned about, one
-    after the other; a bar whose ends are on one line is not turned about that.
+    Attributes
+    ----------
+    name : str
+    ends : mapping of str to (float, float)
+        Where its strings are tied, x and y (m) as seen from its middle, by the strings' names.
+    ahead : float
+        How far ahead of the pelvis it is held when nothing else is wanted (m).
+    turns : str
+        The axes that it is turned about, one after the other, the first of them z; a bar whose ends are on one line is
+        not turned about that.
     """
 
     name: str
     ends: Mapping[str, tuple[float, float]]
     ahead: float = 0.0
     turns: str = "zyx"
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ends", MappingProxyType(dict(self.ends)))
 
     @property
     def places(self) -> tuple[str, str, str]:
@@ -184,10 +199,10 @@ _CROSS: Mapping[str, tuple[float, float]] = {
 
 def _cross(*apart: str) -> Bar:
     """Return the cross without the strings that are held apart from it."""
-    return Bar("cross", MappingProxyType({name: end for name, end in _CROSS.items() if name not in apart}))
+    return Bar("cross", {name: end for name, end in _CROSS.items() if name not in apart})
 
 
-_LEG_BAR = Bar("legs", MappingProxyType({"left_leg_string": (-0.15, 0.0), "right_leg_string": (0.15, 0.0)}), 0.3, "zy")
+_LEG_BAR = Bar("legs", {"left_leg_string": (-0.15, 0.0), "right_leg_string": (0.15, 0.0)}, 0.3, "zy")
 
 CONTROLS: Mapping[Control, tuple[Bar, ...]] = MappingProxyType(
     {

@@ -13,6 +13,7 @@ from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import JOINT_LIMITS, strings_of
 from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal import Bound, Limit
 
 KINDS: Final = ("tension", "joints", "speed", "acceleration", "reach")
@@ -55,6 +56,8 @@ class PuppetLimits:
     turn: float = 1.5
     turn_speed: float = 12.0
     turn_acceleration: float = 300.0
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.tension) and self.tension >= 0.0):
