@@ -35,7 +35,7 @@ from leastaction.optimal.limits.sides import Layout
 from leastaction.optimal.line_search import Step, Trial
 from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run
-from leastaction.optimal.quantity import Samples
+from leastaction.optimal.quantity import Quantity, Samples
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
 
 N, DT = 150, 0.02
@@ -699,3 +699,51 @@ def test_a_limit_whose_function_is_no_number_where_the_search_begins_is_named() 
         pytest.raises(ArgumentError, match=r"Within\('height'\): 'height <= 1' got nan at step 1.* of the motion"),
     ):
         optimize(system, cost, initial=([0.5, 0.0], np.zeros((20, 1))), limits=[Within(height, max=1.0)])
+
+
+class _Linear(Quantity):
+    """Two linear functions of some places of a step."""
+
+    names = ("one", "two")
+
+    def __init__(self, places, *, of_state=False, looks_ahead=False):
+        self.places, self.of_state, self.looks_ahead = np.array(places), of_state, looks_ahead
+        self.slopes = np.random.default_rng(1).normal(size=(2, len(places)))
+        self.given = None
+
+    def columns(self, nx, nu):
+        return self.places
+
+    def values(self, at):
+        self.given = at
+        return np.hstack([at.x, at.u, at.x_next])[:, self.places] @ self.slopes.T
+
+    def jacobian(self, at):
+        return np.tile(self.slopes, (len(at.k), 1, 1))
+
+    def curvature(self, at, y):
+        return None
+
+
+@pytest.mark.parametrize("instants", [[1, 2, 3, 4], [4, 1, 3], [2]])
+@pytest.mark.parametrize(
+    "quantity",
+    [
+        _Linear([2, 0], of_state=True),
+        _Linear([0, 3, 4]),
+        _Linear([1, 3, 6, 5, 1, 6], looks_ahead=True),  # two places come twice
+    ],
+    ids=["state", "step", "ahead"],
+)
+def test_gradients_and_changes_of_rows_are_those_of_their_values(quantity, instants, rng):
+    k = np.array(instants)
+    rows = Rows("limit", quantity, -1.0, rng.normal(size=(len(k), 2)), k, np.ones(2))
+    x, u, dx, du = (rng.normal(size=size) for size in ((7, 3), (6, 2), (7, 3), (6, 2)))
+    y, jacobian = rng.uniform(size=(len(k), 2)), rows.jacobian(x, u)
+    change = rows.values(x + dx, u + du) - rows.values(x, u)
+    np.testing.assert_allclose(rows.along(jacobian, dx, du), change, atol=1e-13)
+    q, r = np.zeros_like(x), np.zeros_like(u)
+    rows.add_gradient(jacobian, y, q, r)
+    assert -np.sum(q * dx) - np.sum(r * du) == pytest.approx(np.sum(y * change), rel=1e-12)
+    # Where it is asked it is given views, which cannot be written to.
+    assert not any(part.size and part.flags.writeable for part in quantity.given[1:])

@@ -6,11 +6,13 @@ import itertools
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.quantity import Instants, Quantity, Samples
 
 __all__ = ["Rows", "Weights", "check_agreement"]
@@ -170,10 +172,15 @@ class Rows:
         nx, nu = q.shape[1], r.shape[1]
         pull = np.einsum("kmi,km->ki", jacobian, self.sign * y)
         columns, nz = self._columns(nx, nu), nx + nu
-        for target, k, low, high in ((q, self.k, 0, nx), (r, self.k, nx, nz), (q, self.k + 1, nz, nz + nx)):
+        at, after = self._part, self._part_after
+        for target, k, low, high in ((q, at, 0, nx), (r, at, nx, nz), (q, after, nz, nz + nx)):
             here = (columns >= low) & (columns < high)
             if here.any():
-                np.subtract.at(target, np.ix_(k, columns[here] - low), pull[:, here])
+                index = _index(k, columns[here] - low)
+                if self.quantity.looks_ahead:  # a place may come twice
+                    np.subtract.at(target, index, pull[:, here])
+                else:
+                    target[index] -= pull[:, here]
 
     def add_hessian(
         self, x: Array, u: Array, jacobian: Array, y: Array, sigma: Array, to: Weights, dynamics: Array | None
@@ -208,9 +215,13 @@ class Rows:
 
     def along(self, jacobian: Array, dx: Array, du: Array) -> Array:
         """Return ``dc (n, m)`` along a direction."""
-        k = self.k
-        parts = [dx[k]] if self.quantity.of_state else [dx[k], du[k], dx[k + 1]]
-        moved = np.hstack(parts)[:, self._columns(dx.shape[1], du.shape[1])]
+        nx, nu, at, after = dx.shape[1], du.shape[1], self._part, self._part_after
+        columns, nz = self._columns(nx, nu), nx + nu
+        moved = np.empty((len(self.k), len(columns)))
+        for source, k, low, high in ((dx, at, 0, nx), (du, at, nx, nz), (dx, after, nz, nz + nx)):
+            here = (columns >= low) & (columns < high)
+            if here.any():
+                moved[:, here] = source[_index(k, columns[here] - low)]
         return np.asarray(self.sign * np.einsum("kmi,ki->km", jacobian, moved))
 
     def weighs(self, nx: int, nu: int) -> Instants:
@@ -226,11 +237,24 @@ class Rows:
         return np.arange(nx if self.quantity.of_state else 2 * nx + nu if self.quantity.looks_ahead else nx + nu)
 
     def _at(self, x: Array, u: Array) -> Samples:
-        k = self.k
+        k, at, after = self.k, self._part, self._part_after
+        # What a quantity is given cannot be written to.
         if self.quantity.of_state:
             nothing = np.empty((len(k), 0))
-            return Samples(k, x[k], nothing, nothing)
-        return Samples(k, x[k], u[k], x[k + 1])
+            return Samples(k, read_only(x[at]), nothing, nothing)
+        return Samples(k, read_only(x[at]), read_only(u[at]), read_only(x[after]))
+
+    @cached_property
+    def _part(self) -> Instants | slice:
+        """The instants; as a slice, which copies nothing, where they follow each other."""
+        runs = _runs(self.k)
+        return runs[0][1] if len(runs) == 1 else self.k
+
+    @cached_property
+    def _part_after(self) -> Instants | slice:
+        """The instants after them."""
+        at = self._part
+        return slice(at.start + 1, at.stop + 1) if isinstance(at, slice) else at + 1
 
 
 def _add(to: Array, k: Instants, rows: Instants, columns: Instants, H: Array) -> None:
@@ -244,6 +268,11 @@ def _add(to: Array, k: Instants, rows: Instants, columns: Instants, H: Array) ->
         for own_row, row in down:
             for own, column in across:
                 to[there, row, column] += H[here, own_row, own]
+
+
+def _index(k: Instants | slice, columns: Instants) -> Any:
+    """Return the index of some columns at instants."""
+    return (k, columns) if isinstance(k, slice) else np.ix_(k, columns)
 
 
 def _runs(places: Instants) -> list[tuple[slice, slice]]:
