@@ -227,6 +227,21 @@ def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
     assert again.held_error < run.held_error
 
 
+@pytest.mark.slow
+def test_what_bars_and_hands_of_their_own_buy() -> None:
+    motion = walk_in_place(2.5, 0.02)
+    runs = {control: track(marionette(strings=control), motion) for control in CONTROLS}
+    for control, run in runs.items():
+        assert run.result.success, control
+        assert run.tension.min() >= _LEAST, control
+        lengths = dict(zip(run.mechanism.constraints, string_lengths(run.mechanism, run.trajectory.q).T, strict=True))
+        assert max(np.ptp(lengths[string.name]) for string in tied_strings(run.mechanism)) < 1e-9
+    off = {control: run.held_error for control, run in runs.items()}
+    assert off["cross+legs+hands"] < min(off["cross+legs"], off["cross+hands"])
+    assert max(off["cross+legs"], off["cross+hands"]) < off["cross"]
+    assert off["cross+legs+hands"] < 1.0
+
+
 def test_bars_keep_to_the_tilt_that_is_allowed(run: TrackingRun) -> None:
     tilts = ends_of(run.mechanism).tilts
     free = max(np.abs(run.trajectory[name]).max() for name in tilts)

@@ -21,6 +21,7 @@ from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult, Status
 
+_FIRM = 0.1  # N, by which strings that hold still pull more than they have to
 _BALANCED = 1e-4  # N or N m, to which forces balance
 _DIGITS, _STEPS = 1e-7, 100  # of the cost, and of the search for a pose
 
@@ -28,11 +29,12 @@ _DIGITS, _STEPS = 1e-7, 100  # of the cost, and of the search for a pose
 class PoseSearch:
     """Poses at rest of a plan, each with its tensions behind. For one thread.
 
-    ``tied``: whether strings on bars are as long as they are tied.
+    ``tied``: whether strings on bars are as long as they are tied. ``more``: by how much tensions are above the least
+    that limits allow (N).
     """
 
-    def __init__(self, plan: Plan, *, tied: bool = True) -> None:
-        self.plan, self.mechanism = plan, plan.mechanism
+    def __init__(self, plan: Plan, *, tied: bool = True, more: float = 0.0) -> None:
+        self.plan, self.mechanism, self.more = plan, plan.mechanism, more
         self.ties = plan.ties if tied else None
         cost, strings = plan.tracking_cost(), len(plan.strings)
         Q, R, _, _ = cost.cost.hessian(plan.x_reference, plan.u_reference)
@@ -79,7 +81,7 @@ class PoseSearch:
         wanted = self.wanted(k)
         m, limits, scale = self.mechanism, self.plan.limits, self.scale
         least, most = np.full(len(wanted), -np.inf), np.full(len(wanted), np.inf)
-        least[m.nq :] = limits.tension
+        least[m.nq :] = limits.tension + self.more
         ends = ends_of(m)
         for names, reach in (
             ((*ends.x, *ends.y), limits.reach),
@@ -130,7 +132,7 @@ def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
     ArgumentError
         If there is none within the limits.
     """
-    search, m = PoseSearch(plan, tied=False), plan.mechanism
+    search, m = PoseSearch(plan, tied=False, more=_FIRM), plan.mechanism
     wanted, found = search.wanted(0), np.concatenate([near.x[0, : m.nq], near.u[0, : len(plan.strings)]])
     starts = [start for start in (wanted, found) if np.isfinite(start).all()]
     cost, pose = min((search.nearest(0, start) for start in starts), key=lambda each: each[0])

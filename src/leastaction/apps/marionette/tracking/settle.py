@@ -10,16 +10,16 @@ import numpy as np
 from leastaction.apps.marionette.tracking.ties import Ties
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import Bound, OptimizationResult, QuadraticCost, optimize
+from leastaction.optimal import QuadraticCost, optimize
 from leastaction.systems import PulledSystem
 
-_MARGIN: Final = 5e-3  # N, above the least tension, for what the last digits of lengths change of it
+_MARGIN: Final = 5e-3  # N, above the least tension, at which those that fall below it are held
 _BY_TENSION, _BY_PLACE, _BY_POSE, _BY_MOMENTUM = 1e-2, 1e-2, 1.0, 1e-3  # prices of changes
-# Weights of lengths; between optimisations the multipliers take over what they hold.
-_WITHIN_LIMITS: Final = (1e9, 1e9, 1e10, 1e10, 1e11, 1e11)
-_EXACTLY: Final = (1e12, 1e12, 1e12)
-_NEARLY, _EXACT = 1e-8, 1e-9  # m
-_ITERATIONS: Final = 60
+_DEARER, _DEAREST = 1e2, 1e6  # for tensions that fall below their least
+_WEIGHTS: Final = (1e10, 1e12, 1e12)  # of lengths; between optimisations multipliers take over what they hold
+_ROUNDS: Final = 7
+_EXACT: Final = 1e-9  # m
+_ITERATIONS: Final = 40
 
 
 class NotTiedError(ArgumentError):
@@ -36,7 +36,7 @@ def settled(
     """
     before = ties.weight, ties.duals
     try:
-        return _nearest(system, ties, x, u, inputs, least + _MARGIN)
+        return _nearest(system, ties, x, u, inputs, least)
     except LeastActionError:
         return None
     finally:
@@ -48,38 +48,37 @@ def _nearest(
 ) -> tuple[Array, Array] | None:
     m, strings = system.integrator.mechanism, len(inputs)
     wanted = np.array(u)
-    wanted[:, :strings] = np.maximum(wanted[:, :strings], least)
+    wanted[:, :strings] = np.maximum(wanted[:, :strings], least + _MARGIN)
     Q = np.repeat([_BY_POSE, 1e-3, _BY_MOMENTUM, 0.0], [m.nd, m.nrho, m.nd, m.nrho])
-    R = np.repeat([_BY_TENSION, _BY_PLACE], [strings, m.nrho])
-
-    def tied(
-        near: tuple[Array, Array], price: Array, weights: Sequence[float], bound: Bound | None
-    ) -> OptimizationResult:
-        cost = QuadraticCost(*near, Q=Q, R=price)
+    R = np.tile(np.repeat([_BY_TENSION, _BY_PLACE], [strings, m.nrho]), (len(u), 1))
+    near: tuple[Array, Array] = (x, u)
+    best: tuple[Array, Array] | None = None  # of those that are exact, where strings pull most
+    # A limit's barrier would be all that counts where so little changes; prices of what falls below it are enough.
+    for _ in range(_ROUNDS):
+        cost = QuadraticCost(x, wanted, Q=Q, R=R[:, :, None])
         ties.duals = np.zeros_like(ties.duals)
-        found: OptimizationResult | None = None
-        for weight in weights:
+        for weight in _WEIGHTS:
             ties.weight = weight
             found = optimize(
                 system,
                 ties.priced(cost, system),
-                initial=(near[0], u) if found is None else found,
-                limits=[] if bound is None else [bound],
+                initial=near,
                 free_start=m.variables,
                 shooting="single",
                 tolerance=1e-3,
                 absolute_tolerance=1e-12,
                 max_iterations=_ITERATIONS,
             )
+            near = found.x, found.u
             ties.tighten(found.x)
-            if np.abs(ties.off(found.x)).max() < (_EXACT if bound is None else _NEARLY):
+            if np.abs(ties.off(found.x)).max() < _EXACT:
                 break
-        assert found is not None
-        return found
-
-    near = tied((x, wanted), R, _WITHIN_LIMITS, Bound(inputs, min=least, of="input"))
-    u = near.u
-    # Moves tensions by less than the margin, and does not know of limits.
-    found = tied((near.x, near.u), np.repeat([1.0, _BY_PLACE], [strings, m.nrho]), _EXACTLY, None)
-    exact = np.abs(ties.off(found.x)).max() < _EXACT
-    return (found.x, found.u) if exact and found.u[:, :strings].min() > 0.0 else None
+        pulls = found.u[:, :strings]
+        low = pulls < least
+        if np.abs(ties.off(found.x)).max() < _EXACT and (best is None or pulls.min() > best[1][:, :strings].min()):
+            best = near
+        if best is near and not low.any():
+            break
+        R[:, :strings][low] = np.minimum(_DEARER * R[:, :strings][low], _DEAREST)
+        wanted[:, :strings][low] = least + _MARGIN
+    return best if best is not None and best[1][:, :strings].min() > 0.0 else None

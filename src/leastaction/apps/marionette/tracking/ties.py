@@ -122,6 +122,10 @@ class TiedCost(AddedCost):
         """Return those of Gauss and Newton, as if lengths were linear in the configuration; see `Cost`."""
         return self._added(self.cost.convex_hessian(x, u), x, self._stiff(x))
 
+    def eased(self, ease: float) -> None:  # noqa: ARG002
+        """Return None: as of `TrackingCost`, it leads to motions in which strings are far from tied."""
+        return
+
     def _added(self, other: CostHessian, x: Array, bent: Array) -> CostHessian:
         Q, R, S, Q_final = other
         nq, nx = bent.shape[1], x.shape[1]
