@@ -1,4 +1,4 @@
-"""Captured motions on the marionette: ``python -m benchmarks.captures [FILE ...] [--strings 6 9] [--speed 1 0.5]``.
+"""Captured motions on the marionette: ``python -m benchmarks.captures [FILE ...] [--strings 6 cross] [--speed 1 0.5]``.
 
 BVH or AMC files are given as words, or as a list of paths in the environment variable ``CAPTURES`` (with colons between
 them); without either only the made-up walk is made, which is always the last row. Each row is one motion: how it ended,
@@ -30,7 +30,7 @@ from leastaction.apps.choices import Follow
 from leastaction.apps.marionette import RigCheck, TrackingRun, check, load_motion, track, walk_in_place
 from leastaction.errors import LeastActionError
 from leastaction.io import Motion
-from leastaction.models.marionette import STRING_SETS, Count, marionette
+from leastaction.models.marionette import CONTROLS, STRING_SETS, Hanging, marionette
 from leastaction.viz.figures import new_figure, save_png
 
 _SECONDS = 60.0  # for ten seconds of capture
@@ -53,7 +53,7 @@ class Row:
     """One motion on one set of strings."""
 
     problem: Problem
-    strings: Count
+    strings: Hanging
     run: TrackingRun
     rig: RigCheck
     seconds: float
@@ -78,13 +78,13 @@ class Row:
         run, problem = self.run, self.problem
         units = f"{self.seconds / one:11.3g}" if one is not None else f"{'-':>11s}"
         return (
-            f"{problem.name:32s} {self.strings:7d} {problem.motion.duration:8.2f} {run.result.status.name:>18s} "
+            f"{problem.name:32s} {self.strings!s:>16s} {problem.motion.duration:8.2f} {run.result.status.name:>18s} "
             f"{run.off:8.2f} {self.rig.error:8.2f} {run.tension.min():9.4f} {self.seconds:8.1f} {units}  "
             + ("; ".join(f"MISSED: {each}" for each in self.missed) or "all goals met")
         )
 
 
-def made(problem: Problem, strings: Count, iterations: int, follow: Follow) -> Row:
+def made(problem: Problem, strings: Hanging, iterations: int, follow: Follow) -> Row:
     """Follow one motion."""
     began = time.perf_counter()
     run = track(marionette(strings=strings), problem.motion, max_iterations=iterations, follow=follow)
@@ -110,8 +110,8 @@ def draw(rows: Sequence[Row], path: Path) -> None:
     figure = new_figure(7.0, 4.0)
     axes = figure.subplots()
     for number, name in enumerate(dict.fromkeys(row.problem.name for row in rows)):
-        own = sorted((row for row in rows if row.problem.name == name), key=lambda row: row.strings)
-        counts = [row.strings for row in own]
+        counted = [(row.strings, row) for row in rows if row.problem.name == name and isinstance(row.strings, int)]
+        counts, own = zip(*sorted(counted, key=lambda each: each[0]), strict=True) if counted else ((), ())
         played = [
             np.inf if row.rig.played.failure is not None else row.run.errors_of(row.rig.played.q).joint_rms
             for row in own
@@ -120,16 +120,21 @@ def draw(rows: Sequence[Row], path: Path) -> None:
         axes.plot(counts, [row.run.errors.joint_rms for row in own], "o-", color=color, label=name)
         axes.plot(counts, played, "x:", color=color, label=f"{name}, on the rig")
     axes.set(xlabel="strings", ylabel="all joints off by (degrees, rms)", ylim=(0.0, None))
-    axes.set_xticks(sorted({row.strings for row in rows}))
+    axes.set_xticks(sorted({row.strings for row in rows if isinstance(row.strings, int)}))
     axes.legend(frameon=False, fontsize=8)
     save_png(figure, path)
+
+
+def _hanging(word: str) -> int | str:
+    """Return a number of strings, or the name of a control."""
+    return int(word) if word.isdigit() else word
 
 
 def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.captures", description=__doc__)
     parser.add_argument("files", nargs="*", type=Path, help="BVH or AMC files; those of CAPTURES if none are given")
-    parser.add_argument("--strings", nargs="+", type=int, choices=list(STRING_SETS), default=[9])
+    parser.add_argument("--strings", nargs="+", type=_hanging, choices=[*STRING_SETS, *CONTROLS], default=[9])
     parser.add_argument("--speed", nargs="+", type=float, default=[1.0])
     parser.add_argument("--dt", type=float, default=0.01)
     parser.add_argument("--iterations", type=int, default=500)
@@ -143,7 +148,7 @@ def main() -> int:
     print(f"unit {1e6 * one:.1f} us" if one is not None else f"unit: {before}")
     off = f"off {unit_of_error}", f"rig {unit_of_error}"
     titles = ("motion", "strings", "seconds", "status", *off, "tension N", "took s", "took units")
-    print("{:32s} {:>7s} {:>8s} {:>18s} {:>8s} {:>8s} {:>9s} {:>8s} {:>11s}".format(*titles))
+    print("{:32s} {:>16s} {:>8s} {:>18s} {:>8s} {:>8s} {:>9s} {:>8s} {:>11s}".format(*titles))
     rows: list[Row] = []
     for problem in motions(files, words.speed, words.dt, markers=words.follow == "markers"):
         for strings in words.strings if problem.name != "made-up walk" else [6]:
