@@ -18,7 +18,7 @@ _BY_TENSION, _BY_PLACE, _BY_POSE, _BY_MOMENTUM = 1e-2, 1e-2, 1.0, 1e-3  # prices
 _DEARER, _DEAREST = 1e2, 1e6  # for tensions that fall below their least
 _WEIGHTS: Final = (1e10, 1e12, 1e12)  # of lengths; between optimisations multipliers take over what they hold
 _ROUNDS: Final = 7
-_EXACT: Final = 1e-9  # m
+_EXACT, _ENOUGH, _HOPELESS = 1e-9, 1e-8, 1e-6  # m
 _ITERATIONS: Final = 40
 
 
@@ -73,9 +73,11 @@ def _nearest(
             ties.tighten(found.x)
             if np.abs(ties.off(found.x)).max() < _EXACT:
                 break
-        pulls = found.u[:, :strings]
+        pulls, off = found.u[:, :strings], np.abs(ties.off(found.x)).max()
         low = pulls < least
-        if np.abs(ties.off(found.x)).max() < _EXACT and (best is None or pulls.min() > best[1][:, :strings].min()):
+        if off > _HOPELESS:
+            break
+        if off < _ENOUGH and (best is None or pulls.min() > best[1][:, :strings].min()):
             best = near
         if best is near and not low.any():
             break
