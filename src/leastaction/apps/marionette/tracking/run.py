@@ -322,7 +322,6 @@ class _Job:
             still = self._still(found)
         except ArgumentError:
             return found
-        self.kinds = _FIRST
         again = self._tied(still, WEIGHTS[1:])
         if not again.success and self._varies:
             again = found
@@ -334,6 +333,7 @@ class _Job:
         assert self.plan is not None
         still = held_still(self.plan, near)
         self._tie(still)
+        self.kinds = _FIRST  # it knows of no others
         return still
 
     def _tied(self, result: OptimizationResult, weights: Sequence[float]) -> OptimizationResult:
