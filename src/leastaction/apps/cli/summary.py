@@ -21,6 +21,11 @@ _FAR: Final = 5.0  # degrees (rms), from which a joint is said not to be followe
 _KINDS: Final = {
     "tension": "tensions of the strings",
     "joints": "angles of the joints",
+    "reach": "reach of the strings' ends",
+    "speed": "speed of the strings' ends",
+    "acceleration": "acceleration of the strings' ends",
+}
+_OF_BARS: Final = {
     "reach": "reach of the strings' ends, or lift and tilt of bars",
     "speed": "speed of the strings' ends, or of bars",
     "acceleration": "acceleration of the strings' ends, or of bars",
@@ -127,7 +132,8 @@ def _broken(run: TrackingRun, limits: PuppetLimits) -> list[str]:
     kinds = limits.broken(run.mechanism, run.trajectory.t, pelvis_of(run.mechanism, run.reference), run.result.x)
     if run.tension.min() < 0.0:
         kinds |= {"tension"}
-    return [said for kind, said in _KINDS.items() if kind in kinds - run.kinds]
+    said = _KINDS | (_OF_BARS if bars_of(run.mechanism) else {})
+    return [said[kind] for kind in said if kind in kinds - run.kinds]
 
 
 def _tracking(errors: TrackingErrors) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final
@@ -52,8 +53,8 @@ class PuppetLimits:
     acceleration: float = 150.0
     reach: float = 2.0
     lift: float = 0.5
-    tilt: float = 1.0
-    turn: float = 1.5
+    tilt: float = math.radians(57.0)
+    turn: float = math.radians(86.0)
     turn_speed: float = 12.0
     turn_acceleration: float = 300.0
 
