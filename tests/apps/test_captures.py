@@ -193,8 +193,7 @@ def test_a_lively_capture_in_one_command(
     words = ("--motion", path, "--dt", 0.02, "--speed", 0.5, "--trim", 0, 0.5, "--forward", "z", "--up", "y")
     numbers = optimize(capsys, tmp_path / "out", *words, "--tension", 0.8)
     run = load_run(tmp_path / "out" / "trajectory.npz")
-    assert run.limits is not None
-    assert run.limits.tension == 0.8  # the command's, for the poses at rest too
+    assert run.limits == PuppetLimits(tension=0.8)  # the command's, for the poses at rest too
     assert resting(run, instants=1).tension.min() == pytest.approx(0.8)
     assert numbers["run"]["status"] in ("CONVERGED", "STALLED")
     assert {entry["limit"] for entry in numbers["limits_reached"]}
@@ -215,7 +214,7 @@ def test_limits_that_a_run_ended_before_stating_are_named(tmp_path: Path, capsys
     run = load_run(tmp_path / "out" / "trajectory.npz")
     fast = float(np.abs(np.diff(run.trajectory["right_arm_string-x"])).max()) / 0.02
     slower = PuppetLimits(speed=0.5 * fast)
-    said = "speed of the strings' ends, or of bars"
+    said = "speed of the strings' ends"
     broken = replace(run, kinds=frozenset(), limits=slower)
     assert said in run_summary(broken)["limits_broken"]
     assert said in as_text(summary_tables(run_summary(broken)))
