@@ -71,11 +71,14 @@ class Loop:
         """Make one iteration; the outcome if it was the last."""
         run = self.progress
         notes: list[str] = []
-        expected = np.nan
+        expected = promised = np.nan
+        shifted = run.schedule.shift > 0.0
         refusal = None
         try:
             for direction in self.directions.each(notes):
                 expected = -direction.slope
+                # Of ever larger shifts little can be expected, wherever it stands.
+                promised = np.fmax(promised, expected)
                 if run.history.iterations >= run.limit:
                     return Outcome(Status.ITERATION_LIMIT, outlook(run, direction), expected)
                 step = self.search(direction)
@@ -98,7 +101,10 @@ class Loop:
             return Outcome(Status.DERIVATIVES_FAILED, str(error))
         if refusal is None:
             return Outcome(Status.NO_DIRECTION, "; ".join(notes))
-        if expected < max(1e-10 * abs(run.problem.value), run.problem.noise, _LOST * run.problem.roughness):
+        if promised < max(1e-10 * abs(run.problem.value), run.problem.noise, _LOST * run.problem.roughness):
+            if shifted:
+                run.set_shift(0.0)  # what is to be gained is told by a model without
+                return None
             return Outcome(Status.STALLED, notes[-1], expected)
         return Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected, barred=refusal.failed)
 
