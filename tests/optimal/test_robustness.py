@@ -16,6 +16,7 @@ from leastaction.io.results import load_result, save_result
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
 from leastaction.optimal.discrete.problem import DiscreteProblem
+from leastaction.optimal.loop import Loop
 from leastaction.optimal.loop.ending import Outcome, message
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
@@ -480,6 +481,21 @@ def test_what_led_further_before_is_gone_back_to():
     assert "check_derivatives" not in result.message
     assert any("began again" in record.note for record in records)
     assert result.cost <= min(record.cost for record in records) * (1.0 + 1e-9)
+
+
+def test_half_the_steps_of_time_are_tried_once(monkeypatch):
+    """They lead to the same place wherever the run is stuck."""
+    finer = []
+
+    class Finer(Loop):
+        def __init__(self, *arguments, **options):
+            finer.append(self)
+            super().__init__(*arguments, **options)
+
+    monkeypatch.setattr("leastaction.optimal.discrete.easing.Loop", Finer)
+    outcome = solve(BY_NAME["acrobot, swing-up, R 1e-06, final 1e+06, rest 0"])
+    assert outcome.status == "LINE_SEARCH_FAILED"
+    assert len(finer) == 1
 
 
 def test_steps_without_a_solution_are_told_before_derivatives():

@@ -69,6 +69,7 @@ class EasedProblem(ShootingProblem):
         self.sound: Place | None = None
         self.first: Start | None = None
         self.plainly = False  # whether it goes from the first trajectory once more
+        self.went_finer = False  # whether it was looked where half the steps of time lead: always to the same place
 
     def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
         super().start(initial)
@@ -217,7 +218,9 @@ class EasedProblem(ShootingProblem):
 
     def begin_finer(self) -> bool:
         """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
-        if self.free_start is not False or self.worst_step is None or not self.worst_step.is_coarse:
+        if self.went_finer or self.free_start is not False:
+            return False
+        if self.worst_step is None or not self.worst_step.is_coarse:
             return False
         system, cost = self.system.refined(_PARTS), self.asked.refined(_PARTS)
         eased = None if cost is None else cost.eased(1.0)
@@ -227,10 +230,12 @@ class EasedProblem(ShootingProblem):
         def refine() -> bool:
             finer = EasedProblem(system, cost, self.settings)
             finer.start((self.x[0], eased[1]))
+            finer.first = None  # one way there is enough
             found = Loop(finer, self.settings, schedule=NewtonSchedule(finer=True)).run()
             self.rollouts += found.rollouts
             if found.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt
+            self.went_finer = True
             if found.worst_step is None or found.worst_step.is_coarse:
                 return False
             return self._stand_at(found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS))
