@@ -79,7 +79,7 @@ def _nearest(
             break
         if off < _ENOUGH and (best is None or pulls.min() > best[1][:, :strings].min()):
             best = near
-        if best is near and not low.any():
+        if best is near and off < _EXACT and not low.any():
             break
         R[:, :strings][low] = np.minimum(_DEARER * R[:, :strings][low], _DEAREST)
         wanted[:, :strings][low] = least + _MARGIN
