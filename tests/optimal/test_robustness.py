@@ -15,9 +15,11 @@ from leastaction.errors import ArgumentError, StepError
 from leastaction.io.results import load_result, save_result
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
+from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.loop import Loop
 from leastaction.optimal.loop.ending import Outcome, message
+from leastaction.optimal.memory import Place
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
 from optimal.systems import CartPendulum
@@ -458,6 +460,29 @@ def test_a_run_that_goes_from_the_start_again_is_resumed(tmp_path: Path):
     assert part.status is whole.status is Status.LINE_SEARCH_FAILED
     np.testing.assert_array_equal(part.x, whole.x)
     np.testing.assert_array_equal(part.history.cost, whole.history.cost)
+
+
+def test_a_minimum_that_it_comes_to_so_is_what_is_returned():
+    """Though where it was stuck before costs less: that was none."""
+    system, t = CartPendulum(20, 0.05), 0.05 * np.arange(21)
+    wanted, none = np.zeros((21, 4)), np.zeros((20, 1))
+    wanted[:, 0] = np.sin(t)
+    cost = QuadraticCost(wanted, none, Q=[1.0, 1.0, 0.1, 0.1], R=[0.1])
+    settings = optimize(system, cost, initial=(np.zeros(4), none)).settings
+    problem = EasedProblem(system, cost, settings)
+    problem.start((np.zeros(4), none))
+    problem.earlier = Place(wanted, none, np.zeros((20, 1, 4)), 1.0, None)  # as cheap as can be
+    assert problem.begin_plainly()
+    plainly = NewtonSchedule(wait=0, again=True, newton=True)
+    part = Loop(problem, replace(settings, max_iterations=1), schedule=plainly).run()
+    assert part.status is Status.ITERATION_LIMIT
+    np.testing.assert_array_equal(part.x, wanted)
+    assert "has not come as far yet" in part.message
+    result = Loop(problem, settings, schedule=plainly).run()
+    assert result.status is Status.CONVERGED
+    assert result.cost == cost.value(result.x, result.u) > cost.value(wanted, none)
+    np.testing.assert_array_equal(system.rollout(result.x[0], result.x, result.u, 0.0 * result.K, 0, 20).x, result.x)
+    assert "set out again" not in result.message
 
 
 @pytest.mark.slow

@@ -93,17 +93,20 @@ class EasedProblem(ShootingProblem):
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate, or where it stood before it set out again, if that is better."""
-        result, before = super().result(summary), self.earlier
-        if not self._is_behind or before is None or result.memory is None:
+        result, ahead = super().result(summary), self._ahead
+        if ahead is None or result.memory is None:
             return result
-        return replace(self._of(before, result), memory=replace(result.memory, here=self._place()))
+        return replace(self._of(ahead, result), memory=replace(result.memory, here=self._place()))
 
     @property
-    def _is_behind(self) -> bool:
-        """Whether it goes from the first trajectory once more, and stood in a better place before."""
+    def _ahead(self) -> Place | None:
+        """Where it stood before it went from the first trajectory once more, while that is better."""
         if not self.plainly or self.earlier is None or self.is_open:
-            return False
-        return self._asked_at(self.earlier) < self.value
+            return None
+        return self.earlier if self._asked_at(self.earlier) < self.value else None
+
+    def arrive(self) -> None:
+        self.plainly = False
 
     def fall_back(self) -> bool:
         self.plainly = False
@@ -124,7 +127,7 @@ class EasedProblem(ShootingProblem):
     @property
     def unfinished(self) -> str:
         """What is to be said of a run that ends in a stage that is not the last."""
-        if self._is_behind:
+        if self._ahead is not None:
             return (
                 "It had set out again from where it had begun, and has not come as far yet: what is returned is the "
                 "trajectory that it had come to before."
@@ -260,6 +263,7 @@ class EasedProblem(ShootingProblem):
 
     def _stand_at(self, x: Array, u: Array) -> bool:
         """Begin the last stage at the projection of a curve."""
+        self.plainly = False
         self._set_stage(1.0)
         self.forget()
         DiscreteProblem.start(self, (x, u))

@@ -216,6 +216,9 @@ class Problem(ABC, Generic[M, D, I]):
         """Return to where it stood before it began again, if that is better, and return whether it was."""
         return False
 
+    def arrive(self) -> None:
+        """Stay where the last stage has come to its end: no other place is returned, though it may cost less."""
+
     def begin_plainly(self) -> bool:
         """Begin again with the first trajectory, to go on from there by one method; return whether that can be done."""
         return False

@@ -53,6 +53,7 @@ class Stages:
         if (outcome.status in _ENDS or (stuck and problem.longest_stage is not None)) and self._next():
             return True
         if outcome.status in _ENDS:
+            problem.arrive()
             return False
         # Stages that end at steps of time that are too coarse lead there again, however they are made.
         if stuck and run.schedule.again and self._begin_finer():
