@@ -47,6 +47,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
     """
     result, t = run.result, run.trajectory.t
     far, against = _not_followed(run)
+    lengths = string_lengths(run)
     cost, effort = result.history.cost, run.effort or Effort().plus(result)
     first = float(cost[0]) if np.isnan(effort.first_cost) else effort.first_cost
     return {
@@ -78,8 +79,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
         "held_joints": {"rms_deg": run.held_error}
         | ({} if rest is None or run.follow == "markers" else {"at_rest_rms_deg": rest.error}),
         "strings": {
-            name: _string(run.tension[:, i], string_lengths(run)[:, i])
-            for i, name in enumerate(run.mechanism.constraints)
+            name: _string(run.tension[:, i], lengths[:, i]) for i, name in enumerate(run.mechanism.constraints)
         },
         "bars": _bars(run),
     }

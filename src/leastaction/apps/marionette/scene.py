@@ -109,8 +109,8 @@ def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
 def _bars(mechanism: Mechanism) -> list[Bone]:
     """Return what is drawn of the bars: beams to their ends, and what joins the beams."""
     bones = []
+    controls = {string.name: string.control for string in strings_of(mechanism)}
     for bar in bars_of(mechanism):
-        controls = {string.name: string.control for string in strings_of(mechanism)}
         along = sorted(bar.ends, key=lambda string: bar.ends[string][1])
         middle = bar.beam(along[0]), bar.beam(along[-1])
         if bar.ends[along[0]][1] < bar.ends[along[-1]][1]:

@@ -299,6 +299,16 @@ class AddedCost(Cost):
         found = self.cost.eased(ease)
         return None if found is None else (self._beside(found[0]), found[1])
 
+    def _added(self, other: CostHessian, x: Array, bent: Array) -> CostHessian:
+        """Return second derivatives with more by the first entries of the states, ``bent`` (N+1, n, n)."""
+        Q, R, S, Q_final = other
+        n, nx = bent.shape[1], x.shape[1]
+        stages = np.array(np.broadcast_to(matrix_of(Q), (len(bent) - 1, nx, nx)))
+        stages[:, :n, :n] += bent[:-1]
+        last = np.array(matrix_of(Q_final))
+        last[:n, :n] += bent[-1]
+        return CostHessian(stages, R, S, last)
+
     def _beside(self, cost: Cost, N: int | None = None) -> Self:
         """Return the same price beside another cost, of N steps where it is of others."""
         other = copy(self)

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number, read_only
-from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
 from leastaction.systems.midpoint import MidpointSystem
 
@@ -79,15 +78,6 @@ class PlaceCost(AddedCost):
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return those of Gauss and Newton, as if places were linear in the configuration; see `Cost`."""
         return self._added(self.cost.convex_hessian(x, u), x, self._stiff(x))
-
-    def _added(self, other: CostHessian, x: Array, bent: Array) -> CostHessian:
-        Q, R, S, Q_final = other
-        nq, nx = bent.shape[1], x.shape[1]
-        stages = np.array(np.broadcast_to(matrix_of(Q), (len(bent) - 1, nx, nx)))
-        stages[:, :nq, :nq] += bent[:-1]
-        last = np.array(matrix_of(Q_final))
-        last[:nq, :nq] += bent[-1]
-        return CostHessian(stages, R, S, last)
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         system = self.system.window(start, stop)

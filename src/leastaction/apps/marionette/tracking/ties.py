@@ -19,7 +19,6 @@ from leastaction.mechanics import Distance, Mechanism
 from leastaction.models.marionette import tied_strings
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal import Cost
-from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import AddedCost, CostGradient, CostHessian
 from leastaction.systems import MidpointSystem
 
@@ -60,7 +59,7 @@ class Ties:
 
     def off(self, x: Array) -> Array:
         """Return how much longer the strings are than they are tied (N+1, m)."""
-        return np.asarray((_squares(self.measured, x) - self.lengths**2) / (2.0 * self.lengths))
+        return _off(self.measured, x, self.lengths)
 
     def slopes(self, q: Array) -> Array:
         """Return the derivative (m, nq) of that by the configuration (nq,)."""
@@ -126,20 +125,11 @@ class TiedCost(AddedCost):
         """Return None: as of `TrackingCost`, it leads to motions in which strings are far from tied."""
         return
 
-    def _added(self, other: CostHessian, x: Array, bent: Array) -> CostHessian:
-        Q, R, S, Q_final = other
-        nq, nx = bent.shape[1], x.shape[1]
-        stages = np.array(np.broadcast_to(matrix_of(Q), (len(bent) - 1, nx, nx)))
-        stages[:, :nq, :nq] += bent[:-1]
-        last = np.array(matrix_of(Q_final))
-        last[:nq, :nq] += bent[-1]
-        return CostHessian(stages, R, S, last)
-
     def _q(self, x: Array) -> Array:
         return np.ascontiguousarray(x[:, : self._measured.nq])
 
     def _off(self, x: Array) -> Array:
-        return np.asarray((_squares(self._measured, x) - self._lengths**2) / (2.0 * self._lengths))
+        return _off(self._measured, x, self._lengths)
 
     def _values(self, x: Array, start: int) -> Array:
         off = self._off(x)
@@ -154,6 +144,11 @@ class TiedCost(AddedCost):
         m, share = self._measured, self._weight / (4.0 * self._lengths[:, None] ** 2)
         J = np.array([m.core.constraint_jacobian(q) for q in self._q(x)])
         return np.asarray(J.transpose(0, 2, 1) @ (share * J))
+
+
+def _off(measured: Mechanism, x: Array, lengths: Array) -> Array:
+    """Return how much longer strings are than their lengths (n, m) in states (n, nx)."""
+    return np.asarray((_squares(measured, x) - lengths**2) / (2.0 * lengths))
 
 
 def _squares(measured: Mechanism, x: Array) -> Array:
