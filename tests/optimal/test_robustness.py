@@ -304,6 +304,34 @@ def test_the_end_of_a_quadratic_tail_is_foretold():
     np.testing.assert_allclose(again.K, result.K, rtol=1e-3, atol=1e-3)
 
 
+@pytest.mark.parametrize(("bend", "wanted"), [(0.05, 2.0), (0.1, 1.0), (0.1, 2.0), (0.3, 0.5)])
+def test_a_stiff_direction_that_is_soon_done_foretells_nothing_of_a_soft_one(bend, wanted):
+    # The first step takes nearly all of the cost, along the stiff direction; what is left is along the soft one.
+    system = FunctionSystem(
+        lambda x, u, k: np.array([u[0], u[1] + bend * u[1] ** 2]),
+        nx=2,
+        nu=2,
+        N=1,
+        derivatives="complex-step",
+        curvature="differences",
+    )
+    end = np.array([[0.0, 0.0], [1.0, wanted]])
+    cost = QuadraticCost(end, np.zeros((1, 2)), Q=[0.0, 0.0], R=[1.0, 1.0], Q_final=[1e4, 1.0])
+    result = optimize(system, cost, initial=(np.zeros(2), np.zeros((1, 2))), method="newton")
+    assert result.status is Status.CONVERGED
+    best = optimize(system, cost, initial=(result.x, result.u), method="newton", tolerance=1e-14)
+    assert result.cost - best.cost <= 1e-9 * best.cost
+
+
+@pytest.mark.parametrize("name", ["cart, swing-up, R 0.01, final 1, rest", "cart, swing-up, R 1, final 100, noise"])
+def test_newtons_method_makes_the_step_that_is_the_last(name):
+    given = BY_NAME[name].build()
+    result = optimize(given.system, given.cost, initial=(given.x, given.u))
+    assert result.status is Status.CONVERGED
+    assert result.history.method == ("quasi-newton", "newton")
+    assert certify(given, result.x, result.u).minimum
+
+
 CURVES = [name for name in BY_NAME if name.endswith("line") and name.split(",")[0] in ("cart", "planar arm")]
 TINY = [name for name in BY_NAME if ", R 1e-06," in name and name.split(",")[0] in ("planar arm", "slider-crank")]
 

@@ -29,8 +29,8 @@ class NewtonSchedule:
     """What the choice of a direction remembers from one iteration to the next.
 
     The automatic choice begins with quasi-Newton, whose model holds far from the minimum too, stays with
-    it while it foretells the decrease of the cost, and then tries Newton's. While that fails, it waits for
-    ever more iterations until it tries again.
+    it while it foretells the decrease of the cost, and then tries Newton's, or where one step of that will do. While
+    that fails, it waits for ever more iterations until it tries again.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class NewtonSchedule:
     length : float
         Length of the last step.
     full : bool
-        Whether that was a full step of Newton's method.
+        Whether that was a full step, by a model without a shift.
     reach : float
         Where the cost was seen to fall much further than to the end of the last step, how long the next one may be
         if it is of the same method; else 0.
@@ -110,7 +110,7 @@ class NewtonSchedule:
             "shift": 0.0 if shift < _LEAST_SHIFT else shift,
             "expected": expected,
             "length": length,
-            "full": method == "newton" and length == 1.0,
+            "full": length == 1.0 and method in ("newton", "newton-damped", "quasi-newton"),
             # Of an exact model it would be noise.
             "reach": _reach(length, agreement) if method == "newton-damped" else 0.0,
             "method": method,

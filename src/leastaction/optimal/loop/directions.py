@@ -25,8 +25,9 @@ _LESS_CURVATURE = 0.3
 _LEAST_CURVATURE = 1.0 / 128.0
 
 # A quadratic tail is foretold to be over where this part of what is small enough is left, from a step whose model was
-# right to the second part of the decrease.
-_FORETOLD, _RIGHT = 0.01, 0.05
+# right to the second part of the decrease. Of the decrease that a Newton step was to make, a part of at least the
+# square of 3/2 of what its model missed is left to be made along it.
+_FORETOLD, _RIGHT, _MISSED = 0.01, 0.05, 4.0
 
 # A cost that does not fall any more is at its minimum if no more than this part of it is expected to be gained; if
 # more is, so many steps are made to gain it.
@@ -53,6 +54,8 @@ class Directions:
                 if method == "steepest" and run.is_automatic and (searched or shift > 0.0):
                     break
                 direction = self._direction(method, shift)
+                if method == methods[0] == "quasi-newton" and shift == 0.0:
+                    direction = self._unless_newton_will_do(direction)
                 if isinstance(direction, str):
                     notes.append(f"{method}: {direction}")
                     run.note_failure(method)
@@ -94,6 +97,22 @@ class Directions:
         damped = "-damped" if 0.0 < scale < 1.0 else ""
         shifted = "-shifted" if shift > 0.0 else ""
         return problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
+
+    def _unless_newton_will_do(self, direction: Direction | str) -> Direction | str:
+        """Return a quasi-Newton direction; that of Newton's method, where one step of it is foretold to be the last.
+
+        The undamped model has to be looked at in the end anyway, to tell the minimum from a saddle.
+        """
+        run, problem = self.run, self.run.problem
+        if isinstance(direction, str) or not (run.is_automatic and problem.tells_saddles and problem.has_curvature):
+            return direction
+        expected = -direction.slope
+        if expected <= run.goal or _after_newton(expected, run.schedule) > run.goal:
+            return direction
+        model = problem.minimise_model("newton", 1.0)
+        if model.definite:
+            return problem.direction("newton", model, 1.0)
+        return self._direction("quasi-newton", 0.0)  # the model was written over the direction
 
     # ---- Whether it is a minimum ----------------------------------------------------------------
 
@@ -144,9 +163,19 @@ class Directions:
     def foretold(self, before: NewtonSchedule, expected: float, agreement: float) -> Outcome | None:
         """Return that it has converged where the next step can be foretold to be too short to matter.
 
-        The expected decrease of full Newton steps is squared, but for a factor, by each of them.
+        ``before``: the schedule before a full step of Newton's method. ``expected``, ``agreement``: of that step.
         """
-        following = expected**3 / before.expected**2 if before.full else np.inf
-        if abs(agreement - 1.0) < _RIGHT and following <= _FORETOLD * self.run.goal:
+        share = abs(agreement - 1.0)
+        following = max(_after_newton(expected, before), _MISSED * share**2 * expected)
+        if share < _RIGHT and following <= _FORETOLD * self.run.goal:
             return Outcome(Status.CONVERGED, expected=following)
         return None
+
+
+def _after_newton(expected: float, before: NewtonSchedule) -> float:
+    """Return the decrease that is to be expected after a full step of Newton's method; infinity if nothing tells it.
+
+    Newton's method squares it, but for a factor. The full step before tells the most that this may be, whichever its
+    model was. ``expected``: that before Newton's step. ``before``: the schedule then.
+    """
+    return expected**3 / before.expected**2 if before.full else np.inf
