@@ -263,6 +263,13 @@ def test_limits_that_were_reached_have_units() -> None:
     assert f"{found[0]['limit']} {found[0]['unit']}" in " ".join(as_text(summary_tables(run_summary(run))).split())
 
 
+def test_a_limit_that_says_its_unit_itself_says_it_once() -> None:
+    summary = run_summary(track(marionette(), walk_in_place(2.0, 0.01)))
+    assert {entry["unit"] for entry in summary["limits_reached"]} == {"N"}
+    assert ">= 0.5 N" in (text := as_text(summary_tables(summary)))
+    assert "N N" not in " ".join(text.split())
+
+
 def test_as_fast_as_an_error_allows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write_puppet(tmp_path / "a.bvh", waving(40), frame_time=0.02)
     out = tmp_path / "out"

@@ -32,7 +32,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajectory
 from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_time_step, as_times
+from leastaction.numerics.arrays import Array, as_array, as_time_step, as_times, require_instance
 
 _STATUS = {
     SimulationStatus.COMPLETED: IntegrationStatus.COMPLETED,
@@ -71,6 +71,8 @@ def to_discrete(
     ArgumentError
         For a trajectory of another mechanism, or times that it does not cover.
     """
+    require_instance(trajectory, "trajectory", ContinuousTrajectory, "simulate(mechanism, ...) makes one")
+    require_instance(integrator, "integrator", MidpointVI, "MidpointVI(mechanism) makes one")
     m, nd = integrator.mechanism, integrator.mechanism.nd
     check_same_names(trajectory.mechanism, m, "trajectory")
     times = trajectory.t if t is None else as_times(t)
@@ -119,6 +121,7 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
     ArgumentError
         For a run without a step.
     """
+    require_instance(run, "run", Trajectory, "MidpointVI.simulate makes one")
     m = run.mechanism
     if run.steps < 1:
         raise ArgumentError("run: got a trajectory without steps, expected at least one")

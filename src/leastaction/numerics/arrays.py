@@ -138,7 +138,7 @@ def as_time_step(dt: object) -> float:
 
 def as_times(t: object, what: str = "t") -> Array:
     """Return times (N+1,) as an array, N >= 1, strictly increasing and finite."""
-    times = as_array(t, what, (None,))
+    times = as_array(t, what, (None,), meaning="(N+1,): times of N steps")
     if len(times) < 2:
         raise ArgumentError(f"{what}: got {len(times)} times, expected at least two")
     steps = np.diff(times)
@@ -163,6 +163,14 @@ def as_flag(value: object, what: str, *, error: type[LeastActionError] = Argumen
     if not isinstance(value, (bool, np.bool_)):
         raise error(f"{what}: got {_given(value)}, expected True or False")
     return bool(value)
+
+
+def require_instance(value: object, what: str, kind: type, instead: str = "") -> None:
+    """Raise an `ArgumentError` unless a value is of a class; ``instead``: how one is made, for the message."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        advice = f"; {instead}" if instead else ""
+        raise ArgumentError(f"{what}: got {type(value).__name__}, expected {article} {kind.__name__}{advice}")
 
 
 def _matches(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import as_choice
+from leastaction.numerics.arrays import as_choice, require_instance
 from leastaction.optimal.collocation.problem import CollocationProblem
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
@@ -229,6 +229,9 @@ def optimize(
     if (initial is None) == (resume is None):
         raise ArgumentError(f"initial, resume: got {'neither' if initial is None else 'both'}, expected one of them.")
     kind = Cost if isinstance(system, DiscreteSystem) else ContinuousCost
+    if resume is not None:
+        made = OptimizationResult if kind is Cost else ContinuousOptimizationResult
+        require_instance(resume, "resume", made, "optimize() returns one")
     if not isinstance(cost, kind):
         raise ArgumentError(
             f"cost: got {type(cost).__name__}, expected a {kind.__name__} to go with {type(system).__name__}"

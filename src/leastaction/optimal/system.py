@@ -174,7 +174,8 @@ class System(ABC):
         for pattern in free:
             found = state.matching(pattern)
             if not found:
-                raise ArgumentError(f"{what}: {closest(pattern, state.names, what='entries of the state')}")
+                known = closest(pattern, state.names, what="entries of the state")
+                raise ArgumentError(f"{what}: unknown name {pattern!r}; {known}")
             places.update(found)
         return sorted(places)
 

@@ -10,7 +10,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
 from leastaction.mechanics.configuration.null_space import NullSpace
-from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics, as_dynamics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous import ContinuousSystem
@@ -40,11 +40,8 @@ class MechanismSystem(ContinuousSystem):
     """
 
     def __init__(self, dynamics: ContinuousDynamics | Mechanism) -> None:
-        if isinstance(dynamics, Mechanism):
-            dynamics = ContinuousDynamics(dynamics)
-        m = dynamics.mechanism
-        self.dynamics = dynamics
-        self.mechanism = m
+        self.dynamics = as_dynamics(dynamics)
+        self.mechanism = m = self.dynamics.mechanism
         self.nx, self.nu = 2 * m.nq, m.n_inputs + m.nrho
         self.has_curvature = not any(element.equations and element.highest_order < 4 for element in m.elements.values())
 

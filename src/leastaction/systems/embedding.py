@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.elements import Element, JointForce
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.loop import both
 from leastaction.optimal.optimize import optimize
@@ -103,10 +103,8 @@ def embed(
     -----
     Dissertation 6.6.1, with an adaptive price.
     """
-    if not isinstance(system, MidpointSystem):
-        raise ArgumentError(f"system: got {type(system).__name__}, expected a MidpointSystem")
-    if not isinstance(cost, Cost):
-        raise ArgumentError(f"cost: got {type(cost).__name__}, expected a Cost")
+    require_instance(system, "system", MidpointSystem)
+    require_instance(cost, "cost", Cost)
     for name in ("initial", "horizon"):
         if name in options:
             raise ArgumentError(f"{name}: cannot be an option for the last stage, which starts from the one before")

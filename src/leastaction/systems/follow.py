@@ -10,13 +10,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, LeastActionError, brief, closest
+from leastaction.errors import ArgumentError, LeastActionError, closest
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import to_momentum
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number, as_times, read_only
+from leastaction.numerics.arrays import Array, as_array, as_number, as_times, read_only, require_instance
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
@@ -162,13 +162,11 @@ def follow(
     InconsistentStartError
         A wanted motion that cannot be brought onto the constraints.
     """
+    require_instance(mechanism, "mechanism", Mechanism)
     m = mechanism
     wanted, times = _wanted(m, motion, t)
-    if start is not None and not isinstance(start, State):
-        raise ArgumentError(
-            f"start: got {brief(repr(start))} ({type(start).__name__}), expected a State; "
-            "MidpointVI(mechanism).start(q) makes one of a configuration"
-        )
+    if start is not None:
+        require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
     system = MidpointSystem(MidpointVI(m, threads=threads), times, multipliers=m.nc > 0)
     x, u = _curve(system, wanted, start)
     cost = _cost(system, wanted, x, u, weights or {})
@@ -224,6 +222,10 @@ def _wanted(
             raise ArgumentError("t: got none, expected the times of the motion, (N+1,)")
         times, given = as_times(t), dict(motion)
     else:
+        if not all(hasattr(motion, name) for name in ("t", "names")):
+            raise ArgumentError(
+                f"motion: got {type(motion).__name__}, expected a Motion, or by name what is wanted: a mapping"
+            )
         if t is not None:
             raise ArgumentError("t: the motion has times of its own, expected none; use its resample()")
         times, given = as_times(motion.t), {name: motion[name] for name in motion.names}

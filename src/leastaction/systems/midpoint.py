@@ -19,7 +19,7 @@ from leastaction.mechanics.discrete.quality import quality_of
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.numerics.arrays import Array, as_number, as_times
+from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
@@ -50,6 +50,7 @@ class MidpointSystem(DiscreteSystem):
     """
 
     def __init__(self, integrator: MidpointVI, t: ArrayLike, *, multipliers: bool = False) -> None:
+        require_instance(integrator, "integrator", MidpointVI, "MidpointVI(mechanism) makes one")
         m = integrator.mechanism
         self.integrator = integrator
         self.t = as_times(t)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.optimal.limits.limit import Bound
 from leastaction.optimal.loop import both
@@ -254,12 +254,10 @@ def _put_back(
 
 
 def _check(system: MidpointSystem, cost: Cost, options: dict[str, Any]) -> None:
-    if not isinstance(system, MidpointSystem):
-        raise ArgumentError(f"system: got {type(system).__name__}, expected a MidpointSystem")
+    require_instance(system, "system", MidpointSystem)
     if system.multipliers:
         raise ArgumentError("system: got one with multipliers in its state, expected one without them")
-    if not isinstance(cost, Cost):
-        raise ArgumentError(f"cost: got {type(cost).__name__}, expected a Cost")
+    require_instance(cost, "cost", Cost)
     for name in ("initial", "horizon"):
         if name in options:
             raise ArgumentError(f"{name}: cannot be an option for the last stage, which starts from the one before")

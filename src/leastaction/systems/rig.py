@@ -18,7 +18,7 @@ from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
 from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
 from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.linear_quadratic import regulate
@@ -221,8 +221,7 @@ def play(
     ArgumentError
         What is no `MidpointSystem`, wrong shapes, unknown parameters, or a plan along which the model cannot go.
     """
-    if not isinstance(system, MidpointSystem):
-        raise ArgumentError(f"system: got {type(system).__name__}, expected a MidpointSystem")
+    require_instance(system, "system", MidpointSystem)
     rig = Rig() if rig is None else rig
     m, N, t = system.integrator.mechanism, system.N, system.t
     x, u = (plan.x, plan.u) if isinstance(plan, OptimizationResult) else both(plan)

@@ -14,7 +14,7 @@ from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts import StartResult
 from leastaction.optimal.starts.coarse_to_fine import columns
@@ -69,8 +69,7 @@ def warm_start(
         A configuration that cannot be brought onto the new constraints.
     """
     for what, system in (("from_system", from_system), ("to_system", to_system)):
-        if not isinstance(system, MidpointSystem):
-            raise ArgumentError(f"{what}: got {type(system).__name__}, expected a MidpointSystem")
+        require_instance(system, what, MidpointSystem)
     old, new = from_system.integrator.mechanism, to_system.integrator.mechanism
     x, u = _arrays(found, from_system)
     names = _names(old, rename)

@@ -102,15 +102,15 @@ def _not_followed(run: TrackingRun) -> tuple[list[dict[str, Any]], list[dict[str
     limits = run.result.limits
     against: list[dict[str, Any]] = [
         {
-            "limit": label,
-            "unit": _unit_of(label),
+            "limit": label.removesuffix(f" {unit}"),
+            "unit": unit,
             "share_percent": 100.0 * float(side.active[:, j].mean()),
             "at_s": float(t[side.k[worst]]),
         }
         for side in (() if limits is None else limits.sides)
         for j, label in enumerate(side.labels)
         if side.active[:, j].any()
-        for worst in [int(np.abs(side.dual[:, j]).argmax())]
+        for worst, unit in [(int(np.abs(side.dual[:, j]).argmax()), _unit_of(label))]
     ]
     far.sort(key=lambda entry: entry["rms_deg"], reverse=True)
     against.sort(key=lambda entry: entry["share_percent"], reverse=True)

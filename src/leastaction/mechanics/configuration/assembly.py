@@ -13,7 +13,7 @@ from leastaction.mechanics.configuration.constraint_projection import Constraint
 from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
 from leastaction.mechanics.configuration.null_space import Indices, free_variables, restoring, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_count
+from leastaction.numerics.arrays import Array, as_array, as_count, require_instance
 
 _VELOCITY_TOLERANCE = 1e-6  # of the rate of a constraint, relative to its terms (at least 1)
 
@@ -82,6 +82,7 @@ def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = 1
         With the residual by constraint name. A `ContradictoryConstraintsError` if no motion of the dynamic
         variables brings it onto them.
     """
+    require_instance(mechanism, "mechanism", Mechanism)
     values = mechanism.constraint_values(as_array(q, "q", (mechanism.nq,), names=mechanism.variables))
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q))
     if not np.all(np.abs(values) <= limits):
@@ -161,6 +162,7 @@ def project_configuration(
     InconsistentStartError
         If no such configuration is found for another reason. Both carry the residuals by constraint name.
     """
+    require_instance(mechanism, "mechanism", Mechanism)
     start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
     free = free_variables(mechanism, hold, move_kinematic)
     as_count(attempts, "attempts", 1)
@@ -217,6 +219,7 @@ def project_velocity(
     InconsistentStartError
         If the held velocities cannot be followed; carries Dh v by constraint name.
     """
+    require_instance(mechanism, "mechanism", Mechanism)
     given = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
     jacobian = mechanism.constraint_jacobian(q)
     free = free_variables(mechanism, hold, move_kinematic)

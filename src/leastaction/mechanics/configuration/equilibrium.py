@@ -33,7 +33,7 @@ from leastaction.mechanics.configuration.null_space import (
 )
 from leastaction.mechanics.mechanism.arguments import inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_choice, as_number
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_instance
 from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
 
 Kind = Literal["minimum", "any"]
@@ -143,6 +143,7 @@ def equilibrium(
         If none is found, with the net forces by name and what was reached: the potential has no minimum
         or is not smooth there, or the iterations were too few.
     """
+    require_instance(mechanism, "mechanism", Mechanism)
     as_choice(kind, "kind", get_args(Kind))
     as_number(tolerance, "tolerance", above=0.0, below=1.0)
     u = inputs_of(mechanism, inputs)

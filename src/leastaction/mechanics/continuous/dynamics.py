@@ -20,7 +20,7 @@ from leastaction import _core
 from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics.continuous.acceleration import AccelerationDerivatives, Accelerations, AccelerationTensors
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number, shape_of
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance, shape_of
 from leastaction.numerics.memory import MAX_BYTES, check_memory
 
 
@@ -55,6 +55,7 @@ class ContinuousDynamics:
         constraint_stiffness: float = 0.0,
         threads: int = 0,
     ) -> None:
+        require_instance(mechanism, "mechanism", Mechanism)
         self.constraint_damping = as_number(constraint_damping, "constraint_damping")
         self.constraint_stiffness = as_number(constraint_stiffness, "constraint_stiffness")
         if min(self.constraint_damping, self.constraint_stiffness) < 0.0:
@@ -276,6 +277,15 @@ class _Points:
 
     def shaped(self, result: Array) -> Array:
         return result[0] if self.single else result
+
+
+def as_dynamics(dynamics: ContinuousDynamics | Mechanism) -> ContinuousDynamics:
+    """Return the dynamics of a mechanism, without stabilisation; dynamics as they are."""
+    if isinstance(dynamics, Mechanism):
+        return ContinuousDynamics(dynamics)
+    if not isinstance(dynamics, ContinuousDynamics):
+        raise ArgumentError(f"dynamics: got {type(dynamics).__name__}, expected a Mechanism or its ContinuousDynamics")
+    return dynamics
 
 
 def _is_checked(value: object, shape: tuple[int, ...]) -> TypeGuard[Array]:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.stabilisation import ConstraintMetric
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, shape_of
+from leastaction.numerics.arrays import Array, as_array, require_instance, shape_of
 
 
 def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
@@ -24,6 +24,7 @@ def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
     -------
     ndarray, shape (nd,) or (N, nd)
     """
+    require_instance(mechanism, "mechanism", Mechanism)
     m = mechanism
     single, (qs, vs) = _rows(m, {"q": (q, m.nq), "v": (v, m.nq)})
     p = np.array([m.core.gradient(*pair)[1][: m.nd] for pair in zip(qs, vs, strict=True)])
@@ -57,6 +58,7 @@ def to_velocity(
     ArgumentError
         For wrong shapes, values that are not finite, or a mass matrix that is singular.
     """
+    require_instance(mechanism, "mechanism", Mechanism)
     m, nd = mechanism, mechanism.nd
     if v_rho is None:
         v_rho = np.zeros((*(shape_of(p) or (0,))[:-1], m.nrho))

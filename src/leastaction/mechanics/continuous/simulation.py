@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError, closest
-from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics, as_dynamics
 from leastaction.mechanics.continuous.equations import Equations
 from leastaction.mechanics.continuous.events import Event, EventRecord, watch
 from leastaction.mechanics.continuous.integration import Progress
@@ -129,10 +129,7 @@ def simulate(
     SingularityWarning
         If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
     """
-    if isinstance(dynamics, Mechanism):
-        dynamics = ContinuousDynamics(dynamics)
-    elif not isinstance(dynamics, ContinuousDynamics):
-        raise ArgumentError(f"dynamics: got {type(dynamics).__name__}, expected a Mechanism or its ContinuousDynamics")
+    dynamics = as_dynamics(dynamics)
     m = dynamics.mechanism
     times = as_times(t)
     handling = as_handling(constraints)

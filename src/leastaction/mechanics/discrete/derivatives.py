@@ -13,7 +13,7 @@ from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
 from leastaction.mechanics.discrete.trajectory import Trajectory, state_of
 from leastaction.mechanics.mechanism.arguments import check_same_names
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, require_instance
 from leastaction.numerics.memory import MAX_BYTES, check_memory
 
 _TRAJECTORY_TOLERANCE = 1e-6  # (m or rad) of a step's end, for what counts as a trajectory
@@ -166,5 +166,6 @@ def tensors(
 
 def check_trajectory(vi: Integrator, trajectory: Trajectory) -> None:
     """Raise unless a trajectory has the variables, inputs and constraints of an integrator's mechanism."""
+    require_instance(trajectory, "trajectory", Trajectory, "simulate() makes one")
     advice = "; use the integrator of the mechanism that made it"
     check_same_names(trajectory.mechanism, vi.mechanism, "trajectory", advice)

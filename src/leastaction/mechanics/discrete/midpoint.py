@@ -49,6 +49,7 @@ from leastaction.numerics.arrays import (
     as_time_step,
     as_times,
     read_only,
+    require_instance,
 )
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.numerics.step_quality import StepQuality, coarsest
@@ -104,6 +105,7 @@ class MidpointVI(Integrator):
         threads: int = 0,
         at_instants: Sequence[str] = (),
     ) -> None:
+        require_instance(mechanism, "mechanism", Mechanism)
         as_choice(split, "split", get_args(Split))
         self.mechanism = mechanism
         self.split: Split = split

@@ -7,11 +7,10 @@ from enum import Enum
 
 import numpy as np
 
-from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, require_instance
 from leastaction.numerics.step_quality import StepQuality
 
 _LOOKS = 7  # instants at which a run is asked for equations that are redundant
@@ -60,8 +59,7 @@ def state_of(mechanism: Mechanism, t: float, x: Array) -> State:
 
 def check_state(state: object) -> None:
     """Raise unless this is a `State`."""
-    if not isinstance(state, State):
-        raise ArgumentError(f"state: got {type(state).__name__}, expected a State, such as the result of start()")
+    require_instance(state, "state", State, "start() makes one of a configuration")
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.arrays import Array, read_only, require_instance
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
@@ -22,11 +22,7 @@ def compare_continuous(
     system: ContinuousSystem, curve: DenseTrajectory, cost: ContinuousCost | None, seed: int
 ) -> Errors:
     """Return by how much the derivatives along a curve differ from differences of one order less."""
-    if not isinstance(curve, DenseTrajectory):
-        raise ArgumentError(
-            f"curve: got {type(curve).__name__}, expected a DenseTrajectory, such as that of "
-            "DenseTrajectory.from_functions or from_samples"
-        )
+    require_instance(curve, "curve", DenseTrajectory, "DenseTrajectory.from_functions or from_samples make one")
     nx, nu = system.nx, system.nu
     if (curve.nx, curve.nu) != (nx, nu):
         raise ArgumentError(f"curve: got {curve.nx} states and {curve.nu} inputs, expected {nx} and {nu}.")

@@ -156,8 +156,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self._project(curve, PiecewisePolynomial.constant(np.zeros(nu * nx + nu), curve.t0, curve.tf))
 
     def resume(self, result: OptimizationResult) -> None:
-        if not isinstance(result, ContinuousOptimizationResult):
-            raise ArgumentError(f"resume: got {type(result).__name__}, expected a ContinuousOptimizationResult")
+        assert isinstance(result, ContinuousOptimizationResult)
         trajectory, nx, nu = result.trajectory, self.system.nx, self.system.nu
         if (trajectory.nx, trajectory.nu) != (nx, nu):
             raise ArgumentError(

@@ -339,8 +339,14 @@ def adjoint(
 
 def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     # Their values are not checked here: the recursion meets what is not finite, and names the stage.
-    A = np.ascontiguousarray(A, dtype=np.float64)
-    B = np.ascontiguousarray(B, dtype=np.float64)
+    try:
+        A = np.ascontiguousarray(A, dtype=np.float64)
+        B = np.ascontiguousarray(B, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            f"A, B: got {type(A).__name__} and {type(B).__name__}, expected arrays (N, nx, nx) and "
+            "(N, nx, nu); `linearize(x, u)` of a system has them"
+        ) from None
     if A.ndim != 3 or A.shape[1] != A.shape[2] or 0 in A.shape:
         raise ArgumentError(f"A: got shape {A.shape}, expected (N, nx, nx) with N, nx > 0.")
     if B.ndim != 3 or B.shape[:2] != A.shape[:2]:

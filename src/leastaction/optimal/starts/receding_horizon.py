@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.numerics.arrays import as_array, as_count
+from leastaction.numerics.arrays import as_array, as_count, require_instance
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import FromSecond, Limit
@@ -82,8 +82,7 @@ def receding_horizon(
     """
     check_system(system, (DiscreteSystem,), ("nx", "nu", "N"))
     N, nx, nu = system.N, system.nx, system.nu
-    if not isinstance(cost, Cost):
-        raise ArgumentError(f"cost: got {type(cost).__name__}, expected a Cost")
+    require_instance(cost, "cost", Cost)
     given, inputs = both(initial)
     u = as_array(inputs, "initial u", (N, nu), meaning="(N, nu)").copy()
     curve = as_array(given, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
