@@ -11,13 +11,6 @@ import difflib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-__all__ = [
-    "ArgumentError", "CoarseStepWarning", "ContradictoryConstraintsError", "DescriptionError", "DynamicsError",
-    "EnergyBalanceWarning", "EquilibriumError", "InconsistentStartError", "LeastActionError", "MotionFileError",
-    "OutputError", "ProjectionError", "ResultFileError", "SingularityWarning", "StepError", "UnitWarning", "brief",
-    "closest", "unknown", "worst_first",
-]  # fmt: skip
-
 
 class LeastActionError(Exception):
     """Base of every error that the package raises on purpose."""

@@ -78,7 +78,8 @@ from leastaction.mechanics.elements import (
     check_function,
 )
 from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
-from leastaction.mechanics.mechanism.mechanism import Energy, Mechanism
+from leastaction.mechanics.mechanism.mass_queries import Energy
+from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.curve import Curve
 
 __all__ = [

@@ -32,8 +32,6 @@ import numpy as np
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, read_only
 
-__all__ = ["IMPLICIT", "SOLVERS", "IntegrationFailed", "Interpolant", "March", "Passage", "Step", "segments"]
-
 SOLVERS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 """SciPy's solvers by name."""
 

@@ -20,8 +20,6 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_times
 
-__all__ = ["Mesh", "PiecewisePolynomial", "approximate"]
-
 Through = Literal["linear", "hold", "cubic"]
 """How a function goes from one sample to the next."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-__all__ = ["StepQuality", "coarsest"]
-
 # From here on the next steps may have no solution: s grows without bound towards a fold.
 _COARSE_RATIO = 2.0
 # Below, the equations of the step are others than those of a short one: where angles moved far (rad), the

@@ -16,8 +16,6 @@ from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.piecewise import PiecewisePolynomial
 
-__all__ = ["TimeFunction", "TimeFunctionLike"]
-
 TimeFunctionLike = ArrayLike | PiecewisePolynomial | Callable[[float], ArrayLike]
 """A constant array, a `PiecewisePolynomial`, or a function of one time (s)."""
 

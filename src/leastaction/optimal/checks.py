@@ -15,8 +15,6 @@ from leastaction.optimal.discrete.checks import compare_discrete
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import check_system
 
-__all__ = ["DerivativeReport", "check_derivatives"]
-
 
 @dataclass(frozen=True)
 class DerivativeReport:

@@ -8,9 +8,6 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, read_only
 
-__all__ = ["as_weight", "check_weight", "clipped", "final_of", "is_diagonal", "matrix_of", "owned", "weigh"]
-
-
 # What of a weight's size its least eigenvalue may be below zero by rounding.
 _SEMI = 1e-12
 

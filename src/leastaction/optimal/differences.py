@@ -9,8 +9,6 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 
-__all__ = ["Errors", "central_differences", "relative_error"]
-
 
 def central_differences(f: Callable[..., Array], y: Array) -> Array:
     """Return the central differences df_i/dy_j of a function of one vector."""

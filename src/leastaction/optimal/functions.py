@@ -10,8 +10,6 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 
-__all__ = ["Curvature", "Derivatives", "Functions"]
-
 Derivatives = Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["complex-step", "finite-differences"]
 Curvature = Callable[[Array, Array, Any, Array], Any] | Literal["differences"]
 

@@ -12,9 +12,6 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
 
-__all__ = ["Barrier", "LimitReport", "LimitState"]
-
-
 _LITTLE = 1e-3  # of the dearest violation, below which another is not worth a word
 
 

@@ -8,8 +8,6 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-__all__ = ["LineSearch", "Refusal", "Step", "Trial", "rounding_of"]
-
 Iterate = TypeVar("Iterate")
 
 

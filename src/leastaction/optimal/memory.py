@@ -8,8 +8,6 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
 
-__all__ = ["Gaps", "Memory", "Place", "Start"]
-
 
 @dataclass(frozen=True)
 class Place:

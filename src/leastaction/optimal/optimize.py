@@ -18,12 +18,12 @@ from threadpoolctl import threadpool_limits
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import as_choice, require_instance
+from leastaction.numerics.time_functions import TimeFunctionLike
 from leastaction.optimal.collocation.problem import CollocationProblem
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.continuous.time_functions import TimeFunctionLike
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.easing import EasedProblem
@@ -38,8 +38,6 @@ from leastaction.optimal.system import check_system
 from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
 from leastaction.optimal.unknowns.periodic import Periodic
 from leastaction.optimal.unknowns.unknown import Unknown
-
-__all__ = ["Callback", "optimize", "optimize_continuous"]
 
 Shooting = Literal["auto", "single", "multiple"]
 

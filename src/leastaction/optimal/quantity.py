@@ -13,8 +13,6 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.names import matching
 
-__all__ = ["Entries", "FunctionQuantity", "Instants", "Later", "Quantity", "QuantityView", "Samples"]
-
 Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
 """Whole numbers: indices of instants, or places in a vector."""
 
@@ -214,11 +212,9 @@ class Later(QuantityView):
         self.start = start
 
     def seen(self, at: Samples) -> Samples:
-        """Return the same instants as the whole numbers them."""
         return at._replace(k=self.instants(at.k))
 
     def instants(self, k: Instants) -> Instants:
-        """Return them as the whole numbers them."""
         return k + self.start
 
 

@@ -18,8 +18,6 @@ from leastaction.optimal.memory import Memory
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
 
-__all__ = ["HistoryBuilder", "IterationRecord", "OptimizationHistory", "OptimizationResult", "Status"]
-
 
 class Status(Enum):
     """How an optimisation ended; the value says what happened and what to try."""

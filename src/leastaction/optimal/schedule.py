@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["NewtonSchedule"]
-
 # Factor by which the part of the curvature grows from one good step to the next, and how fast that recovers.
 _LEAST_GROWTH, _LARGEST_GROWTH, _RECOVERY = 1.1, 2.0, 1.03
 

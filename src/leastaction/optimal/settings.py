@@ -7,8 +7,6 @@ from typing import Literal, get_args
 
 from leastaction.numerics.arrays import as_choice, as_count, as_number
 
-__all__ = ["Method", "Regulator", "Settings"]
-
 Method = Literal["auto", "steepest", "quasi-newton", "newton"]
 Regulator = Literal["descent", "lqr"]
 

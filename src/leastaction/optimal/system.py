@@ -28,9 +28,6 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_count
 from leastaction.optimal.quantity import Entries, Quantity
 
-__all__ = ["Linearization", "System", "check_system", "difference"]
-
-
 SecondOrder = Callable[[Array], Array]
 
 

@@ -8,8 +8,6 @@ from typing import IO, Any
 
 from leastaction.optimal.result import IterationRecord
 
-__all__ = ["IterationTable", "Table"]
-
 _COLUMNS = (
     ("iter", 4),
     ("method", 18),

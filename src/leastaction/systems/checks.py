@@ -18,8 +18,6 @@ from leastaction.optimal import (
     checks,
 )
 
-__all__ = ["check_derivatives"]
-
 
 @overload
 def check_derivatives(

@@ -92,7 +92,6 @@ class MechanismSystem(ContinuousSystem):
         return KINDS
 
     def quantity(self, kind: str, t: Array | None = None) -> Quantity:
-        """Return the quantities of a kind, by the names of the mechanism."""
         return quantity_of(self.dynamics, kind, np.zeros(1) if t is None else t)
 
     def input_name(self, i: int) -> str:

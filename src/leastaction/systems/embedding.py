@@ -22,8 +22,6 @@ from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, con
 from leastaction.optimal.starts.stages import StageCallback, Stages
 from leastaction.systems.midpoint import MidpointSystem
 
-__all__ = ["embed"]
-
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE
 _DECADES = 14  # of the price, at most
 _REMOVALS = 4  # how often the help is taken away

@@ -30,8 +30,6 @@ from leastaction.systems.embedding import embed
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.warm_start import configurations_onto_constraints, velocities_onto_constraints
 
-__all__ = ["Followed", "Wanted", "follow"]
-
 # Weights of what none is given for: of what is wanted, prescribed variables and their places to come, their
 # accelerations, inputs, and the pose that reaches wanted frames.
 _WANTED, _PLACE, _NEXT, _ACCELERATION, _INPUT, _POSE = 1.0, 1e-3, 1e-5, 1e-6, 1e-6, 1e-3

@@ -19,8 +19,6 @@ from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.regions import Outside, Region
 from leastaction.systems.regions.apart import apart
 
-__all__ = ["Keep"]
-
 
 class _PlaceOfFrame(Quantity):
     """How far a point of a frame, or its way from the origin of another, is inside of a region."""
@@ -37,11 +35,9 @@ class _PlaceOfFrame(Quantity):
         self._places(mechanism, q)
 
     def values(self, at: Samples) -> Array:
-        """Return how far inside the place is."""
         return self.region.values(self._places(self.mechanism, self._q(at)), at.k)
 
     def jacobian(self, at: Samples) -> Array:
-        """Return the derivatives by the state."""
         q = self._q(at)
         slope = self.region.gradient(self._places(self.mechanism, q), at.k)
         result = np.zeros((len(at.k), len(self.names), at.x.shape[1]))
@@ -49,7 +45,6 @@ class _PlaceOfFrame(Quantity):
         return result
 
     def curvature(self, at: Samples, y: Array) -> Array:
-        """Return the second derivative by the state."""
         q, m = self._q(at), self.mechanism
         p = self._places(m, q)
         J = self._velocities(q)
@@ -66,7 +61,6 @@ class _PlaceOfFrame(Quantity):
         return result
 
     def apart(self, other: Quantity, k: Instants) -> Array | None:
-        """Return how far the regions are apart, of the same point."""
         if not isinstance(other, _PlaceOfFrame) or self.mechanism is not other.mechanism:
             return None
         if (self.frame, self.origin, *self.point) != (other.frame, other.origin, *other.point):

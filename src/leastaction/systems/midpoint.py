@@ -128,7 +128,6 @@ class MidpointSystem(DiscreteSystem):
         return whole
 
     def moved_start(self, x: Array, dx: Array) -> Array:
-        """Return an initial state moved along its directions, with its configuration back on the constraints."""
         m = self.integrator.mechanism
         moved = x + dx
         if m.nc:
@@ -166,7 +165,6 @@ class MidpointSystem(DiscreteSystem):
         return self._remade(integrator, t, self.first_share)
 
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
-        """Return the exact derivatives (n, nx, len(names)) of steps along a trajectory by parameters."""
         bare, t = self._bare(x), self.t[start : start + len(x)]
         out = np.empty((len(u), self.nx, len(names)))
         numbers = [name for name in names if name != FINAL_TIME]
@@ -221,7 +219,6 @@ class MidpointSystem(DiscreteSystem):
         return tuple(kind for kind in KINDS if self.multipliers or kind not in ("multiplier", "tension"))
 
     def quantity(self, kind: str) -> Quantity:
-        """Return the quantities of a kind, by the names of the mechanism."""
         return quantity_of(self.integrator.mechanism, kind, self.t, multipliers=self.multipliers)
 
     def f(self, x: Array, u: Array, k: int) -> Array:

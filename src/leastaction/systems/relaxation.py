@@ -24,8 +24,6 @@ from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.warm_start import warm_start
 
-__all__ = ["by_tensions", "relax"]
-
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE, Status.ITERATION_LIMIT
 
 

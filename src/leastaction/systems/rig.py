@@ -26,8 +26,6 @@ from leastaction.optimal.loop import both
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.midpoint import MidpointSystem
 
-__all__ = ["Played", "Rig", "play"]
-
 _HELD, _PLACES, _SPEEDS = 20.0, 0.1, 10.0  # weights of the regulator: joints, prescribed variables and their speeds
 # m/s^2 or rad/s^2, with which the estimate reckons beside what the model says, and where strings may go slack: then a
 # limb falls, or is pulled, by newtons that the model along the plan does not have.

@@ -20,8 +20,6 @@ from leastaction.optimal.starts import StartResult
 from leastaction.optimal.starts.coarse_to_fine import columns
 from leastaction.systems.midpoint import MidpointSystem
 
-__all__ = ["warm_start"]
-
 # Of the change that brings a configuration onto the constraints: variables that are known hardly take part.
 _KNOWN, _NEW = 1e3, 1.0
 _ROUNDS = 3  # of reaching for where it is wanted, and back onto the constraints

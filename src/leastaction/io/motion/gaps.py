@@ -18,8 +18,6 @@ from leastaction.errors import MotionFileError
 from leastaction.io.motion.capture import Capture, Gap
 from leastaction.numerics.arrays import Array
 
-__all__ = ["fill_gaps"]
-
 _JUMP = 5.0  # degrees, with which a joint leaves to zeros and comes back
 _MADE_UP = 1.5  # times the mean speed about it is that with which a motion makes up for frames written again
 _SEEN = 1.0  # degrees or more, of that jump

@@ -10,8 +10,6 @@ from leastaction.io.motion.acclaim import read_amc
 from leastaction.io.motion.bvh import read_bvh
 from leastaction.io.motion.capture import Capture
 
-__all__ = ["read_capture"]
-
 
 def read_capture(
     path: str | PathLike[str],

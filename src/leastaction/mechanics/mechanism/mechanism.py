@@ -20,7 +20,6 @@ from leastaction.mechanics.mechanism import constraint_queries, frame_queries, f
 from leastaction.mechanics.mechanism.arguments import batch
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
-from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.parameters import (
     Place,
     Prescribed,
@@ -33,8 +32,6 @@ from leastaction.mechanics.mechanism.parameters import (
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
 from leastaction.numerics.arrays import Array, as_number
-
-__all__ = ["Energy", "Mechanism"]
 
 
 @final

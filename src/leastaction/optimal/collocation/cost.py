@@ -10,8 +10,6 @@ from leastaction.optimal.collocation.system import Layout
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 
-__all__ = ["CollocationCost"]
-
 
 class CollocationCost(Cost):
     """The integral of a cost's rate by the quadrature of the mesh; what a piece costs, its last state does.

@@ -17,8 +17,6 @@ from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Entries, Instants, Quantity, QuantityView, Samples
 
-__all__ = ["Points", "Stated", "stated", "told"]
-
 
 class Points:
     """All points of a mesh as instants on which limits are stated; the first is the start. Nothing in it changes."""
@@ -132,13 +130,11 @@ class AtStage(QuantityView):
         return np.asarray(self.places[np.arange(n if self.whole.of_state else n + m) if own is None else own])
 
     def seen(self, at: Samples) -> Samples:
-        """Return the points, with states and inputs of the continuous system."""
         both, n, nothing = at.x[:, self.places], self.layout.nx, np.empty((len(at.k), 0))
         inputs = nothing if self.whole.of_state else np.ascontiguousarray(both[:, n:])
         return Samples(self.instants(at.k), np.ascontiguousarray(both[:, :n]), inputs, nothing)
 
     def instants(self, k: Instants) -> Instants:
-        """Return the numbers of the points."""
         return (k - 1) * STAGES + 1 + self.stage
 
 

@@ -11,8 +11,6 @@ from numpy.polynomial import chebyshev
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import PiecewisePolynomial
 
-__all__ = ["STAGES", "WEIGHTS", "RadauMesh"]
-
 _ROOT = np.sqrt(6.0)
 NODES = np.array([(4.0 - _ROOT) / 10.0, (4.0 + _ROOT) / 10.0, 1.0])
 """The points of a piece of length 1."""

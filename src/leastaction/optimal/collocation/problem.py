@@ -30,8 +30,6 @@ from leastaction.optimal.line_search import Trial
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import Settings
 
-__all__ = ["CollocationProblem"]
-
 # Pieces of the first mesh, and of the last one at most; how often it is made finer.
 _FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
 # A piece is fine enough if its polynomial is off by no more than the first times the accuracy of integrations, the

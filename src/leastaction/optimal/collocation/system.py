@@ -15,8 +15,6 @@ from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.quantity import Instants
 from leastaction.optimal.system import Linearization
 
-__all__ = ["CollocationSystem", "Layout"]
-
 _MOST_ITERATIONS, _RESIDUAL = 40, 1e-12
 # A Newton matrix is used again while its steps shrink by at least the first; what they leave is below the second, of
 # the state's size, or rounding, where they do not shrink any more below the third. The first is held against the last.
@@ -69,18 +67,15 @@ class CollocationSystem(DiscreteSystem):
         self.has_curvature = system.has_curvature
 
     def when(self, k: int) -> str:
-        """Return how to speak of the end of a piece in messages."""
         return f"t = {self.mesh.breaks[k]:.4g} s"
 
     def input_name(self, i: int) -> str:
         return self.system.input_name(i % self.system.nu)
 
     def time(self, k: int) -> float:
-        """Return the time of the end of a piece."""
         return float(self.mesh.breaks[k])
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
-        """Return the directions in which the initial state may move."""
         own = self.system.start_directions(x[: self.system.nx], free)
         return np.vstack([own, np.zeros((self.nx - len(own), own.shape[1]))])
 
@@ -189,12 +184,10 @@ class CollocationSystem(DiscreteSystem):
     # ---- Derivatives ----------------------------------------------------------------------------
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
-        """Return A and B of a piece."""
         A, B = self._piece(x, u, k)
         return A[0], B[0]
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        """Return ``z . D2f`` of a piece."""
         return np.asarray(self._piece(x, u, k).curvature(z[None, :])[0])
 
     def _piece(self, x: Array, u: Array, k: int) -> Linearization:

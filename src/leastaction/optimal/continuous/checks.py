@@ -13,8 +13,6 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.differences import Errors, central_differences
 
-__all__ = ["compare_continuous"]
-
 _Note = Callable[[str, Array, Array], None]
 
 

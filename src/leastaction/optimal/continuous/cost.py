@@ -12,11 +12,9 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.optimal.continuous.time_functions import TimeFunction, TimeFunctionLike
+from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.cost import check_weight, matrix_of, owned, weigh
 from leastaction.optimal.system import difference
-
-__all__ = ["ContinuousCost", "ContinuousQuadraticCost", "RateGradient", "RateHessian"]
 
 
 class RateGradient(NamedTuple):
@@ -148,7 +146,6 @@ class ContinuousQuadraticCost(ContinuousCost):
         self.jumps = tuple(sorted({*given, *(t for s in signals for t in s.jumps)}))
 
     def check(self, t0: float, tf: float, nx: int, nu: int) -> None:
-        """Complain if the wanted motion and the weights are not for nx states and nu inputs."""
         self.x_wanted.check(t0, tf, (nx,), what="(nx,)")
         self.u_wanted.check(t0, tf, (nu,), what="(nu,)")
         for weight, n, what, definite in (
@@ -180,7 +177,6 @@ class ContinuousQuadraticCost(ContinuousCost):
         )
 
     def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:  # noqa: ARG002
-        """Return the weights."""
         Q, R = (matrix_of(_as_stages(weight.samples(t))) for weight in (self.Q, self.R))
         return RateHessian(Q, R, None)
 
@@ -192,7 +188,6 @@ class ContinuousQuadraticCost(ContinuousCost):
         return result
 
     def final_hessian(self, x: Array, t: float) -> Array:  # noqa: ARG002
-        """Return the final weight."""
         if self.Q_final is None:
             return np.zeros((x.size, x.size))
         return matrix_of(self.Q_final)

@@ -13,8 +13,6 @@ from leastaction.optimal.continuous.model import TangentModel, with_curvature
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, Samples
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
-__all__ = ["Escape", "escape"]
-
 _MODELS, _ENOUGH = 40, 6  # that are tried at most, and once there is a direction
 
 

@@ -14,8 +14,6 @@ from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 
-__all__ = ["FunctionContinuousSystem", "LinearContinuousSystem", "as_dynamics"]
-
 
 def as_dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     """Return matrices A (nx, nx) and B (nx, nu) of finite numbers, or raise an `ArgumentError`."""
@@ -51,7 +49,6 @@ class LinearContinuousSystem(ContinuousSystem):
         self.c = np.zeros(self.nx) if c is None else as_array(c, "c", (self.nx,))
 
     def f(self, x: Array, u: Array, t: float) -> Array:  # noqa: ARG002
-        """Return ``A x + B u + c``."""
         result: Array = self.A @ x + self.B @ u + self.c
         return result
 
@@ -59,7 +56,6 @@ class LinearContinuousSystem(ContinuousSystem):
         return self.A, self.B
 
     def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:  # noqa: ARG002
-        """Return zero."""
         return np.zeros((self.nx + self.nu, self.nx + self.nu))
 
 

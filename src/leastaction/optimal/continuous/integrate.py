@@ -11,8 +11,6 @@ from leastaction.numerics.arrays import Array, as_choice, as_count, as_number
 from leastaction.numerics.ode import SOLVERS, IntegrationFailed, Interpolant, March
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
 
-__all__ = ["Accuracy", "Integration", "integrate"]
-
 
 @dataclass(frozen=True)
 class Accuracy:

@@ -23,13 +23,12 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
+from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.continuous.function_system import as_dynamics
+from leastaction.optimal.continuous.horizon import as_horizon, first_mesh
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, Samples, solve_samples
-from leastaction.optimal.continuous.time_functions import TimeFunction, TimeFunctionLike, as_horizon, first_mesh
 from leastaction.optimal.cost import matrix_of
-
-__all__ = ["regulate_continuous", "solve_continuous_linear_quadratic", "steady_state_regulator"]
 
 # Pieces that a horizon is divided into before anything is known of the functions sampled on it.
 _FIRST_PIECES = 12

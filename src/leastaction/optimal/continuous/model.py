@@ -16,8 +16,6 @@ from leastaction.optimal.continuous.riccati import Samples
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
-__all__ = ["SampledSystem", "TangentModel", "sample_model", "with_curvature", "with_identities"]
-
 
 @dataclass(frozen=True)
 class TangentModel:
@@ -76,7 +74,6 @@ class SampledSystem(ContinuousSystem):
         self._AB = mesh.fit(packed, packed.shape[1:]).flat
 
     def f(self, x: Array, u: Array, t: float) -> Array:
-        """Return the rate of the deviation."""
         A, B = self.derivatives(x, u, t)
         return np.asarray(A @ x + B @ u)
 

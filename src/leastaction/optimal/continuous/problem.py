@@ -10,8 +10,10 @@ import numpy as np
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, require_finite
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
+from leastaction.numerics.time_functions import TimeFunctionLike
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.descent import escape
+from leastaction.optimal.continuous.horizon import as_horizon
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.model import (
     SampledSystem,
@@ -28,14 +30,11 @@ from leastaction.optimal.continuous.riccati import (
     solve_samples,
 )
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.continuous.time_functions import TimeFunctionLike, as_horizon
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.loop import Direction, Problem, both
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import Settings
-
-__all__ = ["ContinuousDirection", "ContinuousProblem"]
 
 # What a cost is off, in units of the relative error allowed in one step of the integration. Measured on
 # swing-ups of a cart-pendulum of 4 and 10 s, tolerances from 1e-6 to 1e-12: 0.004 to 0.6, of which a
@@ -110,7 +109,6 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     # ---- Where to start -------------------------------------------------------------------------
 
     def start(self, initial: DenseTrajectory | tuple[TimeFunctionLike, TimeFunctionLike]) -> None:
-        """Begin with a curve to be projected, or an initial state and inputs."""
         curve, is_curve = self.given(initial)
         if not is_curve:
             self.apply(curve)
@@ -281,7 +279,6 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         return swept.trajectory
 
     def negative_curvature(self, scale: float) -> ContinuousDirection | None:
-        """Return a direction of negative curvature, where the undamped Newton model has one."""
         model = self._model()
 
         def solve(samples: Samples) -> ContinuousLinearQuadraticSolution:

@@ -19,8 +19,6 @@ from leastaction.optimal.continuous.integrate import Accuracy, integrate
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
-__all__ = ["ContinuousProjection", "ContinuousRollout", "Follower", "roll_out"]
-
 
 @dataclass(frozen=True)
 class ContinuousRollout:

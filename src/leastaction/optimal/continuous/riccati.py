@@ -24,8 +24,6 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
 from leastaction.optimal.continuous.integrate import Accuracy, integrate
 
-__all__ = ["ContinuousLinearQuadraticSolution", "Samples", "continuous_adjoint", "largest", "solve_samples"]
-
 
 class Samples(NamedTuple):
     """A linear-quadratic problem sampled at the points of a mesh; n is their number.

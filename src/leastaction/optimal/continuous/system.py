@@ -16,8 +16,6 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization, System
 
-__all__ = ["ContinuousSystem"]
-
 
 class ContinuousSystem(System):
     """A system in continuous time.

@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.piecewise import PiecewisePolynomial, Through, approximate
+from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
+from leastaction.optimal.continuous.horizon import first_mesh
 from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.continuous.time_functions import TimeFunction, TimeFunctionLike, first_mesh
 from leastaction.optimal.result import OptimizationResult
-
-__all__ = ["ContinuousOptimizationResult", "DenseTrajectory"]
 
 _FIRST_PIECES = 16
 

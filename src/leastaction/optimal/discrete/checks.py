@@ -11,8 +11,6 @@ from leastaction.optimal.differences import Errors, central_differences
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 
-__all__ = ["compare_discrete"]
-
 
 def compare_discrete(system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: Cost | None, seed: int) -> Errors:
     """Return by how much the derivatives along a curve differ from differences of one order less."""

@@ -18,8 +18,6 @@ from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_stat
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import check_system
 
-__all__ = ["Controllability", "ControllabilityWindow", "controllability"]
-
 # Reach of an entry, as a fraction of the largest, below which it is rounding.
 _NO_REACH = 1e-12
 # Part of an entry in the directions that cannot be steered, below which it is not named.

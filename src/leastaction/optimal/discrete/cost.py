@@ -16,8 +16,6 @@ from leastaction.optimal.cost import as_weight, clipped, final_of, matrix_of, ow
 from leastaction.optimal.discrete.system import check_window
 from leastaction.optimal.system import difference
 
-__all__ = ["AddedCost", "Cost", "CostGradient", "CostHessian", "QuadraticCost", "WindowCost", "convex"]
-
 
 class CostGradient(NamedTuple):
     """First derivatives of a cost along a trajectory.
@@ -195,7 +193,6 @@ class QuadraticCost(Cost):
             self.Q_final = as_weight(Q_final, "Q_final", nx, definite=False)
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:
-        """Complain if the wanted motion is not one of N steps of nx states and nu inputs."""
         for name, got, expected in (
             ("x_wanted", self.x_wanted.shape, (N + 1, nx)),
             ("u_wanted", self.u_wanted.shape, (N, nu)),
@@ -222,7 +219,6 @@ class QuadraticCost(Cost):
         return CostGradient(weigh(self.Q, dx[:-1]), weigh(self.R, du), weigh(self.Q_final, dx[-1:])[0])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
-        """Return the weights."""
         return CostHessian(self.Q, self.R, None, self.Q_final)
 
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:
@@ -291,7 +287,6 @@ class AddedCost(Cost):
         self.cost.check_shapes(N, nx, nu)
 
     def final_value(self, x: Array) -> float:
-        """Return the other cost of the last state."""
         return self.cost.final_value(x)
 
     def eased(self, ease: float) -> tuple[Cost, Array] | None:
@@ -342,7 +337,6 @@ class WindowCost(Cost):
         self.nonnegative = cost.nonnegative
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:
-        """Complain if the window is not one of N steps of nu inputs, or its cost not one of nx states."""
         if (N, nu) != (self.stop - self.start, self.nu):
             raise ArgumentError(
                 f"cost: got a window of {self.stop - self.start} steps with {self.nu} inputs, expected {N} with {nu}"
@@ -350,11 +344,9 @@ class WindowCost(Cost):
         self.cost.check_shapes(self.horizon, nx, nu)
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        """Return the cost of the stages of the window from `start` on."""
         return self.cost.stage_values(x, u, self.start + start)
 
     def final_value(self, x: Array) -> float:
-        """Return the cost of the window's last state."""
         if self.stop == self.horizon:
             return self.cost.final_value(x)
         return float(self.cost.stage_values(x[None], np.zeros((1, self.nu)), self.stop)[0])

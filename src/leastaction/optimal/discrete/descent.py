@@ -40,8 +40,6 @@ from leastaction.optimal.discrete.linear_quadratic import (
 from leastaction.optimal.discrete.model_hessian import ModelHessian
 from leastaction.optimal.system import Linearization
 
-__all__ = ["escape", "minimise_model"]
-
 
 def minimise_model(
     method: str,

@@ -15,8 +15,6 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 from leastaction.optimal.system import Linearization
 
-__all__ = ["FunctionSystem", "LinearSystem"]
-
 StepFunction = Callable[[Any, Any, int], Any]
 
 
@@ -62,7 +60,6 @@ class LinearSystem(DiscreteSystem):
         self._c = np.broadcast_to(drift, shape)
 
     def f(self, x: Array, u: Array, k: int) -> Array:
-        """Return ``A x + B u + c``."""
         result: Array = self._A[k] @ x + self._B[k] @ u + self._c[k]
         return result
 
@@ -70,7 +67,6 @@ class LinearSystem(DiscreteSystem):
         return self._A[k], self._B[k]
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:  # noqa: ARG002
-        """Return zero."""
         return np.zeros((self.nx + self.nu, self.nx + self.nu))
 
     def linearize(

@@ -13,8 +13,6 @@ from typing import NamedTuple
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
 
-__all__ = ["Curve", "Filter"]
-
 # The least part by which the gaps have to shrink, or of them the cost has to fall; how much larger than at the start
 # their sum may become, and below which part of it the cost alone may be looked at.
 _SHRINK, _FALL = 1e-5, 1e-5

@@ -24,16 +24,6 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number
 from leastaction.optimal.cost import final_of
 
-__all__ = [
-    "LinearQuadraticSolution",
-    "Workspace",
-    "adjoint",
-    "regulate",
-    "solve_linear_quadratic",
-    "sweep_forward",
-    "unpacked",
-]
-
 Regularize = Literal["none", "stage"]
 
 

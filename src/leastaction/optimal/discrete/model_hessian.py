@@ -10,8 +10,6 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import is_diagonal, matrix_of
 from leastaction.optimal.discrete.cost import CostHessian
 
-__all__ = ["HessianPart", "ModelHessian", "between", "shifted"]
-
 
 class HessianPart(NamedTuple):
     """Symmetric matrices by some entries of ``(x, u)`` only, such as what a few rows of limits weigh.

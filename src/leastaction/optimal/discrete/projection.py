@@ -18,8 +18,6 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.system import Linearization
 
-__all__ = ["Projection", "linearize_along_curve"]
-
 
 class Projection:
     """The projection operator of a system with given gains; as fit for several threads as the system is.

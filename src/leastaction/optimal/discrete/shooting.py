@@ -39,8 +39,6 @@ from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import Linearization
 
-__all__ = ["Gapped", "ShootingProblem"]
-
 Gapped = Literal["never", "where needed", "at once"]
 """When steps may have gaps: never; where the start cannot be projected, or the loop asks for them; from the start."""
 
@@ -135,7 +133,6 @@ class ShootingProblem(DiscreteProblem):
             self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
 
     def begin_with_gaps(self, *, brief: bool) -> bool:  # noqa: ARG002
-        """Begin again with gaps from the given start, once; return whether that can be done."""
         if self.is_open or self.given is None:
             return False
         now, value = self._place(), self.value

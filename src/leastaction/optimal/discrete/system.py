@@ -21,9 +21,6 @@ from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.quantity import Entries, Later, Quantity
 from leastaction.optimal.system import Linearization, System
 
-__all__ = ["FINAL_TIME", "DiscreteSystem", "Rollout", "WindowSystem", "check_window", "linearized"]
-
-
 FINAL_TIME = "final time"
 """The name among a system's parameters of the time (s) at which its horizon ends, where that can be changed."""
 
@@ -290,11 +287,9 @@ class WindowSystem(DiscreteSystem):
         return self.system.f(x, u, self.start + k)
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
-        """Return A and B of step k of the window."""
         return self.system.derivatives(x, u, self.start + k)
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        """Return ``z . D2f`` of step k of the window."""
         return self.system.curvature(x, u, self.start + k, z)
 
     def difference(self, x: Array, xbar: Array) -> Array:
@@ -304,11 +299,9 @@ class WindowSystem(DiscreteSystem):
         return self.system.input_name(i)
 
     def when(self, k: int) -> str:
-        """Return how the system speaks of step k of the window."""
         return self.system.when(self.start + k)
 
     def time(self, k: int) -> float:
-        """Return the time of instant k of the window."""
         return self.system.time(self.start + k)
 
     @property
@@ -320,7 +313,6 @@ class WindowSystem(DiscreteSystem):
         return whole if isinstance(whole, Entries) else Later(whole, self.start)
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
-        """Simulate steps of the window; see `DiscreteSystem`."""
         first, last = self.start + start, self.start + stop
         rows = slice(first, last)
         # The system takes rows of its whole horizon; only those of the window are read.

@@ -20,8 +20,6 @@ from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus
 
-__all__ = ["coarse_to_fine", "resample"]
-
 Build = Callable[[Array], tuple[Any, Any]]
 Transfer = Callable[[OptimizationResult, Any, Any], tuple[Array, Array]]
 

@@ -14,8 +14,6 @@ from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus
 
-__all__ = ["continuation"]
-
 Solve = Callable[[float, OptimizationResult | None], OptimizationResult]
 Scale = Literal["linear", "log"]
 

@@ -10,8 +10,6 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.cost import is_diagonal
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 
-__all__ = ["HelpedCost"]
-
 
 class HelpedCost(Cost):
     """A cost and the price of further inputs: ``h(x, u) + 1/2 sum_k v_k' diag(price) v_k``.
@@ -42,7 +40,6 @@ class HelpedCost(Cost):
         self.nonnegative = cost.nonnegative
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:
-        """Complain if the cost is not for N steps of nx states and the inputs besides the help."""
         self.cost.check_shapes(N, nx, nu - len(self.columns))
 
     def own(self, n: int) -> npt.NDArray[np.int64]:

@@ -20,8 +20,6 @@ from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus
 from leastaction.optimal.system import check_system
 
-__all__ = ["receding_horizon"]
-
 
 def receding_horizon(
     system: DiscreteSystem,

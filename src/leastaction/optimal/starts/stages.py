@@ -15,8 +15,6 @@ from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.table import Table
 
-__all__ = ["StageCallback", "StageRecord", "StageTable", "Stages", "StartResult", "StartStatus"]
-
 
 class StartStatus(Enum):
     """How the search for a start ended; the value says what happened and what to try."""

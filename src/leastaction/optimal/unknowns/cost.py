@@ -12,8 +12,6 @@ from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.unknowns.system import ExtendedSystem
 from leastaction.optimal.unknowns.unknown import FinalTime, Unknown
 
-__all__ = ["ExtendedCost"]
-
 
 class ExtendedCost(Cost):
     """A cost of the system's own states, and prices of its unknowns, paid at the end; as fit for threads as the cost.
@@ -35,7 +33,6 @@ class ExtendedCost(Cost):
         return self.cost.stage_values(read_only(self.system.own(x)), u, start)
 
     def final_value(self, x: Array) -> float:
-        """Return the cost of the last state and of the unknowns."""
         values = x[self.unknowns]
         prices = self.price @ values + 0.5 * self.weight @ (values - self.wanted) ** 2
         return self.cost.final_value(read_only(self.system.own(x))) + float(prices)

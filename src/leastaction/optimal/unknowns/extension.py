@@ -25,8 +25,6 @@ from leastaction.optimal.unknowns.quantity import ExtendedQuantity
 from leastaction.optimal.unknowns.system import ExtendedSystem
 from leastaction.optimal.unknowns.unknown import Unknown
 
-__all__ = ["Extension", "checked_unknowns"]
-
 
 def checked_unknowns(unknowns: Sequence[Unknown]) -> list[Unknown]:
     """Return unknowns, or complain about what is none, or named twice."""

@@ -15,8 +15,6 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.optimal.unknowns.system import ExtendedSystem
 
-__all__ = ["Periodic"]
-
 
 @dataclass(frozen=True)
 class Periodic(Limit):
@@ -75,7 +73,6 @@ class Periodic(Limit):
         return places
 
     def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
-        """Return both sides of the equations."""
         if not isinstance(system, ExtendedSystem) or first > 0:
             raise ArgumentError(
                 f"{self}: got a fixed initial state, expected one that is free. Give free_start=True or the names that "

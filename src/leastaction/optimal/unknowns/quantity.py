@@ -11,8 +11,6 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples
 from leastaction.optimal.unknowns.system import ExtendedSystem, by_differences
 
-__all__ = ["ExtendedQuantity"]
-
 
 class ExtendedQuantity(QuantityView):
     """A quantity of the system's own states, at the parameters of the extended state.

@@ -20,8 +20,6 @@ from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Roll
 from leastaction.optimal.quantity import Entries, Quantity
 from leastaction.optimal.system import Linearization
 
-__all__ = ["ExtendedSystem", "by_differences"]
-
 _PART = 1e-3  # of a parameter, by which it is moved for differences
 _SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
 
@@ -205,7 +203,6 @@ class ExtendedSystem(DiscreteSystem):
     # ---- Its start --------------------------------------------------------------------------------
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
-        """Return the directions (nx, n) in which the initial state may move: all of them that are free."""
         del free
         n, count = self.n_own, len(self.names)
         own = self.own(x)
@@ -239,7 +236,6 @@ class ExtendedSystem(DiscreteSystem):
     # ---- What it is asked -------------------------------------------------------------------------
 
     def when(self, k: int) -> str:
-        """Return how the system speaks of step k."""
         return self.system.when(k)
 
     def time(self, k: int) -> float:

@@ -10,8 +10,6 @@ from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import as_number
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem
 
-__all__ = ["FinalTime", "Parameter", "Unknown"]
-
 
 @dataclass(frozen=True)
 class Unknown:
@@ -123,7 +121,6 @@ class FinalTime(Unknown):
         return "FinalTime"
 
     def value_of(self, system: DiscreteSystem) -> float:
-        """Return the final time of a system."""
         value = super().value_of(system)
         start = system.time(0)
         for what, given in (("min", self.min), ("max", self.max), ("guess", self.guess)):

@@ -13,8 +13,6 @@ from leastaction.numerics.arrays import Array, as_number, read_only
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
 from leastaction.systems.midpoint import MidpointSystem
 
-__all__ = ["PlaceCost"]
-
 
 class PlaceCost(AddedCost):
     """Another cost and half the weighted squares of the distances of frames from wanted places.
@@ -72,7 +70,6 @@ class PlaceCost(AddedCost):
         return CostGradient(q, r, q_final)
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return the second derivatives: a matrix for each stage."""
         return self._added(self.cost.hessian(x, u), x, self._stiff(x) + self._bent(x))
 
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:

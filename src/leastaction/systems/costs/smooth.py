@@ -16,8 +16,6 @@ from leastaction.systems.midpoint import MidpointSystem
 
 IntArray = NDArray[np.integer]
 
-__all__ = ["CostOfAccelerations", "SmoothCost"]
-
 
 class CostOfAccelerations(AddedCost):
     """Another cost and half the weighted squares of the accelerations of prescribed variables, by their places.
@@ -94,13 +92,11 @@ class CostOfAccelerations(AddedCost):
         return CostHessian(matrix_of(Q) + bent, matrix_of(R) + turned, cross if S is None else S + cross, Q_final)
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
-        """Return the cost of the stages ``start .. stop-1``, with their accelerations; see `Cost`."""
         result = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
         result.dt = self.dt[start:stop]
         return result
 
     def refined(self, parts: int) -> Cost | None:
-        """Return the cost of the same motion in shorter steps; see `Cost`."""
         cost = self.cost.refined(parts)
         if cost is None:
             return None

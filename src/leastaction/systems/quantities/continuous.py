@@ -13,8 +13,6 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.systems.quantities.strings import Strings
 
-__all__ = ["KINDS", "Solved", "points_of", "quantity_of"]
-
 KINDS = ("input", "variable", "rate", "acceleration", "multiplier", "tension", "state")
 
 

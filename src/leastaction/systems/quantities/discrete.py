@@ -12,8 +12,6 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.systems.quantities.strings import Strings
 
-__all__ = ["KINDS", "Accelerations", "Rates", "Tensions", "quantity_of"]
-
 KINDS = ("input", "variable", "rate", "acceleration", "momentum", "multiplier", "tension", "state")
 
 
@@ -64,15 +62,12 @@ class Rates(Quantity):
         self.names, self._places, self.dt = tuple(names), columns, dt
 
     def values(self, at: Samples) -> Array:
-        """Return the rates."""
         return np.asarray((at.x_next[:, self._places] - at.x[:, self._places]) / self.dt[at.k, None])
 
     def columns(self, nx: int, nu: int) -> Instants:
-        """Return the places of the variables, now and next."""
         return np.concatenate([self._places, nx + nu + self._places])
 
     def jacobian(self, at: Samples) -> Array:
-        """Return the constant derivatives."""
         each = np.eye(len(self._places)) / self.dt[at.k, None, None]
         return np.concatenate([-each, each], axis=2)
 
@@ -80,7 +75,6 @@ class Rates(Quantity):
         """Return None: they are linear."""
 
     def select(self, rows: Sequence[int]) -> Rates:
-        """Return the rates of some of the variables."""
         return Rates([self.names[row] for row in rows], self._places[list(rows)], self.dt)
 
 
@@ -95,18 +89,15 @@ class Accelerations(Quantity):
         self.names = tuple(m.kinematic[i] for i in which)
 
     def values(self, at: Samples) -> Array:
-        """Return the accelerations."""
         m, dt = self.mechanism, self.dt[at.k, None]
         rate = (at.u[:, m.n_inputs + self.which] - at.x[:, m.nd + self.which]) / dt
         return np.asarray((rate - at.x[:, m.nq + m.nd + self.which]) / dt)
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        """Return the places of rho, v_rho and the next rho."""
         m, i = self.mechanism, self.which
         return np.concatenate([m.nd + i, m.nq + m.nd + i, nx + m.n_inputs + i])
 
     def jacobian(self, at: Samples) -> Array:
-        """Return the constant derivatives."""
         dt = self.dt[at.k, None, None]
         each = np.broadcast_to(np.eye(len(self.which)), (len(at.k), len(self.which), len(self.which)))
         return np.concatenate([-each / dt**2, -each / dt, each / dt**2], axis=2)
@@ -115,7 +106,6 @@ class Accelerations(Quantity):
         """Return None: they are linear."""
 
     def select(self, rows: Sequence[int]) -> Accelerations:
-        """Return the accelerations of some of the variables."""
         return Accelerations(self.mechanism, self.which[list(rows)], self.dt)
 
 
@@ -147,11 +137,9 @@ class Tensions(Quantity):
         return cls(strings.names, *places, strings.constant, strings.slope, dt)
 
     def values(self, at: Samples) -> Array:
-        """Return the tensions."""
         return np.asarray(at.x[:, self._lam] * self._factor(at))
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        """Return the places of multipliers, lengths and their rates, each once."""
         return np.unique(np.concatenate([self._lam, self._length, self._rate]))
 
     def jacobian(self, at: Samples) -> Array:
@@ -177,7 +165,6 @@ class Tensions(Quantity):
         return result
 
     def select(self, rows: Sequence[int]) -> Tensions:
-        """Return the tensions of some of the strings."""
         i = list(rows)
         names, places = [self.names[row] for row in rows], (self._lam[i], self._length[i], self._rate[i])
         return Tensions(names, *places, self._constant[i], self._slope[i], self.dt)

@@ -10,8 +10,6 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants
 
-__all__ = ["Strings"]
-
 
 class Strings(NamedTuple):
     """The m strings of a mechanism: the tension of each is its multiplier times ``constant + slope length``.

@@ -8,8 +8,6 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 
-__all__ = ["Hole", "Shape", "Side", "Solid", "apart"]
-
 
 class Solid(NamedTuple):
     """Boxes along the axes, corners (n, 3), and all that is within a distance of them: a ball is that of a point."""

@@ -14,8 +14,6 @@ from leastaction.numerics.arrays import Array, as_array, as_number
 from leastaction.optimal.quantity import Instants
 from leastaction.systems.regions.apart import Hole, Shape, Side, Solid
 
-__all__ = ["Ball", "Box", "HalfSpace", "Outside", "Region"]
-
 Place = ArrayLike | Callable[[float], ArrayLike]
 
 
@@ -80,20 +78,16 @@ class Box(Region):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The faces."""
         return tuple(f"{'xyz'[axis]} {'>=' if sign > 0.0 else '<='} {at:.4g} m" for axis, sign, at in self._faces)
 
     def shape(self, k: Instants) -> Shape:  # noqa: ARG002
-        """Return its corners."""
         low, high = (np.asarray(each, dtype=np.float64)[None] for each in (self.low, self.high))
         return Solid(low, high)
 
     def values(self, p: Array, k: Instants) -> Array:  # noqa: ARG002 - boxes do not move
-        """Return the distances from the faces."""
         return np.stack([sign * (p[:, axis] - at) for axis, sign, at in self._faces], axis=1)
 
     def gradient(self, p: Array, k: Instants) -> Array:  # noqa: ARG002
-        """Return the faces' normals."""
         result = np.zeros((len(p), len(self._faces), 3))
         for j, (axis, sign, _) in enumerate(self._faces):
             result[:, j, axis] = sign
@@ -126,24 +120,20 @@ class HalfSpace(Region):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The side."""
         return (
             f"inside of the plane {tuple(as_array(self.normal, 'HalfSpace: normal', (3,)))} . p = {self.offset:.4g}",
         )
 
     def shape(self, k: Instants) -> Side:  # noqa: ARG002
-        """Return the plane."""
         normal = np.asarray(self.normal, dtype=np.float64)
         size = float(np.linalg.norm(normal))
         return Side(normal / size, self.offset / size)
 
     def values(self, p: Array, k: Instants) -> Array:
-        """Return the distance from the plane."""
         normal, offset = self.shape(k)
         return np.asarray((p @ normal - offset)[:, None])
 
     def gradient(self, p: Array, k: Instants) -> Array:
-        """Return the normal."""
         return np.broadcast_to(self.shape(k).normal, (len(p), 1, 3))
 
     def hessian(self, p: Array, k: Instants) -> None:
@@ -172,11 +162,9 @@ class Ball(Region):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The surface."""
         return (f"within {self.radius:.4g} m of {self.center!r}",)
 
     def shape(self, k: Instants) -> Shape:
-        """Return its centre and radius."""
         center = -self._from_center(np.zeros((len(k), 3)), k)
         return Solid(center, center, self.radius)
 
@@ -186,11 +174,9 @@ class Ball(Region):
         return np.asarray((self.radius**2 - np.sum(d**2, axis=1))[:, None] / (2.0 * self.radius))
 
     def gradient(self, p: Array, k: Instants) -> Array:
-        """Return the derivative."""
         return np.asarray(-self._from_center(p, k)[:, None, :] / self.radius)
 
     def hessian(self, p: Array, k: Instants) -> Array:  # noqa: ARG002
-        """Return the second derivative."""
         return np.broadcast_to(-np.eye(3) / self.radius, (len(p), 1, 3, 3))
 
     def over(self, t: Array) -> Ball:

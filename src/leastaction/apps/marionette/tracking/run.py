@@ -38,7 +38,7 @@ from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import tie_strings
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
-from leastaction.optimal.optimize import Callback
+from leastaction.optimal.loop import Callback
 from leastaction.optimal.settings import Method
 
 _LOST = 2.0  # times the cost with longer steps may the motion cost that begins with these

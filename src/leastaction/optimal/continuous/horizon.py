@@ -11,9 +11,6 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import as_array
 from leastaction.numerics.ode import segments
 from leastaction.numerics.piecewise import Mesh
-from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
-
-__all__ = ["TimeFunction", "TimeFunctionLike", "as_horizon", "first_mesh"]
 
 
 def as_horizon(horizon: tuple[float, float]) -> tuple[float, float]:
