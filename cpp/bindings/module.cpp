@@ -7,6 +7,7 @@ void bind_builder(nanobind::module_&);
 void bind_mechanism(nanobind::module_&);
 void bind_midpoint(nanobind::module_&);
 void bind_linear_quadratic(nanobind::module_&);
+void bind_barrier(nanobind::module_&);
 void bind_tape(nanobind::module_&);
 void bind_continuous(nanobind::module_&);
 }  // namespace leastaction
@@ -22,4 +23,5 @@ NB_MODULE(LEASTACTION_MODULE, m) {
     leastaction::bind_midpoint(m);
     leastaction::bind_continuous(m);
     leastaction::bind_linear_quadratic(m);
+    leastaction::bind_barrier(m);
 }

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
@@ -26,8 +26,7 @@ from leastaction.optimal import (
     optimize,
 )
 from leastaction.optimal.discrete.problem import DiscreteProblem
-from leastaction.optimal.limits.barrier import barrier_value, split, stiffness
-from leastaction.optimal.limits.barrier import slope as slope_of
+from leastaction.optimal.limits.barrier import barrier_step, barrier_value, moved_duals, split, stiffness
 from leastaction.optimal.limits.duals import Duals, Side, Stages
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
@@ -99,29 +98,66 @@ def test_the_barrier_is_the_minimum_over_slack_and_excess(c: float, mu: float, r
             return np.inf
         return float(rho * t - mu * np.log(rho * t / mu) - mu * np.log(rho * (c + t) / mu))
 
-    slack, excess = split(np.array([[c]]), mu, np.array([rho]))
-    assert slack[0, 0] - excess[0, 0] == pytest.approx(c, abs=1e-14)
-    found = minimize(value, np.log(excess[0] * 1.3), method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-14})
-    part = split(np.array([[c]]), mu, np.array([rho]))
+    slack, excess = part = split(np.array([c]), mu, np.array([rho]))
+    assert slack[0] - excess[0] == pytest.approx(c, abs=1e-14)
+    found = minimize(value, np.log(excess * 1.3), method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-14})
     assert barrier_value(part, mu, np.array([rho])) == pytest.approx(found.fun, rel=1e-9, abs=1e-11)
-    assert mu / slack[0, 0] + mu / excess[0, 0] == pytest.approx(rho, rel=1e-12)
+    assert mu / slack[0] + mu / excess[0] == pytest.approx(rho, rel=1e-12)
 
 
 def test_the_dual_is_the_slope_of_the_barrier_and_its_stiffness_the_bend() -> None:
-    c, mu, rho = np.linspace(-1.0, 1.0, 21)[:, None], 0.02, np.array([7.0])
+    c, mu, rho = np.linspace(-1.0, 1.0, 21), 0.02, np.full(21, 7.0)
     h = 1e-5
 
     def each(values: np.ndarray) -> np.ndarray:
-        return np.array([barrier_value(split(value[None], mu, rho), mu, rho) for value in values])
+        return np.array([barrier_value(split(value[None], mu, rho[:1]), mu, rho[:1]) for value in values])
 
     slope = (each(c + h) - each(c - h)) / (2.0 * h)
     part = split(c, mu, rho)
     y = mu / part.slack
-    np.testing.assert_allclose(-slope, y[:, 0], rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(-slope, y, rtol=1e-6, atol=1e-7)
     bend = (mu / split(c - h, mu, rho).slack - mu / split(c + h, mu, rho).slack) / (2.0 * h)
     np.testing.assert_allclose(stiffness(part, rho, y), bend, rtol=1e-5)
-    far = np.array([-1e6, -3.0, -1e-9, 0.0, 1e-9, 3.0, 1e6])[:, None]
-    np.testing.assert_allclose(slope_of(far, mu, rho), mu / split(far, mu, rho).slack, rtol=1e-14)
+    far = np.array([-1e6, -3.0, -1e-9, 0.0, 1e-9, 3.0, 1e6])
+    np.testing.assert_allclose(sum(mu / each for each in split(far, mu, rho[:7])), rho[:7], rtol=1e-12)
+
+
+def test_a_step_ends_where_the_barriers_begin_to_rise() -> None:
+    """The model of a step is the quadratic one, with the barriers themselves in place of their models."""
+    rng = np.random.default_rng(3)
+    c, dc, rho, mu = rng.uniform(-0.1, 1.0, 300), rng.normal(size=300), rng.uniform(1.0, 9.0, 300), 0.01
+    part = split(c, mu, rho)
+    y = mu / part.slack * rng.uniform(0.7, 1.0, 300)
+    barriers = stiffness(part, rho, y) @ dc**2, float(mu / part.slack @ dc)
+    bend = 300.0
+    fall = -150.0 - barriers[1]
+    least = fall + 0.5 * (bend + barriers[0])
+
+    def model(a: float) -> float:
+        return (fall + barriers[1]) * a + 0.5 * bend * a**2 + barrier_value(split(c + a * dc, mu, rho), mu, rho)
+
+    best = minimize_scalar(model, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-9}).x
+    assert 0.01 < best < 0.9
+    found = barrier_step(c, part, mu, rho, y, dc, fall=fall, least=least, length=1.0)
+    assert found == pytest.approx(best, rel=0.1)
+    assert barrier_step(c, part, mu, rho, y, dc, fall=fall, least=least, length=0.5 * best) == 0.5 * best
+
+
+def test_duals_stay_inside_of_their_bounds_and_near_those_of_the_barriers() -> None:
+    rng = np.random.default_rng(4)
+    c, dc, rho, mu = rng.normal(size=200), 3.0 * rng.normal(size=200), rng.uniform(1.0, 9.0, 200), 1e-3
+    part, after = split(c, mu, rho), split(c + dc, mu, rho)
+    y = mu / part.slack * rng.uniform(0.5, 1.0, 200)
+    newton = mu / part.slack - stiffness(part, rho, y) * dc
+    moved, barrier = moved_duals(part, mu, rho, y, dc, after), mu / after.slack
+    assert (moved > 0.0).all()
+    assert (moved < rho).all()
+    assert (moved >= 0.999e-3 * barrier).all()
+    assert (rho - moved >= 0.999e-3 * (rho - barrier)).all()
+    free = (newton > 0.005 * y) & (rho - newton > 0.005 * (rho - y)) & (newton < 1e3 * barrier)
+    free &= (rho - newton > 1e-3 * (rho - barrier)) & (newton > 1e-3 * barrier) & (rho - newton < 1e3 * (rho - barrier))
+    assert free.sum() > 20
+    np.testing.assert_allclose(moved[free], newton[free], rtol=1e-12)
 
 
 # ---- Optima ----------------------------------------------------------------------------------------

@@ -280,6 +280,8 @@ def test_stiff_conditions_that_drown_the_rest_of_the_curvature_make_no_saddle():
     result = optimize(MechanismSystem(arm), cost, **rest, limits=limits, accuracy=Accuracy(rtol=0.09))
     assert result.success, result.message
     np.testing.assert_allclose(result.x[-1], wanted, atol=1e-9)
+    # Where no model is left, steepest descent is no way on: it gained 1e-13 in hundreds of roll-outs.
+    assert result.rollouts < 20
 
 
 # ---- Inside ----------------------------------------------------------------------------------------

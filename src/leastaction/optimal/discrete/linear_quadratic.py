@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_choice, as_number
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_finite
 from leastaction.optimal.cost import final_of
 
 Regularize = Literal["none", "stage"]
@@ -177,6 +177,16 @@ def solve_linear_quadratic(
     K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
     P = np.empty((N + 1, nx, nx)) if keep_P else None
     columns, matrices = _part(part, N, nx + nu)
+    small = {
+        "Q": Q,
+        "R": R,
+        "S": _optional(S, "S", (nx, nu), (N, nx, nu)),
+        "q": _optional(q, "q", (N, nx)),
+        "r": _optional(r, "r", (N, nu)),
+        "c": _optional(c, "c", (N, nx)),
+        "Q_final": final,
+        "q_final": _optional(q_final, "q_final", (nx,)),
+    }
     report = _core.solve_linear_quadratic(
         A,
         B,
@@ -185,26 +195,22 @@ def solve_linear_quadratic(
         b,
         P0,
         P,
-        Q=Q,
         Q_diagonal=Q_diagonal,
-        R=R,
         R_diagonal=R_diagonal,
-        S=_optional(S, "S", (nx, nu), (N, nx, nu)),
         H=_hessians(H, (N, nx + nu, nx + nu), entries),
         H_scale=as_number(H_scale, "H_scale", above=-np.inf),
         part_columns=columns,
         part=matrices,
-        q=_optional(q, "q", (N, nx)),
-        r=_optional(r, "r", (N, nu)),
-        c=_optional(c, "c", (N, nx)),
-        Q_final=final,
-        q_final=_optional(q_final, "q_final", (nx,)),
         regularize=regularize == "stage",
         use_structure=use_structure,
         pattern=entries,
+        **small,
     )
     status = _core.LinearQuadraticStatus
     if report.status == status.not_finite:
+        for name, array in small.items():
+            if array is not None:
+                require_finite(array, name)
         raise ArgumentError(
             f"A, B, H, Q, R or S: got a value that is not finite, met at stage {report.stage} "
             f"(of 0 .. {N - 1}). Look at A[{report.stage}], B[{report.stage}] and that stage's cost."
@@ -317,18 +323,18 @@ def adjoint(
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
     z = np.empty((N + 1, nx))
-    gains = _optional(K, "K", (N, nu, nx), finite=False)
-    assert gains is not None
-    q, r, q_final = as_array(q, "q", (N, nx)), as_array(r, "r", (N, nu)), as_array(q_final, "q_final", (nx,))
-    _core.sweep_adjoint(A, B, gains, q, r, q_final, z, _pattern(pattern, (nx, nx + nu)))
+    gains, gradient = _shaped(K, "K", (N, nu, nx)), (_shaped(q, "q", (N, nx)), _shaped(r, "r", (N, nu)))
+    final = _shaped(q_final, "q_final", (nx,))
+    _core.sweep_adjoint(A, B, gains, *gradient, final, z, _pattern(pattern, (nx, nx + nu)))
     if not np.isfinite(z[0]).all():
-        # What is not a number goes on to the first stage, and K takes longer to look through than to use.
-        as_array(K, "K", (N, nu, nx))
+        # What is not a number goes on to the first stage, and all takes longer to look through than to use.
+        for name, array in (("K", gains), ("q", gradient[0]), ("r", gradient[1]), ("q_final", final)):
+            require_finite(array, name)
     return z
 
 
 def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
-    # Their values are not checked here: the recursion meets what is not finite, and names the stage.
+    # No values are checked here: the recursion meets what is not finite, and names the stage.
     try:
         A = np.ascontiguousarray(A, dtype=np.float64)
         B = np.ascontiguousarray(B, dtype=np.float64)
@@ -344,15 +350,15 @@ def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     return A, B
 
 
-def _optional(value: ArrayLike | None, name: str, *shapes: tuple[int, ...], finite: bool = True) -> Array | None:
-    if value is None:
-        return None
-    if finite:
+def _optional(value: ArrayLike | None, name: str, *shapes: tuple[int, ...]) -> Array | None:
+    return None if value is None else _shaped(value, name, *shapes)
+
+
+def _shaped(value: ArrayLike, name: str, *shapes: tuple[int, ...]) -> Array:
+    """Return an array of one of some shapes; of an array of doubles the values are not checked."""
+    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or value.shape not in shapes:
         return as_array(value, name, *shapes)
-    array = np.ascontiguousarray(value, dtype=np.float64)
-    if array.shape not in shapes:
-        raise ArgumentError(f"{name}: got shape {array.shape}, expected {shapes[0]}.")
-    return array
+    return np.ascontiguousarray(value)
 
 
 def _part(part: tuple[Any, Any] | None, N: int, n: int) -> tuple[np.ndarray | None, Array | None]:
@@ -362,13 +368,13 @@ def _part(part: tuple[Any, Any] | None, N: int, n: int) -> tuple[np.ndarray | No
     columns, matrices = np.ascontiguousarray(part[0], dtype=np.int64), part[1]
     if columns.ndim != 1 or (np.diff(columns) <= 0).any() or (columns.size and not 0 <= columns[0] <= columns[-1] < n):
         raise ArgumentError(f"part: got the places {columns.tolist()}, expected ascending ones of 0 .. {n - 1}.")
-    return columns, _optional(matrices, "part", (N, len(columns), len(columns)), finite=False)
+    return columns, _optional(matrices, "part", (N, len(columns), len(columns)))
 
 
 def used(pattern: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
     """Return which of ``[x; u]`` a pattern of ``[A B]`` has entries of, with all inputs."""
-    nx = len(pattern)
-    return np.flatnonzero(pattern.any(axis=0) | (np.arange(pattern.shape[1]) >= nx))
+    nx, n = pattern.shape
+    return np.concatenate([np.flatnonzero(pattern[:, :nx].any(axis=0)), np.arange(nx, n)])
 
 
 def unpacked(H: Array, pattern: npt.NDArray[np.bool_]) -> Array:
@@ -381,11 +387,13 @@ def unpacked(H: Array, pattern: npt.NDArray[np.bool_]) -> Array:
 
 
 def _hessians(value: ArrayLike | None, shape: tuple[int, ...], pattern: npt.NDArray[np.bool_] | None) -> Array | None:
+    if value is None:
+        return None
     shapes = [shape]
-    if pattern is not None:
+    if pattern is not None and np.ndim(value) == 2:
         m = len(used(pattern))
         shapes.append((shape[0], m * (m + 1) // 2))
-    return _optional(value, "H", *shapes, finite=False)
+    return _shaped(value, "H", *shapes)
 
 
 def _pattern(value: ArrayLike | None, shape: tuple[int, int]) -> npt.NDArray[np.bool_] | None:
@@ -404,7 +412,7 @@ def _weight(value: ArrayLike | None, name: str, N: int, n: int, *, per_stage: bo
     shapes = [(n,), (n, n)]
     if per_stage:
         shapes += [(N, n, 1), (N, n, n)]
-    weight = as_array(value, name, *shapes)
+    weight = _shaped(value, name, *shapes)
     if weight.ndim == 3 and weight.shape[2] == 1:
         return weight.reshape(N, n), True
     return weight, weight.ndim == 1

@@ -21,13 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from leastaction import _core
 from leastaction.numerics.arrays import Array
 
-__all__ = ["Split", "barrier_value", "first_duals", "moved_duals", "slope", "split", "stiffness"]
+__all__ = ["Split", "barrier_step", "barrier_value", "first_duals", "moved_duals", "split", "stiffness"]
 
-_INSIDE = 0.995  # of the way to their bounds duals go at most
-_NEAR = 1e3  # by this factor duals may be off those of the barrier
-_BELOW = 1.0 - 1e-9  # times the price is the largest dual: the price less the dual is to have some digits
 _GUESS = 0.1  # of its price is the first dual of a limit that is not met
 
 
@@ -43,42 +41,39 @@ def split(c: Array, mu: float, rho: Array) -> Split:
 
     Parameters
     ----------
-    c : ndarray (n, m)
-        Values of m limits.
+    c : ndarray (n,)
+        Values of limits.
     mu : float
         The barrier's parameter, in units of the cost.
-    rho : ndarray (m,)
+    rho : ndarray (n,)
         Price of an excess, in units of the cost by those of the limit.
     """
-    scaled = rho * c
-    size = np.abs(scaled)
-    root = np.hypot(scaled, 2.0 * mu)
-    # root - size, without cancellation.
-    small = 2.0 * mu * (1.0 + 2.0 * mu / (root + size))
-    large = 2.0 * mu + root + size
-    inside = c > 0.0
-    factor = 0.5 / rho
-    return Split(factor * np.where(inside, large, small), factor * np.where(inside, small, large))
-
-
-def slope(c: Array, mu: float, rho: Array) -> Array:
-    """Return ``-psi'(c)``, the duals of the barrier itself: ``mu / slack``, without the split."""
-    scaled = rho * c
-    part = (2.0 * mu) * rho / (np.hypot(scaled, 2.0 * mu) + np.abs(scaled) + 2.0 * mu)
-    return np.where(c > 0.0, part, rho - part)
+    part = Split(np.empty_like(c), np.empty_like(c))
+    _core.barrier_split(c, mu, rho, *part)
+    return part
 
 
 def barrier_value(part: Split, mu: float, rho: Array) -> float:
     """Return the sum of psi, up to a constant of mu and rho."""
-    scale = rho / mu
-    dear = scale * part.excess
-    # The product of the two is within the numbers' range: where one is large the other is about 1.
-    return float(np.sum(mu * (dear - np.log(dear * (scale * part.slack)))))
+    return _core.barrier_value(*part, mu, rho)
 
 
 def stiffness(part: Split, rho: Array, y: Array) -> Array:
     """Return ``-dy/dc`` of the primal-dual model at the duals y."""
-    return np.asarray(1.0 / (part.slack / y + part.excess / (rho - y)))
+    out = np.empty_like(y)
+    _core.barrier_stiffness(*part, rho, y, out)
+    return out
+
+
+def barrier_step(
+    c: Array, part: Split, mu: float, rho: Array, y: Array, dc: Array, *, fall: float, least: float, length: float
+) -> float:
+    """Return where along a direction the model is least that has the barriers themselves in place of their models.
+
+    To a tenth. ``dc``: change of the values along it. ``fall``, ``least``: slope of cost and barriers, and their
+    model's change at its end. ``length``: where to look no further.
+    """
+    return _core.barrier_step(c, *part, mu, rho, y, dc, fall, least, length)
 
 
 def first_duals(barrier: Array, rho: Array) -> Array:
@@ -90,8 +85,11 @@ def first_duals(barrier: Array, rho: Array) -> Array:
     return np.where(barrier > 0.5 * rho, _GUESS * rho, barrier)
 
 
-def moved_duals(y: Array, dy: Array, barrier: Array, rho: Array) -> Array:
-    """Return duals after a step of theirs that stays inside of (0, rho), and not too far from the barrier's."""
-    y = np.clip(y + dy, (1.0 - _INSIDE) * y, rho - (1.0 - _INSIDE) * (rho - y))
-    high = np.minimum(_NEAR * barrier, rho - (rho - barrier) / _NEAR)
-    return np.asarray(np.clip(y, barrier / _NEAR, np.minimum(high, _BELOW * rho)))
+def moved_duals(part: Split, mu: float, rho: Array, y: Array, dc: Array, after: Split) -> Array:
+    """Return duals y after a step of theirs along dc that stays inside of (0, rho), and not too far from the barrier's.
+
+    ``after``: slack and excess where it leads to.
+    """
+    out = np.empty_like(y)
+    _core.barrier_move_duals(*part, mu, rho, y, dc, after.slack, out)
+    return out

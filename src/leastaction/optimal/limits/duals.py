@@ -15,7 +15,15 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
-from leastaction.optimal.limits.barrier import Split, barrier_value, first_duals, moved_duals, slope, split, stiffness
+from leastaction.optimal.limits.barrier import (
+    Split,
+    barrier_step,
+    barrier_value,
+    first_duals,
+    moved_duals,
+    split,
+    stiffness,
+)
 from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.quantity import Instants
 
@@ -25,7 +33,6 @@ _DEAR = 10.0  # times its dual is the price of an excess
 _CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
 _BINDING = 0.5  # of the price is the dual of a limit that the price does not enforce
 _SETTLED = 2.3  # natural logarithm of the factor by which duals may be off those of the barrier in the end
-_HALVINGS, _NEARLY = 8, 0.1  # of a step that is too long; part to which its length is told
 _ACTIVE = 100.0  # times mu: dual times scale of a limit that is active
 
 # The barrier's parameter: the first, in the cost by the number of rows; how it falls from one stage to the next.
@@ -119,9 +126,8 @@ class Duals:
 
     def moved(self, room: Room, dc: Sided, after: Room) -> Sided:
         """Return the duals moved along their own direction, after a step along dc from one place to another."""
-        part, mu, rho, y = room.part, self.mu, self.prices, self.y.flat
-        dy = mu / part.slack - y - stiffness(part, rho, y) * dc.flat
-        return Sided(moved_duals(y, dy, mu / after.part.slack, rho), self.layout)
+        moved = moved_duals(room.part, self.mu, self.prices, self.y.flat, dc.flat, after.part)
+        return Sided(moved, self.layout)
 
     def step(self, room: Room, dc: Sided, fall: float, least: float, length: float) -> float:
         """Return where along a direction the model is least that has the barriers themselves in place of their models.
@@ -129,23 +135,9 @@ class Duals:
         ``dc``: change of the values along it. ``fall``, ``least``: slope of cost and barriers, and their model's change
         at its end. ``length``: where to look no further.
         """
-        c, change = room.c.flat, dc.flat
-        plain = fall + float((self.mu / room.part.slack) @ change)
-        bend = 2.0 * (least - fall) - float(stiffness(room.part, self.prices, self.y.flat) @ change**2)
-
-        def rise(a: float) -> float:
-            """Return the model's derivative."""
-            return plain + a * bend - float(slope(c + a * change, self.mu, self.prices) @ change)
-
-        if rise(length) <= 0.0:
-            return length
-        low, high = 0.0, length
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if rise(middle) < 0.0 else (low, middle)
-            if high - low < _NEARLY * low:
-                break
-        return high if low == 0.0 else low
+        return barrier_step(
+            room.c.flat, room.part, self.mu, self.prices, self.y.flat, dc.flat, fall=fall, least=least, length=length
+        )
 
     def settle_prices(self) -> None:
         """Take the prices and scales of all sides as they are now."""

@@ -324,7 +324,8 @@ class LimitedProblem(ShootingProblem):
     def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
         """Solve the linear-quadratic problem of a method; see `DiscreteProblem`."""
         model = super().minimise_model(method, scale, shift)
-        if self._begun and model.smallest_eigenvalue > 0.0:
+        self.is_drowned = self._begun and model.smallest_eigenvalue > 0.0
+        if self.is_drowned:
             # Beside stiff limits the rest of the curvature is lost in rounding: this is no saddle.
             self.tells_saddles = False
         return model

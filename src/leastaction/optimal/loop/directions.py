@@ -51,8 +51,10 @@ class Directions:
         while shift < run.problem.largest_shift:
             searched = False
             for method in methods:
-                if method == "steepest" and run.is_automatic and (searched or shift > 0.0):
-                    break
+                if method == "steepest" and run.is_automatic:
+                    if searched or shift > 0.0:
+                        break
+                    self._end_drowned()
                 direction = self._direction(method, shift)
                 if method == methods[0] == "quasi-newton" and shift == 0.0:
                     direction = self._unless_newton_will_do(direction)
@@ -115,6 +117,14 @@ class Directions:
         return self._direction("quasi-newton", 0.0)  # the model was written over the direction
 
     # ---- Whether it is a minimum ----------------------------------------------------------------
+
+    def _end_drowned(self) -> None:
+        """Raise `Found` where the last step expected next to nothing, and no model is left to tell of the next."""
+        run = self.run
+        if run.problem.is_drowned and run.history.iterations > 0:
+            expected = run.history.expected_decreases[-1]  # in an earlier stage, perhaps
+            if expected <= _STALLED_CLOSE * abs(run.problem.value):
+                raise Found(Outcome(Status.STALLED, expected=expected))
 
     def _confirm(self, direction: Direction) -> Direction:
         """Return a direction along which the cost still falls, where a model expects no more of its own.

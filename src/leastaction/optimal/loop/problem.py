@@ -114,6 +114,8 @@ class Problem(ABC, Generic[M, D, I]):
     """What the cost was seen to be off by, beyond the rounding of its sum."""
     ease: float = 1.0
     """How much easier the problem of this stage is than the one that was asked for."""
+    is_drowned: bool = False
+    """Whether rounding has taken from the last model what tells of its minimum: weights are too far apart."""
     sees_walls: bool = False
     """Whether `first_step` sees what steps are shortened for: one taken as it came then says nothing of the next."""
 

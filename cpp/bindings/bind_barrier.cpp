@@ -1,0 +1,59 @@
+// Python access to the barriers of limits; leastaction.optimal.limits.barrier says what the arguments mean.
+
+#include <nanobind/nanobind.h>
+
+#include "arrays.hpp"
+#include "optimal/barrier.hpp"
+
+using namespace nanobind::literals;
+
+namespace leastaction {
+namespace {
+
+using Values = In<1>;
+using Result = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+template <class... Arrays>
+Barrier barrier_of(double mu, const Values& rho, const Arrays&... others) {
+    (expect(others.size(), rho.size(), "an array of values of limits"), ...);
+    return {static_cast<std::ptrdiff_t>(rho.size()), mu, rho.data()};
+}
+
+void split(const Values& c, double mu, const Values& rho, const Result& slack, const Result& excess) {
+    barrier_of(mu, rho, c, slack, excess).split(c.data(), slack.data(), excess.data());
+}
+
+double value(const Values& slack, const Values& excess, double mu, const Values& rho) {
+    return barrier_of(mu, rho, slack, excess).value(slack.data(), excess.data());
+}
+
+void stiffness(const Values& slack, const Values& excess, const Values& rho, const Values& y, const Result& out) {
+    barrier_of(0.0, rho, slack, excess, y, out).stiffness(slack.data(), excess.data(), y.data(), out.data());
+}
+
+void move_duals(const Values& slack, const Values& excess, double mu, const Values& rho, const Values& y,
+                const Values& dc, const Values& slack_after, const Result& out) {
+    barrier_of(mu, rho, slack, excess, y, dc, slack_after, out)
+        .move_duals(slack.data(), excess.data(), y.data(), dc.data(), slack_after.data(), out.data());
+}
+
+double step(const Values& c, const Values& slack, const Values& excess, double mu, const Values& rho, const Values& y,
+            const Values& dc, double fall, double least, double length) {
+    return barrier_of(mu, rho, c, slack, excess, y, dc)
+        .step(c.data(), slack.data(), excess.data(), y.data(), dc.data(), fall, least, length);
+}
+
+}  // namespace
+
+void bind_barrier(nb::module_& m) {
+    m.def("barrier_split", &split, "c"_a, "mu"_a, "rho"_a, "slack"_a, "excess"_a, "Writes slack and excess.");
+    m.def("barrier_value", &value, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "The sum of the barriers.");
+    m.def("barrier_stiffness", &stiffness, "slack"_a, "excess"_a, "rho"_a, "y"_a, "out"_a,
+          "Writes -dy/dc of the primal-dual model.");
+    m.def("barrier_move_duals", &move_duals, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "slack_after"_a,
+          "out"_a, "Writes duals after a step along dc.");
+    m.def("barrier_step", &step, "c"_a, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "fall"_a, "least"_a,
+          "length"_a, "Where along a direction the model with the barriers themselves is least.");
+}
+
+}  // namespace leastaction

@@ -1,0 +1,38 @@
+// The elastic barrier of limits c >= 0, over all of their values at once; leastaction/optimal/limits/barrier.py has the
+// mathematics. With t = rho c / (2 mu), w = sqrt(1 + t^2) and g = mu / rho:
+//
+//   slack, excess = g (1 + w + |t|), g (1 + 1/(w + |t|)) for c > 0, the other way round for c <= 0
+//   psi           = sum of rho excess - mu log(rho^2 excess slack / mu^2)
+//   -psi'         = rho/(1 + w + |t|) for c > 0, and rho less that for c <= 0.
+//
+// t is of no unit, so nothing is out of range where mu and what a limit is off by are apart by a hundred orders.
+#pragma once
+
+#include <cstddef>
+
+namespace leastaction {
+
+// The parameter of the barriers, and the price of an excess, of each value.
+struct Barrier {
+    std::ptrdiff_t size;
+    double mu;
+    const double* rho;
+
+    void split(const double* c, double* slack, double* excess) const;
+    double value(const double* slack, const double* excess) const;
+    // -dy/dc of the primal-dual model at the duals y.
+    void stiffness(const double* slack, const double* excess, const double* y, double* out) const;
+    // Duals after a step along dc, which stay inside of (0, rho) and near those of the barriers where it leads to; `slack_after`
+    // is that there.
+    void move_duals(const double* slack, const double* excess, const double* y, const double* dc,
+                    const double* slack_after, double* out) const;
+    // Where along a direction the model is least that has the barriers themselves in place of their models. `fall`, `least`:
+    // slope of cost and barriers, and their model's change at its end; `length`: where to look no further.
+    double step(const double* c, const double* slack, const double* excess, const double* y, const double* dc,
+                double fall, double least, double length) const;
+
+private:
+    double slope_along(const double* c, const double* dc, double length) const;
+};
+
+}  // namespace leastaction
