@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from apps.motions import captured, leap
-from apps.puppet_bvh import CMU_NAMES, Z_UP, Convention, waving, write_puppet
+from apps.puppet_bvh import CMU_NAMES, Y_UP, Z_UP, Convention, waving, write_puppet
 from leastaction.apps.cli import main
 from leastaction.apps.cli.summary import _unit_of, run_summary
 from leastaction.apps.cli.tables import as_text, summary_tables
@@ -102,6 +102,42 @@ def test_a_person_who_somersaults_is_upright_by_the_skeleton(tmp_path: Path) -> 
     q[:, 5] += np.linspace(0.0, 2.0 * np.pi, len(q), endpoint=False)
     made = retarget(read_bvh(write_puppet(tmp_path / "a.bvh", q, convention=Convention(axes=Z_UP))))
     assert made.up == "z"
+
+
+@pytest.mark.parametrize("prone", [True, False])
+@pytest.mark.parametrize("axes", [Y_UP, Z_UP])
+def test_a_person_who_lies_is_upright_by_the_skeleton(tmp_path: Path, prone: bool, axes: np.ndarray) -> None:
+    q = waving(100)
+    q[:, 5] += -0.5 * np.pi if prone else 0.5 * np.pi
+    q[:, 2] = 0.35
+    up = "y" if axes is Y_UP else "z"
+    path = write_puppet(tmp_path / "a.bvh", q, convention=Convention(axes=axes))
+    assert retarget(read_bvh(path)).up == up
+    # A skeleton that lies in the file, and is turned up by it, stands on the ground along the other axis.
+    lies = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    q = waving(100)
+    q[:, 2] = 0.85
+    write_puppet(path, q, convention=Convention(axes=lies @ axes))
+    assert retarget(read_bvh(path)).up == {"y": "z", "z": "-y"}[up]
+
+
+def test_a_torso_that_turns_over_sideways_passes_beside_its_singularity(tmp_path: Path) -> None:
+    """As limbs do: a cartwheel."""
+    q = waving(200)
+    q[:, 3:6] = 0.0
+    q[:, 4] = np.linspace(0.0, 2.0 * np.pi, len(q))
+    made = retarget(read_bvh(write_puppet(tmp_path / "a.bvh", q)), up="y", forward="z")
+    assert np.abs(made.motion["torso_ry"]).max() <= FURTHEST
+    assert np.abs(np.diff(made.motion.q[:, 3:6], axis=0)).max() / 0.02 < 20.0
+    assert max(float(error.max()) for error in made.errors.values()) < 30.0
+
+
+def test_a_capture_of_a_few_frames_is_a_motion(tmp_path: Path) -> None:
+    """It picks up speed as fast as there is time to."""
+    motion = load_motion(write_puppet(tmp_path / "a.bvh", waving(5), frame_time=0.02)).motion
+    assert motion.duration == pytest.approx(0.16)
+    whole = load_motion(write_puppet(tmp_path / "a.bvh", waving(5), frame_time=0.02), start="moving").motion
+    np.testing.assert_allclose(motion.q[[0, -1]], whole.q[[0, -1]], atol=1e-6)
 
 
 def test_knees_that_a_skeleton_overstretches_point_ahead(tmp_path: Path) -> None:

@@ -142,3 +142,55 @@ def test_angles_are_filled_the_short_way_round() -> None:
     np.testing.assert_allclose(counted.values[1], [360.0, 0.0, 0.0], atol=1e-9)
     one = (Joint("Hips", -1, (0.0, 0.0, 0.0), ("Zrotation",), 1),)
     assert fill_gaps(Capture("made up", one, 0.01, whole_turn[:, :1])).values[1, 0] == pytest.approx(180.0)
+
+
+@pytest.mark.parametrize("leap", [120.0, -170.0, 400.0])
+def test_a_joint_that_leaps_away_and_back_has_no_sample_there(whole: Path, leap: float) -> None:
+    true = read_bvh(whole)
+    arm = columns(true, "LeftArm")
+
+    def lose(rows: list[list[str]]) -> None:
+        for k in (20, 21):
+            rows[k][arm[1]] = repr(float(rows[k][arm[1]]) + leap)
+
+    assert fill_gaps(read_bvh(changed(whole, lose), fill=False)).gaps == (Gap("LeftArm", 20, 21, "leaps"),)
+    assert largest(read_bvh(changed(whole, lose)), true) < 2.0
+
+
+def test_a_root_that_leaps_away_and_back_has_no_sample_there(whole: Path) -> None:
+    true = read_bvh(whole)
+
+    def lose(rows: list[list[str]]) -> None:
+        rows[30][0] = repr(float(rows[30][0]) + 1.0)
+
+    assert read_bvh(changed(whole, lose)).gaps == (Gap("Hips", 30, 30, "leaps"),)
+    assert largest(read_bvh(changed(whole, lose)), true) < 2.0
+    # One that goes there and stays is somewhere else.
+    away = changed(whole, lambda rows: [row.__setitem__(0, repr(float(row[0]) + 1.0)) for row in rows[30:]])
+    assert read_bvh(away).gaps == ()
+
+
+def test_channels_that_leap_by_whole_turns_have_not_moved(whole: Path) -> None:
+    true, rng = read_bvh(whole), np.random.default_rng(0)
+
+    def turn(rows: list[list[str]]) -> None:
+        for row in rows:
+            for i in columns(true, "LeftArm") + columns(true, "LeftHand"):
+                row[i] = repr(float(row[i]) + 360.0 * float(rng.integers(-1, 2)))
+
+    assert read_bvh(changed(whole, turn)).gaps == ()
+
+
+def test_zeros_on_the_way_are_samples(whole: Path) -> None:
+    """A joint that turns through zero is there for a frame; one that leaps once does not lose its rest."""
+    true = read_bvh(whole)
+    arm, hand = columns(true, "LeftArm"), columns(true, "LeftHand")
+
+    def through(rows: list[list[str]]) -> None:
+        for k, row in enumerate(rows):
+            for i in arm:
+                row[i] = repr(10.0 * (k - 30)) if i == arm[0] else "0"
+            for i in hand:
+                row[i] = "120" if k == 20 and i == hand[1] else "0"
+
+    assert read_bvh(changed(whole, through)).gaps == (Gap("LeftHand", 20, 20, "leaps"),)

@@ -67,10 +67,12 @@ JOINT_LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         **{f"{side}knee_rx": (-2.6, 0.0) for side in "lr"},
         **{f"{side}elbow_rx": (0.0, 2.6) for side in "lr"},
+        **dict.fromkeys(("torso_ry", *(f"{side}{j}_ry" for side in "lr" for j in ("hip", "shoulder"))), (-1.4, 1.4)),
     }
 )
-"""Least and largest angles of the hinges (rad): knees bend to the back, elbows to the front. The model has no stops
-there; who plans a motion states them as limits."""
+"""Least and largest angles (rad): knees bend to the back, elbows to the front. What turns by three angles keeps ten
+degrees off where the first and the third turn about one axis, and spin. The model has no stops there; who plans a
+motion states them as limits."""
 
 
 def marionette(*, damping: float = 0.2, strings: Hanging = 6, by: Literal["length", "tension"] = "length") -> Mechanism:

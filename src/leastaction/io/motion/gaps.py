@@ -3,7 +3,9 @@
 A joint that the cameras lost is written in one of three ways: as words that are no numbers, as zeros, or as its last
 values again. The first says so itself. Zeros are taken for a gap where all channels of the body, or the rotations of a
 joint, are exactly zero and leave and come back with a jump. A whole frame written again and again is one where the
-motion makes up for it with a jump; a pose that is held, from which it goes on as it does elsewhere, is none.
+motion makes up for it with a jump; a pose that is held, from which it goes on as it does elsewhere, is none. Where a
+marker was taken for another, a joint is somewhere else for a frame or a few, and back: that is no sample either. Jumps
+are those of rotations: a channel that leaps by a whole turn has not moved.
 """
 
 from __future__ import annotations
@@ -22,6 +24,11 @@ _JUMP = 5.0  # degrees, with which a joint leaves to zeros and comes back
 _MADE_UP = 1.5  # times the mean speed about it is that with which a motion makes up for frames written again
 _SEEN = 1.0  # degrees or more, of that jump
 _AROUND = 4  # frames on either side for each frame of the gap
+_STILL = 0.95  # of the samples of a joint that does not move are zeros
+_SPIKE = 30.0  # degrees or more, to which a joint leaps in a frame
+_LEAP = 0.25  # the same of its place, in lengths of the skeleton from its root
+_BRIEF, _FRAMES = 0.05, 3  # s and frames at most until it is back
+_BACK = 0.3  # of the leap at most is between the samples before and after
 
 Mask = NDArray[np.bool_]
 
@@ -52,8 +59,8 @@ def fill_gaps(capture: Capture) -> Capture:
     MotionFileError
         A joint of which no sample is known.
     """
-    joints = _channels(capture)
-    values = capture.values
+    joints, values = _channels(capture), capture.values
+    longest, size = min(_FRAMES, int(_BRIEF / capture.frame_time)), _size(capture)
     lost: dict[str, list[tuple[Mask, str]]] = {}
     everywhere = _zero_frames(values), _repeated_frames(values, [i for joint in joints for i in joint.rotations])
     whole = everywhere[0] | everywhere[1]
@@ -61,9 +68,11 @@ def fill_gaps(capture: Capture) -> Capture:
     missing[whole] = True
     for joint in joints:
         none = ~np.isfinite(values[:, joint.all]).all(axis=1) & ~whole
-        zero = _zero_joint(values, joint.rotations, whole | none)
-        lost[joint.name] = [(none, "not numbers"), (zero, "zeros")]
-        missing[(none | zero)[:, None] & np.isin(np.arange(values.shape[1]), joint.all)] = True
+        spike = _spikes(values, joint, whole | none, longest=longest, size=size)
+        zero = _zero_joint(values, joint, whole | none, spike)
+        spike &= ~zero
+        lost[joint.name] = [(none, "not numbers"), (zero, "zeros"), (spike, "leaps")]
+        missing[(none | zero | spike)[:, None] & np.isin(np.arange(values.shape[1]), joint.all)] = True
     if not missing.any():
         return capture
     filled = values.copy()
@@ -112,17 +121,76 @@ def _zero_frames(values: Array) -> Mask:
     return mask
 
 
-def _zero_joint(values: Array, rotations: list[int], known_lost: Mask) -> Mask:
-    """Return the frames in which a joint's rotations are zero between such that are far from it."""
+def _zero_joint(values: Array, joint: _Channels, known_lost: Mask, spike: Mask) -> Mask:
+    """Return the frames in which a joint's rotations are zero between such that are far from it.
+
+    A joint that passes zero on its way is not far from it: what the frames about it lead to must be.
+    """
     mask = np.zeros(len(values), dtype=np.bool_)
-    if len(rotations) < 2:
+    angles = values[:, joint.rotations]
+    none: Mask = ~(angles != 0.0).any(axis=1)
+    if len(joint.rotations) < 2 or none.mean() > _STILL:
         return mask
-    angles = values[:, rotations]
-    for first, last in _runs(~angles.any(axis=1) & ~known_lost):
-        sides = [k for k in (first - 1, last + 1) if 0 <= k < len(values)]
-        if first > 0 and all(np.abs(angles[k]).max() > _JUMP for k in sides):
-            mask[first : last + 1] = True
+    known = np.flatnonzero(~(none | known_lost | spike))
+    # A leap out of zeros and back is no end of theirs.
+    for first, last in _runs((none | spike) & ~known_lost):
+        zeros = np.flatnonzero(none[first : last + 1]) + first
+        if first == 0 or not len(zeros) or not len(known):
+            continue
+        before, after = known[known < first][-1:], known[known > last][:1]
+        sides = np.concatenate([before, after])
+        if not len(sides) or _apart(joint, np.zeros_like(angles[sides]), angles[sides]).min() <= _JUMP:
+            continue
+        expected = np.stack([np.interp(zeros, sides, np.unwrap(column, period=360.0)) for column in angles[sides].T], 1)
+        if _apart(joint, np.zeros_like(expected), expected).max() > _JUMP:
+            mask[zeros] = True
     return mask
+
+
+def _spikes(values: Array, joint: _Channels, known_lost: Mask, *, longest: int, size: float) -> Mask:
+    """Return the frames, ``longest`` in a row at most, in which a joint leaps away from where it is before and after.
+
+    ``size``: of the skeleton.
+    """
+    mask = np.zeros(len(values), dtype=np.bool_)
+    frames = np.flatnonzero(~known_lost)
+    turns, places = values[frames][:, joint.rotations], values[frames][:, joint.positions]
+
+    def apart(a: NDArray[np.intp], b: NDArray[np.intp]) -> Array:
+        """Distance of frames a from frames b, in spikes."""
+        found = _apart(joint, turns[a], turns[b]) / _SPIKE
+        return np.asarray(np.maximum(found, np.linalg.norm(places[a] - places[b], axis=1) / (_LEAP * size)))
+
+    index = np.arange(len(frames))
+    steps = apart(index[:-1], index[1:])
+    leaps = np.flatnonzero(steps > 1.0)
+    for first in leaps:
+        if mask[frames[first]]:
+            continue
+        for last in leaps[(leaps > first) & (leaps <= first + longest)]:
+            if apart(index[[first]], index[[last + 1]])[0] < _BACK * min(steps[first], steps[last]):
+                mask[frames[first + 1 : last + 1]] = True
+                break
+    return mask
+
+
+def _apart(joint: _Channels, a: Array, b: Array) -> Array:
+    """Return by which angle (degrees) rotations a of a joint, one a row, are turned from rotations b."""
+    if not joint.rotations:
+        return np.zeros(len(a))
+    if len(joint.rotations) == 3 and len(set(joint.order)) == 3:
+        turns = (Rotation.from_euler(joint.order, each, degrees=True) for each in (a, b))
+        first, second = turns
+        return np.asarray(np.rad2deg((first.inv() * second).magnitude()))
+    return np.asarray(np.abs((b - a + 180.0) % 360.0 - 180.0).max(axis=1))
+
+
+def _size(capture: Capture) -> float:
+    """Return how far the farthest joint is from the root, along the bones (in the file's unit)."""
+    reach: list[float] = []
+    for joint in capture.joints:
+        reach.append(reach[joint.parent] + float(np.linalg.norm(joint.offset)) if joint.parent >= 0 else 0.0)
+    return max(reach, default=0.0) or np.inf
 
 
 def _repeated_frames(values: Array, rotations: list[int]) -> Mask:

@@ -15,15 +15,32 @@ from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array
 
 _SLOW = 0.25  # Hz
+_ERECT = 1.8  # of 2 is the upright direction of a skeleton that stands along an axis
+_GROUND = (-0.2, 0.3)  # lengths of a leg, where the lowest joint of one who stands or lies on the ground is
 
 
 def up_axis(points: Mapping[str, Array], rest: Mapping[str, Array]) -> Axis:
-    """The capture's axis nearest to the person's mean upright direction.
+    """The capture's axis nearest to the person's mean upright direction, or that of the skeleton of one who lies.
 
     ``points``: places (F, 3) by role. ``rest``: those (1, 3) of the skeleton before it is posed, which tip the scales
-    where the poses do not: of a person who lies, or turns somersaults.
+    where the poses do not: of a person who turns somersaults. Of one who lies, they are all that says where up is. That
+    is told from a skeleton that the file turns up by two signs: the ground is at zero along the skeleton's axis and not
+    along the other, or the other points down one of the file's axes.
     """
-    return _nearest_axis(_upright(points) + 0.5 * _upright(rest))
+    by_skeleton = _upright(rest)
+    posed = _nearest_axis(_upright(points) + 0.5 * by_skeleton)
+    skeleton = _nearest_axis(by_skeleton)
+    if posed[-1] == skeleton[-1] or np.max(np.abs(by_skeleton)) < _ERECT:
+        return posed
+    grounded = _grounded(points, skeleton) and not _grounded(points, posed)
+    return skeleton if grounded or posed.startswith("-") else posed
+
+
+def _grounded(points: Mapping[str, Array], up: Axis) -> bool:
+    """Whether the lowest of the joints, somewhen, is about as high over zero as a joint on the ground."""
+    lowest = min(float(np.min(place @ _axis_vector(up))) for place in points.values())
+    least, most = _GROUND
+    return least < lowest / leg_length(points) < most
 
 
 def _upright(points: Mapping[str, Array]) -> Array:

@@ -128,7 +128,7 @@ def load_motion(
         ``"rest"``: in the capture's first pose at speed zero, brought to full speed within `ease`
         seconds. ``"moving"``: as captured, with the velocity of the first frame.
     ease : float
-        Seconds, for ``start="rest"``.
+        Seconds, for ``start="rest"``; twice the motion's at most.
     cutoff : float, optional
         Low-pass filter in Hz against the noise of the capture; none if None.
     speed : float
@@ -161,6 +161,7 @@ def load_motion(
     if trim is not None:
         motion = _trimmed(motion, trim)
     motion = replace(motion, t=motion.t / as_number(speed, "speed", above=0.0))
+    ease = min(ease, 2.0 * motion.duration)
     extra = 0.5 * ease if start == "rest" else 0.0
     if duration is not None and duration - extra > motion.duration:
         motion = motion.loop(duration - extra + 2.0 * dt)

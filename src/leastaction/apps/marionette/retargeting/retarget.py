@@ -167,7 +167,7 @@ def retarget(
     t = capture.frame_time * np.arange(capture.n_frames - first, dtype=np.float64)
     q = np.empty((t.size, len(VARIABLES)))
     torso = _torso(points)
-    turns = without_spins(t, euler_zyx(torso), _axes, np.swapaxes(torso[:, :, ::2], 1, 2))
+    turns = beside(t, without_spins(t, euler_zyx(torso), _axes, np.swapaxes(torso[:, :, ::2], 1, 2)))
     q[:, 3:6], torso = turns, rotation_zyx(turns)
     pelvis, markers = scale * points["pelvis"], captured_markers(points, torso, sizes)
     if heading == "straight":

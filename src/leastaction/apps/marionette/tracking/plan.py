@@ -49,10 +49,12 @@ SEARCH_STAGES = len(PRICES) + 1
 _RELEASED = 4  # stage from which on it is tried whether the motion goes on without motors
 _JUMP = 2.0  # times the cost with motors may that without be at first
 _CUTOFFS = (1e6, 8.0, 4.0, 2.0, 1.0)  # Hz, of ever smoother motions to begin with; the first leaves it as it is
+_SAME = 1e-6  # m or rad, by which the same motion may differ, by tensions and by lengths
 _SET_OUT = 5  # steps within which a motion that begins fast is picked up from rest
 _FIRST = ("tension", "joints")
 _INSIDE = 0.1  # of the mean tension at rest, by which tensions are above their least to begin with
 _OFF, _LITTLE = 0.02, 1.1  # the same where motors cannot make up for it, and times the cost that may take
+_HELD = "Strings push on the motion found, and on all near it: the puppet hangs still."
 # Tolerance of the search: where barriers stay high, each stage leaves room for the next. Without motors it is that of a
 # motion which is hardly improved with shorter steps of time.
 _ROUGHLY, _WITHOUT_MOTORS = 0.1, 0.02
@@ -322,21 +324,31 @@ class Plan:
     def pulling(self, result: OptimizationResult) -> OptimizationResult:
         """Return a result whose strings pull, also where the search ended before they all did.
 
-        Under the gains about what was found, each tension is held at its least where it would fall below.
+        Under the gains about what was found, each tension is held at its least where it would fall below. Where that
+        leads far away, one in which all strings pull, if with a little less, stays what it is.
         """
         strings, least = len(self.strings), self.limits.tension
         fine = np.isfinite(result.x).all() and np.isfinite(result.u).all()
-        if fine and result.u[:, :strings].min() >= least * (1.0 - 1e-9):
+        lowest = result.u[:, :strings].min() if fine else -np.inf
+        if lowest >= least * (1.0 - 1e-9):
             return result
         none = np.zeros_like(result.K)
         if fine:
             for gains in (result.K, *self._regulators(result.x, result.u), none):
                 if np.isfinite(gains).all():
                     x, u = self._clipped(result.x, result.u, gains)
-                    if len(u) == self.system.N:
-                        return replace(result, x=x, u=u, cost=self.cost().value(x, u))
+                    if len(u) < self.system.N:
+                        continue
+                    cost = self.cost().value(x, u)
+                    if lowest < 0.0 or cost < _LITTLE * result.cost:
+                        return replace(result, x=x, u=u, cost=cost)
+        if lowest >= 0.0:
+            return result
         x, u = self.hung()
-        return replace(result, x=x, u=u, cost=self.cost().value(x, u)) if len(u) == self.system.N else result
+        if len(u) < self.system.N:
+            return result
+        held = replace(result, x=x, u=u, cost=self.cost().value(x, u))
+        return replace(held, status=Status.LINE_SEARCH_FAILED, message=_HELD) if result.success else held
 
     def _clipped(self, xbar: Array, ubar: Array, K: Array, least: float | None = None) -> tuple[Array, Array]:
         """Return a roll-out under feedback, no tension below its least; up to the step that failed."""
@@ -397,7 +409,8 @@ class Plan:
         except LeastActionError:  # where strings have lost their grip there is no regulator; the motion stands
             K = np.zeros((N, system.nu, system.nx))
         done = system.rollout(x[0], x, u, K, 0, N)
-        if done.complete:
+        # Rods push where strings lose their grip: what has gone another way there is another motion.
+        if done.complete and np.abs(done.x[:, : whole.nq] - x[:, : whole.nq]).max() < _SAME:
             x, u = done.x, done.u
         return replace(result, x=x, u=u, K=K, projection_gain=K)
 

@@ -121,10 +121,10 @@ class PoseSearch:
         return (float(done.fun), pose) if balanced else (np.inf, pose)
 
 
-def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
-    """Return a motion of a plan in which strings hold the puppet still: nearest to the pose in which it is to begin.
+def at_rest(plan: Plan, *starts: Array) -> tuple[Array, Array]:
+    """Return states and inputs of a plan in which strings hold the puppet still, nearest to where it is to begin.
 
-    Strings on bars are as long there as they happen to be. ``near``: what was found instead, in whose pose the search
+    Strings on bars are as long there as they happen to be. ``starts``: poses, with their tensions, in which the search
     begins too.
 
     Raises
@@ -133,17 +133,25 @@ def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
         If there is none within the limits.
     """
     search, m = PoseSearch(plan, tied=False, more=_FIRM), plan.mechanism
-    wanted, found = search.wanted(0), np.concatenate([near.x[0, : m.nq], near.u[0, : len(plan.strings)]])
-    starts = [start for start in (wanted, found) if np.isfinite(start).all()]
-    cost, pose = min((search.nearest(0, start) for start in starts), key=lambda each: each[0])
+    tried = [start for start in (search.wanted(0), *starts) if np.isfinite(start).all()]
+    cost, pose = min((search.nearest(0, start) for start in tried), key=lambda each: each[0])
     if not np.isfinite(cost):
         raise ArgumentError(
-            "strings on bars: neither the motion nor a pose at rest is found in which all of them pull. Lower the "
-            "least tension, allow bars more reach and tilt, or let hands hold more strings"
+            "strings: neither the motion nor a pose at rest is found in which all of them pull. Lower the least "
+            "tension, allow what holds them more reach (bars: and tilt), or take more strings"
         )
-    x, u = np.zeros_like(near.x), np.zeros_like(near.u)
+    x, u = np.zeros_like(plan.x_reference), np.zeros_like(plan.u_reference)
     x[:, : m.nq] = pose[: m.nq]
     u[:] = np.concatenate([pose[m.nq :], pose[m.nd : m.nq]])
+    return x, u
+
+
+def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
+    """Return a motion of a plan in which strings hold the puppet still: nearest to the pose in which it is to begin.
+
+    ``near``: what was found instead, in whose pose the search begins too; see `at_rest`.
+    """
+    x, u = at_rest(plan, np.concatenate([near.x[0, : plan.mechanism.nq], near.u[0, : len(plan.strings)]]))
     none = np.zeros_like(near.K)
     return replace(
         near,

@@ -25,9 +25,10 @@ import numpy as np
 from leastaction.apps.choices import Follow
 from leastaction.apps.marionette.tracking.checkpoints import Checkpoints
 from leastaction.apps.marionette.tracking.found import CUT_SHORT, Effort, TrackingRun, TrackingSearch
-from leastaction.apps.marionette.tracking.limits import PuppetLimits
+from leastaction.apps.marionette.tracking.growing import grown
+from leastaction.apps.marionette.tracking.limits import KINDS, PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
-from leastaction.apps.marionette.tracking.poses import held_still
+from leastaction.apps.marionette.tracking.poses import at_rest, held_still
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, below_strings
 from leastaction.apps.marionette.tracking.settle import NotTiedError
 from leastaction.apps.marionette.tracking.ties import FIXED_FROM, WEIGHTS
@@ -46,9 +47,12 @@ _LONGEST = 0.021  # s, of the steps with which a captured motion can be searched
 _STUCK = (Status.LINE_SEARCH_FAILED, Status.NO_DIRECTION, Status.SADDLE)
 _GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
 _AGAIN = "the motion found with longer steps cannot be followed: the search begins again with these"
+_GROWING = "the motion found cannot be followed: ever larger parts of the wanted one are"
 _HANGING = "the motion found cannot be followed: it begins with a puppet that hangs still"
 _PATIENCE = 100  # iterations of a puppet that began hanging; then its motion is planned by tensions
+_PLAN_PATIENCE = 150  # the same of a plan, that then begins elsewhere
 _TYING = 200  # iterations in which strings on bars are tied more firmly, but the last time
+_STOPPED = "Ctrl-C ended the search for another way: this is the best motion found before."
 _NOT_TIED = "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
 _TOO_LOOSE = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
 _FIRST = frozenset({"tension", "joints"})  # kinds of limits of any plan
@@ -230,7 +234,7 @@ class _Job:
             self.start = plan.inside(*plan.finer(searched, *found), expected)
             self.most = _LOST * expected
             self.others.append((_AGAIN, partial(self._searched_by, plan)))
-        self.others.append((_HANGING, plan.hung))
+        self.others += [(_GROWING, self._grown), (_HANGING, self._hanging)]
         self.kinds = _FIRST | self._broken(self.start[0])
 
     def _searched_by(self, plan: Plan, *, stage: int = 0, result: OptimizationResult | None = None) -> Curve:
@@ -241,6 +245,16 @@ class _Job:
             self.effort = self.effort.plus(found, scale=None if motors else scale)
 
         return plan.search(self.say, stage=stage, result=result, keep=self._keep_search, count=count)
+
+    def _grown(self) -> Curve:
+        """Return what following ever larger parts of the motion leads to; all limits are stated on that way."""
+        assert self.plan is not None
+        self.kinds = frozenset(KINDS)
+
+        def count(found: OptimizationResult, _motors: bool) -> None:
+            self.effort = self.effort.plus(found)
+
+        return grown(self.plan, self.motion, self.say, count)
 
     def _keep_search(self, stage: int, found: OptimizationResult, at_once: bool) -> None:
         self.kept(
@@ -264,7 +278,7 @@ class _Job:
         """Optimise until nothing more is gained: from inside of limits, from elsewhere, with limits that it breaks."""
         best = np.inf
         stood: OptimizationResult | None = None
-        # Where a search was stuck, and the limits it kept to, while another is made from elsewhere.
+        # Where a search was stuck, or crept, and the limits it kept to, while another is made from elsewhere.
         left_behind: tuple[OptimizationResult, frozenset[str]] | None = None
         while True:
             try:
@@ -287,22 +301,42 @@ class _Job:
                 best, self.earlier = result.cost, None
                 self.start = self.plan.inside(result.x, result.u, result.cost)
                 continue
-            if self.plan is not None and stuck and self.others:
+            creeps = self.plan is not None and result.status is Status.ITERATION_LIMIT and self.left > 0
+            if (stuck or creeps) and self.others:
                 if left_behind is None or result.cost < left_behind[0].cost:
                     left_behind = result, self.kinds
-                another = self._elsewhere()
-                if len(another[1]) == self.plan.system.N:
-                    best, self.start, self.earlier = np.inf, another, None
-                    continue
+                # A search with these steps would lead to where it is stuck with them.
+                self.others = [other for other in self.others if other[0] != _AGAIN]
+                try:
+                    best, self.start, self.earlier = np.inf, self._elsewhere(), None
+                except KeyboardInterrupt:
+                    result, self.kinds = left_behind
+                    return replace(result, status=Status.INTERRUPTED, message=_STOPPED)
+                except ArgumentError:
+                    break
+                continue
             more = self._more_limits(result)
             lost_patience = self.plan is None and self.patience < 1
             if not more or self.left < 1 or lost_patience or result.status in CUT_SHORT:
                 break
             self.say(f"it breaks limits of {', '.join(sorted(more))}: goes on with these stated")
             self.kinds, self.start, self.earlier = self.kinds | more, result, None
-        if left_behind is not None and not result.success and left_behind[0].cost < result.cost:
-            result, self.kinds = left_behind
-        return result
+        return result if left_behind is None else self._better(result, *left_behind)
+
+    def _better(
+        self, result: OptimizationResult, left_behind: OptimizationResult, kinds: frozenset[str]
+    ) -> OptimizationResult:
+        """Return a result, or what was left behind where that is nearer: much nearer, if the result is a minimum."""
+        if left_behind.cost >= (1.0 / _LOST if result.success else 1.0) * result.cost:
+            return result
+        self.kinds = kinds
+        if self.left < 1 or left_behind.status in _STUCK or result.status in CUT_SHORT:
+            return left_behind
+        self.say("what was left behind is nearer: goes on with that")
+        self.start, self.earlier = None, left_behind
+        found = self._optimised()
+        self._count(found)
+        return found
 
     @property
     def _varies(self) -> bool:
@@ -370,10 +404,23 @@ class _Job:
         self.plan = self._planned()
 
     def _elsewhere(self) -> Curve:
-        """Return the next of the other places to begin."""
-        said, find = self.others.pop(0)
-        self.say(said)
-        return find()
+        """Return the next of the other places to begin.
+
+        Raises `ArgumentError` where no limits allow any: the last is a puppet that hangs still.
+        """
+        while True:
+            said, find = self.others.pop(0)
+            self.say(said)
+            found = find()
+            assert self.plan is not None
+            if len(found[1]) == self.plan.system.N:
+                return found
+
+    def _hanging(self) -> Curve:
+        """Return what the puppet does where its strings are held, or poses at rest where it falls from them."""
+        assert self.plan is not None
+        hung = self.plan.hung()
+        return hung if len(hung[1]) == self.plan.system.N else at_rest(self.plan)
 
     def _optimised(self) -> OptimizationResult:
         """Return what one optimisation finds from where the job stands, within the limits that are stated."""
@@ -391,10 +438,17 @@ class _Job:
             free_start=plan.free_start if plan else False,
             shooting="single",
             method=self.method,
-            max_iterations=self.left if plan else min(self.left, max(self.patience, 1)),
+            max_iterations=min(self.left, self._patience),
             tolerance=tolerance,
             callback=self._watch,
         )
+
+    @property
+    def _patience(self) -> int:
+        """Iterations after which another way is taken, where there is one."""
+        if self.plan is None:
+            return max(self.patience, 1)
+        return _PLAN_PATIENCE if self.others else self.left
 
     def _watch(self, record: IterationRecord) -> object:
         """Stop a motion that is lost; else keep the run now and then, and tell the user's callback."""
