@@ -39,7 +39,9 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     for (auto* a : {&mobility_, &pivots_, &path_v_, &path_slope_}) sized(*a, nd);
     sized(rho2_, mechanism_->n_kinematic);
     sized(turn_, nq);
-    for (const Joint& joint : mechanism_->joints) {
+    for (std::size_t j = 0; j < mechanism_->joints.size(); ++j) {
+        if (turns_in_place(*mechanism_, static_cast<int>(j))) continue;  // no root is near another by that
+        const Joint& joint = mechanism_->joints[j];
         const auto& w = joint.twist.w;
         const double turn = std::sqrt(w.x * w.x + w.y * w.y + w.z * w.z);
         joint.each_term([&](int i, double factor) { turn_[i] = std::max(turn_[i], turn * std::abs(factor)); });

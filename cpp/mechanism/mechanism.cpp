@@ -1,6 +1,7 @@
 #include "mechanism/mechanism.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <set>
 #include <stdexcept>
@@ -455,6 +456,35 @@ std::shared_ptr<const Mechanism> at_instants(const Mechanism& mechanism, const s
     note_coupled_variables(*m);
     note_what_elements_see(*m);
     return m;
+}
+
+// Whether a body is round about an axis through its joint.
+static bool is_round(const Body& body, int axis) {
+    const Sym3<double>& I = body.inertia;
+    const std::array<double, 3> com{body.com.x, body.com.y, body.com.z}, moments{I.xx, I.yy, I.zz};
+    const int a = (axis + 1) % 3, b = (axis + 2) % 3;
+    constexpr double rounding = 1e-12;
+    const double least = rounding * (I.xx + I.yy + I.zz);
+    const double away = body.mass * (com[a] * com[a] + com[b] * com[b]);
+    return away <= least && std::abs(moments[a] - moments[b]) <= least &&
+           std::max({std::abs(I.yz), std::abs(I.xz), std::abs(I.xy)}) <= least;
+}
+
+bool turns_in_place(const Mechanism& m, int joint) {
+    const Joint& wheel = m.joints[joint];
+    if (joint >= m.n_massive || wheel.axis > Axis::rz || !wheel.more.empty()) return false;
+    if (!is_round(m.bodies[joint], static_cast<int>(wheel.axis))) return false;
+    for (int other = 0; other < static_cast<int>(m.joints.size()); ++other) {
+        if (other == joint) continue;
+        bool moves = other < m.n_massive && m.joints[other].parent == joint;
+        m.joints[other].each_term([&](int variable, double) { moves = moves || variable == wheel.variable; });
+        if (moves) return false;
+    }
+    const auto looks_at = [&](const auto& element) {
+        return std::ranges::count(element->support(), wheel.variable) > 0;
+    };
+    return std::ranges::none_of(m.constraints, looks_at) && std::ranges::none_of(m.potentials, looks_at) &&
+           std::ranges::none_of(m.forces, looks_at) && std::ranges::none_of(m.instant_forces, looks_at);
 }
 
 }  // namespace leastaction

@@ -78,6 +78,10 @@ public:
 // of constraints do. Throws std::invalid_argument where a force has such inputs and others.
 std::shared_ptr<const Mechanism> at_instants(const Mechanism& mechanism, const std::vector<int>& inputs);
 
+// Whether nothing changes its place when a joint turns: a wheel or rotor that is round about its axis, with nothing behind it
+// and no element that looks at it or at its angle.
+bool turns_in_place(const Mechanism& mechanism, int joint);
+
 // The number one, which multiplies at no cost.
 struct One {};
 inline double operator*(One, double x) { return x; }

@@ -8,8 +8,11 @@ import pytest
 from leastaction.errors import CoarseStepWarning, StepError
 from leastaction.mechanics import (
     Distance,
+    Element,
     Gravity,
     JointForce,
+    JointSpring,
+    LinearSpring,
     Mechanism,
     MidpointVI,
     PointToPoint,
@@ -22,6 +25,7 @@ from leastaction.mechanics import (
     tz,
 )
 from leastaction.models.scissor_lift import at_angle, scissor_lift
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.systems import MidpointSystem
 from oracles.root_oracle import follow
 
@@ -55,6 +59,20 @@ def four_bar() -> Mechanism:
     return Mechanism([*loop, *crank], elements)
 
 
+def wheel_pendulum(eccentric: float = 0.0, elements: tuple[Element, ...] = ()) -> Mechanism:
+    """A pole with a wheel at its end."""
+    wheel = rx("wheel", mass=0.5, com=(0.0, eccentric, 0.0), inertia=(2e-3, 1e-3, 1e-3))
+    tree = [rx("pole", mass=0.5, com=(0.0, 0.0, -0.25)), [tz(-0.5), [wheel, [ty(0.1, name="mark")]]]]
+    return Mechanism(tree, [Gravity((0, 0, -G)), JointForce("wheel", input="u"), *elements])
+
+
+def gyroscope() -> Mechanism:
+    """A wheel whose axis turns with an arm in space."""
+    wheel = rz("wheel", mass=0.5, inertia=(1e-3, 1e-3, 2e-3))
+    tree = [rz("yaw"), [rx("arm", mass=0.5, com=(0.0, 0.0, -0.25), inertia=(0.02, 0.02, 0.01)), [tz(-0.5), [wheel]]]]
+    return Mechanism(tree, [Gravity((0, 0, -G)), JointForce("wheel", input="u")])
+
+
 def random_state(kind: str, m: Mechanism, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Return a configuration, and a direction to move in."""
     q = rng.uniform(-np.pi, np.pi, m.nd)
@@ -68,7 +86,13 @@ def random_state(kind: str, m: Mechanism, rng: np.random.Generator) -> tuple[np.
     return q, v - np.linalg.pinv(C) @ (C @ v) if m.nc else v
 
 
-CASES = {"double pendulum": double_pendulum, "two rods": two_rods, "four-bar": four_bar}
+CASES = {
+    "double pendulum": double_pendulum,
+    "two rods": two_rods,
+    "four-bar": four_bar,
+    "wheel pendulum": wheel_pendulum,
+    "gyroscope": gyroscope,
+}
 
 
 @pytest.fixture
@@ -102,6 +126,27 @@ def test_the_worst_step_is_told_of(issue) -> None:
     fine = vi.simulate(vi.start([0.231, -0.9291]), 0.001 * np.arange(8))
     assert fine.worst_step.s == pytest.approx(1.0, abs=1e-3)
     assert not fine.worst_step.is_coarse
+
+
+def test_a_wheel_that_is_round_may_turn_far_in_a_step() -> None:
+    """It comes to no other place by that: a step is as fine as the others' motion makes it."""
+
+    def worst(m: Mechanism) -> StepQuality:
+        vi = MidpointVI(m)
+        run = vi.simulate(vi.start([0.3, 0.0], [0.0, 300.0]), 0.02 * np.arange(51))
+        assert np.diff(run["wheel"]).min() > 5.0
+        return run.worst_step
+
+    round_one = worst(wheel_pendulum())
+    assert round_one.variable == "pole"
+    assert round_one.angle < 0.1
+    # As soon as anything can tell where it stands, it counts.
+    weak = LinearSpring("mark", "world", stiffness=1e-6)
+    soft = JointSpring("wheel", stiffness=1e-9)
+    for m in (wheel_pendulum(1e-6), wheel_pendulum(elements=(weak,)), wheel_pendulum(elements=(soft,))):
+        seen = worst(m)
+        assert seen.variable == "wheel"
+        assert seen.angle > 5.0
 
 
 @pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning")
