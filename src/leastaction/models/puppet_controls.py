@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.mechanics import Mechanism, rx, ry, rz, tx, ty, tz
-from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 
 
 class PuppetString(NamedTuple):
@@ -50,7 +50,7 @@ class TiedString(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Bar:
+class Bar(Frozen):
     """A rigid control bar. Frozen: threads may share it.
 
     Attributes
@@ -70,10 +70,9 @@ class Bar:
     ahead: float = 0.0
     turns: str = "zyx"
 
-    __getstate__, __setstate__ = saved_state, restore_state
-
     def __post_init__(self) -> None:
         object.__setattr__(self, "ends", MappingProxyType(dict(self.ends)))
+        super().__post_init__()
 
     @property
     def places(self) -> tuple[str, str, str]:

@@ -1,7 +1,7 @@
-"""Records that come back from a pickle or a deep copy as they were.
+"""Records whose arrays cannot be written to, and that come back from a pickle or a deep copy as they were.
 
-On that way NumPy's arrays become writable, and read-only views of mappings do not go it at all. A class whose
-objects hold some says::
+On that way NumPy's arrays become writable, and read-only views of mappings do not go it at all. A frozen dataclass that
+holds some derives from `Frozen`; another class says::
 
     __getstate__, __setstate__ = saved_state, restore_state
 """
@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.arrays import read_only
 
 
 @dataclass(frozen=True)
@@ -22,14 +22,6 @@ class _Mapping:
     """Stands for a read-only view of a mapping."""
 
     items: dict[Any, Any]
-
-
-def freeze_arrays(self: Any) -> None:
-    """Make arrays of the fields of a frozen dataclass that are declared so, which like its others cannot be written."""
-    for entry in fields(self):
-        value = getattr(self, entry.name)
-        if entry.type in ("Array", Array) or isinstance(value, np.ndarray):
-            object.__setattr__(self, entry.name, read_only(np.asarray(value)))
 
 
 def saved_state(self: object) -> dict[str, Any]:
@@ -58,3 +50,16 @@ def _frozen(value: Any) -> Any:
         for entry in value.values():
             _frozen(entry)
     return value
+
+
+class Frozen:
+    """What a frozen dataclass that holds arrays derives from: nobody can write to them, copied or not."""
+
+    def __post_init__(self) -> None:
+        """Make arrays of the fields that are declared so, read-only like those that are arrays already."""
+        for entry in fields(cast(Any, self)):
+            value = getattr(self, entry.name)
+            if isinstance(value, np.ndarray) or entry.type == "Array":
+                object.__setattr__(self, entry.name, read_only(np.asarray(value)))
+
+    __getstate__, __setstate__ = saved_state, restore_state

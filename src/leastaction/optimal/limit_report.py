@@ -10,13 +10,13 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 
 _LITTLE = 1e-3  # of the dearest violation, below which another is not worth a word
 
 
 @dataclass(frozen=True)
-class Barrier:
+class Barrier(Frozen):
     """What an optimisation with limits needs to go on as if it had not been stopped.
 
     ``size``: the cost at the start. ``tolerance``: of the optimisation. ``first_mu``, ``last_mu``: parameters of the
@@ -32,11 +32,9 @@ class Barrier:
     scale: Array
     prices: Array
 
-    __getstate__, __setstate__ = saved_state, restore_state
-
 
 @dataclass(frozen=True)
-class LimitState:
+class LimitState(Frozen):
     """One side of a limit along the trajectory. Frozen.
 
     Attributes
@@ -75,8 +73,6 @@ class LimitState:
     def broken(self, column: int) -> bool:
         """Whether what a column says is not enforced by its price somewhere."""
         return bool((np.abs(self.dual[:, column]) > 0.5 * self.price[column]).any())
-
-    __getstate__, __setstate__ = saved_state, restore_state
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
 
 
 @dataclass(frozen=True)
-class Place:
+class Place(Frozen):
     """A trajectory that a run may go back to.
 
     ``x`` (N+1, nx), ``u`` (N, nu): the trajectory. ``gain`` (N, nu, nx): by which it was reached. ``ease``: of its
@@ -23,14 +23,9 @@ class Place:
     ease: float
     worst_step: StepQuality | None
 
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
 
 @dataclass(frozen=True)
-class Start:
+class Start(Frozen):
     """What a run began with: ``x`` (N+1, nx) or an initial state (nx,), and ``u`` (N, nu).
 
     ``is_lost``: whether x is a curve that its projection lost. ``was_found``: whether it is that of an earlier result.
@@ -41,14 +36,9 @@ class Start:
     is_lost: bool = False
     was_found: bool = False
 
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
 
 @dataclass(frozen=True)
-class Gaps:
+class Gaps(Frozen):
     """Where a search among curves with gaps stands.
 
     ``x`` (N+1, nx), ``u`` (N, nu): the curve. ``gain`` (N, nu, nx): of the model that led to it. ``size`` (nx,): of the
@@ -69,14 +59,9 @@ class Gaps:
     length: float
     longest: int
 
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
 
 @dataclass(frozen=True)
-class Memory:
+class Memory(Frozen):
     """What a run remembers of its way.
 
     ``stride``, ``retries``: how much less ease the next stage has, and how often one may be made again. ``earlier``:
@@ -94,5 +79,3 @@ class Memory:
     first: Start | None = None
     here: Place | None = None
     gaps: Gaps | None = None
-
-    __getstate__, __setstate__ = saved_state, restore_state

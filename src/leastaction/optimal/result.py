@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.memory import Memory
@@ -213,7 +213,7 @@ class HistoryBuilder:
 
 
 @dataclass(frozen=True)
-class OptimizationResult:
+class OptimizationResult(Frozen):
     """An optimised trajectory, the feedback that holds it, and how it was found.
 
     Frozen, so any number of threads may share it; so may runs that go on from it.
@@ -276,8 +276,6 @@ class OptimizationResult:
     gap: float = field(default=0.0, kw_only=True)
     unknowns: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), kw_only=True)
     memory: Memory | None = field(default=None, kw_only=True)
-
-    __getstate__, __setstate__ = saved_state, restore_state
 
     @property
     def iterations(self) -> int:

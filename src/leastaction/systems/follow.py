@@ -17,7 +17,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, as_times, read_only, require_instance
-from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.optimal.limits.limit import Limit
@@ -54,7 +54,7 @@ class Wanted(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Followed:
+class Followed(Frozen):
     """A motion that follows a wanted one, the inputs that make it, and the gains that hold it.
 
     Frozen; threads may share it.
@@ -76,11 +76,10 @@ class Followed:
     result: OptimizationResult = field(repr=False)
     way: str
 
-    __getstate__, __setstate__ = saved_state, restore_state
-
     def __post_init__(self) -> None:
         wanted = {name: read_only(each) for name, each in self.wanted.items()}
         object.__setattr__(self, "wanted", MappingProxyType(wanted))
+        super().__post_init__()
 
     @property
     def trajectory(self) -> Trajectory:

@@ -19,7 +19,7 @@ from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
-from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.linear_quadratic import regulate
 from leastaction.optimal.loop import both
@@ -37,7 +37,7 @@ _CORRECTIONS, _FIRM = 3, 1e-2  # of prescribed variables; what moves strings les
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rig:
+class Rig(Frozen):
     """What a machine has that its model has not. Frozen; threads may share it.
 
     Attributes
@@ -75,8 +75,6 @@ class Rig:
     substeps: int = 5
     seed: int = 0
 
-    __getstate__, __setstate__ = saved_state, restore_state
-
     def __post_init__(self) -> None:
         object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))
         for name, below in (("spread", 1.0), ("noise", np.inf), ("delay", np.inf)):
@@ -87,6 +85,7 @@ class Rig:
         as_count(self.seed, "Rig: seed", 0)
         for name, factor in self.factors.items():
             as_number(factor, f"Rig: the factor of {name!r}", above=0.0)
+        super().__post_init__()
 
     def model(self, mechanism: Mechanism) -> Mechanism:
         """Return a mechanism with elastic strings in the place of those that are constraints."""
@@ -126,7 +125,7 @@ class Rig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Played:
+class Played(Frozen):
     """What a rig did. Frozen; threads may share it.
 
     Attributes
@@ -148,11 +147,6 @@ class Played:
     x: Array = field(repr=False)
     u: Array = field(repr=False)
     failure: str | None = None
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def q(self) -> Array:

@@ -21,7 +21,7 @@ from leastaction.apps.marionette.tracking.weights import FORCED, TrackingWeights
 from leastaction.errors import ArgumentError
 from leastaction.models.marionette import held_strings, string_lengths
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 from leastaction.viz.figures import BLUE, ORANGE, new_figure, styled
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RestingPoses:
+class RestingPoses(Frozen):
     """The poses nearest to a wanted motion in which the puppet can rest on its strings. Frozen: threads may share it.
 
     Attributes
@@ -55,11 +55,6 @@ class RestingPoses:
     error: float
     missing: int
     markers: float = np.nan
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def resting(

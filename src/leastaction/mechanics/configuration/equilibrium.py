@@ -34,7 +34,7 @@ from leastaction.mechanics.configuration.null_space import (
 from leastaction.mechanics.mechanism.arguments import inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_instance
-from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 
 Kind = Literal["minimum", "any"]
 
@@ -53,7 +53,7 @@ class Stability(Enum):
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class Equilibrium(Frozen):
     """A configuration in which the mechanism stays at rest.
 
     Attributes
@@ -89,11 +89,6 @@ class Equilibrium:
     eigenvalues: NDArray[np.inexact] = field(repr=False)
     modes: NDArray[np.inexact] = field(repr=False)
     iterations: int
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def frequencies(self) -> Array:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import Array, as_array, as_count
-from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.memory import MAX_BYTES, check_memory
 
 Evaluate = Callable[[Array, Array], tuple[Array, Array, Array]]
@@ -22,7 +22,7 @@ the derivatives of these along the directions."""
 
 
 @dataclass(frozen=True)
-class FunctionDerivatives:
+class FunctionDerivatives(Frozen):
     """A function at a point with its gradient and Hessian, and by contraction the orders above; all of them exact.
 
     `along` differentiates value, gradient and Hessian along a direction: the Hessian of ``f.along(q=dq)`` is the third
@@ -55,13 +55,11 @@ class FunctionDerivatives:
     values: Array = field(init=False, repr=False)
     gradients: Array = field(init=False, repr=False)
 
-    __getstate__, __setstate__ = saved_state, restore_state
-
     def __post_init__(self) -> None:
         values, gradients, _ = self.evaluate(self.directions, np.ones(1 if self.rows is None else len(self.rows)))
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "gradients", gradients)
-        freeze_arrays(self)
+        super().__post_init__()
 
     @classmethod
     def of(

@@ -10,11 +10,11 @@ from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 
 
 @dataclass(frozen=True)
-class BaseState(ABC):
+class BaseState(Frozen, ABC):
     """State of a mechanism at an instant. Frozen, arrays included, so that any number of threads may share it.
 
     Attributes
@@ -28,11 +28,6 @@ class BaseState(ABC):
     t: float
     q: Array
 
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
     @property
     @abstractmethod
     def x(self) -> Array:
@@ -43,7 +38,7 @@ S_co = TypeVar("S_co", bound=BaseState, covariant=True)
 
 
 @dataclass(frozen=True)
-class BaseTrajectory(ABC, Generic[S_co]):
+class BaseTrajectory(Frozen, ABC, Generic[S_co]):
     """A motion of a mechanism at ``N + 1`` instants. Frozen, arrays included: any number of threads may share it.
 
     Attributes
@@ -64,11 +59,6 @@ class BaseTrajectory(ABC, Generic[S_co]):
     q: Array = field(repr=False)
     inputs: Array = field(repr=False)
     lam: Array = field(repr=False)
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def steps(self) -> int:

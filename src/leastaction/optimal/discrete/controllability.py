@@ -14,7 +14,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number
-from leastaction.numerics.frozen import freeze_arrays, restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import check_system
 
@@ -25,7 +25,7 @@ _PART = 1e-3
 
 
 @dataclass(frozen=True)
-class ControllabilityWindow:
+class ControllabilityWindow(Frozen):
     """What inputs can steer over the steps of a window. Frozen, arrays included: threads may share it.
 
     Attributes
@@ -52,11 +52,6 @@ class ControllabilityWindow:
     rank: int
     directions: Array = field(repr=False)
     unsteered: tuple[str, ...]
-
-    __getstate__, __setstate__ = saved_state, restore_state
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def controllable(self) -> bool:

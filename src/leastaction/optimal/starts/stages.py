@@ -11,7 +11,7 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.frozen import Frozen
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.table import Table
 
@@ -70,7 +70,7 @@ StageCallback = Callable[[StageRecord], object]
 
 
 @dataclass(frozen=True)
-class StartResult:
+class StartResult(Frozen):
     """A trajectory to start from, and how it was found. Frozen: threads may share it.
 
     Attributes
@@ -100,8 +100,6 @@ class StartResult:
     value: float
     result: OptimizationResult | None = field(repr=False)
     stages: tuple[StageRecord, ...] = field(repr=False)
-
-    __getstate__, __setstate__ = saved_state, restore_state
 
     @property
     def initial(self) -> tuple[Array, Array]:
