@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from leastaction import _core
+from leastaction import Mechanism, _core
 
 
 @dataclass(frozen=True)
@@ -70,26 +70,29 @@ class Tree:
             builder.add_joint_force(int(i), int(a))
         return builder.build()
 
-    def mechanism(self) -> SimpleNamespace:
+    def mechanism(self) -> Mechanism:
         """Return what `MidpointVI` needs of a mechanism, round about the description in Python."""
         names = tuple(f"q{i}" for i in range(self.nq))
-        return SimpleNamespace(
-            core=self.core(),
-            elements={},
-            balls=(),
-            nd=self.n_dynamic,
-            nrho=self.n_kinematic,
-            nq=self.nq,
-            nu=self.inputs.shape[1],
-            n_inputs=self.inputs.shape[1],
-            nc=len(self.ends),
-            nx=2 * self.nq,
-            variables=names,
-            dynamic=names[: self.n_dynamic],
-            kinematic=names[self.n_dynamic :],
-            inputs=tuple(f"u{a}" for a in range(self.inputs.shape[1])),
-            constraints=tuple(f"h{c}" for c in range(len(self.ends))),
-        )
+        fields = {
+            "core": self.core(),
+            "_plan": SimpleNamespace(elements={}),
+            "tree": SimpleNamespace(balls=()),
+            "nd": self.n_dynamic,
+            "nrho": self.n_kinematic,
+            "nq": self.nq,
+            "n_inputs": self.inputs.shape[1],
+            "nc": len(self.ends),
+            "nx": 2 * self.nq,
+            "variables": names,
+            "dynamic": names[: self.n_dynamic],
+            "kinematic": names[self.n_dynamic :],
+            "inputs": tuple(f"u{a}" for a in range(self.inputs.shape[1])),
+            "constraints": tuple(f"h{c}" for c in range(len(self.ends))),
+        }
+        made = Mechanism.__new__(Mechanism)
+        for name, value in fields.items():
+            object.__setattr__(made, name, value)
+        return made
 
     def without_constraints(self) -> Tree:
         return replace(
