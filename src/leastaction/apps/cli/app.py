@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import filecmp
-import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -17,23 +16,20 @@ from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
-from leastaction.apps.choices import Axis, Follow, Heading, Strings
 from leastaction.apps.cli.options import (
     MOTION,
     OUTPUT,
-    PUPPET,
+    MotionOptions,
     OptimiserOptions,
     OutputOptions,
-    speed_of,
+    PuppetOptions,
 )
 from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
 
 if TYPE_CHECKING:
-    from leastaction.apps.cli.session import AtSpeeds
-    from leastaction.apps.marionette.tracking import PuppetLimits, TrackingRun, TrackingSearch
+    from leastaction.apps.cli.session import AtSpeeds, Job
     from leastaction.io.motion.motion import Motion
-    from leastaction.models.marionette import Hanging
 
 _NOT_PRINTED = 1
 _BAD_INPUT = 2
@@ -79,11 +75,11 @@ def demo(
     dt
         Time step, s.
     """
-    from leastaction.apps.marionette.walk import walk_in_place
+    from leastaction.apps.cli.session import Job
 
-    walk = walk_in_place(duration, dt)
+    job = Job(_motion(MotionOptions(duration=duration, dt=dt)))
     with _folder(output) as folder:
-        return _run(walk, optimiser, output, folder)
+        return _run(job, optimiser, output, folder)
 
 
 @app.command
@@ -91,31 +87,8 @@ def optimize(
     mechanism: Literal["marionette"],  # noqa: ARG001
     /,
     *,
-    motion: Annotated[Path | None, Parameter(group=MOTION)] = None,
-    mapping: Annotated[Path | None, Parameter(group=MOTION)] = None,
-    skeleton: Annotated[Path | None, Parameter(group=MOTION)] = None,
-    frame_rate: Annotated[float | None, Parameter(group=MOTION)] = None,
-    duration: Annotated[float | None, Parameter(group=MOTION)] = None,
-    dt: Annotated[float, Parameter(group=MOTION)] = 0.01,
-    follow: Annotated[Follow, Parameter(group=MOTION)] = "joints",
-    start: Annotated[Literal["rest", "moving"], Parameter(group=MOTION)] = "rest",
-    in_place: Annotated[bool, Parameter(group=MOTION, negative=())] = False,
-    trim: Annotated[tuple[float, float] | None, Parameter(group=MOTION)] = None,
-    speed: Annotated[float | Literal["auto"], Parameter(group=MOTION, converter=speed_of)] = 1.0,
-    error: Annotated[float, Parameter(group=MOTION)] = 5.0,
-    up: Annotated[Axis | None, Parameter(group=MOTION)] = None,
-    forward: Annotated[Axis | None, Parameter(group=MOTION)] = None,
-    heading: Annotated[Heading, Parameter(group=MOTION)] = "facing",
-    strings: Annotated[Strings, Parameter(group=PUPPET)] = 6,
-    tension: Annotated[float, Parameter(group=PUPPET)] = 0.5,
-    reach: Annotated[float, Parameter(group=PUPPET)] = 2.0,
-    end_speed: Annotated[float, Parameter(group=PUPPET)] = 8.0,
-    end_acceleration: Annotated[float, Parameter(group=PUPPET)] = 150.0,
-    lift: Annotated[float, Parameter(group=PUPPET)] = 0.5,
-    tilt: Annotated[float, Parameter(group=PUPPET)] = 57.0,
-    turn: Annotated[float, Parameter(group=PUPPET)] = 86.0,
-    turn_speed: Annotated[float, Parameter(group=PUPPET)] = 12.0,
-    turn_acceleration: Annotated[float, Parameter(group=PUPPET)] = 300.0,
+    wanted: MotionOptions | None = None,
+    puppet: PuppetOptions | None = None,
     check: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False,
     resume: Annotated[Path | None, Parameter(group=MOTION)] = None,
     optimiser: OptimiserOptions | None = None,
@@ -131,64 +104,6 @@ def optimize(
     ----------
     mechanism
         The mechanism: marionette, a puppet of 22 joint variables on six strings, on more, or on a control.
-    motion
-        Motion capture to follow: a BVH file, or an AMC file. A walk on the spot is made up without it.
-    mapping
-        TOML file that says which joint of the capture is which joint of the puppet, where the usual names do not fit.
-    skeleton
-        The ASF file of an AMC file; the one beside it with whose name the motion's begins, if not given.
-    frame_rate
-        Frames per second of an AMC file that does not say it; 120 if not given.
-    duration
-        Length, s. A shorter capture is repeated by its best cycle. The whole capture (10 s of the
-        made-up walk) if not given.
-    dt
-        Time step, s.
-    follow
-        What of the motion: the angles of all joints, or the places of head, hands, feet and pelvis, from which the
-        optimiser finds the angles.
-    start
-        Begin at rest in the first pose and pick up speed, or begin as captured.
-    in_place
-        Leave out the travel over the ground.
-    trim
-        Part of the capture to use: from and to, s.
-    speed
-        Speed of the motion relative to the capture: 0.5 is half as fast. auto: as fast as the error allows; other
-        speeds are tried, the fastest first, and their errors are shown.
-    error
-        With --speed auto: largest root mean square error of the joints that strings hold, degrees; of the markers, mm,
-        where these are followed.
-    up
-        The capture's axis that points up, such as y or -z; found from the poses if not given.
-    forward
-        The capture's axis that points ahead; found from the poses if not given.
-    heading
-        What is turned ahead: the way that the person faces, travels, or the capture's forward axis; straight
-        takes out the slow turns of one who walks in a circle.
-    strings
-        How many strings: 6; 7, with one behind the pelvis; 8, with one at each foot; 9, two at each limb and one at the
-        neck; 11, the six with feet, pelvis and elbows. Or what the seven are tied to, with fixed lengths: cross, a
-        rigid bar for all; cross+legs, with a bar of their own for the knees; cross+hands, cross+legs+hands, where
-        the strings of the puppet's hands are picked up by hands.
-    tension
-        Least tension of every string at every instant, N.
-    reach
-        How far the strings' upper ends, and bars, may be from above the wanted pelvis along each axis, m.
-    end_speed
-        Largest speed of the upper ends, and bars, along each axis, m/s.
-    end_acceleration
-        Largest acceleration of the upper ends, and bars, along each axis, m/s^2.
-    lift
-        How far a bar may be lifted above the plane of the hands, and lowered, m.
-    tilt
-        How far a bar may be tilted from level about each axis, degrees.
-    turn
-        How far a bar may be turned about the vertical from where the pelvis is wanted to face, degrees.
-    turn_speed
-        Largest speed of a bar's turns about each axis, rad/s.
-    turn_acceleration
-        Largest acceleration of a bar's turns about each axis, rad/s^2.
     check
         Play what is found, under feedback, on a simulated rig with elastic strings that go slack, masses that are
         off, and sensors that are noisy and late; say how far its joints are off.
@@ -196,72 +111,50 @@ def optimize(
         trajectory.npz of an earlier run, or search.npz of one that still sought a first trajectory: go on from there,
         with the motion that it followed.
     """
-    if resume is not None and (motion is not None or mapping is not None or duration is not None):
-        # The motion is in the file; a second one could contradict it.
-        raise ArgumentError(
-            "--resume goes on with the motion of the earlier run: leave out --motion, --mapping and --duration"
-        )
-    if resume is not None and follow != "joints":
-        raise ArgumentError("--resume follows what the earlier run did: leave out --follow")
-    of_file = {
-        "--mapping": mapping, "--skeleton": skeleton, "--frame-rate": frame_rate, "--trim": trim,
-        "--up": up, "--forward": forward,
-        "--speed": None if speed == 1.0 else speed, "--heading": None if heading == "facing" else heading,
-    }  # fmt: skip
-    for option, value in of_file.items():
-        if value is not None and motion is None:
-            raise ArgumentError(f"{option} belongs to a motion capture file: give --motion FILE too")
-    from leastaction.apps.marionette.tracking.limits import PuppetLimits
-
-    limits = PuppetLimits(
-        tension=tension,
-        reach=reach,
-        speed=end_speed,
-        acceleration=end_acceleration,
-        lift=lift,
-        tilt=math.radians(tilt),
-        turn=math.radians(turn),
-        turn_speed=turn_speed,
-        turn_acceleration=turn_acceleration,
-    )
+    wanted, puppet = wanted or MotionOptions(), puppet or PuppetOptions()
     if resume is not None:
-        from leastaction.apps.marionette.tracking import load_unfinished
+        wanted.check_resumed()
+    wanted.check()
+    limits = puppet.limits()
+    from leastaction.apps.cli.session import Job
 
-        with _folder(output) as folder:
-            return _run(load_unfinished(resume), optimiser, output, folder, limits=limits, check=check)
-    if motion is None:
+    with _folder(output) as folder:
+        if resume is not None:
+            from leastaction.apps.marionette.tracking import load_unfinished
+
+            job = Job(load_unfinished(resume), limits, check=check)
+        else:
+            job = Job(_motion(wanted), limits, puppet.strings, wanted.follow, check)
+        return _run(job, optimiser, output, folder)
+
+
+def _motion(wanted: MotionOptions) -> Motion | AtSpeeds:
+    """Return the motion that is asked for: read from a file, at any speed if need be, or made up."""
+    if wanted.motion is None:
         from leastaction.apps.marionette.walk import walk_in_place
 
-        walk = walk_in_place(10.0 if duration is None else duration, dt)
-        with _folder(output) as folder:
-            return _run(walk, optimiser, output, folder, limits=limits, strings=strings, follow=follow, check=check)
+        return walk_in_place(10.0 if wanted.duration is None else wanted.duration, wanted.dt)
+    from leastaction.apps.cli.session import AtSpeeds
     from leastaction.apps.marionette.retargeting import load_motion
 
-    console = Console(highlight=False)
+    console, file = Console(highlight=False), wanted.motion
 
     def motion_at(speed: float) -> Motion:
-        with console.status(f"reading {motion.name}"):
+        with console.status(f"reading {file.name}"):
             loaded = load_motion(
-                motion, mapping=mapping, duration=duration, dt=dt, start=start, in_place=in_place, trim=trim,
-                speed=speed, up=up, forward=forward, heading=heading, markers=follow == "markers",
-                skeleton=skeleton, frame_rate=frame_rate,
+                file, mapping=wanted.mapping, duration=wanted.duration, dt=wanted.dt, start=wanted.start,
+                in_place=wanted.in_place, trim=wanted.trim, speed=speed, up=wanted.up, forward=wanted.forward,
+                heading=wanted.heading, markers=wanted.follow == "markers", skeleton=wanted.skeleton,
+                frame_rate=wanted.frame_rate,
             )  # fmt: skip
         console.print(loaded.summary(), markup=False)
         for warning in loaded.warnings:
             console.print("[bold yellow]warning:[/bold yellow] ", end="")
             console.print(warning, markup=False, soft_wrap=True)
         # The name is enough for titles, and where a file lies is nobody's business but its owner's.
-        return replace(loaded.motion, source=motion.name)
+        return replace(loaded.motion, source=file.name)
 
-    with _folder(output) as folder:
-        wanted: Motion | AtSpeeds
-        if speed == "auto":
-            from leastaction.apps.cli.session import AtSpeeds
-
-            wanted = AtSpeeds(motion_at, error)
-        else:
-            wanted = motion_at(speed)
-        return _run(wanted, optimiser, output, folder, limits=limits, strings=strings, follow=follow, check=check)
+    return AtSpeeds(motion_at, wanted.error) if wanted.speed == "auto" else motion_at(wanted.speed)
 
 
 @app.command
@@ -356,30 +249,10 @@ def _folder(output: OutputOptions) -> Iterator[Path]:
         yield folder
 
 
-def _run(
-    motion: Motion | TrackingRun | TrackingSearch | AtSpeeds,
-    optimiser: OptimiserOptions | None,
-    output: OutputOptions,
-    folder: Path,
-    *,
-    limits: PuppetLimits | None = None,
-    strings: Hanging = 6,
-    follow: Follow = "joints",
-    check: bool = False,
-) -> int:
+def _run(job: Job, optimiser: OptimiserOptions | None, output: OutputOptions, folder: Path) -> int:
     from leastaction.apps.cli import session
 
-    return session.run(
-        motion,
-        optimiser=optimiser or OptimiserOptions(),
-        output=output,
-        folder=folder,
-        complain=_complain,
-        limits=limits,
-        strings=strings,
-        follow=follow,
-        check=check,
-    )
+    return session.run(job, optimiser or OptimiserOptions(), output, folder, _complain)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

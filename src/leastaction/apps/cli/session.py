@@ -44,18 +44,18 @@ class AtSpeeds:
     error: float
 
 
-def run(
-    motion: Motion | TrackingRun | TrackingSearch | AtSpeeds,
-    *,
-    optimiser: OptimiserOptions,
-    output: OutputOptions,
-    folder: Path,
-    complain: Complain,
-    limits: PuppetLimits | None = None,
-    strings: Hanging = 6,
-    follow: Follow = "joints",
-    check: bool = False,
-) -> int:
+@dataclass(frozen=True)
+class Job:
+    """A motion to follow, or an earlier run to go on with, by what, and whether what is found is checked on a rig."""
+
+    motion: Motion | TrackingRun | TrackingSearch | AtSpeeds
+    limits: PuppetLimits | None = None
+    strings: Hanging = 6
+    follow: Follow = "joints"
+    check: bool = False
+
+
+def run(job: Job, optimiser: OptimiserOptions, output: OutputOptions, folder: Path, complain: Complain) -> int:
     """Follow a motion, or go on with an earlier run, and fill the folder.
 
     Returns what the program tells the shell: 0 when there is a result to use and it is written, 130 after Ctrl-C, 1
@@ -68,21 +68,12 @@ def run(
     try:
         tried: list[AtSpeed] = []
         error = np.inf
-        optimise = partial(
-            _optimise,
-            optimiser=optimiser,
-            folder=folder,
-            console=console,
-            kept=kept,
-            limits=limits,
-            strings=strings,
-            follow=follow,
-        )
-        if isinstance(motion, AtSpeeds):
-            tried, error = fastest(optimise, motion.motion_at, motion.error), motion.error
+        optimise = partial(_optimise, job=job, optimiser=optimiser, folder=folder, console=console, kept=kept)
+        if isinstance(job.motion, AtSpeeds):
+            tried, error = fastest(optimise, job.motion.motion_at, job.motion.error), job.motion.error
             found = tried[-1].run
         else:
-            found = optimise(motion)
+            found = optimise(job.motion)
         optimised = time.perf_counter()
         with uninterrupted():
             kept.append(_keep(found, folder, complain))
@@ -94,7 +85,7 @@ def run(
         if tried:
             console.print(speed_table(tried, error))
             console.print()
-        if check:
+        if job.check:
             console.print(checked(found))
             console.print()
         if kept[-1].parent != folder:
@@ -147,13 +138,12 @@ def run(
 
 def _optimise(
     motion: Motion | TrackingRun | TrackingSearch,
+    *,
+    job: Job,
     optimiser: OptimiserOptions,
     folder: Path,
     console: Console,
     kept: list[Path],
-    limits: PuppetLimits | None,
-    strings: Hanging,
-    follow: Follow,
 ) -> TrackingRun:
     """Optimise, printing the iterations as they happen and keeping the run now and then."""
     earlier = None if isinstance(motion, Motion) else motion
@@ -183,10 +173,10 @@ def _optimise(
             return table(record)
 
         return track(
-            marionette(strings=strings) if earlier is None else earlier.mechanism,
+            marionette(strings=job.strings) if earlier is None else earlier.mechanism,
             motion,
-            limits=limits,
-            follow=follow,
+            limits=job.limits,
+            follow=job.follow,
             method=optimiser.method,
             max_iterations=optimiser.max_iterations,
             tolerance=optimiser.tolerance,
