@@ -15,7 +15,7 @@ from leastaction.mechanics.configuration.assembly import project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.discrete.linearization import StepDerivatives, step_pattern
 from leastaction.mechanics.discrete.midpoint import MidpointVI
-from leastaction.mechanics.discrete.quality import quality_of
+from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
@@ -228,7 +228,7 @@ class MidpointSystem(DiscreteSystem):
         if out.steps < 1:
             nothing = np.empty((0, m.nc))
             state = self.integrator.trajectory(self.t[k : k + 1], x[None, :], u[None, :][:0], nothing).last
-            raise self.integrator.step_error(out, state, u[m.n_inputs :])
+            raise step_error(m, out, state, u[m.n_inputs :])
         return np.asarray(self._states(out.x, out.lam, full)[1])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:

@@ -10,9 +10,9 @@ for the dynamic variables of q2 and the multipliers lam; the kinematic variables
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any, Literal, cast, final, get_args
+from typing import Any, Literal, final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,22 +21,24 @@ from leastaction import _core
 from leastaction.errors import (
     ArgumentError,
     CoarseStepWarning,
-    InconsistentStartError,
-    StepError,
     closest,
-    worst_first,
 )
 from leastaction.mechanics.configuration.assembly import check_consistent, check_velocity
-from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete import derivatives as differentiate
-from leastaction.mechanics.discrete import functions
+from leastaction.mechanics.discrete import functions, simulation
 from leastaction.mechanics.discrete import sensitivity as of_trajectories
 from leastaction.mechanics.discrete import step_sensitivity as of_steps
-from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
-from leastaction.mechanics.discrete.quality import quality_of
+from leastaction.mechanics.discrete.outcome import check_lengths, quality_of, step_error
 from leastaction.mechanics.discrete.step import Step
-from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory, check_state, state_of
+from leastaction.mechanics.discrete.trajectory import (
+    State,
+    Trajectory,
+    check_state,
+    state_of,
+    trajectory_of,
+    vector_of,
+)
 from leastaction.mechanics.mechanism.arguments import inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
@@ -47,23 +49,10 @@ from leastaction.numerics.arrays import (
     as_count,
     as_number,
     as_time_step,
-    as_times,
-    read_only,
     require_instance,
 )
-from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
-from leastaction.numerics.step_quality import StepQuality, coarsest
 
 Split = Literal["symmetric", "left"]
-LawAt = Literal["start", "midpoint"]
-
-_REASONS = {
-    _core.StepStatus.no_convergence: "Newton's method did not converge in {iterations} iterations",
-    _core.StepStatus.not_finite: "the equations of the step are not finite",
-    _core.StepStatus.singular: "the equations of the step are singular",
-    _core.StepStatus.too_coarse: "the time step is too coarse",
-}
-_CHUNK = 2000  # steps between looks at Ctrl-C
 
 
 @final
@@ -115,7 +104,7 @@ class MidpointVI(Integrator):
         steps = as_count(max_iterations, "max_iterations", 1)
         self.max_iterations = steps
         self.at_instants = _checked_instants(mechanism, at_instants)
-        self._watch = SingularityWatch(mechanism.balls, mechanism.variables)
+        self.watch = SingularityWatch(mechanism.balls, mechanism.variables)
         late = [mechanism.inputs.index(name) for name in self.at_instants]
         self.core = _core.Midpoint(mechanism.core, _core.Split[split], self.tolerance, steps, at_instants=late)
 
@@ -160,7 +149,7 @@ class MidpointVI(Integrator):
         """
         m = self.mechanism
         q0 = as_array(q, "q", (m.nq,), names=m.variables)
-        self._check_lengths(q0[None, :], np.array([t]))
+        check_lengths(m, q0[None, :], np.array([t]))
         check_consistent(m, q0)
         if v is not None and p is not None:
             raise ArgumentError("start: got both v and p; give the velocity or the momentum")
@@ -235,160 +224,23 @@ class MidpointVI(Integrator):
         u = inputs_of(m, inputs)
         rho = state.q[m.nd :] if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
         t = np.array([as_number(state.t, "state.t"), state.t + h])
-        self._check_lengths(np.concatenate([state.q[: m.nd], rho])[None, :], t[1:])
-        out = self.core.roll_out(t, self._vector(state), None, np.concatenate([u, rho])[None, :], None)
+        check_lengths(m, np.concatenate([state.q[: m.nd], rho])[None, :], t[1:])
+        out = self.core.roll_out(t, vector_of(m, state), None, np.concatenate([u, rho])[None, :], None)
         if out.steps < 1:
-            raise self.step_error(out, state, rho)
+            raise step_error(m, out, state, rho)
         x = out.x[1]
         # The start is the end of the step before, which has told of it.
-        self._watch.look(t[1:], x[None, : m.nq], before=state.q)
+        self.watch.look(t[1:], x[None, : m.nq], before=state.q)
         quality = quality_of(m, out, t)
         if quality is not None and quality.is_coarse:
             warnings.warn(str(quality), CoarseStepWarning, stacklevel=2)
         return Step(state_of(m, float(t[1]), x), out.lam[0], out.iterations, quality)
 
-    def simulate(
-        self,
-        start: State,
-        t: ArrayLike,
-        *,
-        inputs: Signal | StateLaw = None,
-        rho: Signal = None,
-        law_at: LawAt = "start",
-        progress: Callable[[int, int], None] | None = None,
-    ) -> Trajectory:
-        """Simulate over given times, which need not be equidistant.
+    simulate = simulation.simulate
 
-        Parameters
-        ----------
-        start : State
-        t : array_like, shape (N+1,)
-            Times (s), increasing, the first one that of the start.
-        inputs : array_like (n_inputs,) or (N, n_inputs), or callable, optional
-            Inputs: constant, one row a step, or a function of the time at the middle of a step; or a feedback
-            ``(t, x)``, such as `Feedback`, of the time and the state ``x = [q; rho; p; v_rho]`` (see `law_at`).
-            One input may be given as (N,). Zero if not given.
-        rho : array_like (N+1, nrho) or (N, nrho), or callable, optional
-            Kinematic variables at every instant (or at the ends of the steps), or a function of time.
-            Unchanged if not given.
-        law_at : {"start", "midpoint"}, optional
-            Where in each step a feedback is evaluated: at its start, and held over it, as a digital controller does; or
-            at its midpoint, where forces act (``q = (q1 + q2)/2``, ``v = (q2 - q1)/dt``, p = dL/dv). The closed loop is
-            of first order with the former, of second with the latter, whose input is solved for with the step.
-        progress : callable, optional
-            Called with the number of steps done and of all steps now and then.
-
-        Returns
-        -------
-        Trajectory
-            Up to the first step that failed, or to where Ctrl-C stopped it; its status says which.
-
-        Raises
-        ------
-        ArgumentError
-            For wrong shapes, values that are not finite, times that do not increase, or an unknown `law_at`.
-
-        Warns
-        -----
-        CoarseStepWarning
-            If the time step is so coarse somewhere that the solution is about to be lost; see `Trajectory.worst_step`.
-        SingularityWarning
-            If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
-        """
-        m = self.mechanism
-        check_state(start)
-        times = as_times(t)
-        if abs(times[0] - start.t) > 1e-9 * max(1.0, abs(start.t)):
-            raise ArgumentError(f"t: the first time is {times[0]} s, but the start is at {start.t} s; they must agree")
-        N = len(times) - 1
-        middle = 0.5 * (times[1:] + times[:-1])
-        rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nd :], extra_row=True)
-        self._check_lengths(np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
-        law = inputs if takes_state(inputs) else None
-        as_choice(law_at, "law_at", get_args(LawAt))
-        inside = MidpointLaw(self, law) if law is not None and law_at == "midpoint" else None
-        forces = None if law is not None else cast(Signal, inputs)
-        u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
-        x, lam = np.empty((N + 1, m.nx)), np.empty((N, m.nc))
-        x[0] = self._vector(start)
-        done, redundant = 0, False
-        qualities: list[StepQuality | None] = []
-        status, message = SimulationStatus.COMPLETED, f"completed {N} steps"
-        try:
-            while done < N:
-                stop = min(N, done + (_CHUNK if law is None else 1))
-                if inside is not None:
-                    pair = times[done : stop + 1]
-                    out, u[done, : m.n_inputs] = inside.step(pair, x[done], rho_next[done])
-                else:
-                    if law is not None:
-                        at = float(times[done])
-                        given = law(at, read_only(x[done]))
-                        u[done, : m.n_inputs] = as_array(given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs)
-                    out = self.core.roll_out(times[done : stop + 1], x[done].copy(), None, u[done:stop], None)
-                qualities.append(quality_of(m, out, times[done:]))
-                made = out.steps
-                x[done + 1 : done + 1 + made] = out.x[1 : made + 1]
-                lam[done : done + made] = out.lam[:made]
-                redundant = redundant or out.rank_deficient
-                begun, done = done, done + made
-                if done < stop:
-                    status = SimulationStatus.STEP_FAILED
-                    last = state_of(m, float(times[done]), x[done])
-                    message = str(self.step_error(out, last, u[done, m.n_inputs :]))
-                    break
-                if progress is not None and done > begun:
-                    progress(done, N)
-        except StepError as error:
-            status, message = SimulationStatus.STEP_FAILED, str(error)
-        except KeyboardInterrupt:
-            status = SimulationStatus.INTERRUPTED
-            message = f"interrupted after {done} of {N} steps"
-        passages = self._watch.look(times[: done + 1], x[: done + 1, : m.nq])
-        worst = coarsest(qualities)
-        if worst is not None and worst.is_coarse and status is not SimulationStatus.STEP_FAILED:
-            warnings.warn(str(worst), CoarseStepWarning, stacklevel=2)
-        return self.trajectory(
-            times[: done + 1],
-            x[: done + 1],
-            u[:done],
-            lam[:done],
-            status=status,
-            message=message,
-            rank_deficient=redundant,
-            worst_step=worst,
-            singularities=passages,
-        )
-
-    def trajectory(
-        self,
-        t: Array,
-        x: Array,
-        u: Array,
-        lam: Array,
-        *,
-        status: SimulationStatus = SimulationStatus.COMPLETED,
-        message: str = "completed",
-        rank_deficient: bool = False,
-        worst_step: StepQuality | None = None,
-        singularities: tuple[str, ...] = (),
-    ) -> Trajectory:
+    def trajectory(self, t: Array, x: Array, u: Array, lam: Array) -> Trajectory:
         """Return arrays of states (N+1, nx), inputs (N, n_inputs + nrho) and multipliers as a `Trajectory`."""
-        m = self.mechanism
-        return Trajectory(
-            m,
-            t,
-            x[:, : m.nq],
-            u[:, : m.n_inputs],
-            lam,
-            p=x[:, m.nq : m.nq + m.nd],
-            v_rho=x[:, m.nq + m.nd :],
-            status=status,
-            message=message,
-            rank_deficient=rank_deficient,
-            worst_step=worst_step,
-            singularities=singularities,
-        )
+        return trajectory_of(self.mechanism, t, x, u, lam)
 
     # Derivatives and functions of steps: each is explained where it is
 
@@ -402,69 +254,6 @@ class MidpointVI(Integrator):
     discrete_potential = functions.discrete_potential
     discrete_force = functions.discrete_force
     driving_force = functions.driving_force
-
-    # Errors
-
-    def step_error(self, out: _core.RollOut, state: State, rho_next: Array) -> StepError:
-        """Return the error of a roll-out of the core that failed after `state`, going to `rho_next`."""
-        m = self.mechanism
-        wanted = np.concatenate([state.q[: m.nd], rho_next])
-        found = find_contradiction(m, wanted) if np.all(np.isfinite(wanted)) else None
-        advice = "Try a smaller time step, or prescribed variables and inputs that the mechanism can follow"
-        if found is not None:
-            advice = f"Where the prescribed variables go, {found}"
-        elif np.all(np.isfinite(state.q)):
-            try:
-                check_consistent(m, state.q, tolerance=1e-6)
-            except InconsistentStartError as error:
-                advice = f"Where the step begins, {error}"
-        names = [f"dynamics of {name!r}" for name in m.dynamic]
-        names += [f"constraint {name!r}" for name in m.constraints]
-        residuals = worst_first(dict(zip(names, out.residual, strict=True)))
-        reason = _REASONS[out.status].format(iterations=out.failed_iterations)
-        quality = quality_of(m, out, np.full(out.steps + 1, state.t))
-        if quality is not None and out.status == _core.StepStatus.too_coarse:
-            reason += f": its solution can be followed from short ones up to {out.reached:.3g} s, "
-            reason += f"where s = {quality.s:.3g}"
-            if quality.variable:
-                reason += f" and {quality.variable!r} moves at {quality.angle:.3g} rad a step"
-        # Where Newton's method came to a solution, but not to that of short steps, they are all met.
-        if not max(map(abs, residuals.values()), default=0.0) < 1e-9:
-            shown = [f"{name}: {value:.2g}" for name, value in list(residuals.items())[:3]]
-            reason += f"; largest residuals {', '.join(shown)}"
-        return StepError(
-            f"the step at t = {state.t:.6g} s failed: {reason}. {advice}",
-            t=state.t,
-            residuals=residuals,
-            iteration=out.failed_iterations,
-            state=state,
-            quality=quality,
-        )
-
-    def _check_lengths(self, q: Array, t: Array) -> None:
-        """Complain about a prescribed distance that is not positive: it has no direction to pull in."""
-        m = self.mechanism
-        for name, element in m.elements.items():
-            variable = element.length_variable
-            if variable is None:
-                continue
-            lengths = q[:, m.variables.index(variable)]
-            if np.any(lengths <= 0.0):
-                k = int(np.argmax(lengths <= 0.0))
-                raise ArgumentError(
-                    f"{name}: its length {variable!r} is {lengths[k]:.6g} m at t = {t[k]:.6g} s, "
-                    "expected a positive one, as a string of zero length has no direction to pull in"
-                )
-
-    def _vector(self, state: State) -> Array:
-        m = self.mechanism
-        return np.concatenate(
-            [
-                as_array(state.q, "state.q", (m.nq,), names=m.variables),
-                as_array(state.p, "state.p", (m.nd,), names=m.dynamic),
-                as_array(state.v_rho, "state.v_rho", (m.nrho,), names=m.kinematic),
-            ]
-        )
 
 
 def _checked_instants(mechanism: Mechanism, names: Sequence[str]) -> tuple[str, ...]:

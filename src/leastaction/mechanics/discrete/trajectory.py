@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
 from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
-from leastaction.numerics.arrays import Array, require_instance
+from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.step_quality import StepQuality
 
 _LOOKS = 7  # instants at which a run is asked for equations that are redundant
@@ -55,6 +56,17 @@ def state_of(mechanism: Mechanism, t: float, x: Array) -> State:
     m = mechanism
     q, p, v_rho = np.split(x.copy(), [m.nq, m.nq + m.nd])
     return State(t, q, p, v_rho)
+
+
+def vector_of(m: Mechanism, state: State) -> Array:
+    """Return a `State` as a vector (nx,), checked."""
+    return np.concatenate(
+        [
+            as_array(state.q, "state.q", (m.nq,), names=m.variables),
+            as_array(state.p, "state.p", (m.nd,), names=m.dynamic),
+            as_array(state.v_rho, "state.v_rho", (m.nrho,), names=m.kinematic),
+        ]
+    )
 
 
 def check_state(state: object) -> None:
@@ -182,3 +194,12 @@ class Trajectory(BaseTrajectory[State]):
             name: element.tension(impulse[name], dt, start) for name, element in m.elements.items() if name in impulse
         }
         return {name: tension for name, tension in tensions.items() if tension is not None}
+
+
+def trajectory_of(m: Mechanism, t: Array, x: Array, u: Array, lam: Array, **told: Any) -> Trajectory:
+    """Return arrays of states (N+1, nx), inputs (N, n_inputs + nrho) and multipliers as a `Trajectory`.
+
+    ``told``: what else a trajectory tells of itself.
+    """
+    p, v_rho = x[:, m.nq : m.nq + m.nd], x[:, m.nq + m.nd :]
+    return Trajectory(m, t, x[:, : m.nq], u[:, : m.n_inputs], lam, p=p, v_rho=v_rho, **told)

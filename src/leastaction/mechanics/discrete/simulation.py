@@ -1,0 +1,180 @@
+"""Simulation in steps of time: `simulate` is a method of `MidpointVI`, which is ``vi`` here."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Literal, cast, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction import _core
+from leastaction.errors import ArgumentError, CoarseStepWarning, StepError
+from leastaction.mechanics.discrete.feedback import MidpointLaw
+from leastaction.mechanics.discrete.integrator import Integrator
+from leastaction.mechanics.discrete.outcome import check_lengths, quality_of, step_error
+from leastaction.mechanics.discrete.trajectory import (
+    SimulationStatus,
+    State,
+    Trajectory,
+    check_state,
+    state_of,
+    trajectory_of,
+    vector_of,
+)
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_times, read_only
+from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
+from leastaction.numerics.step_quality import StepQuality, coarsest
+
+LawAt = Literal["start", "midpoint"]
+
+_CHUNK = 2000  # steps between looks at Ctrl-C
+
+
+def simulate(
+    vi: Integrator,
+    start: State,
+    t: ArrayLike,
+    *,
+    inputs: Signal | StateLaw = None,
+    rho: Signal = None,
+    law_at: LawAt = "start",
+    progress: Callable[[int, int], None] | None = None,
+) -> Trajectory:
+    """Simulate over given times, which need not be equidistant.
+
+    Parameters
+    ----------
+    start : State
+    t : array_like, shape (N+1,)
+        Times (s), increasing, the first one that of the start.
+    inputs : array_like (n_inputs,) or (N, n_inputs), or callable, optional
+        Inputs: constant, one row a step, or a function of the time at the middle of a step; or a feedback
+        ``(t, x)``, such as `Feedback`, of the time and the state ``x = [q; rho; p; v_rho]`` (see `law_at`).
+        One input may be given as (N,). Zero if not given.
+    rho : array_like (N+1, nrho) or (N, nrho), or callable, optional
+        Kinematic variables at every instant (or at the ends of the steps), or a function of time.
+        Unchanged if not given.
+    law_at : {"start", "midpoint"}, optional
+        Where in each step a feedback is evaluated: at its start, and held over it, as a digital controller does; or
+        at its midpoint, where forces act (``q = (q1 + q2)/2``, ``v = (q2 - q1)/dt``, p = dL/dv). The closed loop is
+        of first order with the former, of second with the latter, whose input is solved for with the step.
+    progress : callable, optional
+        Called with the number of steps done and of all steps now and then.
+
+    Returns
+    -------
+    Trajectory
+        Up to the first step that failed, or to where Ctrl-C stopped it; its status says which.
+
+    Raises
+    ------
+    ArgumentError
+        For wrong shapes, values that are not finite, times that do not increase, or an unknown `law_at`.
+
+    Warns
+    -----
+    CoarseStepWarning
+        If the time step is so coarse somewhere that the solution is about to be lost; see `Trajectory.worst_step`.
+    SingularityWarning
+        If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
+    """
+    m = vi.mechanism
+    check_state(start)
+    times = as_times(t)
+    if abs(times[0] - start.t) > 1e-9 * max(1.0, abs(start.t)):
+        raise ArgumentError(f"t: the first time is {times[0]} s, but the start is at {start.t} s; they must agree")
+    N = len(times) - 1
+    middle = 0.5 * (times[1:] + times[:-1])
+    rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nd :], extra_row=True)
+    check_lengths(m, np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
+    law = inputs if takes_state(inputs) else None
+    as_choice(law_at, "law_at", get_args(LawAt))
+    forces = None if law is not None else cast(Signal, inputs)
+    u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
+    run = _Run(vi, times, vector_of(m, start), u)
+    status, message = run.go(law, law_at, progress)
+    done = run.done
+    passages = vi.watch.look(times[: done + 1], run.x[: done + 1, : m.nq])
+    worst = coarsest(run.qualities)
+    if worst is not None and worst.is_coarse and status is not SimulationStatus.STEP_FAILED:
+        warnings.warn(str(worst), CoarseStepWarning, stacklevel=2)
+    return trajectory_of(
+        m,
+        times[: done + 1],
+        run.x[: done + 1],
+        u[:done],
+        run.lam[:done],
+        status=status,
+        message=message,
+        rank_deficient=run.redundant,
+        worst_step=worst,
+        singularities=passages,
+    )
+
+
+class _Run:
+    """States and multipliers as they are made, and inputs (N, n_inputs + nrho), where a law gives them too."""
+
+    def __init__(self, vi: Integrator, t: Array, start: Array, u: Array) -> None:
+        m = vi.mechanism
+        self.vi, self.t, self.u = vi, t, u
+        self.x, self.lam = np.empty((len(t), m.nx)), np.empty((len(u), m.nc))
+        self.x[0] = start
+        self.done, self.redundant = 0, False
+        self.qualities: list[StepQuality | None] = []
+
+    def go(
+        self, law: StateLaw | None, law_at: LawAt, progress: Callable[[int, int], None] | None
+    ) -> tuple[SimulationStatus, str]:
+        """Make all steps, or as many as can be; return how that ended."""
+        N, m = len(self.u), self.vi.mechanism
+        inside = MidpointLaw(self.vi, law) if law is not None and law_at == "midpoint" else None
+        try:
+            while self.done < N:
+                if inside is not None:
+                    stop, out = self.done + 1, self._under(inside)
+                elif law is not None:
+                    stop, out = self.done + 1, self._after(law)
+                else:
+                    stop = min(N, self.done + _CHUNK)
+                    out = self._rolled_out(stop)
+                self._keep(out)
+                if self.done < stop:
+                    last = state_of(m, float(self.t[self.done]), self.x[self.done])
+                    raise step_error(m, out, last, self.u[self.done, m.n_inputs :])
+                if progress is not None:
+                    progress(self.done, N)
+        except StepError as error:
+            return SimulationStatus.STEP_FAILED, str(error)
+        except KeyboardInterrupt:
+            return SimulationStatus.INTERRUPTED, f"interrupted after {self.done} of {N} steps"
+        return SimulationStatus.COMPLETED, f"completed {N} steps"
+
+    def _under(self, law: MidpointLaw) -> _core.RollOut:
+        """Make a step under a law at its midpoint."""
+        k, n = self.done, self.vi.mechanism.n_inputs
+        out, self.u[k, :n] = law.step(self.t[k : k + 2], self.x[k], self.u[k, n:])
+        return out
+
+    def _after(self, law: StateLaw) -> _core.RollOut:
+        """Make a step with what a law gives at its start."""
+        k, m = self.done, self.vi.mechanism
+        at = float(self.t[k])
+        given = law(at, read_only(self.x[k]))
+        self.u[k, : m.n_inputs] = as_array(given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs)
+        return self._rolled_out(k + 1)
+
+    def _rolled_out(self, stop: int) -> _core.RollOut:
+        """Make steps up to an instant, with the inputs that there are."""
+        k = self.done
+        return self.vi.core.roll_out(self.t[k : stop + 1], self.x[k].copy(), None, self.u[k:stop], None)
+
+    def _keep(self, out: _core.RollOut) -> None:
+        """Keep what was made."""
+        k, made = self.done, out.steps
+        self.qualities.append(quality_of(self.vi.mechanism, out, self.t[k:]))
+        self.x[k + 1 : k + 1 + made], self.lam[k : k + made] = out.x[1 : made + 1], out.lam[:made]
+        self.redundant = self.redundant or out.rank_deficient
+        self.done += made
