@@ -219,7 +219,7 @@ def test_what_is_no_text_or_no_file(walk: Path, tmp_path: Path) -> None:
     with pytest.raises(MotionFileError, match=r"none\.amc: cannot be read"):
         read_amc(tmp_path / "none.amc")
     with pytest.raises(MotionFileError, match=r"none\.asf: cannot be read"):
-        read_amc(walk, tmp_path / "none.asf")
+        read_amc(walk, skeleton=tmp_path / "none.asf")
 
 
 def test_reading_takes_time_in_proportion_to_bones_and_frames(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from leastaction.apps.cli.tables import as_text, summary_tables
 from leastaction.apps.marionette.bars import plot_bars
 from leastaction.apps.marionette.markers import plot_markers
 from leastaction.apps.marionette.resting import RestingPoses, plot_resting, resting
-from leastaction.apps.marionette.scene import GROUPS, marionette_scene, string_label, string_lengths
+from leastaction.apps.marionette.scene import GROUPS, marionette_scene, own_string_lengths, string_label
 from leastaction.apps.marionette.speeds import AtSpeed, plot_speeds
 from leastaction.apps.marionette.tracking import TrackingRun, load_run
 from leastaction.apps.marionette.tracking.problem import ROOT
@@ -114,7 +114,7 @@ def write_report(
             "tracking.png": lambda: _tracking(run),
             "strings.png": lambda: plot_strings(
                 run.trajectory.t,
-                string_lengths(run),
+                own_string_lengths(run),
                 run.tension,
                 [string_label(name) for name in run.mechanism.constraints],
             ),

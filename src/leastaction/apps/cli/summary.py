@@ -9,7 +9,7 @@ import numpy as np
 
 from leastaction.apps.marionette.markers import MARKERS
 from leastaction.apps.marionette.resting import RestingPoses
-from leastaction.apps.marionette.scene import string_lengths
+from leastaction.apps.marionette.scene import own_string_lengths
 from leastaction.apps.marionette.tracking import Effort, PuppetLimits, TrackingRun
 from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.models.marionette import bars_of
@@ -47,7 +47,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
     """
     result, t = run.result, run.trajectory.t
     far, against = _not_followed(run)
-    lengths = string_lengths(run)
+    lengths = own_string_lengths(run)
     cost, effort = result.history.cost, run.effort or Effort().plus(result)
     first = float(cost[0]) if np.isnan(effort.first_cost) else effort.first_cost
     return {

@@ -123,8 +123,11 @@ def _bars(mechanism: Mechanism) -> list[Bone]:
     return bones
 
 
-def string_lengths(run: TrackingRun) -> Array:
-    """Return the lengths of the strings (m), shape (N+1, strings), in the order of the constraints."""
+def own_string_lengths(run: TrackingRun) -> Array:
+    """Return the lengths of the strings (m), taut or not, shape (N+1, strings), in the order of the constraints.
+
+    How far their ends are apart says `leastaction.models.marionette.string_lengths`.
+    """
     m, steps = run.mechanism, np.ones(len(run.trajectory.t))
     return np.stack(
         [

@@ -38,7 +38,7 @@ def read_capture(
     """
     kind = Path(path).suffix.lower()
     if kind == ".amc":
-        return read_amc(path, skeleton, frame_rate=frame_rate, fill=fill)
+        return read_amc(path, skeleton=skeleton, frame_rate=frame_rate, fill=fill)
     if kind == ".asf":
         raise MotionFileError(f"{path}: is a skeleton, expected a motion. Give the AMC file that goes with it.")
     for name, given in (("skeleton", skeleton), ("frame_rate", frame_rate)):

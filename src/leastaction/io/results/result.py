@@ -9,7 +9,7 @@ import numpy as np
 
 from leastaction.errors import ResultFileError
 from leastaction.io.results.record import load_record, save_record
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, require_instance
 from leastaction.optimal import OptimizationResult
 
 
@@ -30,9 +30,12 @@ def save_result(path: str | os.PathLike[str], result: OptimizationResult) -> Pat
 
     Raises
     ------
+    ArgumentError
+        What is no result.
     OutputError
         The file could not be written; an older file of that name is untouched.
     """
+    require_instance(result, "result", OptimizationResult, "optimize() returns one")
     return save_record(path, result)
 
 

@@ -32,8 +32,8 @@ FRAME_RATE = 120.0
 
 def read_amc(
     path: str | PathLike[str],
-    skeleton: str | PathLike[str] | None = None,
     *,
+    skeleton: str | PathLike[str] | None = None,
     frame_rate: float | None = None,
     fill: bool = True,
 ) -> Capture:
