@@ -11,8 +11,8 @@ namespace leastaction {
 
 namespace {
 
-// Calls of_step(workspace, k) for every k, over several threads, each with a workspace of its own. Returns the first k at which it
-// returned false, or `steps`; a thread goes no further than its own first.
+// Calls of_step(workspace, k) for every k, over several threads, each with a workspace of its own. Returns the first
+// k at which it returned false, or `steps`; a thread goes no further than its own first.
 template <class OfStep>
 int for_each_step(const Midpoint& integrator, int steps, int threads, const OfStep& of_step) {
     std::atomic<int> first_failure{steps};

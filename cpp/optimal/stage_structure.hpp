@@ -43,7 +43,8 @@ public:
         std::vector<Block> blocks;
         Index rows = 0;  // of P G, of which any are read
     };
-    // A sparse row of a state whose own column is unused, if the cost does not couple it: values first, second at columns (of the used ones); -1: none.
+    // A sparse row of a state whose own column is unused, if the cost does not couple it: values first, second at
+    // columns (of the used ones); -1: none.
     struct Loner {
         Index row;
         std::array<Index, 2> values;
