@@ -226,6 +226,8 @@ def optimize(
     as_choice(shooting, "shooting", get_args(Shooting))
     if (initial is None) == (resume is None):
         raise ArgumentError(f"initial, resume: got {'neither' if initial is None else 'both'}, expected one of them.")
+    if callback is not None and not callable(callback):
+        raise ArgumentError(f"callback: got {type(callback).__name__}, expected a function of an IterationRecord")
     kind = Cost if isinstance(system, DiscreteSystem) else ContinuousCost
     if resume is not None:
         made = OptimizationResult if kind is Cost else ContinuousOptimizationResult

@@ -14,12 +14,12 @@ from leastaction.mechanics.elements import Element, JointForce
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.loop import both
+from leastaction.optimal.discrete.system import given_start
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.settings import Method
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import StageCallback, Stages
+from leastaction.optimal.starts.stages import StageCallback, Stages, check_options
 from leastaction.systems.midpoint import MidpointSystem
 
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE
@@ -103,13 +103,9 @@ def embed(
     """
     require_instance(system, "system", MidpointSystem)
     require_instance(cost, "cost", Cost)
-    for name in ("initial", "horizon"):
-        if name in options:
-            raise ArgumentError(f"{name}: cannot be an option for the last stage, which starts from the one before")
+    check_options(options, "the last stage, which starts from the one before")
     m, N = system.integrator.mechanism, system.N
-    given, inputs = both(initial)
-    x = as_array(given, "initial x", (N + 1, system.nx), (system.nx,), meaning="(N+1, nx) or (nx,)")
-    u = as_array(inputs, "initial u", (N, system.nu), meaning="(N, nu)")
+    x, u = given_start(system, initial)
     limit = as_number(tolerance, "tolerance", above=0.0)
 
     elements = _helpers(m, help)

@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
+from leastaction.numerics.arrays import Array, as_number, require_instance
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
+from leastaction.optimal.discrete.system import given_start
 from leastaction.optimal.limits.limit import Bound
-from leastaction.optimal.loop import both
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import StageCallback, Stages
+from leastaction.optimal.starts.stages import StageCallback, Stages, check_options
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.warm_start import warm_start
@@ -193,11 +193,10 @@ def by_tensions(
     states += [whole.nq + i for i in range(whole.nd)]
     states += [whole.nq + whole.nd + whole.kinematic.index(n) for n in m.kinematic]
     inputs = [*range(whole.n_inputs), *(whole.n_inputs + whole.kinematic.index(n) for n in m.kinematic)]
-    N, free = system.N, whole.n_inputs
+    free = whole.n_inputs
 
-    x, u = both(initial)
-    x = as_array(x, "initial x", (N + 1, system.nx), (system.nx,), meaning="(N+1, nx) or (nx,)")[..., states]
-    u = as_array(u, "initial u", (N, system.nu), meaning="(N, nu)")[:, inputs]
+    x, u = given_start(system, initial)
+    x, u = x[..., states], u[:, inputs]
     tension = _at_rest(m, late, np.atleast_2d(x)[0, : m.nq], least)
     with_tensions = np.insert(u, [free] * len(late), tension, axis=1)
     weight = as_number(price, "price", above=0.0)
@@ -256,9 +255,7 @@ def _check(system: MidpointSystem, cost: Cost, options: dict[str, Any]) -> None:
     if system.multipliers:
         raise ArgumentError("system: got one with multipliers in its state, expected one without them")
     require_instance(cost, "cost", Cost)
-    for name in ("initial", "horizon"):
-        if name in options:
-            raise ArgumentError(f"{name}: cannot be an option for the last stage, which starts from the one before")
+    check_options(options, "the last stage, which starts from the one before")
 
 
 def _chosen(m: Mechanism, names: Sequence[str] | None) -> list[str]:

@@ -78,11 +78,6 @@ class Mechanism:
         body has, a dynamic variable that moves no mass, or an element that does not fit.
     """
 
-    __slots__ = (
-        "_owners", "_plan", "_slots", "constraints", "core", "dynamic", "frames", "inputs", "kinematic", "n_inputs",
-        "nc", "nd", "nq", "nrho", "nx", "parts", "tree", "variables",
-    )  # fmt: skip
-
     _plan: Plan
     _slots: Mapping[str, int]
     _owners: Mapping[str, tuple[str, str]]
@@ -145,8 +140,7 @@ class Mechanism:
             "nc": len(settled.constraints),
             "nx": 2 * (nd + nrho),
         }
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(fields)
         if like is None:
             check_names(self.tree, context.parameters)
             check_masses(self.tree, self.variables, self.core)

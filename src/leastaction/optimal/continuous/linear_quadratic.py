@@ -200,7 +200,7 @@ def steady_state_regulator(
         K = np.linalg.solve(R, S.T + B.T @ P)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise ArgumentError(
-            f"A, B, Q, R: there is no steady-state regulator ({error}). Every unstable mode must be "
+            f"A, B, Q, R: there is no steady-state regulator ({str(error).rstrip('.')}). Every unstable mode must be "
             "within reach of the input and seen by Q, and R positive definite."
         ) from error
     return K, 0.5 * (P + P.T)

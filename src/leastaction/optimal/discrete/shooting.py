@@ -24,16 +24,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
-from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.gap_filter import Curve, Filter
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
 from leastaction.optimal.discrete.model_hessian import shifted
 from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.line_search import Refusal, Trial
-from leastaction.optimal.loop import both
 from leastaction.optimal.memory import Gaps, Memory, Place, Start
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import Settings
@@ -108,10 +107,7 @@ class ShootingProblem(DiscreteProblem):
         if self.gapped == "never":
             super().start(initial)
             return
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
-        x, u = both(initial)
-        u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
-        x = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
+        x, u = given_start(self.system, initial)
         self.given = Start(x.copy(), u.copy())
         failure: ProjectionError | None = None
         if self.gapped == "where needed":

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, StepError
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.loop.problem import both
 from leastaction.optimal.quantity import Entries, Later, Quantity
 from leastaction.optimal.system import Linearization, System
 
@@ -321,6 +322,14 @@ class WindowSystem(DiscreteSystem):
         whole_x[first : last + 1] = xbar[start : stop + 1]
         whole_u[rows], whole_K[rows] = ubar[start:stop], K[start:stop]
         return self.system.rollout(x0, whole_x, whole_u, whole_K, first, last)
+
+
+def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
+    """Return what was given to start from, or complain: x (N+1, nx) or an initial state (nx,), and u (N, nu)."""
+    x, u = both(initial)
+    N, nx, nu = system.N, system.nx, system.nu
+    states = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
+    return states, as_array(u, "initial u", (N, nu), meaning="(N, nu)")
 
 
 def check_window(start: int, stop: int, N: int) -> None:

@@ -18,7 +18,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.loop import both
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus
+from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus, check_options
 
 Build = Callable[[Array], tuple[Any, Any]]
 Transfer = Callable[[OptimizationResult, Any, Any], tuple[Array, Array]]
@@ -85,9 +85,7 @@ def coarse_to_fine(
     u = as_array(inputs, "initial u", (N, None), meaning="(N, nu)")
     nx = np.shape(given)[-1] if np.ndim(given) else 1
     x = as_array(given, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
-    for name in ("initial", "horizon"):
-        if name in options:
-            raise ArgumentError(f"{name}: cannot be an option for the stages, each starts from the one before")
+    check_options(options, "the stages, each starts from the one before")
     stages = Stages(callback, () if resume is None else resume.stages)
     best: OptimizationResult | None = None
     before: tuple[DiscreteSystem, Array] | None = None

@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import as_array, as_count, require_instance
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.limits.limit import FromSecond, Limit
-from leastaction.optimal.loop import both
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus
+from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus, check_options
 from leastaction.optimal.system import check_system
 
 
@@ -81,18 +80,15 @@ def receding_horizon(
     check_system(system, (DiscreteSystem,), ("nx", "nu", "N"))
     N, nx, nu = system.N, system.nx, system.nu
     require_instance(cost, "cost", Cost)
-    given, inputs = both(initial)
-    u = as_array(inputs, "initial u", (N, nu), meaning="(N, nu)").copy()
-    curve = as_array(given, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
+    curve, inputs = given_start(system, initial)
+    u = inputs.copy()
     follows = curve.ndim == 2
     x = curve.copy() if follows else np.tile(curve, (N + 1, 1))
     length = as_count(window, "window", 1)
     kept = as_count(max(1, length // 2) if keep is None else keep, "keep", 1)
     if kept > length:
         raise ArgumentError(f"keep: got {kept}, expected at most the steps of a window, {length}")
-    for name in ("initial", "horizon"):
-        if name in options:
-            raise ArgumentError(f"{name}: cannot be an option for the windows, each begins where the last one ends")
+    check_options(options, "the windows, each begins where the last one ends")
     options.setdefault("max_iterations", 50)
     # A window that cannot be begun is a shorter one.
     options.setdefault("shooting", "single")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 
-from leastaction.errors import LeastActionError
+from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 from leastaction.optimal.result import OptimizationResult, Status
@@ -121,6 +121,13 @@ class StartResult(Frozen):
             f"{self.status.name}: {self.message}\n"
             f"cost {self.cost:.10g} after {len(self.stages)} stages with {self.iterations} iterations"
         )
+
+
+def check_options(options: Mapping[str, object], of: str) -> None:
+    """Complain about options of `optimize` that a search for a start chooses itself; ``of``: for what, and why."""
+    for name in ("initial", "horizon"):
+        if name in options:
+            raise ArgumentError(f"{name}: cannot be an option for {of}")
 
 
 class Stages:
