@@ -77,9 +77,9 @@ from leastaction.mechanics.elements import (
     Wrench,
     check_function,
 )
-from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
-from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives
+from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.numerics.curve import Curve
 
 __all__ = [

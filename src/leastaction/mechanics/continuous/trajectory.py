@@ -15,7 +15,7 @@ from leastaction.mechanics.continuous.events import EventRecord
 from leastaction.mechanics.continuous.integration import SolverCounts
 from leastaction.mechanics.continuous.monitoring import EnergyBalance
 from leastaction.mechanics.continuous.stabilisation import Drift
-from leastaction.mechanics.mechanism.mass_queries import Energy
+from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, shape_of
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from leastaction.mechanics.discrete.derivatives import check_trajectory
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives, Substituted
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives, Substituted
 from leastaction.numerics.arrays import Array, as_array, as_time_step
 
 

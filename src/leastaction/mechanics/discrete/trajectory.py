@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.step_quality import StepQuality

@@ -16,7 +16,7 @@ from leastaction.mechanics.description.flattening import flatten
 from leastaction.mechanics.description.masses import check_masses
 from leastaction.mechanics.description.tree import Ball, Tree
 from leastaction.mechanics.elements import Element, Parts
-from leastaction.mechanics.mechanism import constraint_queries, frame_queries, function_queries, mass_queries
+from leastaction.mechanics.mechanism import queries
 from leastaction.mechanics.mechanism.arguments import batch
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
@@ -316,36 +316,36 @@ class Mechanism:
 
     # What it may be asked: functions, each explained where it stands
 
-    frame_pose = frame_queries.frame_pose
-    frame_pose_derivative = frame_queries.frame_pose_derivative
-    positions = frame_queries.positions
-    frame_jacobian = frame_queries.frame_jacobian
-    frame_jacobian_derivative = frame_queries.frame_jacobian_derivative
-    frame_velocity = frame_queries.frame_velocity
-    frame_velocity_derivative = frame_queries.frame_velocity_derivative
+    frame_pose = queries.frames.frame_pose
+    frame_pose_derivative = queries.frames.frame_pose_derivative
+    positions = queries.frames.positions
+    frame_jacobian = queries.frames.frame_jacobian
+    frame_jacobian_derivative = queries.frames.frame_jacobian_derivative
+    frame_velocity = queries.frames.frame_velocity
+    frame_velocity_derivative = queries.frames.frame_velocity_derivative
 
-    energy = mass_queries.energy
-    momentum = mass_queries.momentum
-    total_momentum = mass_queries.total_momentum
-    mass_matrix = mass_queries.mass_matrix
-    center_of_mass = mass_queries.center_of_mass
+    energy = queries.masses.energy
+    momentum = queries.masses.momentum
+    total_momentum = queries.masses.total_momentum
+    mass_matrix = queries.masses.mass_matrix
+    center_of_mass = queries.masses.center_of_mass
 
     @property
     def mass(self) -> float:
         """Mass of all bodies (kg), those fixed in the world too."""
-        return mass_queries.mass_of(self)
+        return queries.masses.mass_of(self)
 
-    constraint_values = constraint_queries.constraint_values
-    constraint_residuals = constraint_queries.constraint_residuals
-    constraint_jacobian = constraint_queries.constraint_jacobian
-    constraint_rank = constraint_queries.constraint_rank
-    degrees_of_freedom = constraint_queries.degrees_of_freedom
-    redundancy = constraint_queries.redundancy
+    constraint_values = queries.constraints.constraint_values
+    constraint_residuals = queries.constraints.constraint_residuals
+    constraint_jacobian = queries.constraints.constraint_jacobian
+    constraint_rank = queries.constraints.constraint_rank
+    degrees_of_freedom = queries.constraints.degrees_of_freedom
+    redundancy = queries.constraints.redundancy
 
-    lagrangian = function_queries.lagrangian
-    potential = function_queries.potential
-    force = function_queries.force
-    constraint = function_queries.constraint
+    lagrangian = queries.functions.lagrangian
+    potential = queries.functions.potential
+    force = queries.functions.force
+    constraint = queries.functions.constraint
 
     # Python
 

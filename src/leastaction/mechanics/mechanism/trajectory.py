@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from leastaction.errors import ArgumentError, closest, unknown
-from leastaction.mechanics.mechanism.mass_queries import Energy
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 

@@ -1,7 +1,7 @@
 """The functions that a mechanism is made of, of the whole or of one element alone.
 
 Functions are methods of `Mechanism`, which is ``m`` here; classes evaluate what they return, see
-`leastaction.mechanics.mechanism.function_derivatives.Evaluate`.
+`leastaction.mechanics.mechanism.queries.function_derivatives.Evaluate`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from leastaction import _core
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.elements import Constraint, Force, Parts, Potential
 from leastaction.mechanics.mechanism.arguments import Compiled, inputs_of, single
-from leastaction.mechanics.mechanism.function_derivatives import FunctionDerivatives
+from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives
 from leastaction.numerics.arrays import Array
 
 

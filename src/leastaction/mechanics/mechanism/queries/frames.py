@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, frame_index, shaped
-from leastaction.mechanics.mechanism.frame_derivatives import Slots, jacobian_derivative, pose_derivative
-from leastaction.mechanics.mechanism.path_motion import Axes, PathMotion, inverted, origins_of, poses_of
+from leastaction.mechanics.mechanism.queries.frame_derivatives import Slots, jacobian_derivative, pose_derivative
+from leastaction.mechanics.mechanism.queries.path_motion import Axes, PathMotion, inverted, origins_of, poses_of
 from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.memory import MAX_BYTES, check_memory
 

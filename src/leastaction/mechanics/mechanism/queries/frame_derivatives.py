@@ -18,7 +18,7 @@ from itertools import product
 
 import numpy as np
 
-from leastaction.mechanics.mechanism.path_motion import PathMotion, inverted
+from leastaction.mechanics.mechanism.queries.path_motion import PathMotion, inverted
 from leastaction.numerics.arrays import Array
 
 Slots = Sequence[Array]
