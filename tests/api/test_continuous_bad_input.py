@@ -54,9 +54,9 @@ def run(**options):
         ({"max_steps": 1.5}, r"max_steps: got 1.5, expected a whole number"),
         ({"constraints": "penalty"}, r"constraints: got 'penalty', expected 'project', 'baumgarte'"),
         ({"constraints": None}, r"constraints: got None, expected"),
-        ({"constraints": Baumgarte(0.0)}, r"time_constant is 0.0, expected a positive number"),
-        ({"constraints": Baumgarte(0.1, -1.0)}, r"damping_ratio is -1.0, expected a positive"),
-        ({"constraints": Projection(1.0)}, r"tolerance is 1.0, expected a number between"),
+        ({"constraints": Baumgarte(0.0)}, r"time_constant: got 0.0, expected a number > 0"),
+        ({"constraints": Baumgarte(0.1, -1.0)}, r"damping_ratio: got -1.0, expected a number > 0"),
+        ({"constraints": Projection(1.0)}, r"tolerance: got 1.0, expected a number between 0 and 0.01"),
     ],
 )  # fmt: skip
 def test_settings(options: dict, message: str) -> None:

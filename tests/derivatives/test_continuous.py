@@ -343,7 +343,10 @@ def test_kinematic_variables_are_driven() -> None:
         (lambda c: c.curvature([0.1, 0.2], [0.0, 0.0], z_a=[1.0]), "z_a: got shape"),
         (lambda c: c.curvature([0.1, 0.2], [0.0, 0.0], z_lam=[1.0]), "z_lam: got shape"),
         (lambda c: c.tensors(np.zeros((2, 2)), np.zeros((2, 2))), "got 2 points, expected one"),
-        (lambda c: ContinuousDynamics(c.mechanism, constraint_damping=-1.0), "not negative"),
+        (
+            lambda c: ContinuousDynamics(c.mechanism, constraint_damping=-1.0),
+            "constraint_damping: got -1.0, expected a number >= 0",
+        ),
         (lambda c: ContinuousDynamics(c.mechanism, threads=-1), "threads"),
     ],
 )

@@ -199,7 +199,7 @@ def test_wrong_arguments_are_named() -> None:
         (({},), {"t": T}, "nothing that is wanted"),
         (({"hand": CIRCLE[1:]},), {"t": T}, "motion: 'hand'"),
         (({"hand": CIRCLE}, {"foot": 1.0}), {"t": T}, "weights: nothing is called 'foot'"),
-        (({"hand": CIRCLE}, {"hand": -1.0}), {"t": T}, "expected zero or more"),
+        (({"hand": CIRCLE}, {"hand": -1.0}), {"t": T}, "expected a number >= 0"),
         (({"hand": CIRCLE}, {"turn": 0.0}), {"t": T}, "'turn' has none"),
     ):
         with pytest.raises(ArgumentError, match=message):

@@ -96,7 +96,7 @@ def test_bad_input() -> None:
     system, plain, cost = made(EVEN, {"left": 0.3})
     with pytest.raises(ArgumentError, match=r"nothing is called 'up'; .*'left'"):
         SmoothCost(plain, system, {"up": 1.0})
-    with pytest.raises(ArgumentError, match=r"'right': got -1, expected a weight of zero or more"):
+    with pytest.raises(ArgumentError, match=r"the weight of 'right': got -1.0, expected a number >= 0"):
         SmoothCost(plain, system, {"right": -1.0})
     with pytest.raises(ArgumentError, match=r"weight of 'right'"):
         SmoothCost(plain, system, {"right": np.nan})

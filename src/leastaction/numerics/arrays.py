@@ -111,8 +111,14 @@ def as_number(
     if least is not None and number < least:
         raise error(f"{what}: got {number}, expected a number >= {least:g}")
     if not above < number < below:
-        raise error(f"{what}: got {number}, expected a number in ({above:g}, {below:g})")
+        raise error(f"{what}: got {number}, expected a number {_range(above, below)}")
     return number
+
+
+def _range(above: float, below: float) -> str:
+    if np.isinf(below):
+        return f"> {above:g}"
+    return f"< {below:g}" if np.isinf(above) else f"between {above:g} and {below:g}"
 
 
 def as_count(value: object, what: str, least: int, *, error: type[LeastActionError] = ArgumentError) -> int:

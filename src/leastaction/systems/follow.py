@@ -345,9 +345,7 @@ def _cost(
         chosen = [names[i] for i in matching(names, pattern)]
         if not chosen:
             raise ArgumentError(f"weights: nothing is called {pattern!r}; {closest(pattern, names, what='names')}")
-        if as_number(weight, f"weights: {pattern!r}") < 0.0:
-            raise ArgumentError(f"weights: {pattern!r}: got {weight:g}, expected zero or more")
-        value |= dict.fromkeys(chosen, float(weight))
+        value |= dict.fromkeys(chosen, as_number(weight, f"weights: {pattern!r}", least=0.0))
     goal = x.copy()
     for name, values in wanted.items():
         if values.ndim == 1:

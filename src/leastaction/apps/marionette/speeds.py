@@ -12,6 +12,7 @@ from leastaction.apps.marionette.scene import marionette_scene
 from leastaction.apps.marionette.tracking import TrackingRun
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion
+from leastaction.numerics.arrays import as_number
 from leastaction.viz.figures import BLUE, GREY, PALE, VERMILION, new_figure, styled
 
 if TYPE_CHECKING:
@@ -72,8 +73,7 @@ def fastest(
     ArgumentError
         An error that is not positive, no speeds; what `follow` and `motion_at` raise.
     """
-    if not error > 0.0:
-        raise ArgumentError(f"error is {error}, expected a number > 0")
+    as_number(error, "error", above=0.0)
     tried: list[AtSpeed] = []
     for speed in speeds:
         run = follow(motion_at(speed))

@@ -56,13 +56,8 @@ class ContinuousDynamics:
         threads: int = 0,
     ) -> None:
         require_instance(mechanism, "mechanism", Mechanism)
-        self.constraint_damping = as_number(constraint_damping, "constraint_damping")
-        self.constraint_stiffness = as_number(constraint_stiffness, "constraint_stiffness")
-        if min(self.constraint_damping, self.constraint_stiffness) < 0.0:
-            raise ArgumentError(
-                f"constraint_damping and constraint_stiffness: got {constraint_damping} 1/s and "
-                f"{constraint_stiffness} 1/s^2, expected numbers that are not negative"
-            )
+        self.constraint_damping = as_number(constraint_damping, "constraint_damping", least=0.0)
+        self.constraint_stiffness = as_number(constraint_stiffness, "constraint_stiffness", least=0.0)
         self.mechanism = mechanism
         self.threads = as_count(threads, "threads", 0)
         self.core = _core.Continuous(mechanism.core, self.constraint_damping, self.constraint_stiffness)

@@ -99,16 +99,11 @@ def as_handling(constraints: object) -> Projection | Baumgarte | None:
     if isinstance(constraints, str) and constraints in named:
         return named[constraints]
     if isinstance(constraints, Projection):
-        if not 0.0 < as_number(constraints.tolerance, "constraints: tolerance") < 1e-2:
-            raise ArgumentError(
-                f"constraints: tolerance is {constraints.tolerance}, expected a number between 0 and 0.01"
-            )
+        as_number(constraints.tolerance, "constraints: tolerance", above=0.0, below=1e-2)
         return constraints
     if isinstance(constraints, Baumgarte):
         for field in ("time_constant", "damping_ratio"):
-            value = as_number(getattr(constraints, field), f"constraints: {field}")
-            if value <= 0.0:
-                raise ArgumentError(f"constraints: {field} is {value}, expected a positive number")
+            as_number(getattr(constraints, field), f"constraints: {field}", above=0.0)
         return constraints
     raise ArgumentError(
         f"constraints: got {constraints!r}, expected 'project', 'baumgarte', 'none', or a Projection or "

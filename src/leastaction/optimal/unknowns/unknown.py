@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import as_number
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem
@@ -50,9 +48,7 @@ class Unknown:
         for what in ("min", "max", "guess", "price", "weight", "wanted"):
             value = getattr(self, what)
             if value is not None:
-                as_number(value, f"{self}: {what}", above=-np.inf)
-        if self.weight < 0.0:
-            raise ArgumentError(f"{self}: weight: got {self.weight:.6g}, expected zero or more")
+                as_number(value, f"{self}: {what}", least=0.0 if what == "weight" else None)
         if self.min is not None and self.max is not None and not self.min < self.max:
             raise ArgumentError(
                 f"{self}: got min {self.min:.6g} and max {self.max:.6g}, expected the least value below the largest"

@@ -48,9 +48,7 @@ class PlaceCost(AddedCost):
             place = np.asarray(given, dtype=np.float64)
             if place.shape not in ((3,), (N + 1, 3)):
                 raise ArgumentError(f"places: {name!r}: got shape {place.shape}, expected ({N + 1}, 3) or (3,)")
-            weight = as_number(weights.get(name, 1.0), f"weights: {name!r}")
-            if weight < 0.0:
-                raise ArgumentError(f"weights: {name!r}: got {weight:g}, expected zero or more")
+            weight = as_number(weights.get(name, 1.0), f"weights: {name!r}", least=0.0)
             wanted[name] = read_only(np.nan_to_num(np.broadcast_to(place, (N + 1, 3))))
             weighed[name] = read_only(weight * np.broadcast_to(~np.isnan(place), (N + 1, 3)))
         self._wanted, self._weights = wanted, weighed

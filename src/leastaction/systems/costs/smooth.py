@@ -140,10 +140,7 @@ class SmoothCost(CostOfAccelerations):
             if not found:
                 known = closest(pattern, m.kinematic, what="kinematic variables")
                 raise ArgumentError(f"accelerations: nothing is called {pattern!r}; {known}")
-            weights[found] = as_number(value, f"accelerations: the weight of {pattern!r}")
-        if (weights < 0.0).any():
-            name = m.kinematic[int(np.argmin(weights))]
-            raise ArgumentError(f"accelerations: {name!r}: got {weights.min():g}, expected a weight of zero or more")
+            weights[found] = as_number(value, f"accelerations: the weight of {pattern!r}", least=0.0)
         priced = np.flatnonzero(weights)
         super().__init__(
             cost,

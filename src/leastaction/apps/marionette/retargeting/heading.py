@@ -12,7 +12,7 @@ from leastaction.apps.marionette.retargeting.geometry import unit
 from leastaction.errors import ArgumentError, MotionFileError
 from leastaction.io.motion.capture import Capture, axis_rotation
 from leastaction.io.motion.motion import Motion
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, as_choice
 
 _SLOW = 0.25  # Hz
 _ERECT = 1.8  # of 2 is the upright direction of a skeleton that stands along an axis
@@ -84,8 +84,7 @@ def _nearest_axis(vector: Array) -> Axis:
 
 
 def _axis_vector(axis: Axis) -> Array:
-    if axis not in get_args(Axis):
-        raise ArgumentError(f"axis: got {axis!r}, expected one of {', '.join(get_args(Axis))}")
+    as_choice(axis, "axis", get_args(Axis))
     vector = np.zeros(3)
     vector["xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
     return vector
@@ -101,8 +100,7 @@ def world_from(up: Axis, forward: Axis) -> Array:
 
 def heading_angle(capture: Capture, heading: Heading, points: Mapping[str, Array]) -> float:
     """Turn about z, in radians, that brings the chosen direction of `points`, z up, to +y."""
-    if heading not in get_args(Heading):
-        raise ArgumentError(f"heading: got {heading!r}, expected one of {', '.join(get_args(Heading))}")
+    as_choice(heading, "heading", get_args(Heading))
     if heading == "axis":
         return 0.0
     if heading == "travel":

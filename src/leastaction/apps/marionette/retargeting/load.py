@@ -18,7 +18,7 @@ from leastaction.errors import ArgumentError
 from leastaction.io.motion.capture import Capture
 from leastaction.io.motion.motion import Motion
 from leastaction.io.motion.read import read_capture
-from leastaction.numerics.arrays import as_number
+from leastaction.numerics.arrays import as_choice, as_number
 
 Start = Literal["rest", "moving"]
 
@@ -150,8 +150,7 @@ def load_motion(
     ArgumentError
         An option out of range.
     """
-    if start not in get_args(Start):
-        raise ArgumentError(f"start: got {start!r}, expected one of {', '.join(get_args(Start))}")
+    as_choice(start, "start", get_args(Start))
     names = None if mapping is None else read_mapping(mapping)
     capture = read_capture(path, skeleton=skeleton, frame_rate=frame_rate)
     made = retarget(
