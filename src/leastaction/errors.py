@@ -183,21 +183,10 @@ class UnitWarning(UserWarning):
 
 
 def closest(name: object, known: Iterable[str], *, what: str) -> str:
-    """Return the end of an "unknown name" message: close matches, or the names that exist.
+    """Return the end of an "unknown name" message: close matches to what was given, or the names that exist.
 
-    Parameters
-    ----------
-    name : object
-        The name that was given.
-    known : iterable of str
-        The names that exist.
-    what : str
-        Their kind in the plural, such as ``"frames"``.
-
-    Returns
-    -------
-    str
-        One sentence, such as ``"did you mean 'theta'?"`` or ``"the frames are 'a', 'b'"``.
+    One sentence, such as ``"did you mean 'theta'?"`` or ``"the frames are 'a', 'b'"``. ``what``: their kind in the
+    plural.
     """
     names = list(known)
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.6) if isinstance(name, str) else []
@@ -214,18 +203,10 @@ def closest(name: object, known: Iterable[str], *, what: str) -> str:
 
 
 def unknown(kind: str, name: object, known: Iterable[str], what: str = "") -> ArgumentError:
-    """Return the error of a name that nothing has.
+    """Return the error of a name that nothing has, where others are known.
 
-    Parameters
-    ----------
-    kind : str
-        What it would be the name of, such as ``"frame"``.
-    name : object
-        The name that was given.
-    known : iterable of str
-        The names that exist.
-    what : str, optional
-        The argument that it was given as, where that has to be said.
+    ``kind``: what it would be the name of, such as ``"frame"``. ``what``: the argument that it was given as, where that
+    has to be said.
     """
     given = f"{what}: " if what else ""
     return ArgumentError(f"{given}unknown {kind} {name!r}; {closest(name, known, what=f'{kind}s')}")
@@ -238,13 +219,7 @@ def brief(value: object) -> str:
 
 
 def worst_first(residuals: Mapping[str, float]) -> dict[str, float]:
-    """Return the residuals by name with the largest magnitude (or NaN) first.
-
-    Parameters
-    ----------
-    residuals : mapping of str to float
-        Residual by name, any unit.
-    """
+    """Return residuals by name, of any unit, with the largest magnitude (or NaN) first."""
 
     def size(item: tuple[str, float]) -> float:
         value = float(item[1])

@@ -120,14 +120,8 @@ class Step:
 class Passage:
     """Where an equation is fragile, and how its steps are to be made and judged there.
 
-    Attributes
-    ----------
-    fragile : callable
-        ``fragile(y) -> bool``, asked of the end of every step.
-    fun : callable
-        An equation of the same solution that stands up to more, in place of `March`'s.
-    error : callable
-        ``error(interpolants) -> float``: how wrong some steps went, in units of what is allowed.
+    ``fragile(y)``: asked of the end of every step. ``fun``: an equation of the same solution that stands up to more, in
+    place of `March`'s. ``error(interpolants)``: how wrong some steps went, in units of what is allowed.
     """
 
     fragile: Callable[[Array], bool]
@@ -141,41 +135,16 @@ class March:
     The iteration ends at tf, and by `IntegrationFailed` where it cannot go on; it may be left at any step. The counts
     and the last state are right whenever it ends. Not for several threads.
 
-    Parameters
-    ----------
-    fun : callable
-        ``fun(t, y) -> (n,)``. An `ArithmeticError`, an error of this package other than an `ArgumentError`, or what
-        is not finite says that there is no value.
-    t0, tf : float
-        Times (s).
-    y0 : ndarray (n,)
-        Initial value.
-    solver : str
-        One of `SOLVERS`.
-    rtol, atol : float, or ndarray (n,) for the latter
-        Error of one step that is allowed, ``atol + rtol |y|``.
-    jacobian : callable, optional
-        ``jacobian(t, y) -> (n, n)``, for those of `IMPLICIT`.
-    hold : callable, optional
-        ``hold(t, y) -> y`` moves the end of every step where it belongs, such as onto constraints; an error of this
-        package ends the integration.
-    jumps : sequence of float
-        Times where `fun` jumps.
-    passage : Passage, optional
-        Where steps are taken on trial.
-    first_step, max_step : float, optional
-        Sizes (s).
-    max_steps : int, optional
-        Steps after which it has failed.
-    max_seconds : float, optional
-        Wall time (s) after which it has failed.
+    ``fun(t, y) -> (n,)``: an `ArithmeticError`, an error of this package other than an `ArgumentError`, or what is not
+    finite says that there is no value. ``y0`` (n,): the initial value. ``solver``: one of `SOLVERS`. ``rtol``,
+    ``atol``: error of one step that is allowed, ``atol + rtol |y|``. ``jacobian(t, y) -> (n, n)``: for those of
+    `IMPLICIT`. ``hold(t, y) -> y``: moves the end of every step where it belongs, such as onto constraints; an error of
+    this package ends the integration. ``jumps``: times where `fun` jumps. ``passage``: where steps are taken on trial.
+    ``first_step``, ``max_step``: sizes (s). ``max_steps``, ``max_seconds``: steps, and wall time (s), after which it
+    has failed.
 
-    Attributes
-    ----------
-    t, y : float, ndarray (n,)
-        The last time that was reached, and the solution there.
-    steps, evaluations, jacobians : int
-        Steps accepted, and evaluations of `fun` and `jacobian`.
+    ``t``, ``y``: the last time that was reached, and the solution there. ``steps``, ``evaluations``, ``jacobians``:
+    steps accepted, and evaluations of `fun` and `jacobian`.
     """
 
     def __init__(

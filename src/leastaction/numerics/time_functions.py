@@ -23,17 +23,8 @@ TimeFunctionLike = ArrayLike | PiecewisePolynomial | Callable[[float], ArrayLike
 class TimeFunction:
     """An array that may change with time.
 
-    Parameters
-    ----------
-    value : TimeFunctionLike
-        What was given.
-    name : str
-        The argument's name, for messages.
-
-    Raises
-    ------
-    ArgumentError
-        A constant that is not an array of finite numbers.
+    ``value``: what was given. ``name``: the argument's, for messages. Raises `ArgumentError`: a constant that is not an
+    array of finite numbers.
     """
 
     __getstate__, __setstate__ = saved_state, restore_state

@@ -28,13 +28,7 @@ class Example:
 
 
 def find_examples() -> list[Example]:
-    """Return the scripts in the order of their numbers.
-
-    Raises
-    ------
-    ArgumentError
-        If this package was put together without them.
-    """
+    """Return the scripts in the order of their numbers, or complain if this package was put together without them."""
     for place in _PLACES:
         files = sorted(place.glob("[0-9][0-9]_*.py"))
         if files:
@@ -46,13 +40,7 @@ def find_examples() -> list[Example]:
 
 
 def find_example(wanted: str) -> Example:
-    """Return the script of a number, or of a name or a beginning of it that only one has.
-
-    Raises
-    ------
-    ArgumentError
-        If there is none.
-    """
+    """Return the script of a number, or of a name or a beginning of it that only one has; complain if there is none."""
     known = find_examples()
     if wanted.isdecimal():
         found = [example for example in known if example.number == int(wanted)]

@@ -117,18 +117,10 @@ class Feedback:
 class InputLaw:
     """One input signal, checked, as a function of time and state.
 
-    Parameters
-    ----------
-    signal : array_like, callable or None
-        A constant (n,); rows (N+1, n), which are joined by straight lines; rows (N, n), each held over an
-        interval; a `PiecewisePolynomial`; a function ``(t, x)``, which may have a ``jacobian(t, x)`` of shape
-        (n, nx); zero if None.
-    times : ndarray, shape (N+1,)
-        The instants of the rows (s).
-    names : sequence of str
-        Names of the n entries.
-    what : str
-        The name of the argument, for messages.
+    ``signal``: a constant (n,); rows (N+1, n), which are joined by straight lines; rows (N, n), each held over an
+    interval; a `PiecewisePolynomial`; a function ``(t, x)``, which may have a ``jacobian(t, x)`` of shape (n, nx); zero
+    if None. ``times`` (N+1,): the instants of the rows (s). ``names``: of the n entries. ``what``: the name of the
+    argument, for messages.
     """
 
     def __init__(self, signal: ContinuousSignal, times: Array, names: Sequence[str], what: str) -> None:

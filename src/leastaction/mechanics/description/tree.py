@@ -89,18 +89,10 @@ class Ball:
 class Tree:
     """A flattened description.
 
-    Attributes
-    ----------
-    frames : tuple of TreeFrame
-        In depth-first preorder; the world first.
-    joints : tuple of Joint
-        Those that move a mass in depth-first preorder, then the others.
-    dynamic, kinematic : tuple of str
-        Names of the variables in the order that the tree meets them.
-    compositions : tuple of (Group, tuple of int)
-        The universal, ball and free joints, with the indices of their frames from the outermost on.
-    balls : tuple of Ball
-        The ball joints, those of free joints too.
+    ``frames``: in depth-first preorder, the world first. ``joints``: those that move a mass in depth-first preorder,
+    then the others. ``dynamic``, ``kinematic``: names of the variables in the order that the tree meets them.
+    ``compositions``: the universal, ball and free joints, with the indices of their frames from the outermost on.
+    ``balls``: the ball joints, those of free joints too.
     """
 
     frames: tuple[TreeFrame, ...]

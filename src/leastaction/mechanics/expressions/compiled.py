@@ -21,20 +21,10 @@ PLACES = ("point", "direction")
 class CompiledExpression:
     """A scalar of the configuration as the core takes it.
 
-    Attributes
-    ----------
-    points : tuple of str
-        Frames whose origins it uses: three arguments each, first of all.
-    directions : tuple of (str, tuple of float)
-        Frames and unit vectors in their axes: three arguments each, after the points.
-    variables : tuple of str
-        Configuration variables, one argument each.
-    parameters : tuple of (str, float)
-        Named numbers and their values, one argument each, last of all.
-    code : TapeCode
-        The instructions.
-    is_variable : bool
-        Whether it is a single variable and nothing else, which the core takes without a tape.
+    Its arguments, in this order: ``points``, frames whose origins it uses, three each; ``directions``, frames and unit
+    vectors in their axes, three each; ``variables``, one each; ``parameters``, named numbers and their values, one
+    each. ``code``: the instructions. ``is_variable``: whether it is a single variable and nothing else, which the core
+    takes without a tape.
     """
 
     points: tuple[str, ...]
@@ -52,18 +42,10 @@ class CompiledExpression:
 
 @dataclass(frozen=True, eq=False)
 class CompiledForce:
-    """A force along a scalar coordinate as the core takes it.
+    """A force along a scalar coordinate as the core takes it: the first of its ``coordinates``.
 
-    Attributes
-    ----------
-    coordinates : tuple of CompiledExpression
-        The force acts along the first; the tape's arguments are all of them, then all their rates,
-    inputs : tuple of str
-        then the inputs,
-    parameters : tuple of (str, float)
-        then the named numbers.
-    code : TapeCode
-        The instructions.
+    The tape's arguments are all of these, then all their rates, then the ``inputs``, then the ``parameters``, which are
+    named numbers and their values. ``code``: the instructions.
     """
 
     coordinates: tuple[CompiledExpression, ...]

@@ -30,12 +30,8 @@ FAST = 0.2
 class SingularityWatch:
     """Looks at the configurations of a simulation for ball joints near their singularity.
 
-    Parameters
-    ----------
-    balls : sequence of Ball
-        The ball joints of the mechanism; only those are looked at whose singularity matters.
-    variables : sequence of str
-        Names of the entries of q.
+    ``balls``: those of the mechanism; only those are looked at whose singularity matters. ``variables``: names of the
+    entries of q.
     """
 
     def __init__(self, balls: Sequence[Ball], variables: Sequence[str]) -> None:

@@ -32,15 +32,8 @@ class ExtendedSystem(DiscreteSystem):
     the parameter: good to about ten digits. It holds settings and no state; any number of threads may share it, as far
     as they may share the system.
 
-    Parameters
-    ----------
-    system : DiscreteSystem
-        With the parameters, at values of its own.
-    parameters : sequence of str
-    copied : sequence of int
-        Entries of the state whose first values are kept.
-    free_start : bool or sequence of str
-        What of the system's own initial state is free.
+    ``system``: with the parameters, at values of its own. ``copied``: entries of the state whose first values are kept.
+    ``free_start``: what of the system's own initial state is free.
     """
 
     def __init__(

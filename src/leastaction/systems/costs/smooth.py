@@ -23,20 +23,9 @@ class CostOfAccelerations(AddedCost):
     In a step the acceleration is ``((rho_next - rho)/dt - v_rho)/dt``, linear in state and input: what it costs is
     quadratic. As fit for several threads as the other cost.
 
-    Parameters
-    ----------
-    cost : Cost
-        The other cost.
-    dt : ndarray (N,)
-        The time steps (s).
-    nx, nu : int
-        Numbers of states and inputs.
-    weights : ndarray (m,)
-        Of half the squared accelerations.
-    rho, v_rho : ndarray of int (m,)
-        Where the variables and their rates over the step before are in the state.
-    rho_next : ndarray of int (m,)
-        Where the variables at the end of the step are in the input.
+    ``dt`` (N,): the time steps (s). ``nx``, ``nu``: numbers of states and inputs. ``weights`` (m,): of half the squared
+    accelerations. ``rho``, ``v_rho`` (m,): where the variables and their rates over the step before are in the state.
+    ``rho_next`` (m,): where the variables at the end of the step are in the input.
     """
 
     def __init__(

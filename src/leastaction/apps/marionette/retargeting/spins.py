@@ -38,16 +38,9 @@ _STEP: Final = 1e-6
 def without_spins(t: Array, angles: Array, directions: Directions, wanted: Array) -> Array:
     """Return angles (F, n) that nowhere spin; those given where they do not.
 
-    Parameters
-    ----------
-    t : (F,) array
-        Times in seconds, in equal steps.
-    angles : (F, n) array
-        Radians; the first three turn about z, y and x.
-    directions : callable
-        From angles (F, n) to directions (F, d, 3) of bones in the frame that the joint is tied to.
-    wanted : (F, d, 3) array
-        Those to be followed.
+    ``t`` (F,): times (s), in equal steps. ``angles`` (F, n): in radians, of which the first three turn about z, y and
+    x. ``directions``: from angles (F, n) to directions (F, d, 3) of bones in the frame that the joint is tied to.
+    ``wanted`` (F, d, 3): those to be followed.
     """
     dt = float(t[-1] - t[0]) / (len(t) - 1)
     around, last = max(3, round(_AROUND / dt)), len(angles) - 1
@@ -76,12 +69,7 @@ def beside(t: Array, angles: Array) -> Array:
     through its singularity goes over from one to the other: it waits beside it, at most 20 degrees off, while the first
     and the third angle turn by half a turn about nearly the same axis, which turns the limb hardly at all.
 
-    Parameters
-    ----------
-    t : (F,) array
-        Times in seconds, in equal steps.
-    angles : (F, n) array
-        Radians, continuous; the first three turn about z, y and x.
+    ``t`` (F,): times (s), in equal steps. ``angles`` (F, n): in radians, continuous, as of `without_spins`.
     """
     second = angles[:, 1]
     if np.abs(second).max(initial=0.0) <= FURTHEST:
