@@ -20,8 +20,8 @@ from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic
-from leastaction.optimal.discrete.problem import DiscreteDirection, Iterate
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.problem import LimitedProblem

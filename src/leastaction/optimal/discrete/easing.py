@@ -22,9 +22,10 @@ from numpy.typing import ArrayLike
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.problem import COARSE, DiscreteProblem
+from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.trial import COARSE
 from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Memory, Place, Start
 from leastaction.optimal.result import OptimizationResult, Status

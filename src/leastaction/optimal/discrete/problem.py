@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.numerics.step_quality import StepQuality, coarsest
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model
+from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.linear_quadratic import (
     Law,
     LinearQuadraticSolution,
@@ -25,68 +25,21 @@ from leastaction.optimal.discrete.linear_quadratic import (
 from leastaction.optimal.discrete.model_hessian import ModelHessian, between, shifted
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
+from leastaction.optimal.discrete.trial import SHORT, leap, try_projection
 from leastaction.optimal.line_search import Refusal, Trial
-from leastaction.optimal.loop import Direction, Problem, both
+from leastaction.optimal.loop import Problem, both
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import Linearization
 
-__all__ = ["COARSE", "DiscreteDirection", "DiscreteProblem", "Iterate"]
+__all__ = ["DiscreteProblem"]
 
 # A projection of a curve that costs so much more than its inputs alone has lost the curve.
 _DEAR = 10.0
 
-# A leap: a short step, foretold to move the trajectory by less than the second, moves it by more than the third from
-# one instant to the next. Shorter ones will too if it was foretold to move it by less than the last.
-_SHORT, _NEAR, _FAR, _TORN = 0.1, 0.02, 0.2, 1e-3
-
-# A trial is refused where the determinant ratio s of its coarsest step is above the first, unless it is so along the
-# current iterate; the second is how much further a step may go there.
-COARSE, _COARSER = 3.0, 1.5
-
 # Of the largest second derivative by the initial state is what counts as none: little more than rounding, since a limit
 # that is active in the end is stiffer than all else by ten orders of magnitude.
 _FLAT = 1e-14
-
-
-class Iterate(NamedTuple):
-    """States (N+1, nx) and inputs (N, nu) of a trajectory, and its coarsest step."""
-
-    x: Array
-    u: Array
-    worst_step: StepQuality | None = None
-
-
-@dataclass(frozen=True)
-class DiscreteDirection(Direction):
-    """A descent direction, and the projection along which it is followed.
-
-    With the gains of the direction's own linear-quadratic problem as the projection's gains, ``ubar - K (x - xbar)`` of
-    ``(xbar, ubar) = xi + s dxi`` is ``u - s C - K (x - x_now)``: the direction dxi itself is never needed, only its
-    feedforward C. With other gains it is, and `dx`, `du` are given.
-
-    ``gain`` (N, nu, nx): gains of the projection. ``C`` (N, nu): feedforward of the model's solution. ``dx``, ``du``:
-    the direction, if the projection has gains of its own. ``dx0`` (nx,): that of the initial state, if it is free.
-    ``limited`` (n,): change of the values of all limits along it, if there are some.
-    """
-
-    gain: Array = field(kw_only=True)
-    C: Array = field(kw_only=True)
-    dx: Array | None = None
-    du: Array | None = None
-    dx0: Array | None = None
-    limited: Array | None = None
-
-    @property
-    def K(self) -> Array:
-        """The gains, as those of a linear law."""
-        return self.gain
-
-    def curve(self, x: Array, u: Array, length: float) -> tuple[Array, Array]:
-        """Return the curve whose projection is the iterate at this step length."""
-        if self.dx is None or self.du is None:
-            return x, u - length * self.C
-        return x + length * self.dx, u + length * self.du
 
 
 class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterate]):
@@ -397,87 +350,35 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     # ---- Steps ----------------------------------------------------------------------------------
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
-        system, cost = self.system, self.cost
         xbar, ubar = direction.curve(self.x, self.u, length)
-        x, u = np.empty_like(xbar), np.empty_like(ubar)
-        # What a cost is given cannot be written to.
-        states, inputs = read_only(x), read_only(u)
-        x[0] = xbar[0]
+        x0 = xbar[0]
         if direction.dx0 is not None:
             try:
-                x[0] = system.moved_start(self.x[0], length * direction.dx0)
+                x0 = self.system.moved_start(self.x[0], length * direction.dx0)
             except LeastActionError as error:
                 return Refusal(f"the initial state cannot move so far: {error}", 0, failed=True)
-        stage_values = np.empty(system.N)
-        worst: StepQuality | None = None
-        for start in range(0, system.N, self.chunk):
-            stop = min(start + self.chunk, system.N)
-            part = system.rollout(x[start], xbar, ubar, direction.gain, start, stop)
-            done = start + part.steps_done
-            worst = coarsest([worst, part.worst_step])
-            x[start + 1 : done + 1] = part.x[1:]
-            if not part.complete:
-                refusal = Refusal(f"the roll-out failed: {part.failure}", done, failed=True)
-                return self._look_for_jump(direction, length, x[: done + 1], refusal)
-            if self._is_too_coarse(part.worst_step):
-                assert part.worst_at is not None
-                return Refusal(f"{system.when(part.worst_at)} would be too coarse, {part.worst_step}", part.worst_at)
-            u[start:stop] = part.u
-            with np.errstate(over="ignore", invalid="ignore"):
-                stage_values[start:stop] = cost.stage_values(states[start:stop], inputs[start:stop], start)
-                spent = np.cumsum(stage_values[:stop])
-            k = system.N
-            if not np.isfinite(spent[-1]):
-                k = int(np.argmin(np.isfinite(spent)))
-                reason = f"the cost is not finite by {system.when(k)}"
-            elif cost.nonnegative and spent[-1] > bound:
-                k = int(np.searchsorted(spent, bound, side="right"))
-                reason = f"the cost was past its bound by {system.when(k)}"
-            if k < system.N:
-                return self._look_for_jump(direction, length, x[: k + 1], Refusal(reason, k))
-        with np.errstate(over="ignore", invalid="ignore"):
-            total = float(np.sum(stage_values)) + cost.final_value(states[-1])
-        # Not "total > bound": a NaN is refused.
-        if not total <= bound:
-            reason = f"a cost of {total:.10g}, where at most {bound:.10g} was wanted"
-            return self._look_for_jump(direction, length, x, Refusal(reason, cost=total))
-        return Trial(Iterate(x, u, worst), total)
+        return try_projection(
+            self.system,
+            self.cost,
+            (xbar, ubar, direction.gain),
+            x0,
+            bound=bound,
+            worst=self.worst_step,
+            chunk=self.chunk,
+            explain=lambda x, refusal: self._look_for_leap(direction, length, x, refusal),
+        )
 
-    def _is_too_coarse(self, worst: StepQuality | None) -> bool:
-        """Return whether a trial comes too close to where a step has no solution any more.
-
-        What the discrete cost gains there is none of the motion's, and from such a trajectory hardly any
-        direction can be followed.
-        """
-        if worst is None:
-            return False
-        now = 1.0 if self.worst_step is None else self.worst_step.s
-        return worst.s > max(COARSE, _COARSER * now)
-
-    def _look_for_jump(self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal) -> Refusal:
+    def _look_for_leap(self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal) -> Refusal:
         """Return the refusal of a trial, the better explained if one step of time leapt to another solution.
 
-        Where a step that hardly moves the trajectory at all is torn away at once, shorter ones will be too.
+        ``x``: its states, up to where it ended.
         """
-        if length > _SHORT and direction.shift == 0.0:
+        if length > SHORT and direction.shift == 0.0:
             return refusal
         dx = direction.dx
         if dx is None:
             dx = self._sweep(direction, direction.dx0)[0]
-        size = 1.0 + np.abs(self.x).max(axis=0)
-        n = len(x)
-        expected = np.maximum.accumulate((np.abs(length * dx[:n]) / size).max(axis=1))
-        moved = (np.abs(x - self.x[:n]) / size).max(axis=1)
-        leaps = np.flatnonzero((moved[1:] > _FAR) & (moved[:-1] < _NEAR) & (expected[1:] < _NEAR))
-        if not leaps.size:
-            return refusal
-        k = int(leaps[0])
-        reason = (
-            f"{self.system.when(k)} leaps to another solution: a step of length {length:.2g} moves the "
-            f"trajectory there by {moved[k + 1]:.2g} of its size, where {expected[k + 1]:.2g} was foretold. "
-            "The time step is too coarse there"
-        )
-        return Refusal(reason, k, hopeless=bool(expected[k + 1] < _TORN))
+        return leap(self.system, self.x, length * dx, x, length) or refusal
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
         x, u, self.worst_step = trial.iterate

@@ -27,11 +27,13 @@ from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
+from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.gap_filter import Curve, Filter
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
 from leastaction.optimal.discrete.model_hessian import shifted
-from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
+from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
+from leastaction.optimal.discrete.trial import is_too_coarse
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.memory import Gaps, Memory, Place, Start
 from leastaction.optimal.result import OptimizationResult
@@ -256,7 +258,7 @@ class ShootingProblem(DiscreteProblem):
         made = self.system.step_each(x, u)
         if not made.complete:
             return Refusal(f"a step of the curve failed: {made.failure}", made.steps_done, failed=True)
-        if self.open_curve is not None and self._is_too_coarse(made.worst_step):
+        if self.open_curve is not None and is_too_coarse(made.worst_step, self.worst_step):
             assert made.worst_at is not None
             return Refusal(f"{self.system.when(made.worst_at)} would be too coarse, {made.worst_step}", made.worst_at)
         x, u = read_only(x), read_only(u)

@@ -11,9 +11,10 @@ import numpy as np
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
 from leastaction.optimal.discrete.model_hessian import ModelHessian
-from leastaction.optimal.discrete.problem import DiscreteDirection, DiscreteProblem, Iterate
+from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.shooting import Gapped, ShootingDirection, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
@@ -382,7 +383,7 @@ class LimitedProblem(ShootingProblem):
         total = outcome.cost + self.duals.barrier(room)
         if not total <= bound:
             reason = f"a cost with barriers of {total:.10g}, where at most {bound:.10g} was wanted"
-            return self._look_for_jump(direction, length, x, Refusal(reason, cost=total))
+            return self._look_for_leap(direction, length, x, Refusal(reason, cost=total))
         return Trial(LimitedIterate(outcome.iterate, outcome.cost, room), total)
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Any]) -> None:

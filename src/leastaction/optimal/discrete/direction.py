@@ -1,0 +1,52 @@
+"""Descent directions in discrete time, and the trajectories that steps along them lead to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.loop import Direction
+
+__all__ = ["DiscreteDirection", "Iterate"]
+
+
+class Iterate(NamedTuple):
+    """States (N+1, nx) and inputs (N, nu) of a trajectory, and its coarsest step."""
+
+    x: Array
+    u: Array
+    worst_step: StepQuality | None = None
+
+
+@dataclass(frozen=True)
+class DiscreteDirection(Direction):
+    """A descent direction, and the projection along which it is followed.
+
+    With the gains of the direction's own linear-quadratic problem as the projection's gains, ``ubar - K (x - xbar)`` of
+    ``(xbar, ubar) = xi + s dxi`` is ``u - s C - K (x - x_now)``: the direction dxi itself is never needed, only its
+    feedforward C. With other gains it is, and `dx`, `du` are given.
+
+    ``gain`` (N, nu, nx): gains of the projection. ``C`` (N, nu): feedforward of the model's solution. ``dx``, ``du``:
+    the direction, if the projection has gains of its own. ``dx0`` (nx,): that of the initial state, if it is free.
+    ``limited`` (n,): change of the values of all limits along it, if there are some.
+    """
+
+    gain: Array = field(kw_only=True)
+    C: Array = field(kw_only=True)
+    dx: Array | None = None
+    du: Array | None = None
+    dx0: Array | None = None
+    limited: Array | None = None
+
+    @property
+    def K(self) -> Array:
+        """The gains, as those of a linear law."""
+        return self.gain
+
+    def curve(self, x: Array, u: Array, length: float) -> tuple[Array, Array]:
+        """Return the curve whose projection is the iterate at this step length."""
+        if self.dx is None or self.du is None:
+            return x, u - length * self.C
+        return x + length * self.dx, u + length * self.du
