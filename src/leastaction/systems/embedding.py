@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.elements import Element, JointForce
@@ -116,60 +116,9 @@ def embed(
     sizes = _scale(m, elements, np.atleast_2d(x), scale, len(columns))
     first = _price(system, cost, x, u, len(columns)) if price is None else as_number(price, "price", above=0.0)
 
-    def effort(result: OptimizationResult) -> float:
-        return float(np.sqrt(np.mean((result.u[:, columns] / sizes) ** 2, axis=0)).max())
-
-    def progresses(result: OptimizationResult, earlier: OptimizationResult | None) -> bool:
-        """Tell whether a stage converged, or else left the help less to do."""
-        if result.status in _ENOUGH:
-            return True
-        if earlier is None:
-            return result.status is Status.ITERATION_LIMIT
-        return effort(result) < _PROGRESS * effort(earlier)
-
-    def small_enough(limit: float, result: OptimizationResult) -> bool:
-        return effort(result) <= limit
-
     curve = x, np.insert(u, [m.n_inputs] * len(columns), 0.0, axis=1)
-    last: OptimizationResult | None = None
-
-    def solve(value: float, earlier: OptimizationResult | None) -> OptimizationResult:
-        # Newton's method may follow cheap help to the edge of what the time step can follow, where nothing can be
-        # changed any more; quasi-Newton's stays away, and where it does not, the curve is followed anew at this price.
-        nonlocal last
-        last = earlier
-        ways: list[tuple[Any, Method]] = [(curve, "quasi-newton")]
-        if earlier is None:
-            ways.insert(0, (curve, "auto"))
-        else:
-            ways[:0] = [(earlier, "auto"), (earlier, "quasi-newton")]
-        priced = HelpedCost(cost, columns, value / sizes**2)
-        result: OptimizationResult | None = None
-        failure: LeastActionError | None = None
-        for start, method in ways:
-            try:
-                result = optimize(
-                    helped,
-                    priced,
-                    initial=start,
-                    method=method,
-                    max_iterations=stage_iterations,
-                    tolerance=stage_tolerance,
-                    limits=options.get("limits", ()),
-                )
-            except LeastActionError as error:
-                failure = error
-                continue
-            if result.status is Status.INTERRUPTED or progresses(result, earlier):
-                break
-        if result is None:
-            assert failure is not None
-            raise failure
-        return result
-
-    def goes_on(result: OptimizationResult) -> bool:
-        return last is None or progresses(result, last)
-
+    how = {"max_iterations": stage_iterations, "tolerance": stage_tolerance, "limits": options.get("limits", ())}
+    with_help = _Helped(helped, cost, columns, sizes, curve, how)
     found = resume
     if found is not None and (found.result is None or found.u.shape != (N, helped.nu)):
         raise ArgumentError(
@@ -177,49 +126,124 @@ def embed(
         )
     for _ in range(_REMOVALS):
         found = continuation(
-            solve,
+            with_help.solve,
             first * 10.0 ** np.arange(_DECADES + 1),
             scale="log",
             name="price of the help",
-            accept=goes_on,
-            done=partial(small_enough, limit),
-            note=lambda result: f"effort of the help {effort(result):.2g}",
+            accept=with_help.goes_on,
+            done=partial(with_help.does_little, limit),
+            note=lambda result: f"effort of the help {with_help.effort(result):.2g}",
             max_stages=max_stages,
             resume=found,
             callback=callback,
         )
         if not found.success or found.result is None:
             return found
-        stages = Stages(callback, found.stages)
-        with_help = found.result
-        start = with_help.x, np.delete(with_help.u, columns, axis=1)
-        dearest = _DEAR * with_help.cost
-
-        def keeps(result: OptimizationResult, dearest: float = dearest) -> bool:
-            kept = result.success or result.status is not Status.DERIVATIVES_FAILED
-            return kept and bool(min(result.history.cost[0], result.cost) <= dearest or result.success)
-
-        result, accepted = stages.make(
-            "without help", np.inf, partial(optimize, system, cost, initial=start, **options), accept=keeps
-        )
-        if result is not None and (accepted or stages.ended is not None):
-            status = StartStatus.COMPLETED if accepted else stages.ended
-            assert status is not None
-            return stages.result(status, result.x, result.u, result.cost, np.inf, result)
-        found = stages.result(
-            stages.ended or StartStatus.GAVE_UP,
-            with_help.x,
-            with_help.u,
-            with_help.cost,
-            found.value,
-            with_help,
-            "Without the help the motion was lost" + (f": {stages.error}" if stages.error is not None else ""),
-        )
-        if stages.ended is not None:
-            break
+        found, is_last = _without_help(system, cost, columns, found, found.result, callback, options)
+        if is_last:
+            return found
         limit *= 0.1
     assert found is not None
     return found
+
+
+class _Helped:
+    """The problems with help, and how far each stage has come.
+
+    ``columns``: where the help is among the inputs, and ``sizes``: what is much of it. ``curve``: where to start.
+    ``how``: options of `optimize`.
+    """
+
+    def __init__(
+        self,
+        system: MidpointSystem,
+        cost: Cost,
+        columns: NDArray[np.int64],
+        sizes: Array,
+        curve: tuple[Array, Array],
+        how: dict[str, Any],
+    ) -> None:
+        self.system, self.cost, self.columns, self.sizes = system, cost, columns, sizes
+        self.curve, self.how = curve, how
+        self.last: OptimizationResult | None = None  # from which the stage began
+
+    def effort(self, result: OptimizationResult) -> float:
+        """Return the largest root mean square of any help."""
+        return float(np.sqrt(np.mean((result.u[:, self.columns] / self.sizes) ** 2, axis=0)).max())
+
+    def does_little(self, limit: float, result: OptimizationResult) -> bool:
+        """Whether the help may go."""
+        return self.effort(result) <= limit
+
+    def goes_on(self, result: OptimizationResult) -> bool:
+        """Whether the next stage may begin with a result."""
+        return self.last is None or self._progresses(result, self.last)
+
+    def _progresses(self, result: OptimizationResult, earlier: OptimizationResult | None) -> bool:
+        """Whether a stage converged, or else left the help less to do."""
+        if result.status in _ENOUGH:
+            return True
+        if earlier is None:
+            return result.status is Status.ITERATION_LIMIT
+        return self.effort(result) < _PROGRESS * self.effort(earlier)
+
+    def solve(self, value: float, earlier: OptimizationResult | None) -> OptimizationResult:
+        """Return the motion at a price.
+
+        Newton's method may follow cheap help to the edge of what the time step can follow, where nothing can be changed
+        any more; quasi-Newton's stays away, and where it does not, the curve is followed anew at this price.
+        """
+        self.last = earlier
+        ways: list[tuple[Any, Method]] = [(self.curve, "quasi-newton")]
+        if earlier is None:
+            ways.insert(0, (self.curve, "auto"))
+        else:
+            ways[:0] = [(earlier, "auto"), (earlier, "quasi-newton")]
+        priced = HelpedCost(self.cost, self.columns, value / self.sizes**2)
+        result: OptimizationResult | None = None
+        failure: LeastActionError | None = None
+        for start, method in ways:
+            try:
+                result = optimize(self.system, priced, initial=start, method=method, **self.how)
+            except LeastActionError as error:
+                failure = error
+                continue
+            if result.status is Status.INTERRUPTED or self._progresses(result, earlier):
+                break
+        if result is None:
+            assert failure is not None
+            raise failure
+        return result
+
+
+def _without_help(
+    system: MidpointSystem,
+    cost: Cost,
+    columns: NDArray[np.int64],
+    found: StartResult,
+    helped: OptimizationResult,
+    callback: StageCallback | None,
+    options: dict[str, Any],
+) -> tuple[StartResult, bool]:
+    """Return the motion without the help that the last stage still had, or that stage; and whether that is the end."""
+    stages = Stages(callback, found.stages)
+    start = helped.x, np.delete(helped.u, columns, axis=1)
+
+    def keeps(result: OptimizationResult) -> bool:
+        kept = result.success or result.status is not Status.DERIVATIVES_FAILED
+        is_cheap = min(result.history.cost[0], result.cost) <= _DEAR * helped.cost
+        return kept and bool(is_cheap or result.success)
+
+    solve = partial(optimize, system, cost, initial=start, **options)
+    result, accepted = stages.make("without help", np.inf, solve, accept=keeps)
+    if result is not None and (accepted or stages.ended is not None):
+        status = StartStatus.COMPLETED if accepted else stages.ended
+        assert status is not None
+        return stages.result(status, result.x, result.u, result.cost, np.inf, result), True
+    lost = "Without the help the motion was lost" + (f": {stages.error}" if stages.error is not None else "")
+    status = stages.ended or StartStatus.GAVE_UP
+    found = stages.result(status, helped.x, helped.u, helped.cost, found.value, helped, lost)
+    return found, stages.ended is not None
 
 
 def _helpers(m: Mechanism, help: Sequence[Element | str] | None) -> list[Element]:  # noqa: A002
