@@ -236,6 +236,7 @@ def optimize(
         raise ArgumentError(
             f"cost: got {type(cost).__name__}, expected a {kind.__name__} to go with {type(system).__name__}"
         )
+    limits, free = _checked(limits), _checked_start(free_start, system)
     if isinstance(system, DiscreteSystem):
         check_system(system, (DiscreteSystem,), ("N",))
         for name, value in (("horizon", horizon), ("accuracy", accuracy), ("collocate", collocate or None)):
@@ -244,49 +245,28 @@ def optimize(
                     f"{name}: got {value!r}, expected None: {type(system).__name__} is a discrete system, which "
                     "brings its times along."
                 )
-        stages = cast(Cost, cost)
+        stages, unknowns = cast(Cost, cost), checked_unknowns(unknowns)
         stages.check_shapes(system.N, system.nx, system.nu)
-        free = _checked_start(free_start, system)
-        limits, unknowns = _checked(limits), checked_unknowns(unknowns)
         if unknowns or any(isinstance(limit, Periodic) for limit in limits):
             extension = Extension(system, stages, unknowns, limits, free)
-            rows, free = extension.rows(), True
-            system, stages = extension.system, extension.cost
+        problem = _discrete_problem(system, stages, limits, free, extension, settings, shooting)
+        if extension is not None:
             resume = None if resume is None else extension.resume(resume)
             initial = None if initial is None else extension.start(initial)
             callback = extension.callback(callback)
-        else:
-            rows = [row for limit in limits for row in limit.rows(system, 1 if free is False else 0)]
-        own_way = method == "auto" and regulator == "descent" and extension is None
-        gapped: Gapped = "never" if shooting == "single" or not own_way else "where needed"
-        gapped = "at once" if shooting == "multiple" else gapped
-        if rows:
-            final_time = None if extension is None else extension.system.final_time
-            problem = LimitedProblem(system, stages, rows, settings, free, gapped, final_time)
-        else:
-            problem = EasedProblem(system, stages, settings, free, gapped)
-            if isinstance(initial, OptimizationResult):
-                initial = initial.x, initial.u
+        if isinstance(initial, OptimizationResult) and not isinstance(problem, LimitedProblem):
+            initial = initial.x, initial.u
     else:
-        limits, free = _checked(limits), _checked_start(free_start, system)
         if shooting == "multiple":
             raise ArgumentError(f"shooting: got {shooting!r} for a continuous system, expected 'single'")
         if unknowns:
             raise ArgumentError(
                 "unknowns: got some for a continuous system, expected none: they are for discrete systems"
             )
-        if any(isinstance(limit, Periodic) for limit in limits):
-            raise ArgumentError(
-                f"limits: got a Periodic for {type(system).__name__}, expected a discrete system for a motion that "
-                "returns; in continuous time `Equal` asks for a given last state"
-            )
         rate, accuracy = cast(ContinuousCost, cost), accuracy or Accuracy()
-        if limits or free is not False or collocate:
-            problem = CollocationProblem(system, rate, limits, settings, accuracy, horizon, free)
-        else:
-            problem = ContinuousProblem(system, rate, settings, accuracy, horizon)
-            if isinstance(initial, ContinuousOptimizationResult):
-                initial = initial.trajectory
+        problem = _continuous_problem(system, rate, limits, free, settings, accuracy, horizon, collocate=collocate)
+        if isinstance(initial, ContinuousOptimizationResult) and not isinstance(problem, CollocationProblem):
+            initial = initial.trajectory
     # Threads of BLAS gain nothing on many matrices of a few hundred rows, and wait for each other on a busy machine:
     # such a matrix was factored in 73 ms instead of 1.
     with threadpool_limits(1, user_api="blas") if isinstance(problem, CollocationProblem) else nullcontext():
@@ -296,6 +276,52 @@ def optimize(
             problem.start(initial)
         result = Loop(problem, settings, callback, resume).run()
     return result if extension is None else extension.result(result)
+
+
+def _discrete_problem(
+    system: DiscreteSystem,
+    cost: Cost,
+    limits: Sequence[Limit],
+    free: bool | tuple[str, ...],
+    extension: Extension | None,
+    settings: Settings,
+    shooting: Shooting,
+) -> Problem[Any, Any, Any]:
+    """Return the problem in steps of time, with limits or without, of the extended system where there is one."""
+    own_way = settings.method == "auto" and settings.regulator == "descent" and extension is None
+    gapped: Gapped = "never" if shooting == "single" or not own_way else "where needed"
+    gapped = "at once" if shooting == "multiple" else gapped
+    final_time = None
+    if extension is None:
+        rows = [row for limit in limits for row in limit.rows(system, 1 if free is False else 0)]
+    else:
+        rows, free, final_time = extension.rows(), True, extension.system.final_time
+        system, cost = extension.system, extension.cost
+    if rows:
+        return LimitedProblem(system, cost, rows, settings, free, gapped, final_time)
+    return EasedProblem(system, cost, settings, free, gapped)
+
+
+def _continuous_problem(
+    system: ContinuousSystem,
+    cost: ContinuousCost,
+    limits: list[Limit],
+    free: bool | tuple[str, ...],
+    settings: Settings,
+    accuracy: Accuracy,
+    horizon: tuple[float, float] | None,
+    *,
+    collocate: bool,
+) -> Problem[Any, Any, Any]:
+    """Return the problem in continuous time, on a mesh where something asks for it."""
+    if any(isinstance(limit, Periodic) for limit in limits):
+        raise ArgumentError(
+            f"limits: got a Periodic for {type(system).__name__}, expected a discrete system for a motion that "
+            "returns; in continuous time `Equal` asks for a given last state"
+        )
+    if limits or free is not False or collocate:
+        return CollocationProblem(system, cost, limits, settings, accuracy, horizon, free)
+    return ContinuousProblem(system, cost, settings, accuracy, horizon)
 
 
 def _checked_start(free: bool | Sequence[str], system: DiscreteSystem | ContinuousSystem) -> bool | tuple[str, ...]:
