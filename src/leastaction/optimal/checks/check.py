@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal.continuous.checks import compare_continuous
+from leastaction.optimal.checks.continuous import compare_continuous
+from leastaction.optimal.checks.discrete import compare_discrete
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.discrete.checks import compare_discrete
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import check_system
 

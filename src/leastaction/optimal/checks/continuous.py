@@ -8,10 +8,10 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only, require_instance
+from leastaction.optimal.checks.differences import Errors, central_differences
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
-from leastaction.optimal.differences import Errors, central_differences
 
 _Note = Callable[[str, Array, Array], None]
 
@@ -33,20 +33,9 @@ def compare_continuous(
     errors = Errors()
     note = errors.note
     for i, t in enumerate(times.tolist()):
-        at = np.concatenate([x[i], u[i]])
-        A, B = system.derivatives(x[i], u[i], t)
-        J = central_differences(lambda y, t=t: system.f(y[:nx], y[nx:], t), at)
-        note("A", A, J[:, :nx])
-        note("B", B, J[:, nx:])
-        if system.has_curvature:
-            H = system.curvature(x[i], u[i], t, z[i])
-            differences = central_differences(
-                lambda y, i=i, t=t: z[i] @ np.hstack(system.derivatives(y[:nx], y[nx:], t)), at
-            )
-            note("curvature", H, differences)
-            note("curvature symmetry", H, H.T)
+        errors.compare(system, x[i], u[i], t, z[i])
         if cost is not None:
-            _compare_rate(cost, at, nx, t, note)
+            _compare_rate(cost, np.concatenate([x[i], u[i]]), nx, t, note)
     A_all, B_all = system.linearize(x, u, times)
     singles = [system.derivatives(*at) for at in zip(x, u, times.tolist(), strict=True)]
     note("linearize", A_all, np.stack([A for A, _ in singles]))

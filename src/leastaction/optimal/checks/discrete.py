@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.optimal.differences import Errors, central_differences
+from leastaction.optimal.checks.differences import Errors, central_differences
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 
@@ -20,29 +20,12 @@ def compare_discrete(system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: C
     rng = np.random.default_rng(seed)
     errors = Errors()
     for k in sorted({0, N // 3, N - 1}):
-        _compare_step(system, states[k], inputs[k], k, rng.standard_normal(nx), errors)
+        errors.compare(system, states[k], inputs[k], k, rng.standard_normal(nx))
     _compare_rollout(system, states, inputs, rng, errors)
     _compare_whole(system, states, inputs, rng, errors)
     if cost is not None:
         _compare_cost(cost, states, inputs, rng, errors)
     return errors
-
-
-def _compare_step(system: DiscreteSystem, x: Array, u: Array, k: int, z: Array, errors: Errors) -> None:
-    nx = x.size
-    at = np.concatenate([x, u])
-    A, B = system.derivatives(x, u, k)
-    J = central_differences(lambda y: system.f(y[:nx], y[nx:], k), at)
-    errors.note("A", A, J[:, :nx])
-    errors.note("B", B, J[:, nx:])
-    if system.has_curvature:
-        H = system.curvature(x, u, k, z)
-
-        def gradient(y: Array) -> Array:
-            return z @ np.hstack(system.derivatives(y[:nx], y[nx:], k))
-
-        errors.note("curvature", H, central_differences(gradient, at))
-        errors.note("curvature symmetry", H, H.T)
 
 
 def _compare_rollout(system: DiscreteSystem, x: Array, u: Array, rng: np.random.Generator, errors: Errors) -> None:
