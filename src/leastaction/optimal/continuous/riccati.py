@@ -125,102 +125,97 @@ def solve_samples(
     ``jumps``: times where the samples jump; ends of pieces. ``escape``: P is taken to escape when an entry of its
     diagonal is below minus this times the size of the weights.
     """
-    A, B, Q, R, S, q, r, c = samples
-    nx, nu = B.shape[1:]
+    nx, nu = samples.B.shape[1:]
     t0, tf = float(mesh.breaks[0]), float(mesh.breaks[-1])
-    smallest = np.linalg.eigvalsh(R)[:, 0]
+    smallest = np.linalg.eigvalsh(samples.R)[:, 0]
     if not smallest.min() > 0.0:
         # The last time at which it fails: the recursion runs backwards.
         i = int(np.flatnonzero(~(smallest > 0.0))[-1])
-        return _without_minimum(
-            nx,
-            nu,
-            mesh,
-            float(mesh.t[i]),
-            0,
-            f"R is not positive definite at t = {mesh.t[i]:.6g} s (smallest eigenvalue "
-            f"{smallest[i]:.3g}), so the problem has no minimum.",
-        )
-    BT, ST = np.swapaxes(B, 1, 2), np.swapaxes(S, 1, 2)
-    solved = np.linalg.solve(R, np.concatenate([BT, ST, r[..., None]], axis=2))
-    G, E, g = solved[..., :nx], solved[..., nx : 2 * nx], solved[..., -1]
-    reduced = np.concatenate(
-        [
-            (A - B @ E).reshape(len(A), -1),
-            (0.5 * (Q - S @ E)).reshape(len(A), -1),
-            (0.5 * (B @ G)).reshape(len(A), -1),
-            q - np.einsum("nij,nj->ni", S, g),
-            c - np.einsum("nij,nj->ni", B, g),
-        ],
-        axis=1,
-    )
-    data = mesh.fit(reduced, (reduced.shape[1],))
-    span = tf - t0
-    size_P = max(largest(Q_final), largest(Q) * min(span, 1.0)) or 1.0
-    size_b = max(largest(q_final), largest(q) * min(span, 1.0)) or 1.0
-    triangle = nx * (nx + 1) // 2
+        why = f"R is not positive definite at t = {mesh.t[i]:.6g} s (smallest eigenvalue {smallest[i]:.3g})"
+        return _without_minimum(nx, nu, mesh, float(mesh.t[i]), 0, f"{why}, so the problem has no minimum.")
+    law = _Law(mesh, samples)
+    size_P = max(largest(Q_final), largest(samples.Q) * min(tf - t0, 1.0)) or 1.0
+    size_b = max(largest(q_final), largest(samples.q) * min(tf - t0, 1.0)) or 1.0
     upper = np.flatnonzero(np.triu(np.ones((nx, nx))).ravel())
-    atol = np.full(triangle + nx, 0.01 * accuracy.rtol * size_P)
-    atol[triangle:] = 0.01 * accuracy.rtol * size_b
+    atol = np.full(upper.size + nx, 0.01 * accuracy.rtol * size_P)
+    atol[upper.size :] = 0.01 * accuracy.rtol * size_b
     diagonal = np.flatnonzero(upper % (nx + 1) == 0)
     lowest = -escape * size_P
 
     def check(t: float, y: Array) -> str | None:  # noqa: ARG001
         return "P escapes" if y[diagonal].min() < lowest else None
 
-    done = integrate(
-        _Riccati(data, nx),
-        tf,
-        t0,
-        np.concatenate([Q_final.ravel()[upper], q_final]),
-        accuracy=accuracy,
-        atol=atol,
-        jumps=jumps,
-        check=check,
-    )
+    last = np.concatenate([Q_final.ravel()[upper], q_final])
+    equation = _Riccati(law.equation(), nx)
+    done = integrate(equation, tf, t0, last, accuracy=accuracy, atol=atol, jumps=jumps, check=check)
     if done.failure is not None:
-        return _without_minimum(
-            nx,
-            nu,
-            mesh,
-            done.t,
-            done.steps,
-            f"the Riccati equation has no solution before t = {done.t:.6g} s ({done.failure}), so the "
-            "problem has no minimum.",
-        )
-    value = done.curve((triangle + nx,))
-    parts = [E.reshape(len(A), -1), G.reshape(len(A), -1), g, R.reshape(len(A), -1), c]
-    law = mesh.fit(np.concatenate(parts, axis=1), (sum(p.shape[1] for p in parts),))
-    full = _full(nx)
-
-    def feedback(t: Array) -> Array:
-        V, L = value(t), law(t)
-        P, b = V[:, full].reshape(-1, nx, nx), V[:, triangle:]
-        E, G = L[:, : nu * nx], L[:, nu * nx : 2 * nu * nx].reshape(-1, nu, nx)
-        K = E + (G @ P).reshape(len(t), -1)
-        C = L[:, 2 * nu * nx : 2 * nu * nx + nu] + np.einsum("nij,nj->ni", G, b)
-        return np.hstack([K, C])
-
-    # C is a difference of larger terms near an optimum: its last digits are not worth resolving.
-    least = np.zeros(nu * nx + nu)
-    least[nu * nx :] = np.abs(g).max(axis=0)
-    fine, gains = approximate(feedback, done.mesh, accuracy.sampling, least)
-    tail = law(fine.t)[:, 2 * nu * nx + nu :]
-    weights, drift = tail[:, : nu * nu].reshape(-1, nu, nu), tail[:, nu * nu :]
-    C = gains[:, nu * nx :]
-    rate = -0.5 * np.einsum("ni,nij,nj->n", C, weights, C)
-    rate += np.einsum("ni,ni->n", value(fine.t)[:, triangle:], drift)
+        why = f"the Riccati equation has no solution before t = {done.t:.6g} s ({done.failure})"
+        return _without_minimum(nx, nu, mesh, done.t, done.steps, f"{why}, so the problem has no minimum.")
+    value = done.curve((upper.size + nx,))
+    feedback, constant = law.feedback(value, done.mesh, accuracy.sampling)
     return ContinuousLinearQuadraticSolution(
-        feedback=fine.fit(gains, (gains.shape[1],)),
+        feedback=feedback,
         value=value,
         nx=nx,
         nu=nu,
-        constant=float(fine.weights @ rate),
+        constant=constant,
         definite=True,
         escape_time=None,
         steps=done.steps,
         message="The problem has a unique minimum.",
     )
+
+
+class _Law:
+    """The input that minimises, by P and b: ``K = E + G P`` and ``C = g + G b``, at the points of a mesh.
+
+    With ``E = R^-1 S'``, ``G = R^-1 B'`` and ``g = R^-1 r``.
+    """
+
+    def __init__(self, mesh: Mesh, samples: Samples) -> None:
+        self.mesh, self.samples = mesh, samples
+        nx = samples.B.shape[1]
+        transposed = (np.swapaxes(each, 1, 2) for each in (samples.B, samples.S))
+        solved = np.linalg.solve(samples.R, np.concatenate([*transposed, samples.r[..., None]], axis=2))
+        self.G, self.E, self.g = solved[..., :nx], solved[..., nx : 2 * nx], solved[..., -1]
+
+    def equation(self) -> PiecewisePolynomial:
+        """Return what `_Riccati` takes: Ab, Qb/2, W/2, qb and cb in one vector."""
+        A, B, Q, _, S, q, _, c = self.samples
+        E, G, g = self.E, self.G, self.g
+        matrices = (A - B @ E, 0.5 * (Q - S @ E), 0.5 * (B @ G))
+        vectors = (q - np.einsum("nij,nj->ni", S, g), c - np.einsum("nij,nj->ni", B, g))
+        return self._fitted(*matrices, *vectors)
+
+    def feedback(self, value: PiecewisePolynomial, mesh: Mesh, sampling: float) -> tuple[PiecewisePolynomial, float]:
+        """Return gains and feedforward as functions of time, and the optimal cost for a deviation of zero at t0."""
+        nu, nx = self.E.shape[1:]
+        triangle, full, gains = nx * (nx + 1) // 2, _full(nx), nu * nx
+        law = self._fitted(self.E, self.G, self.g, self.samples.R, self.samples.c)
+
+        def at(t: Array) -> Array:
+            V, L = value(t), law(t)
+            P, b = V[:, full].reshape(-1, nx, nx), V[:, triangle:]
+            E, G = L[:, :gains], L[:, gains : 2 * gains].reshape(-1, nu, nx)
+            K = E + (G @ P).reshape(len(t), -1)
+            C = L[:, 2 * gains : 2 * gains + nu] + np.einsum("nij,nj->ni", G, b)
+            return np.hstack([K, C])
+
+        # C is a difference of larger terms near an optimum: its last digits are not worth resolving.
+        least = np.zeros(gains + nu)
+        least[gains:] = np.abs(self.g).max(axis=0)
+        fine, found = approximate(at, mesh, sampling, least)
+        tail = law(fine.t)[:, 2 * gains + nu :]
+        weights, drift = tail[:, : nu * nu].reshape(-1, nu, nu), tail[:, nu * nu :]
+        C = found[:, gains:]
+        rate = -0.5 * np.einsum("ni,nij,nj->n", C, weights, C)
+        rate += np.einsum("ni,ni->n", value(fine.t)[:, triangle:], drift)
+        return fine.fit(found, (found.shape[1],)), float(fine.weights @ rate)
+
+    def _fitted(self, *parts: Array) -> PiecewisePolynomial:
+        """Return samples of matrices and vectors as one vector over time."""
+        rows = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+        return self.mesh.fit(rows, (rows.shape[1],))
 
 
 def continuous_adjoint(
