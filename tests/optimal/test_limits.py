@@ -6,11 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import linprog, minimize, minimize_scalar
 
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
-from leastaction.mechanics import Distance, Gravity, JointForce, Mechanism, MidpointVI, PathLength, tx, ty, tz
+from leastaction.mechanics import (
+    Distance,
+    Gravity,
+    JointForce,
+    Mechanism,
+    MidpointVI,
+    PathLength,
+    ball,
+    rx,
+    ry,
+    rz,
+    tx,
+    ty,
+    tz,
+)
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import (
     Bound,
@@ -244,11 +258,16 @@ def test_the_tolerance_is_relative_to_the_cost_without_barriers(cart: MidpointSy
 def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:
     """Exact duals want a motion nearer to the barrier's minimum than the cost does; rough ones do not."""
     for tolerance, enough, off in ((1e-2, 1.0, 1e-4), (1e-9, 1e-5, 1e-6)):
-        stages = Stages(Duals([], Layout([(1000, 1)])), tolerance, 1e-12)
+        side = Side("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
+        stages = Stages(Duals([side], Layout([(1000, 1)])), tolerance, 1e-12)
+        c = stages.duals.layout.empty()
+        c.flat[:] = 1.0
+        stages.begin(1.0, c, lambda: 1.0)
         stages.duals.mu = stages.last = 1e-6
-        assert stages.tolerated(1.0, 0.0) == pytest.approx(enough)
+        assert stages.tolerated(1.0, 0.0, c) == pytest.approx(enough)
         # What limits are off by costs little: with all of a rough tolerance it would be left as it is.
-        assert stages.tolerated(1.0, 0.0, met=False) == pytest.approx(min(enough, 1e-2))
+        c.flat[7] = -1e-3
+        assert stages.tolerated(1.0, 0.0, c) == pytest.approx(min(enough, 1e-2))
         assert stages.met == pytest.approx(off)
 
 
@@ -400,6 +419,60 @@ def test_limits_that_contradict_each_other_are_named(cart: MidpointSystem, cost:
     assert "Not met: 'x = 2' by" in result.message
     assert "t = 0.4 s" in result.message
     assert "'x-force <= 3'" in result.message
+
+
+def test_what_cannot_be_met_is_off_by_the_least_that_is_possible() -> None:
+    """Two carts that are to change places in a time that their motors do not suffice for, against a linear program."""
+    steps, h, most = 30, 0.1, np.array([0.3, 0.05])
+    A, B = np.eye(4), np.zeros((4, 2))
+    A[0, 2] = A[1, 3] = h
+    B[2, 0] = B[3, 1] = h
+    carts = LinearSystem(A, B, N=steps)
+    price = QuadraticCost(np.zeros((steps + 1, 4)), np.zeros((steps, 2)), Q=np.zeros(4), R=[1.0, 1.0])
+    limits = [Bound("u*", -most[None], most[None]), Equal("x*", [1.0, -1.0, 0.0, 0.0])]
+    start = np.array([0.2, 0.0, 0.1, 0.0])
+    result = optimize(carts, price, limits=limits, initial=(start, np.zeros((steps, 2))))
+    assert result.status is Status.INFEASIBLE, result.message
+    assert "u[1]" in result.message
+    assert result.limits is not None
+    sides = result.limits.sides
+    paid = sum(float(np.sum(s.price * (np.abs(s.value) if s.equation else np.maximum(-s.value, 0.0)))) for s in sides)
+    # Unknowns: inputs, by how much they are out of bounds, and by how much the end is off to either side.
+    powers = [np.linalg.matrix_power(A, steps - 1 - k) @ B for k in range(steps)]
+    n = 2 * steps
+    equations = np.hstack([np.hstack(powers), np.zeros((4, n)), np.eye(4), -np.eye(4)])
+    end = np.array([1.0, -1.0, 0.0, 0.0]) - np.linalg.matrix_power(A, steps) @ start
+    beyond = np.block([[np.eye(n), -np.eye(n), np.zeros((n, 8))], [-np.eye(n), -np.eye(n), np.zeros((n, 8))]])
+    inputs, ends = [s.price for s in sides if not s.equation], [s.price for s in sides if s.equation]
+    dear = np.concatenate([np.zeros(n), np.tile(inputs[0], steps), np.tile(np.concatenate(ends), 2)])
+    bounds = [(None, None)] * n + [(0.0, None)] * (n + 8)
+    least = linprog(dear, beyond, np.tile(most, 2 * steps), equations, end, bounds).fun
+    assert least <= paid <= 1.02 * least
+
+
+def test_conditions_that_motors_are_too_weak_for_are_told_from_those_that_they_reach() -> None:
+    """A body in space turns by three wheels; with prices for each limit the search went on for 1000 iterations."""
+    wheels = [
+        [tx(0.1), [rx("wx", mass=0.3, inertia=(2e-3, 1e-3, 1e-3))]],
+        [ty(0.1), [ry("wy", mass=0.3, inertia=(1e-3, 2e-3, 1e-3))]],
+        [tz(0.1), [rz("wz", mass=0.3, inertia=(1e-3, 1e-3, 2e-3))]],
+    ]
+    body = ball("body", axes="xyz", mass=10.0, inertia=(0.4, 0.5, 0.3))
+    tree = [body, [part for wheel in wheels for part in wheel]]
+    m = Mechanism(tree, [JointForce(wheel, input=wheel.replace("w", "m")) for wheel in ("wx", "wy", "wz")])
+    vi = MidpointVI(m)
+    system = MidpointSystem(vi, np.linspace(0.0, 6.0, 121))
+    wanted = np.zeros((121, 12))
+    wanted[:, :3] = attitude = [1.0, 0.6, -0.8]
+    price = QuadraticCost(wanted, np.zeros((120, 3)), Q=[0.05] * 3 + [0.0] * 9, R=np.ones(3))
+    turned = [Equal("body.*", attitude), Equal("body.*", 0.0, of="rate")]
+    rest = vi.start(np.zeros(6)).x, np.zeros((120, 3))
+    weak = optimize(system, price, initial=rest, limits=[Bound("m?", -0.02, 0.02), *turned])
+    assert weak.status is Status.INFEASIBLE, weak.message
+    assert weak.iterations < 600
+    assert "Against that stand 'm" in weak.message
+    strong = optimize(system, price, initial=rest, limits=[Bound("m?", -0.045, 0.045), *turned])
+    assert strong.status is Status.CONVERGED, strong.message
 
 
 def test_limits_that_are_still_violated_when_iterations_run_out_are_named(

@@ -47,6 +47,12 @@ _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
 # Of its scale a limit may be off where the problem cannot be met otherwise, and that part of a rough tolerance.
 _MET, _MET_ROUGHLY = 1e-6, 1e-2
 _EXACTLY = 1e-3  # of what it may be off a limit is off that no price would enforce any better
+# Where limits are off by more than the first part of their scale though some price was raised to the second, in costs
+# of the start, and little but that counts, all excess is made as dear: what is left then is the least that they can be
+# off, to the third part. What the cost that was asked for comes to there at most, and the barriers at first and in the
+# end.
+_FAR, _TELLING, _NEARLY = 1e-2, 1e3, 1e-4
+_LITTLE_BESIDE, _GUIDING, _TRACES = 0.1, 0.1, 1e-4
 # Times a rough tolerance, where limits are not met: what they are off by costs less than that often, and is a matter of
 # some more steps, where dearer excess would only bend the way to the minimum.
 _CLOSER = 1e-2
@@ -152,7 +158,28 @@ class Duals:
         """Return the largest violation of a limit, relative to its scale."""
         return float(np.max(-c.flat / self.scales, initial=0.0))
 
+    def cost_of_excess(self, c: Sided) -> float:
+        """Return what the violations of all limits cost at their prices."""
+        return float(np.maximum(-c.flat, 0.0) @ self.prices)
+
     # ---- Prices ---------------------------------------------------------------------------------
+
+    @property
+    def dearest(self) -> float:
+        """The highest price of an excess of a limit's scale."""
+        return float(np.max(self.prices * self.scales, initial=0.0))
+
+    @property
+    def is_level(self) -> bool:
+        """Whether an excess of its scale is as dear for each limit."""
+        return float(np.min(self.prices * self.scales, initial=np.inf)) >= (1.0 - 1e-9) * self.dearest
+
+    def level(self, c: Sided, price: float) -> None:
+        """Make an excess of its scale as dear for each limit, and begin with the duals of the barriers."""
+        self.rho = [price / scale for scale in self.scale]
+        self.settle_prices()
+        self.mu = _GUIDING * self.cost_of_excess(c) / len(c.flat)
+        self.y = Sided(first_duals(self.of_barrier(self.room(c)).flat, self.prices), self.layout)
 
     def net(self) -> list[Array]:
         """Return the duals, of both sides of an equation their difference."""
@@ -345,14 +372,16 @@ class Stages:
         """Whether the next stage is the last, or this: few steps are left for the duals to settle in."""
         return not self.duals.sides or self._following <= self.last
 
-    def tolerated(self, goal: float, noise: float, *, met: bool = True) -> float:
-        """Return the expected decrease that is small enough at this stage; ``met``: whether all limits are."""
+    def tolerated(self, goal: float, noise: float, c: Sided) -> float:
+        """Return the expected decrease that is small enough at this stage, given the values of all limits."""
         mu = self.duals.mu
+        if self._asks_for_the_least(c):
+            return max(goal, _NEARLY * self.duals.cost_of_excess(c))
         if mu > self.last:
             many = 1.0 if self.is_near_end else float(np.sqrt(max(1.0, self.count / _MANY)))
             return max(goal, _LOOSE * many * mu)
         if self._rough:
-            return max(goal if met else _CLOSER * goal, 10.0 * noise)
+            return max(goal if self.are_met(c) else _CLOSER * goal, 10.0 * noise)
         # The duals are worth no more than the motion is near the barrier's minimum.
         return max(min(goal, _LOOSE * mu), 10.0 * noise)
 
@@ -365,13 +394,37 @@ class Stages:
         if was_last and duals.excess(c) <= _EXACTLY * self.met:
             # All is met; where rounding ended the search, its duals are no reason to set out with other prices.
             return False
+        if self._asks_for_the_least(c):
+            return self._closer_to_the_least(c)
         dearer = duals.price(c, _DEAREST * self.size, met=self.met if self._rough else None)
         if not dearer and (was_last or duals.hopeless()):
             return False
         self.last = last  # where nothing follows, what was the last stage still is
+        if dearer and self._is_telling(c) and abs(cost) <= _LITTLE_BESIDE * duals.cost_of_excess(c):
+            duals.level(c, duals.dearest)
+            return True
         # Who asks for few digits need not see what a price comes to before the next barrier.
         if not dearer or (self._rough and not was_last):
             duals.mu = min(duals.mu, max(self.last, self._following))
+        return True
+
+    def _is_telling(self, c: Sided) -> bool:
+        """Whether limits are far from being met, though prices are high: they may contradict each other."""
+        return not self._rough and self.duals.dearest >= _TELLING * self.size and self.duals.excess(c) > _FAR
+
+    def _asks_for_the_least(self, c: Sided) -> bool:
+        """Whether this stage looks for the least that limits can be off."""
+        return self._is_telling(c) and self.duals.is_level
+
+    def _closer_to_the_least(self, c: Sided) -> bool:
+        """Go on with less of what leads away from the least that limits can be off; whether there is any."""
+        duals, dearest = self.duals, _DEAREST * self.size
+        if duals.dearest < (1.0 - 1e-9) * dearest:
+            duals.level(c, min(_DEARER * duals.dearest, dearest))
+        elif duals.mu * self.count > _TRACES * duals.cost_of_excess(c):
+            duals.mu *= _LESS
+        else:
+            return False
         return True
 
     @property

@@ -174,8 +174,7 @@ class LimitedProblem(ShootingProblem):
         return self.shown
 
     def tolerated(self, goal: float) -> float:
-        met = not self._begun or self.stages.are_met(self._limits())
-        return super().tolerated(self.stages.tolerated(goal, self.noise, met=met))
+        return super().tolerated(self.stages.tolerated(goal, self.noise, self._limits()) if self._begun else goal)
 
     def next_stage(self) -> bool:
         """Go on without gaps, or with dearer excess, where a limit needs it, or else with a smaller barrier."""
