@@ -143,7 +143,7 @@ def as_time_step(dt: object) -> float:
 
 
 def as_times(t: object, what: str = "t") -> Array:
-    """Return times (N+1,) as an array, N >= 1, strictly increasing and finite."""
+    """Return times (N+1,), N >= 1, strictly increasing and finite, as an array of its own that nobody can write to."""
     times = as_array(t, what, (None,), meaning="(N+1,): times of N steps")
     if len(times) < 2:
         raise ArgumentError(f"{what}: got {len(times)} times, expected at least two")
@@ -151,7 +151,7 @@ def as_times(t: object, what: str = "t") -> Array:
     if np.any(steps <= 0.0):
         k = int(np.argmax(steps <= 0.0))
         raise ArgumentError(f"{what}: times must increase, but t[{k}] = {times[k]} and t[{k + 1}] = {times[k + 1]}")
-    return times
+    return read_only(times.copy())
 
 
 def as_choice(value: str, what: str, choices: Sequence[str]) -> None:

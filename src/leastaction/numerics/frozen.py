@@ -52,6 +52,14 @@ def _frozen(value: Any) -> Any:
     return value
 
 
+def own_arrays(self: object, *names: str) -> None:
+    """Replace arrays among the fields of a frozen dataclass: what their giver changes later changes nothing then."""
+    for name in names:
+        value = getattr(self, name)
+        if isinstance(value, np.ndarray):
+            object.__setattr__(self, name, read_only(value.copy()))
+
+
 class Frozen:
     """What a frozen dataclass that holds arrays derives from: nobody can write to them, copied or not."""
 

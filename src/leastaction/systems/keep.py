@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.frozen import own_arrays
 from leastaction.optimal.collocation.limits import Points
 from leastaction.optimal.limits.limit import Horizon, Limit, When, Within
 from leastaction.optimal.limits.rows import Rows
@@ -124,6 +125,7 @@ class Keep(Limit):
                 "limit describes. Take a Ball around it, or a HalfSpace"
             )
         as_array(self.point, f"Keep({self.frame!r}): point", (3,))
+        own_arrays(self, "point")
 
     def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return the rows for a `MidpointSystem`, or for the points of a `MechanismSystem`'s horizon."""

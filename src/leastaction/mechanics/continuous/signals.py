@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_times, shape_of
+from leastaction.numerics.frozen import own_arrays
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.signals import StateLaw
 from leastaction.numerics.time_functions import TimeFunction
@@ -102,6 +103,7 @@ class Feedback:
                     f"Feedback: {name}: got shape {np.shape(part)}, expected {shape}; what changes over time is given "
                     f"as a function of it, such as lambda time: {name}[np.searchsorted(t, time, 'right') - 1]"
                 )
+        own_arrays(self, "K", "xbar", "ubar")
 
     def __call__(self, t: float, x: Array) -> Array:
         """Return the input (n,) at a time and a state."""

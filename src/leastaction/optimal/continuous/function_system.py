@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_count
+from leastaction.numerics.arrays import Array, as_array, as_count, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
@@ -44,9 +44,9 @@ class LinearContinuousSystem(ContinuousSystem):
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None) -> None:
-        self.A, self.B = as_dynamics(A, B)
+        self.A, self.B = (read_only(each.copy()) for each in as_dynamics(A, B))
         self.nx, self.nu = self.B.shape
-        self.c = np.zeros(self.nx) if c is None else as_array(c, "c", (self.nx,))
+        self.c = read_only(np.zeros(self.nx) if c is None else as_array(c, "c", (self.nx,)).copy())
 
     def f(self, x: Array, u: Array, t: float) -> Array:  # noqa: ARG002
         result: Array = self.A @ x + self.B @ u + self.c

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.optimal.cost import owned
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 from leastaction.optimal.system import Linearization
@@ -39,7 +40,7 @@ class LinearSystem(DiscreteSystem):
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None, N: int | None = None) -> None:
-        A_given, B_given = as_array(A, "A"), as_array(B, "B")
+        A_given, B_given = owned(A, "A"), owned(B, "B")
         lengths = {a.shape[0] for a in (A_given, B_given) if a.ndim == 3}
         if N is not None:
             lengths.add(as_count(N, "N", 1))
@@ -54,7 +55,7 @@ class LinearSystem(DiscreteSystem):
             raise ArgumentError(f"B: got shape {B_given.shape}, expected ({self.nx}, nu) or (N, {self.nx}, nu).")
         self.nu = B_given.shape[-1]
         shape = (self.N, self.nx)
-        drift = np.zeros(shape) if c is None else as_array(c, "c", shape, (self.nx,))
+        drift = np.zeros(shape) if c is None else as_array(c, "c", shape, (self.nx,)).copy()
         self._A = np.ascontiguousarray(np.broadcast_to(A_given, (*shape, self.nx)))
         self._B = np.ascontiguousarray(np.broadcast_to(B_given, (*shape, self.nu)))
         self._c = np.broadcast_to(drift, shape)

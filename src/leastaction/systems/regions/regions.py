@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.numerics.frozen import own_arrays
 from leastaction.optimal.quantity import Instants
 from leastaction.systems.regions.apart import Hole, Shape, Side, Solid
 
@@ -65,6 +66,7 @@ class Box(Region):
             raise ArgumentError(
                 f"Box: got low {self.low!r} and high {self.high!r}, expected (3,), each low below its high"
             )
+        own_arrays(self, "low", "high")
 
     @property
     def _faces(self) -> list[tuple[int, float, float]]:
@@ -117,6 +119,7 @@ class HalfSpace(Region):
         if not normal.any():
             raise ArgumentError("HalfSpace: got a normal of zero, expected a direction")
         as_number(self.offset, "HalfSpace: offset", above=-np.inf)
+        own_arrays(self, "normal")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -159,6 +162,7 @@ class Ball(Region):
         as_number(self.radius, "Ball: radius", above=0.0)
         if not callable(self.center):
             as_array(self.center, "Ball: center", (3,))
+        own_arrays(self, "center")
 
     @property
     def names(self) -> tuple[str, ...]:
