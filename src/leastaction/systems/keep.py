@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
-from leastaction.numerics.frozen import own_arrays
+from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.optimal.collocation.limits import Points
 from leastaction.optimal.limits.limit import Horizon, Limit, When, Within
 from leastaction.optimal.limits.rows import Rows
@@ -110,6 +110,8 @@ class Keep(Limit):
     point: ArrayLike = field(default=(0.0, 0.0, 0.0), kw_only=True)
     origin: str | None = field(default=None, kw_only=True)
     at: When = field(default=None, kw_only=True)
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
         if (self.inside is None) == (self.outside is None):

@@ -20,6 +20,7 @@ from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
+from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
@@ -48,6 +49,8 @@ class MidpointSystem(DiscreteSystem):
     ArgumentError
         If the times do not increase.
     """
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(self, integrator: MidpointVI, t: ArrayLike, *, multipliers: bool = False) -> None:
         require_instance(integrator, "integrator", MidpointVI, "MidpointVI(mechanism) makes one")

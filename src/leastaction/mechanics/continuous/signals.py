@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_times, shape_of
-from leastaction.numerics.frozen import own_arrays
+from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.signals import StateLaw
 from leastaction.numerics.time_functions import TimeFunction
@@ -94,6 +94,8 @@ class Feedback:
     K: Any
     xbar: Any
     ubar: Any
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     def __post_init__(self) -> None:
         for name, axes, shape in (("K", 2, "(n, nx)"), ("xbar", 1, "(nx,)"), ("ubar", 1, "(n,)")):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_number
-from leastaction.numerics.frozen import own_arrays
+from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.optimal.quantity import Instants
 from leastaction.systems.regions.apart import Hole, Shape, Side, Solid
 
@@ -20,6 +20,8 @@ Place = ArrayLike | Callable[[float], ArrayLike]
 
 class Region(ABC):
     """A part of space, as functions of a point that are positive inside of it. Frozen; threads may share it."""
+
+    __getstate__, __setstate__ = saved_state, restore_state
 
     @property
     @abstractmethod
