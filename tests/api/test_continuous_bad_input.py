@@ -97,7 +97,7 @@ def test_inputs(options: dict, message: str) -> None:
 @pytest.mark.parametrize(
     ("events", "message"),
     [
-        ([Event("x")], r"events: got list, expected a mapping from names"),
+        ([Event("x")], r"events: got .* \(list\), expected a mapping of names"),
         ({"low": 3.0}, r"events\['low'\]: got float, expected an Event"),
         ({"low": "y"}, r"events\['low'\]: unknown variable 'y'; the variables are 'x', 'height'"),
         ({"low": Event("heigth")}, r"did you mean 'height'"),

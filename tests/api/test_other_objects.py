@@ -54,6 +54,16 @@ CALLS = [
     ("t: got shape (), expected (any,), that is (N+1,)", lambda: vi.simulate(run.state(0), 1.0)),
     ("system: got MidpointVI, expected a MidpointSystem", lambda: la.relax(vi, cost, initial=pair)),
     ("cost: got Trajectory, expected a Cost", lambda: la.embed(system, run, initial=pair)),
+    ("values: got [1.0] (list), expected a mapping of names to values", lambda: mechanism.configuration([1.0])),
+    ("(`Mechanism.configuration` takes names)", lambda: la.project_configuration(mechanism, {"x": 1.0})),
+    (
+        "(list), expected a mapping of names to values, such as {'hand': 100.0}",
+        lambda: la.follow(mechanism, {"x": t}, [la.Bound("x", max=1.0)], t=t),
+    ),
+    ("accelerations: got None (NoneType), expected a mapping", lambda: la.SmoothCost(cost, system, None)),
+    ("limits: got 3, expected a list of limits", lambda: la.optimize(system, cost, initial=pair, limits=3)),
+    ("limits: got 'x', expected a list of limits", lambda: la.optimize(system, cost, initial=pair, limits="x")),
+    ("free_start: got 3, expected True, False or names", lambda: la.optimize(system, cost, initial=pair, free_start=3)),
     ("from_system: got MidpointVI, expected a MidpointSystem", lambda: la.warm_start(pair, vi, system)),
 ]
 

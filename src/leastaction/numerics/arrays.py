@@ -7,7 +7,7 @@ names what was given, what was expected and what to do.
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,13 +43,15 @@ def as_array(
         # The result of a search, such as a projection, holds what is asked for under the same name.
         within = what.isidentifier() and isinstance(getattr(value, what, None), np.ndarray)
         advice = f"it has an array '{what}': give that" if within else "give a list or an array of numbers"
+        if names and isinstance(value, Mapping):
+            advice = f"give the numbers of {_some(names)} in that order (`Mechanism.configuration` takes names)"
         raise error(f"{what}: got {_given(value)}, expected real numbers{wanted}; {advice}") from None
     # ascontiguousarray turns a scalar into a one-element vector; keep the shape that was given.
     array = array.reshape(given.shape)
     if shapes and array.shape not in shapes and not any(_matches(array.shape, shape) for shape in shapes):
         hint = ""
         if names and any(shape and shape[-1] == len(names) for shape in shapes):
-            hint = f"; the last axis holds {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
+            hint = f"; the last axis holds {_some(names)}"
         raise error(f"{what}: got shape {array.shape}, expected {_shapes(shapes, meaning)}{hint}")
     require_finite(array, what, names=names, error=error)
     return array
@@ -179,6 +181,12 @@ def require_instance(value: object, what: str, kind: type, instead: str = "") ->
         raise ArgumentError(f"{what}: got {type(value).__name__}, expected {article} {kind.__name__}{advice}")
 
 
+def require_mapping(value: object, what: str, example: str) -> None:
+    """Raise an `ArgumentError` unless a value is a mapping; ``example``: one, for the message."""
+    if not isinstance(value, Mapping):
+        raise ArgumentError(f"{what}: got {_given(value)}, expected a mapping of names to values, such as {example}")
+
+
 def _matches(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
     return len(shape) == len(expected) and all(n is None or n == m for n, m in zip(expected, shape, strict=True))
 
@@ -189,6 +197,11 @@ def _shapes(shapes: Sequence[tuple[int | None, ...]], meaning: str) -> str:
         "(" + ", ".join("any" if n is None else str(n) for n in shape) + ",)"[len(shape) != 1 :] for shape in shapes
     )
     return ", that is ".join(part for part in (text, meaning) if part)
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return names as text, the first of them if they are many."""
+    return f"{', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
 
 
 def _given(value: object) -> str:

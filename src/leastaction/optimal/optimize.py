@@ -9,14 +9,14 @@ as far as the cost falls enough.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any, Literal, cast, get_args, overload
 
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import as_choice, require_instance
 from leastaction.numerics.time_functions import TimeFunctionLike
 from leastaction.optimal.collocation.problem import CollocationProblem
@@ -327,13 +327,24 @@ def _continuous_problem(
 def _checked_start(free: bool | Sequence[str], system: DiscreteSystem | ContinuousSystem) -> bool | tuple[str, ...]:
     if isinstance(free, bool):
         return free
+    if not isinstance(free, Iterable):
+        raise ArgumentError(
+            f"free_start: got {free!r}, expected True, False or names of entries of the state such as ['p_cart']"
+        )
     names = (free,) if isinstance(free, str) else tuple(free)
     system.free_entries(names)
     return names
 
 
 def _checked(limits: Sequence[Limit]) -> list[Limit]:
-    given: list[Limit] = [limits] if isinstance(limits, Limit) else list(limits)
+    if isinstance(limits, Limit):
+        return [limits]
+    several: object = limits
+    if not isinstance(several, Iterable) or isinstance(several, str | Mapping):
+        raise ArgumentError(
+            f"limits: got {brief(repr(limits))}, expected a list of limits such as [Bound('push', -5, 5)]"
+        )
+    given = list(limits)
     for i, limit in enumerate(given):
         if not isinstance(limit, Limit):
             raise ArgumentError(

@@ -16,7 +16,15 @@ from leastaction.mechanics.continuous.legendre import to_momentum
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number, as_times, read_only, require_instance
+from leastaction.numerics.arrays import (
+    Array,
+    as_array,
+    as_number,
+    as_times,
+    read_only,
+    require_instance,
+    require_mapping,
+)
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
@@ -160,13 +168,15 @@ def follow(
         A wanted motion that cannot be brought onto the constraints.
     """
     require_instance(mechanism, "mechanism", Mechanism)
+    weights = {} if weights is None else weights
+    require_mapping(weights, "weights", "{'hand': 100.0}")
     m = mechanism
     wanted, times = _wanted(m, motion, t)
     if start is not None:
         require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
     system = MidpointSystem(MidpointVI(m, threads=threads), times, multipliers=m.nc > 0)
     x, u = _curve(system, wanted, start)
-    cost = _cost(system, wanted, x, u, weights or {})
+    cost = _cost(system, wanted, x, u, weights)
     solve = {"max_iterations": max_iterations, "tolerance": tolerance, **options}
     if m.n_inputs:
         u = _cheaper(system, cost, x, [_with_inputs(system, x, u), u])

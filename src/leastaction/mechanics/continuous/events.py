@@ -10,7 +10,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.arrays import Array, as_number, require_mapping
 
 _EPS = float(np.finfo(float).eps)
 
@@ -113,11 +113,7 @@ def watch(events: Mapping[str, Event | Callable[[float, Array], float] | str], m
     ``events``: by name. A function may have the attributes ``terminal`` and ``direction``, as SciPy's events do; a name
     is that of a variable. Raises `ArgumentError` for what is no event, or an unknown variable.
     """
-    if not isinstance(events, Mapping):
-        raise ArgumentError(
-            f"events: got {type(events).__name__}, expected a mapping from names to events, such as "
-            '{"bottom": Event("theta")}'
-        )
+    require_mapping(events, "events", "{'bottom': Event('theta')}")
     return [_watched(str(name), event, mechanism) for name, event in events.items()]
 
 

@@ -31,7 +31,7 @@ from leastaction.mechanics.mechanism.parameters import (
 )
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
-from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.arrays import Array, as_number, require_mapping
 
 
 @final
@@ -181,9 +181,11 @@ class Mechanism:
         ArgumentError
             For an unknown name or a value that is not a finite number.
         """
+        values = {} if values is None else values
+        require_mapping(values, "values", "{'pole': 1.0}")
         q = np.full(self.nq, as_number(default, "default"))
         order = {name: index for index, name in enumerate(self.variables)}
-        for name, value in (values or {}).items():
+        for name, value in values.items():
             if name not in order:
                 raise unknown("variable", name, order)
             q[order[name]] = as_number(value, f"the value of {name!r}")

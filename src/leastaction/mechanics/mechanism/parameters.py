@@ -17,7 +17,7 @@ from leastaction.errors import ArgumentError, DescriptionError, unknown
 from leastaction.mechanics.description.affine import Affine
 from leastaction.mechanics.description.frames import Frame
 from leastaction.mechanics.description.tree import Tree
-from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.arrays import Array, as_number, require_mapping
 
 AXES = "xyz"
 _MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -208,11 +208,7 @@ def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str
 
 def checked(changes: Mapping[str, float]) -> dict[str, float]:
     """Return new values as finite floats; raise an `ArgumentError` for anything else."""
-    given: object = changes
-    if not isinstance(given, Mapping):
-        raise ArgumentError(
-            f"parameters: expected a mapping of names to values such as {{'bob.mass': 2.0}}, got {given!r}"
-        )
+    require_mapping(changes, "parameters", "{'bob.mass': 2.0}")
     return {name: as_number(value, f"the parameter {name!r}") for name, value in changes.items()}
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.numerics.arrays import Array, as_number, read_only
+from leastaction.numerics.arrays import Array, as_number, read_only, require_mapping
 from leastaction.numerics.names import matching
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
@@ -122,6 +122,7 @@ class SmoothCost(CostOfAccelerations):
     """
 
     def __init__(self, cost: Cost, system: MidpointSystem, accelerations: Mapping[str, float]) -> None:
+        require_mapping(accelerations, "accelerations", "{'string-*': 1e-3}")
         m = system.integrator.mechanism
         weights = np.zeros(m.nrho)
         for pattern, value in accelerations.items():
