@@ -11,6 +11,7 @@ constexpr double inside = 0.995;  // of the way to their bounds duals go at most
 constexpr double near = 1e3;      // by this factor duals may be off those of the barrier
 constexpr double below =
     1.0 - 1e-9;                 // times the price is the largest dual: the price less the dual is to have some digits
+constexpr double almost = 0.1;  // of the slope may be left, of the other sign, where a step is not too long
 constexpr int halvings = 8;     // of a step that is too long
 constexpr double nearly = 0.1;  // part to which its length is told
 
@@ -26,6 +27,9 @@ double sum(std::ptrdiff_t first, std::ptrdiff_t last, const Term& term) {
     return total;
 }
 
+// sqrt(1 + t^2), t >= 0: beyond a billion it is t, and its square may be out of range.
+double root_of(double t) { return t < 1e9 ? std::sqrt(1.0 + t * t) : t; }
+
 double stiffness_of(double slack, double excess, double rho, double y) {
     return 1.0 / (slack / y + excess / (rho - y));
 }
@@ -34,7 +38,7 @@ double stiffness_of(double slack, double excess, double rho, double y) {
 
 void Barrier::split(const double* c, double* slack, double* excess) const {
     for (std::ptrdiff_t i = 0; i < size; ++i) {
-        const double t = std::abs(0.5 * rho[i] * c[i] / mu), large = t + std::sqrt(1.0 + t * t), unit = mu / rho[i];
+        const double t = std::abs(0.5 * rho[i] * c[i] / mu), large = t + root_of(t), unit = mu / rho[i];
         const double far = unit * (1.0 + large), close = unit * (1.0 + 1.0 / large);
         slack[i] = c[i] > 0.0 ? far : close;
         excess[i] = c[i] > 0.0 ? close : far;
@@ -68,7 +72,7 @@ void Barrier::move_duals(const double* slack, const double* excess, const double
 double Barrier::slope_along(const double* c, const double* dc, double length) const {
     return sum(0, size, [&](std::ptrdiff_t i) {
         const double at = c[i] + length * dc[i], t = std::abs(0.5 * rho[i] * at / mu);
-        const double part = rho[i] / (1.0 + t + std::sqrt(1.0 + t * t));
+        const double part = rho[i] / (1.0 + t + root_of(t));
         return (at > 0.0 ? part : rho[i] - part) * dc[i];
     });
 }
@@ -80,7 +84,7 @@ double Barrier::step(const double* c, const double* slack, const double* excess,
                             return stiffness_of(slack[i], excess[i], rho[i], y[i]) * dc[i] * dc[i];
                         });
     const auto rise = [&](double a) { return plain + a * bend - slope_along(c, dc, a); };
-    if (rise(length) <= 0.0) return length;
+    if (rise(length) <= -almost * (plain - slope_along(c, dc, 0.0))) return length;
     double low = 0.0, high = length;
     for (int k = 0; k < halvings && !(high - low < nearly * low); ++k) {
         const double middle = 0.5 * (low + high);

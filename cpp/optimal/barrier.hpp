@@ -5,7 +5,7 @@
 //   psi           = sum of rho excess - mu log(rho^2 excess slack / mu^2)
 //   -psi'         = rho/(1 + w + |t|) for c > 0, and rho less that for c <= 0.
 //
-// t is of no unit, so nothing is out of range where mu and what a limit is off by are apart by a hundred orders.
+// t is of no unit, so nothing is out of range however far mu and what a limit is off by are apart.
 #pragma once
 
 #include <cstddef>

@@ -134,6 +134,9 @@ def test_the_dual_is_the_slope_of_the_barrier_and_its_stiffness_the_bend() -> No
     np.testing.assert_allclose(stiffness(part, rho, y), bend, rtol=1e-5)
     far = np.array([-1e6, -3.0, -1e-9, 0.0, 1e-9, 3.0, 1e6])
     np.testing.assert_allclose(sum(mu / each for each in split(far, mu, rho[:7])), rho[:7], rtol=1e-12)
+    # A roll-out that is lost is dear, however far it is.
+    lost = np.array([-1e200, 1e200])
+    assert barrier_value(split(lost, mu, rho[:2]), mu, rho[:2]) == pytest.approx(7e200)
 
 
 def test_a_step_ends_where_the_barriers_begin_to_rise() -> None:
@@ -752,6 +755,49 @@ def test_searches_see_how_much_a_cost_is_off(method: str, cart: MidpointSystem, 
     assert result.iterations <= 15
     exact = optimize(cart, smooth, limits=CASES["push"], initial=REST, tolerance=1e-12)
     assert result.cost == pytest.approx(exact.cost, rel=1e-8)
+
+
+@pytest.mark.parametrize("free_start", [False, True])
+def test_further_steps_of_a_model_lead_to_where_it_is_least(free_start: bool) -> None:
+    """Of a linear system it is the cost itself: what they foretell comes true, and little is left to be gained."""
+    rng = np.random.default_rng(2)
+    N, nx, nu = 20, 3, 2
+    system = LinearSystem(rng.normal(size=(N, nx, nx)) / 2.0, rng.normal(size=(N, nx, nu)))
+    cost = QuadraticCost(rng.normal(size=(N + 1, nx)), np.zeros((N, nu)), Q=np.ones(nx), R=[0.1, 0.2])
+    start = np.zeros((N + 1, nx)), np.zeros((N, nu))
+    settings = optimize(system, cost, initial=start, max_iterations=0).settings
+    rows = [*Bound("*", -0.5, 0.4, of="input").rows(system, 1), *Bound("x[1]", -0.3, 0.6).rows(system, 1)]
+    problem = LimitedProblem(system, cost, rows, settings, free_start)
+    problem.start(start)
+    problem.duals.mu *= 1e-3
+    problem._set_out()
+    gained = []
+    for holds in (False, True):
+        direction = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
+        direction = problem.refined(direction, holds=holds)
+        length = problem.first_step(direction, 1.0)
+        trial = problem.simulate(direction, length, np.inf)
+        assert isinstance(trial, Trial)
+        gained.append(problem.value - trial.cost)
+        assert gained[-1] == pytest.approx(problem.promised(direction, length), rel=1e-9)
+    assert length == 1.0
+    assert gained[1] > 1.05 * gained[0]
+    problem.accept(direction, trial)
+    following = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
+    assert -following.slope < 0.3 * gained[1]
+
+
+def test_where_the_model_holds_a_run_takes_few_roll_outs() -> None:
+    """What barriers bend is found without another roll-out."""
+    rng = np.random.default_rng(5)
+    system = LinearSystem(np.tile(np.array([[1.0, 0.1], [0.0, 1.0]]), (60, 1, 1)), np.tile([[0.0], [0.1]], (60, 1, 1)))
+    wanted = np.cumsum(rng.normal(size=(61, 2)), axis=0) / 4.0
+    cost = QuadraticCost(wanted, np.zeros((60, 1)), Q=[10.0, 0.1], R=[0.01])
+    start = np.zeros((61, 2)), np.zeros((60, 1))
+    limits = [Bound("u[0]", -1.0, 1.0), Bound("x[0]", max=0.4), Bound("x[1]", -0.5, 0.5)]
+    result = optimize(system, cost, initial=start, limits=limits)
+    assert result.success
+    assert result.rollouts <= 13
 
 
 def test_what_does_not_bend_has_one_model(cart: MidpointSystem, cost: QuadraticCost) -> None:

@@ -53,6 +53,8 @@ class NewtonSchedule:
     reach : float
         Where the cost was seen to fall much further than to the end of the last step, how long the next one may be
         if it is of the same method; else 0.
+    holds : bool
+        Whether the last step lowered the cost by what its model had foretold; so before the first.
     method : str
         That of the last step.
     again : bool
@@ -76,6 +78,7 @@ class NewtonSchedule:
     length: float = 1.0
     full: bool = False
     reach: float = 0.0
+    holds: bool = True
     method: str = ""
     again: bool = False
     finer: bool = False

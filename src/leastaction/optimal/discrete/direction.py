@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
+
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.loop import Direction
@@ -30,7 +32,9 @@ class DiscreteDirection(Direction):
 
     ``gain`` (N, nu, nx): gains of the projection. ``C`` (N, nu): feedforward of the model's solution. ``dx``, ``du``:
     the direction, if the projection has gains of its own. ``dx0`` (nx,): that of the initial state, if it is free.
-    ``limited`` (n,): change of the values of all limits along it, if there are some.
+    ``limited`` (n,): change of the values of all limits along it, if there are some. ``duals`` (n,): theirs at its end,
+    if these are known. ``promise``, ``reach``: by how much a step of a length lowers cost and barriers where these are
+    themselves in the model; NaN where that is not known.
     """
 
     gain: Array = field(kw_only=True)
@@ -39,6 +43,9 @@ class DiscreteDirection(Direction):
     du: Array | None = None
     dx0: Array | None = None
     limited: Array | None = None
+    duals: Array | None = None
+    promise: float = np.nan
+    reach: float = np.nan
 
     @property
     def K(self) -> Array:

@@ -10,7 +10,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import is_diagonal, matrix_of
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.model_hessian import HessianPart, ModelHessian
-from leastaction.optimal.limits.duals import Duals, Room, Side
+from leastaction.optimal.limits.duals import Duals, Side
 from leastaction.optimal.limits.entries import EntryRows
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.limits.sides import Layout, Sided
@@ -89,7 +89,7 @@ class LimitedCost:
         self,
         x: Array,
         u: Array,
-        room: Room,
+        sigmas: Sided,
         jacobians: Jacobians,
         dynamics: Array | None = None,
         *,
@@ -100,8 +100,8 @@ class LimitedCost:
         Parameters
         ----------
         x, u : ndarray
-        room, jacobians
-            Of the limits there, and their derivatives.
+        sigmas, jacobians
+            Stiffnesses of the limits, and their derivatives there.
         dynamics : ndarray (N, nx, nx+nu) or None
             ``[A B]``, for what looks ahead.
         convex : bool
@@ -113,7 +113,6 @@ class LimitedCost:
             self.spare[convex] = Weights(len(u), nx, u.shape[1], self.columns)
         weights = self.spare[convex]
         weights.clear()
-        sigmas = self.duals.stiffnesses(room)
         self.of_states.add_hessian(sigmas, weights.state)
         self.of_inputs.add_hessian(sigmas, weights.input)
         for i, jacobian in jacobians.items():

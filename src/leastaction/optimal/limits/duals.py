@@ -145,6 +145,11 @@ class Duals:
             room.c.flat, room.part, self.mu, self.prices, self.y.flat, dc.flat, fall=fall, least=least, length=length
         )
 
+    def kept_near(self, y: Array, after: Room) -> Sided:
+        """Return duals that are not too far from those of the barrier."""
+        still = Split(self.mu / y, np.ones_like(y))
+        return Sided(moved_duals(still, self.mu, self.prices, y, np.zeros_like(y), after.part), self.layout)
+
     def settle_prices(self) -> None:
         """Take the prices and scales of all sides as they are now."""
         self.prices, self.scales = self.layout.filled(self.rho).flat, self.layout.filled(self.scale).flat

@@ -11,15 +11,17 @@ import numpy as np
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
-from leastaction.optimal.discrete.model_hessian import ModelHessian
+from leastaction.optimal.discrete.model_hessian import ModelHessian, between, shifted
 from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.shooting import Gapped, ShootingDirection, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.duals import Room, Stages
+from leastaction.optimal.limits.refinement import Solved, promising, refined
 from leastaction.optimal.limits.rows import Rows, check_agreement
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.line_search import Refusal, Trial
@@ -97,6 +99,7 @@ class LimitedProblem(ShootingProblem):
         # Of both and the duals; None: not yet.
         self.gradient: CostGradient | None = None  # with the barriers
         self.newton_change: Sided | None = None  # of the limits, along Newton's undamped direction
+        self.are_settled = False  # whether no step of the duals is needed any more
 
     # ---- Where to start -------------------------------------------------------------------------
 
@@ -298,10 +301,14 @@ class LimitedProblem(ShootingProblem):
             return super()._second_derivatives(convex=convex)
         if convex and self.exact is not None and not self.limited.bends(self.x, self.u):
             return self.exact
+        return self._weights(self.duals.stiffnesses(self._room()), convex=convex)
+
+    def _weights(self, sigmas: Sided, *, convex: bool) -> ModelHessian:
+        """Return the second derivatives of cost and limits, given the stiffnesses of these."""
         dynamics = None
         if any(rows.quantity.looks_ahead for rows in self.limited.rows):
             dynamics = np.concatenate(list(self._linearize()), axis=2)
-        return self.limited.hessian(self.x, self.u, self._room(), self._jacobians(), dynamics, convex=convex)
+        return self.limited.hessian(self.x, self.u, sigmas, self._jacobians(), dynamics, convex=convex)
 
     def _with_duals(self, duals: Sided) -> CostGradient:
         """Return the first derivatives of the cost less the duals times the limits."""
@@ -316,6 +323,7 @@ class LimitedProblem(ShootingProblem):
     def _forget_cost(self) -> None:
         super()._forget_cost()
         self.gradient = self.newton_change = None
+        self.are_settled = False
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
         # The multipliers of the dynamics are those of the Lagrangian.
@@ -344,22 +352,21 @@ class LimitedProblem(ShootingProblem):
 
     def _change(self, direction: DiscreteDirection) -> Sided:
         """Return how the limits' values change along a direction."""
-        dx, du = direction.dx, direction.du
-        if dx is None or du is None:
-            dx, du = self._sweep(direction, direction.dx0)
-        return self.limited.along(dx, du, self._jacobians())
+        return self.limited.along(*self._motion(direction), self._jacobians())
 
     # ---- Steps ----------------------------------------------------------------------------------
 
     def first_step(self, direction: DiscreteDirection, length: float) -> float:
         """Return how far to go at first: no further than to where the barriers begin to rise."""
         length = super().first_step(direction, length)
+        if direction.duals is not None:
+            length = min(length, 1.0)  # further than its end the model rises
         if self.final_time is not None and direction.dx0 is not None:
             # No model holds as far as to a motion that lasts much shorter.
             lasts, change = self.x[0, self.final_time] - self.system.time(0), direction.dx0[self.final_time]
             if length * change < -_SHORTER * lasts:
                 length = float(-_SHORTER * lasts / change)
-        if direction.limited is None:
+        if direction.limited is None or direction.duals is not None:
             return length
         dc = Sided(direction.limited, self.limited.layout)
         fall, least = direction.slope, 0.5 * direction.slope
@@ -385,6 +392,61 @@ class LimitedProblem(ShootingProblem):
             return self._look_for_leap(direction, length, x, Refusal(reason, cost=total))
         return Trial(LimitedIterate(outcome.iterate, outcome.cost, room), total)
 
+    def refined(self, direction: DiscreteDirection, *, holds: bool) -> DiscreteDirection:
+        """Return the direction to where its model is least, with the barriers themselves in place of their models."""
+        if direction.limited is None or self.is_open:
+            return direction
+        if not holds:
+            return promising(self.duals, self._room(), direction)
+        return refined(self.duals, self._room(), direction, self._motion, self._solve_within)
+
+    def _motion(self, direction: DiscreteDirection) -> tuple[Array, Array]:
+        """Return the changes of states and inputs along a direction."""
+        if direction.dx is None or direction.du is None:
+            return self._sweep(direction, direction.dx0)
+        return direction.dx, direction.du
+
+    def _solve_within(self, direction: DiscreteDirection, duals: Sided, sigmas: Sided) -> Solved | None:
+        """Return the minimum of a direction's model with other duals and stiffnesses; None if there is none.
+
+        Its law stands where those of directions do.
+        """
+        method = direction.method.removesuffix("-shifted").removesuffix("-damped")
+        hessian = self._hessian_within(direction.curvature_scale if method == "newton" else 0.0, sigmas)
+        if direction.shift > 0.0:
+            hessian = shifted(hessian, direction.shift)
+        gradient, linearization = self._with_duals(duals), self._linearize()
+        curvature = self.curvature if method == "newton" else None
+        with self.clock("lq"):
+            model = minimise_model(
+                method, linearization, gradient, hessian, curvature, self.spare, direction.curvature_scale
+            )
+        model = self._with_start(model)
+        if not model.definite:
+            return None
+        self.free, self.spare = self.spare, self.free
+        own_gain = self._own_gain()
+        if own_gain is None:
+            self.feedback = None  # the next is written over it
+        dx0 = self._start_step(model)
+        dx, du = self._sweep(model, dx0)
+        least = model.constant + (0.0 if dx0 is None else 0.5 * float(model.b[0] @ dx0))
+        change = self.limited.along(dx, du, self._jacobians()).flat
+        return Solved(least, dx, du, model.K if own_gain is None else own_gain, model.C, change)
+
+    def _hessian_within(self, share: float, sigmas: Sided) -> ModelHessian:
+        """Return second derivatives with other stiffnesses, which are written over those of the iterate."""
+        self.exact = self.convex = None
+        exact = self._weights(sigmas, convex=False)
+        if share == 1.0 or not self.limited.bends(self.x, self.u):
+            return exact
+        return between(self._weights(sigmas, convex=True), exact, share)
+
+    def promised(self, direction: DiscreteDirection, length: float) -> float:
+        if direction.limited is None or self.is_open:
+            return super().promised(direction, length)
+        return direction.promise if length == direction.reach else np.nan
+
     def accept(self, direction: DiscreteDirection, trial: Trial[Any]) -> None:
         """Make a trial the current iterate, and move the duals with it."""
         dc = self._change(direction) if direction.limited is None else Sided(direction.limited, self.limited.layout)
@@ -395,10 +457,17 @@ class LimitedProblem(ShootingProblem):
             super().accept(direction, trial)
         else:
             after = new.room
-            self.duals.y = self.duals.moved(self._room(), dc, after)
+            if direction.duals is None:
+                self.duals.y = self.duals.moved(self._room(), dc, after)
+            else:
+                self.duals.y = self.duals.kept_near(direction.duals, after)
             super().accept(direction, Trial(new.iterate, trial.cost))
             self.plain_value = new.cost
         self.values, self.room = after.c, after
+
+    def keep_feedback(self, direction: DiscreteDirection) -> None:
+        super().keep_feedback(direction)
+        self.are_settled = True
 
     # ---- What is told ---------------------------------------------------------------------------
 
@@ -408,7 +477,7 @@ class LimitedProblem(ShootingProblem):
     def _duals(self) -> Sided:
         """Return the duals after a last step of theirs along Newton's direction, which the motion hardly needs."""
         duals, after = self.duals.y, self._room()
-        if self.stages.is_last and not self.is_open:
+        if self.stages.is_last and not (self.is_open or self.are_settled):
             dc = self._last_change() if self.newton_change is None else self.newton_change
             if dc is not None:
                 # They are those of where it leads to: near their bounds that is far from here in room.

@@ -81,6 +81,7 @@ class Loop:
                 promised = np.fmax(promised, expected)
                 if run.history.iterations >= run.limit:
                     return Outcome(Status.ITERATION_LIMIT, outlook(run, direction), expected)
+                direction = run.problem.refined(direction, holds=run.schedule.holds)
                 step = self.search(direction)
                 if step.trial is not None:
                     return self._accept(direction, step, step.trial, "; ".join([*run.remarks(), *notes]))
@@ -113,10 +114,12 @@ class Loop:
         decrease, expected = problem.value - trial.cost, -direction.slope
         agreement = decrease / max(0.5 * expected, 1e-300)
         before = run.schedule
+        share = decrease / max(problem.promised(direction, step.length), 1e-300)  # NaN where nothing was promised
         run.note_step(direction, step, decrease, agreement, trial.cost)
+        run.note_model(share)
         foretold = None
         if not run.stalled and step.length == 1.0 and direction.method == "newton":
-            foretold = self.directions.foretold(before, expected, agreement)
+            foretold = self.directions.foretold(before, expected, share)
         problem.accept(direction, trial)
         if foretold is not None:
             problem.keep_feedback(direction)

@@ -264,6 +264,13 @@ class Problem(ABC, Generic[M, D, I]):
         """
         return None
 
+    def refined(self, direction: D, *, holds: bool) -> D:  # noqa: ARG002
+        """Return what to follow in the place of a direction, by more of the same model.
+
+        ``holds``: whether the last step lowered the cost by what its model had foretold.
+        """
+        return direction
+
     def first_step(self, direction: D, length: float) -> float:  # noqa: ARG002
         """Return how far to go along a direction at first, at most this far."""
         return length
@@ -271,6 +278,10 @@ class Problem(ABC, Generic[M, D, I]):
     @abstractmethod
     def simulate(self, direction: D, length: float, bound: float) -> Trial[I] | Refusal:
         """Return the projection of a step along the direction, or why it is refused."""
+
+    def promised(self, direction: D, length: float) -> float:
+        """Return by how much the model of a direction lowers the cost over a step; NaN where that is not known."""
+        return -direction.slope * length * (1.0 - 0.5 * length)
 
     @abstractmethod
     def accept(self, direction: D, trial: Trial[I]) -> None:

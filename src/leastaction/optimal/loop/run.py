@@ -19,6 +19,9 @@ _FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
 # Where less than this part of the cost is expected to be gained, a run creeps towards its end: it is not lost.
 _CREEPING = 1e-4
 
+# A model holds that is off by less than this part of the decrease.
+_HOLDS = 0.1
+
 # The decrease that is expected is at most this part of what it was before a Newton step that was all but full.
 _AFTER, _FULL = 0.1, 0.9
 
@@ -126,6 +129,10 @@ class Run:
         )
         if self.problem.sees_walls and step.rollouts == 1:
             self.schedule = replace(self.schedule, length=1.0)
+
+    def note_model(self, share: float) -> None:
+        """Remember whether the model of a step holds, which lowered the cost by a share of what it had foretold."""
+        self.schedule = replace(self.schedule, holds=abs(share - 1.0) < _HOLDS)
 
     def remarks(self) -> list[str]:
         """Return what is to be said of the stage that an iteration begins."""

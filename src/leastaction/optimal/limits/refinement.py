@@ -1,0 +1,145 @@
+"""Further steps within the model of a direction, whose limits bend where its cost and its dynamics do not.
+
+Along tangent trajectories d the model of cost and dynamics is quadratic, ``m(d)``, and limits change by J d, so that ::
+
+    M(d) = m(d) + sum psi(c + J d)
+
+is a model that holds as far as m does, while the quadratic one of the barriers ends where the first limit is met. A
+step along its minimum goes to where M is least along it. From there Newton's method goes on for M: with duals y and
+stiffness sigma at the values c + J d, the next minimum D is that of a linear-quadratic problem like the first ::
+
+    g . D + 1/2 D'(H + J' sigma J) D - w . J D,    w = mu/s + sigma J d
+
+with other weights and another gradient, and no new roll-out or derivative of the dynamics. What it is at its minimum
+tells ``m(D) = least + w . J D - 1/2 sigma . (J D)^2`` and, along v = D - d, ``Dm(D) . v = w . J v - sigma (JD) . J v``:
+with m(d) this is the parabola of m from d to D.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.discrete.direction import DiscreteDirection
+from leastaction.optimal.limits.barrier import Split, barrier_step, barrier_value, moved_duals, split, stiffness
+from leastaction.optimal.limits.duals import Duals, Room
+from leastaction.optimal.limits.sides import Sided
+
+__all__ = ["Solved", "promising", "refined"]
+
+_MOST = 8  # further steps
+_LONG = 0.9  # is a first step after which there are none
+_ENOUGH = 0.3  # of all that was gained is what the last of them gains
+
+
+class Solved(NamedTuple):
+    """The minimum of a linear-quadratic problem: its value, where it is, its law, and the changes of limits there."""
+
+    least: float
+    dx: Array
+    du: Array
+    K: Array
+    C: Array
+    change: Array
+
+
+class _Point(NamedTuple):
+    """Where steps have led: the values of limits, their slack and excess, their duals, and the change of m."""
+
+    c: Array
+    part: Split
+    y: Array
+    cost: float
+
+
+class _Model:
+    """The model M, with limits whose prices, parameter and duals are given; ``room``: that of limits at ``d = 0``."""
+
+    def __init__(self, duals: Duals, room: Room) -> None:
+        self.mu, self.rho, self.layout = duals.mu, duals.prices, duals.layout
+        self.begin = _Point(room.c.flat, room.part, duals.y.flat, 0.0)
+        self.value = barrier_value(room.part, self.mu, self.rho)
+
+    def gained(self, at: _Point) -> float:
+        """Return by how much M is less at a point than where it begins."""
+        return self.value - at.cost - barrier_value(at.part, self.mu, self.rho)
+
+    def weights(self, at: _Point) -> tuple[Array, Array]:
+        """Return w and sigma at a point."""
+        sigma = stiffness(at.part, self.rho, at.y)
+        return self.mu / at.part.slack + sigma * (at.c - self.begin.c), sigma
+
+    def step(self, at: _Point, dc: Array, fall: float, bend: float) -> tuple[_Point, float]:
+        """Return the point where M is least along a change of limits, and how far it is.
+
+        ``fall``, ``bend``: the first two derivatives of m along it.
+        """
+        mu, rho = self.mu, self.rho
+        whole = fall - float(mu / at.part.slack @ dc)
+        stiff = float(stiffness(at.part, rho, at.y) @ dc**2)
+        length = barrier_step(
+            at.c, at.part, mu, rho, at.y, dc, fall=whole, least=whole + 0.5 * (bend + stiff), length=1.0
+        )
+        c = at.c + length * dc
+        part = split(c, mu, rho)
+        y = moved_duals(at.part, mu, rho, at.y, dc, part)
+        return _Point(c, part, y, at.cost + length * fall + 0.5 * length**2 * bend), length
+
+
+def promising(duals: Duals, room: Room, direction: DiscreteDirection) -> DiscreteDirection:
+    """Return a direction with what the model says of a step along it, which ends where the model is least."""
+    return _promising(_Model(duals, room), direction)[0]
+
+
+def _promising(model: _Model, direction: DiscreteDirection) -> tuple[DiscreteDirection, _Point]:
+    assert direction.limited is not None
+    begin, dc = model.begin, direction.limited
+    fall = direction.slope + float(model.mu / begin.part.slack @ dc)
+    bend = -direction.slope - float(stiffness(begin.part, model.rho, begin.y) @ dc**2)
+    point, length = model.step(begin, dc, fall, bend)
+    return replace(direction, promise=model.gained(point), reach=length), point
+
+
+def refined(
+    duals: Duals,
+    room: Room,
+    direction: DiscreteDirection,
+    sweep: Callable[[DiscreteDirection], tuple[Array, Array]],
+    solve: Callable[[DiscreteDirection, Sided, Sided], Solved | None],
+) -> DiscreteDirection:
+    """Return the direction to where further steps of the model lead, if the first is a short one.
+
+    ``sweep``: returns the motion (dx, du) of a direction. ``solve``: the minimum of the linear-quadratic problem of a
+    direction with duals w and stiffness sigma; None where there is none.
+    """
+    model = _Model(duals, room)
+    direction, at = _promising(model, direction)
+    gained = direction.promise
+    if direction.reach > _LONG or not gained > 0.0:
+        return direction
+    dx, du = (direction.reach * part for part in sweep(direction))
+    found = None
+    for _ in range(_MOST):
+        w, sigma = model.weights(at)
+        following = solve(direction, Sided(w, model.layout), Sided(sigma, model.layout))
+        if following is None:
+            break
+        found, there = following, following.change
+        change = there - (at.c - model.begin.c)
+        slope = float(w @ change) - float(sigma @ (there * change))
+        rise = found.least + float(w @ there) - 0.5 * float(sigma @ there**2) - at.cost
+        bend = 2.0 * (slope - rise)
+        at, length = model.step(at, change, slope - bend, bend)
+        dx, du = dx + length * (found.dx - dx), du + length * (found.du - du)
+        before, gained = gained, model.gained(at)
+        if gained - before <= _ENOUGH * gained:
+            break
+    if found is None:
+        return direction
+    # As of a parabola, of which the step is the minimum.
+    return replace(
+        direction, slope=-2.0 * gained, gain=found.K, C=found.C, dx=dx, du=du, limited=at.c - model.begin.c,
+        dx0=None if direction.dx0 is None else dx[0], duals=at.y, promise=gained, reach=1.0,
+    )  # fmt: skip
