@@ -50,6 +50,18 @@ CALLS = [
         "free_start: unknown name 'y'; the entries of the state are 'x'",
         lambda: la.optimize(system, cost, initial=pair, free_start=["y"]),
     ),
+    (
+        "Bound('psh'): unknown name 'psh'; the names are 'x-force'",
+        lambda: la.optimize(system, cost, initial=pair, limits=[la.Bound("psh", -1.0, 1.0)]),
+    ),
+    (
+        "Bound(['x-force', 'x']): the names are of several quantities",
+        lambda: la.optimize(system, cost, initial=pair, limits=[la.Bound(["x-force", "x"], -1.0, 1.0)]),
+    ),
+    (
+        "Within: quantity: got str, expected a Quantity; FunctionQuantity",
+        lambda: la.optimize(system, cost, initial=pair, limits=[la.Within("height", max=1.0)]),
+    ),
     ("A, B: got MidpointSystem and ndarray, expected arrays", lambda: la.regulate(system, run.x)),
     ("t: got shape (), expected (any,), that is (N+1,)", lambda: vi.simulate(run.state(0), 1.0)),
     ("system: got MidpointVI, expected a MidpointSystem", lambda: la.relax(vi, cost, initial=pair)),

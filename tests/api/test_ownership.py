@@ -49,3 +49,14 @@ def test_times_cannot_be_written_to() -> None:
     for t in (system.t, system.window(1, 3).t, vi.simulate(vi.start([0.0, 0.1]), TIMES).t):
         with pytest.raises(ValueError, match="read-only"):
             t[1] = 5.0
+
+
+def test_a_result_that_is_where_it_began_is_not_the_start_itself() -> None:
+    system = la.MidpointSystem(vi, TIMES)
+    run = vi.simulate(vi.start([0.0, 0.1]), TIMES)
+    given, inputs = np.array(run.x), np.array(run.u)
+    cost = la.QuadraticCost(np.zeros((5, 4)), np.zeros((4, 1)), Q=np.ones(4), R=[1.0])
+    result = la.optimize(system, cost, initial=(given, inputs), max_iterations=0)
+    given[2], inputs[2] = 7.0, 7.0
+    np.testing.assert_array_equal(result.x, run.x)
+    np.testing.assert_array_equal(result.u, run.u)

@@ -11,8 +11,6 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.loop import Direction
 
-__all__ = ["DiscreteDirection", "Iterate"]
-
 
 class Iterate(NamedTuple):
     """States (N+1, nx) and inputs (N, nu) of a trajectory, and its coarsest step."""

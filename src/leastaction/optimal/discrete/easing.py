@@ -32,8 +32,6 @@ from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
 
-__all__ = ["EasedProblem"]
-
 # How much dearer inputs are in the first stage, and by which factor less from one stage to the next; how often its
 # root is taken, to make a stage again that led nowhere.
 _EASIEST, _STRIDE, _RETRIES = 1e6, 10.0, 2

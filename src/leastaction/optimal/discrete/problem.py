@@ -24,15 +24,13 @@ from leastaction.optimal.discrete.linear_quadratic import (
 )
 from leastaction.optimal.discrete.model_hessian import ModelHessian, between, shifted
 from leastaction.optimal.discrete.projection import linearize_along_curve
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start, linearized
 from leastaction.optimal.discrete.trial import SHORT, leap, try_projection
 from leastaction.optimal.line_search import Refusal, Trial
-from leastaction.optimal.loop import Problem, both
+from leastaction.optimal.loop import Problem
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import Linearization
-
-__all__ = ["DiscreteProblem"]
 
 # A projection of a curve that costs so much more than its inputs alone has lost the curve.
 _DEAR = 10.0
@@ -79,15 +77,13 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     # ---- Where to start -------------------------------------------------------------------------
 
     def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
-        x, u = both(initial)
+        x, self.u = given_start(self.system, initial)
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
-        u = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
-        x = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
         made: Rollout | None = None
         if x.ndim == 1:
-            made = self._project(np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)))
+            made = self._project(np.tile(x, (N + 1, 1)), self.u, np.zeros((N, nu, nx)))
             x = made.x
-        self.x, self.u = read_only(x), read_only(u)
+        self.x = read_only(x)
         self._project_curve(made)
         self.value = self.cost.value(self.x, self.u)
         if not np.isfinite(self.value):

@@ -110,7 +110,7 @@ class ShootingProblem(DiscreteProblem):
             super().start(initial)
             return
         x, u = given_start(self.system, initial)
-        self.given = Start(x.copy(), u.copy())
+        self.given = Start(x, u)
         failure: ProjectionError | None = None
         if self.gapped == "where needed":
             try:

@@ -325,11 +325,15 @@ class WindowSystem(DiscreteSystem):
 
 
 def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
-    """Return what was given to start from, or complain: x (N+1, nx) or an initial state (nx,), and u (N, nu)."""
+    """Return what was given to start from, or complain: x (N+1, nx) or an initial state (nx,), and u (N, nu).
+
+    Copies, which nobody can write to.
+    """
     x, u = both(initial)
     N, nx, nu = system.N, system.nx, system.nu
     states = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
-    return states, as_array(u, "initial u", (N, nu), meaning="(N, nu)")
+    inputs = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
+    return read_only(states.copy()), read_only(inputs.copy())
 
 
 def check_window(start: int, stop: int, N: int) -> None:

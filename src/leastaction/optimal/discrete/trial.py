@@ -13,8 +13,6 @@ from leastaction.optimal.discrete.direction import Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.line_search import Refusal, Trial
 
-__all__ = ["COARSE", "SHORT", "is_too_coarse", "leap", "try_projection"]
-
 SHORT = 0.1
 """Length of a step along which it is looked for leaps."""
 

@@ -24,8 +24,6 @@ import numpy as np
 from leastaction import _core
 from leastaction.numerics.arrays import Array
 
-__all__ = ["Split", "barrier_step", "barrier_value", "first_duals", "moved_duals", "split", "stiffness"]
-
 _GUESS = 0.1  # of its price is the first dual of a limit that is not met
 
 

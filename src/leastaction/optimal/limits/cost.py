@@ -16,8 +16,6 @@ from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.quantity import Entries
 
-__all__ = ["Jacobians", "LimitedCost"]
-
 Jacobians = dict[int, Array]
 """Derivatives of some rows, by their index."""
 

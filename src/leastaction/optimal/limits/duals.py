@@ -27,8 +27,6 @@ from leastaction.optimal.limits.barrier import (
 from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.quantity import Instants
 
-__all__ = ["Duals", "Room", "Side", "Stages"]
-
 _DEAR = 10.0  # times its dual is the price of an excess
 _CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
 _BINDING = 0.5  # of the price is the dual of a limit that the price does not enforce

@@ -12,8 +12,6 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.quantity import Entries
 
-__all__ = ["EntryRows"]
-
 
 class EntryRows:
     """Those of some rows that are entries of the state, or of the input, with their derivatives.

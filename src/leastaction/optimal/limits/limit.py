@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, require_instance
+from leastaction.numerics.names import matching
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Quantity
-
-__all__ = ["Bound", "Equal", "FromSecond", "Horizon", "Limit", "When", "Within"]
 
 When = str | int | float | Sequence[int] | Sequence[float] | None
 Value = ArrayLike | Callable[[float], Any] | None
@@ -126,6 +125,7 @@ class Within(Limit):
 
     def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return the rows of both sides."""
+        require_instance(self.quantity, "Within: quantity", Quantity, "FunctionQuantity makes one of a function")
         least = 0.0 if self.min is None and self.max is None else self.min
         what = f"Within({self.quantity.names[0]!r})"
         rows = _bounded(system, self.quantity, least, self.max, self.at, first, what)
@@ -195,7 +195,13 @@ def selected(system: Horizon, names: str | Sequence[str], of: str | None, what: 
         if all(found):
             return whole.select(sorted({i for each in found for i in each}))
         known += [name for name in whole.names if name not in known]
-    raise ArgumentError(f"{what}: {closest(str(patterns[0]), known, what='names' if of is None else of + ' names')}")
+    unknown = next((pattern for pattern in patterns if not matching(known, pattern)), None)
+    if unknown is None:
+        raise ArgumentError(
+            f"{what}: the names are of several quantities, expected those of one; state a limit for each"
+        )
+    there = closest(unknown, known, what="names" if of is None else of + " names")
+    raise ArgumentError(f"{what}: unknown name {unknown!r}; {there}")
 
 
 def _bounded(

@@ -30,8 +30,6 @@ from leastaction.optimal.memory import Place, Start
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.settings import Settings
 
-__all__ = ["LimitedProblem"]
-
 # Where steps of time may shrink, what is asked at one instant is so much dearer than elsewhere; and than that where the
 # search is stuck.
 _DEARER, _DEARER_AGAIN = 20.0, 10.0

@@ -15,8 +15,6 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.quantity import Instants, Quantity, Samples
 
-__all__ = ["Rows", "Weights", "check_agreement"]
-
 _MANY_RUNS = 64  # of entries that follow each other, from which on they are added one by one
 
 _OFF = 1e-6  # of what is large for it a limit may be off at a fixed initial state

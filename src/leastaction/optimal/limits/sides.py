@@ -13,8 +13,6 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 
-__all__ = ["Layout", "Sided"]
-
 
 class Layout:
     """Where the arrays of sides begin and end; nothing in it changes. ``shapes``: of the arrays."""

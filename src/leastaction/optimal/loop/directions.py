@@ -12,8 +12,6 @@ from leastaction.optimal.loop.run import Run
 from leastaction.optimal.result import Status
 from leastaction.optimal.schedule import NewtonSchedule
 
-__all__ = ["Directions"]
-
 # Methods in the order in which they replace one another when a direction cannot be followed.
 _CHAIN = ("newton", "quasi-newton", "steepest")
 

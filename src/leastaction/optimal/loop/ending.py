@@ -12,8 +12,6 @@ from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.result import Status
 
-__all__ = ["STUCK", "Found", "Outcome", "message", "outlook"]
-
 STUCK = (Status.STALLED, Status.LINE_SEARCH_FAILED, Status.SADDLE)
 """How a stage ends that another way may lead out of."""
 

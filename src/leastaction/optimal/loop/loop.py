@@ -21,8 +21,6 @@ from leastaction.optimal.result import IterationRecord, OptimizationResult, Stat
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
 
-__all__ = ["Callback", "Loop"]
-
 # Times the noise that was seen is the least decrease that is found again in it, by steps as short as searches make.
 _LOST = 50.0
 

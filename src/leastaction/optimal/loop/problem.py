@@ -13,8 +13,6 @@ from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.result import OptimizationResult, Status
 
-__all__ = ["Clock", "Direction", "Model", "Problem", "both"]
-
 
 class Clock:
     """Adds up the seconds spent in each part of the work."""

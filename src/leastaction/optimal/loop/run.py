@@ -11,8 +11,6 @@ from leastaction.optimal.result import HistoryBuilder, OptimizationResult
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
 
-__all__ = ["Run"]
-
 # Of so many first steps, most were shorter than the last where a run is likely to get lost.
 _FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
 

@@ -12,8 +12,6 @@ from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.result import Status
 
-__all__ = ["Search"]
-
 # Shorter steps that are tried along a direction which another one can replace.
 _BACKTRACKS = {"newton": 4, "quasi-newton": 6, "negative-curvature": 8}
 _BACKTRACKS_SHIFTED = 2

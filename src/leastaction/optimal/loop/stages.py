@@ -12,8 +12,6 @@ from leastaction.optimal.loop.run import Run
 from leastaction.optimal.result import Status
 from leastaction.optimal.schedule import NewtonSchedule
 
-__all__ = ["Stages"]
-
 # A run within limits has got nowhere where so many first steps were all shorter than that.
 _FEW, _VERY_SHORT = 8, 0.1
 
