@@ -43,6 +43,6 @@ for axis, record in zip(axes, (records[0], records[2], records[-1]), strict=True
         axis.plot([system.t[k + 1]] * 2, [ends[k, 1], record.x[k + 1, 1]], color="C3", linewidth=1.5)
     axis.plot(system.t, record.x[:, 1], ".", color="black", markersize=4)
     axis.set_title("the start" if record.iteration == 0 else f"after {record.iteration} iterations")
-    axis.set_xlabel("t / s")
-axes[0].set_ylabel("angle of the pole / rad")
+    axis.set_xlabel("time (s)")
+axes[0].set_ylabel("angle of the pole (rad)")
 figure.savefig(Path(__file__).with_name("gaps.png"), dpi=110.0)
