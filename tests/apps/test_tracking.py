@@ -24,6 +24,7 @@ from leastaction.apps.marionette.tracking import (
     TrackingSearch,
     TrackingWeights,
     files,
+    growing,
     load_run,
     load_unfinished,
     plan,
@@ -395,6 +396,72 @@ def test_whatever_was_found_ends_with_strings_that_pull() -> None:
         assert np.isfinite(kept.x).all()
         for k in (0, 7, wanted.system.N - 1):
             np.testing.assert_array_equal(wanted.system.f(kept.x[k], kept.u[k], k), kept.x[k + 1])
+
+
+def test_a_motion_that_pulls_a_little_less_than_it_should_is_no_other_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no roll-out near it holds; and what stands for a motion that pushes never says that it converged."""
+    run = track(PUPPET, leap(0.3))
+    assert run.plan is not None
+    assert run.plan.success
+    wanted = plan.Plan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
+    clipped, hung = plan.Plan._clipped, wanted.hung()
+    monkeypatch.setattr(plan.Plan, "_clipped", lambda _, x, u, *_rest: (x[:3], u[:2]))
+    monkeypatch.setattr(plan.Plan, "hung", lambda _: hung)
+    less, pushing = run.plan.u.copy(), run.plan.u.copy()
+    less[5, 0], pushing[5, 0] = 0.48, -0.1
+    assert wanted.pulling(replace(run.plan, u=less)).success
+    np.testing.assert_array_equal(wanted.pulling(replace(run.plan, u=less)).u, less)
+    still = wanted.pulling(replace(run.plan, u=pushing))
+    np.testing.assert_array_equal(still.x, hung[0])
+    assert not still.success
+    assert "hangs still" in still.message
+    # A roll-out that costs much more is another motion too.
+    monkeypatch.setattr(plan.Plan, "_clipped", lambda *_: hung)
+    np.testing.assert_array_equal(wanted.pulling(replace(run.plan, u=less)).u, less)
+    monkeypatch.setattr(plan.Plan, "_clipped", clipped)
+    assert wanted.pulling(replace(run.plan, u=less)).u[:, : len(STRINGS)].min() >= 0.5
+
+
+def test_rods_that_go_another_way_do_not_push(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where strings lose their grip, a roll-out by lengths may snap through: the motion stays what was planned."""
+    run = track(PUPPET, leap(0.3))
+    assert run.plan is not None
+    wanted = plan.Plan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
+    rollout = wanted.problem.system.rollout
+
+    def snapped(*arguments: Any) -> object:
+        done = rollout(*arguments)
+        return replace(done, x=done.x - 1e-3)
+
+    monkeypatch.setattr(wanted.problem.system, "rollout", snapped)
+    made = wanted.by_lengths(run.plan)
+    np.testing.assert_allclose(made.x, run.result.x, atol=1e-7)
+
+
+def test_a_motion_that_grows_keeps_to_all_limits() -> None:
+    limits = PuppetLimits(speed=2.0)
+    motion = leap(0.3)
+    wanted = plan.Plan(TrackingProblem(PUPPET, motion, FORCED, 0), FORCED, limits)
+    half = growing.smaller(wanted, motion, 0.5)
+    np.testing.assert_allclose(half.problem.body[0], motion.q[0])
+    np.testing.assert_allclose(half.problem.body - motion.q[0], 0.5 * (motion.q - motion.q[0]), atol=1e-15)
+    slow = motion.resample(0.02)
+    coarse = plan.Plan(TrackingProblem(PUPPET, slow, FORCED, 0), FORCED, limits)
+    said: list[str] = []
+    counted: list[float] = []
+    for longer in (wanted, coarse):
+        x, u = growing.grown(
+            wanted,
+            longer,
+            motion if longer is wanted else slow,
+            said.append,
+            lambda _, scale: counted.append(scale),
+        )
+        assert len(u) == wanted.system.N
+        assert wanted.limits.broken(wanted.mechanism, wanted.t, wanted.problem.pelvis, x) == frozenset()
+        assert u[:, : len(STRINGS)].min() >= 0.5 * (1.0 - 1e-6)
+    assert counted == [1.0] * 5 + [2.0] * 5 + [1.0]
+    assert [line[:5] for line in said[:5]] == ["20 % ", "40 % ", "60 % ", "80 % ", "100 %"]
 
 
 @pytest.mark.parametrize("iterations", [0, 1])

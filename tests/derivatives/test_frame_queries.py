@@ -36,6 +36,7 @@ from leastaction.mechanics import (
     universal,
     var,
 )
+from leastaction.mechanics.mechanism.queries.path_motion import PathMotion
 
 AXIS, POINT = (0.3, -1.2, 0.7), (0.2, 0.5, -0.4)
 TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
@@ -138,6 +139,16 @@ def test_frame_velocities_and_jacobians_against_automatic_differentiation(mechan
         expected = jax.jacfwd(jax.jacfwd(oracle, argnums=1), argnums=0)(q, v)
         np.testing.assert_allclose(dJ, expected, atol=1e-12)
         assert np.abs(dJ).max() > 0.1
+
+
+def test_forces_on_a_point_bend_its_way_as_its_jacobian_says(mechanism):
+    rng = np.random.default_rng(13)
+    q, force = rng.uniform(-1.5, 1.5, (3, mechanism.nq)), rng.normal(size=(3, 3))
+    point = (0.3, -0.4, 0.2)
+    for name in ("tip", "world"):
+        bent = PathMotion.of(mechanism, q, name, point, "world").bent(force)
+        dJ = mechanism.frame_jacobian_derivative(q, name, point=point)
+        np.testing.assert_allclose(bent, np.einsum("na,naij->nij", force, dJ[:, :3]), atol=1e-12)
 
 
 def along(function, directions):

@@ -79,8 +79,8 @@ def resting(
     Returns
     -------
     RestingPoses
-        Minima near the pose before, the wanted one, and that of the run, the best of them: no proof that there is none
-        that is nearer.
+        Minima near the pose before, the wanted one, that of the run, and one on the way to the pose of rest, the best
+        of them: no proof that there is none that is nearer.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def resting(
     for k in chosen:
         wanted = search.wanted(k)
         starts = [wanted, np.concatenate([made[k], pulls[k]]), *(pose for _, pose in found[-1:])]
-        best = min((search.nearest(k, start) for start in starts), key=lambda each: each[0])
+        best = search.best(int(k), starts)
         if np.isfinite(best[0]):
             found.append((int(k), best[1]))
     at = np.array([k for k, _ in found], dtype=int)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.path_motion import PathMotion
 from leastaction.numerics.arrays import Array, as_number, read_only
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
 from leastaction.systems.midpoint import MidpointSystem
@@ -68,11 +69,11 @@ class PlaceCost(AddedCost):
         return CostGradient(q, r, q_final)
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        return self._added(self.cost.hessian(x, u), x, self._stiff(x) + self._bent(x))
+        return self._added(self.cost.hessian(x, u), x, self._curved(x, bent=True))
 
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return those of Gauss and Newton, as if places were linear in the configuration; see `Cost`."""
-        return self._added(self.cost.convex_hessian(x, u), x, self._stiff(x))
+        return self._added(self.cost.convex_hessian(x, u), x, self._curved(x, bent=False))
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         system = self.system.window(start, stop)
@@ -106,22 +107,18 @@ class PlaceCost(AddedCost):
         total = np.zeros_like(q)
         for name in self._wanted:
             away, weight = self._away(q, name, 0)
-            total += np.einsum("na,nai->ni", weight * away, self._mechanism.frame_jacobian(q, name)[:, :3])
-        return total
-
-    def _stiff(self, x: Array) -> Array:
-        q = np.ascontiguousarray(x[:, : self._mechanism.nq])
-        total = np.zeros((len(q), q.shape[1], q.shape[1]))
-        for name in self._wanted:
             J = self._mechanism.frame_jacobian(q, name)[:, :3]
-            total += np.einsum("nai,na,naj->nij", J, self._weights[name], J)
+            total += ((weight * away)[:, None, :] @ J)[:, 0]
         return total
 
-    def _bent(self, x: Array) -> Array:
+    def _curved(self, x: Array, *, bent: bool) -> Array:
+        """Return the second derivatives (n, nq, nq); ``bent``: with what comes from places that are not linear."""
         q = np.ascontiguousarray(x[:, : self._mechanism.nq])
         total = np.zeros((len(q), q.shape[1], q.shape[1]))
         for name in self._wanted:
-            away, weight = self._away(q, name, 0)
-            bent = self._mechanism.frame_jacobian_derivative(q, name)[:, :3]
-            total += np.einsum("na,naij->nij", weight * away, bent)
+            motion = PathMotion.of(self._mechanism, q, name, (0.0, 0.0, 0.0), "world")
+            weight, J = self._weights[name][: len(q)], motion.jacobian()[:, :3]
+            total += J.swapaxes(1, 2) @ (weight[:, :, None] * J)
+            if bent:
+                total += motion.bent(weight * (motion.poses[:, :3, 3] - self._wanted[name][: len(q)]))
         return total

@@ -64,7 +64,10 @@ class MarionetteRun:
 
 @dataclass(frozen=True, kw_only=True)
 class MarionetteSearch:
-    """What a file holds of a `TrackingSearch`; ``body`` are the columns of its motion, ``markers`` its own."""
+    """What a file holds of a `TrackingSearch`; ``body`` are the columns of its motion, ``markers`` its own.
+
+    Files of earlier versions have no ``firmness`` and no ``kinds``.
+    """
 
     source: str
     numbers: Mapping[str, float]
@@ -77,6 +80,8 @@ class MarionetteSearch:
     follow: str = "joints"
     markers: Array | None = None
     effort: Effort | None = None
+    firmness: float | None = None
+    kinds: tuple[str, ...] = ()
 
 
 def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
@@ -138,6 +143,8 @@ def save_search(path: str | os.PathLike[str], search: TrackingSearch) -> Path:
         follow=search.follow,
         markers=wanted_markers(search.mechanism, search.motion),
         effort=search.effort,
+        firmness=search.firmness,
+        kinds=tuple(sorted(search.kinds)),
     )
     return save_record(path, content, provenance=search.provenance)
 
@@ -236,15 +243,17 @@ def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Prov
         raise _contradiction(path, error) from error
 
 
+def _known_kinds(kinds: tuple[str, ...]) -> frozenset[str]:
+    unknown = sorted(set(kinds) - set(KINDS))
+    if unknown:
+        raise ResultFileError(f"limits of the kinds {', '.join(unknown)} are none; the kinds are {', '.join(KINDS)}")
+    return frozenset(kinds)
+
+
 def _kinds_of(saved: MarionetteRun, mechanism: Mechanism) -> frozenset[str]:
     """Return the kinds of limits that were stated; of a file without them, those that its limits' labels are of."""
     if saved.kinds is not None:
-        unknown = sorted(set(saved.kinds) - set(KINDS))
-        if unknown:
-            raise ResultFileError(
-                f"limits of the kinds {', '.join(unknown)} are none; the kinds are {', '.join(KINDS)}"
-            )
-        return frozenset(saved.kinds)
+        return _known_kinds(saved.kinds)
     found = (saved.plan or saved.result).limits
     labels = () if found is None else found.labels
     string, end = strings_of(mechanism)[0], ends_of(mechanism).x[0]
@@ -265,9 +274,12 @@ def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance
         # By tensions: no lengths among the variables. Inputs are tensions, motors, and places of the upper ends.
         N, strings = len(saved.t) - 1, mechanism.nc
         moved = mechanism.nrho - len(held_strings(mechanism))
-        nx, inputs = 2 * (mechanism.nd + moved), strings + moved + mechanism.nd
-        if not 0 < saved.stage <= len(PRICES):
+        tying = saved.firmness is not None
+        nx, inputs = 2 * (mechanism.nd + moved), strings + moved + (0 if tying else mechanism.nd)
+        if not 0 < saved.stage <= len(PRICES) + tying:
             raise ResultFileError(f"a search at stage {saved.stage} is none")
+        if tying and not (mechanism.nc and saved.control and 0.0 < cast("float", saved.firmness) < np.inf):
+            raise ResultFileError(f"strings on bars that are tied with a weight of {saved.firmness} are none")
         steps = len(saved.result.u)
         if steps not in (N, N // 2):
             raise ResultFileError(f"a search with {steps} steps for a motion of {N} is none")
@@ -289,6 +301,8 @@ def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance
             result=saved.result,
             follow=_follow_of(saved),
             effort=saved.effort or Effort(),
+            firmness=saved.firmness,
+            kinds=_known_kinds(saved.kinds),
             provenance=provenance,
         )
     except LeastActionError as error:

@@ -23,6 +23,9 @@ from leastaction.viz.tracking import TrackingErrors, tracking_errors
 CUT_SHORT: Final = (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
 """How a run ends that somebody ended."""
 
+STUCK: Final = (Status.LINE_SEARCH_FAILED, Status.NO_DIRECTION, Status.SADDLE)
+"""How one ends that found no way on."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
@@ -178,7 +181,9 @@ def held_error(mechanism: Mechanism, reference: Array, q: Array) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingSearch:
-    """A search for a first trajectory by dynamic embedding, as far as it went; `track` goes on with it.
+    """A search as far as it went, for a first trajectory or for strings on bars that keep their lengths.
+
+    `track` goes on with it.
 
     Attributes
     ----------
@@ -193,6 +198,10 @@ class TrackingSearch:
         What of the motion.
     effort : Effort
         What it took so far.
+    firmness : float or None
+        Of strings on bars that are being tied: the weight of their lengths; None before that.
+    kinds : frozenset of str
+        Of the limits that were stated then.
     provenance : Provenance
     """
 
@@ -202,4 +211,6 @@ class TrackingSearch:
     result: OptimizationResult = field(repr=False)
     follow: Follow = "joints"
     effort: Effort = field(default_factory=Effort)
+    firmness: float | None = None
+    kinds: frozenset[str] = frozenset()
     provenance: Provenance = field(default_factory=Provenance.now)

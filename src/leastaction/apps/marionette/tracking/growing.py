@@ -17,7 +17,7 @@ from leastaction.apps.marionette.tracking.limits import KINDS
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import at_rest
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
-from leastaction.errors import ProjectionError
+from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult, Status, optimize
@@ -31,39 +31,59 @@ _ROUGHLY: Final = 0.02
 
 def grown(
     plan: Plan,
+    coarse: Plan,
     motion: Motion,
     say: Callable[[str], object],
-    count: Callable[[OptimizationResult, bool], None],
+    count: Callable[[OptimizationResult, float], None],
 ) -> tuple[Array, Array]:
     """Return a trajectory of a plan that follows a motion, found by following ever larger parts of it.
 
-    ``motion``: that of the plan. ``say``: told of every size. ``count``: told of every optimisation, and that no motors
-    helped in it. Raises `KeyboardInterrupt` where Ctrl-C ends one.
+    ``coarse``: the same plan with longer steps, or itself; ``motion``: that of the coarse one, which is taken for all
+    but the last. ``say``: told of every size. ``count``: told of every optimisation, and by which its costs are those
+    of the plan. Raises `KeyboardInterrupt` where Ctrl-C ends one. The trajectory is shorter where there is none.
     """
-    found = plan.hung()
-    if len(found[1]) < plan.system.N:
-        found = at_rest(plan)
+    try:
+        found = at_rest(coarse)
+    except ArgumentError:
+        found = coarse.hung()
+        if len(found[1]) < coarse.system.N:
+            return found
+    scale = plan.system.N / coarse.system.N
     for size in SIZES:
-        part = plan if size == SIZES[-1] else smaller(plan, motion, size)
-        try:
-            result = optimize(
-                part.system,
-                part.cost(),
-                initial=found,
-                limits=part.limits.of(part.mechanism, part.problem.pelvis, KINDS),
-                free_start=part.free_start,
-                shooting="single",
-                max_iterations=_ITERATIONS,
-                tolerance=_ROUGHLY,
-            )
-        except ProjectionError:  # a larger one may be found from the last
-            continue
-        if result.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        count(result, False)
-        found = result.x, result.u
-        say(f"{100.0 * size:.0f} % of the motion: cost {result.cost:.4g}")
-    return found
+        part = coarse if size == SIZES[-1] else smaller(coarse, motion, size)
+        found = _followed(part, found, say, lambda result: count(result, scale), size)
+    if plan is coarse:
+        return found
+    fine = plan.inside(*plan.finer(coarse, *found), coarse.cost().value(*found) * scale)
+    return _followed(plan, fine, say, lambda result: count(result, 1.0), SIZES[-1])
+
+
+def _followed(
+    plan: Plan,
+    start: tuple[Array, Array],
+    say: Callable[[str], object],
+    count: Callable[[OptimizationResult], None],
+    size: float,
+) -> tuple[Array, Array]:
+    """Return what one optimisation finds; the start where it finds nothing."""
+    try:
+        result = optimize(
+            plan.system,
+            plan.cost(),
+            initial=start,
+            limits=plan.limits.of(plan.mechanism, plan.problem.pelvis, KINDS),
+            free_start=plan.free_start,
+            shooting="single",
+            max_iterations=_ITERATIONS,
+            tolerance=_ROUGHLY,
+        )
+    except ProjectionError:  # a larger part may be found from the last
+        return start
+    if result.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    count(result)
+    say(f"{100.0 * size:.0f} % of the motion: cost {result.cost:.4g}")
+    return result.x, result.u
 
 
 def smaller(plan: Plan, motion: Motion, size: float) -> Plan:

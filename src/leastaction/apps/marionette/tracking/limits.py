@@ -20,6 +20,9 @@ from leastaction.optimal import Bound, Limit
 KINDS: Final = ("tension", "joints", "speed", "acceleration", "reach")
 """The kinds of limits, of which those are stated that a motion would break."""
 
+FIRST_KINDS: Final = frozenset({"tension", "joints"})
+"""Those of any plan."""
+
 _TOLERANCE: Final = 1e-6
 
 

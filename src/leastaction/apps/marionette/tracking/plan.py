@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import lsq_linear
 
 from leastaction.apps.marionette.tracking.cost import TrackingCost
-from leastaction.apps.marionette.tracking.limits import PuppetLimits
+from leastaction.apps.marionette.tracking.limits import FIRST_KINDS, PuppetLimits
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, levers, unheld
 from leastaction.apps.marionette.tracking.settle import NotTiedError, settled
 from leastaction.apps.marionette.tracking.ties import Ties
@@ -51,7 +51,6 @@ _JUMP = 2.0  # times the cost with motors may that without be at first
 _CUTOFFS = (1e6, 8.0, 4.0, 2.0, 1.0)  # Hz, of ever smoother motions to begin with; the first leaves it as it is
 _SAME = 1e-6  # m or rad, by which the same motion may differ, by tensions and by lengths
 _SET_OUT = 5  # steps within which a motion that begins fast is picked up from rest
-_FIRST = ("tension", "joints")
 _INSIDE = 0.1  # of the mean tension at rest, by which tensions are above their least to begin with
 _OFF, _LITTLE = 0.02, 1.1  # the same where motors cannot make up for it, and times the cost that may take
 _HELD = "Strings push on the motion found, and on all near it: the puppet hangs still."
@@ -222,7 +221,7 @@ class Plan:
     def _options(self, more: Collection[str] = (), tolerance: float = _ROUGHLY) -> dict[str, Any]:
         """Return options of a stage: limits of the first kinds and `more`, what is free of the start, the tolerance."""
         return {
-            "limits": self.limits.of(self.mechanism, self.problem.pelvis, {*_FIRST, *more}),
+            "limits": self.limits.of(self.mechanism, self.problem.pelvis, {*FIRST_KINDS, *more}),
             "free_start": self.free_start,
             "tolerance": tolerance,
         }
@@ -230,7 +229,7 @@ class Plan:
     def _broken(self, x: Array) -> frozenset[str]:
         """Return the kinds of limits that states break, of those that are not stated from the first stage on."""
         place = self.problem.pelvis
-        return self.limits.broken(self.mechanism, self.t, place, x) - frozenset(_FIRST)
+        return self.limits.broken(self.mechanism, self.t, place, x) - FIRST_KINDS
 
     def _release(self, result: OptimizationResult, motors: range, stated: frozenset[str]) -> OptimizationResult:
         """Return what is found without motors from where they did something; stopped at once where that is far off.

@@ -9,6 +9,7 @@ weights.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -17,13 +18,16 @@ from scipy.optimize import minimize
 from leastaction.apps.marionette.markers import LIMB_MARKERS
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.errors import ArgumentError
+from leastaction.models.marionette import REST, hang_strings
 from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult, Status
 
 _FIRM = 0.1  # N, by which strings that hold still pull more than they have to
 _BALANCED = 1e-4  # N or N m, to which forces balance
-_DIGITS, _STEPS = 1e-7, 100  # of the cost, and of the search for a pose
+_DIGITS, _STEPS = 1e-7, 300  # of the cost, and of the search for a pose
+_UPRIGHT = ("torso_tx", "torso_ty", "torso_tz", "torso_rz")  # what of a pose has nothing to do with rest
+_HALFWAY, _SHARES = 0.5, (1.0, 0.75, 0.25)  # of the way to the pose at rest, where a search begins
 
 
 class PoseSearch:
@@ -46,6 +50,30 @@ class PoseSearch:
     def wanted(self, k: int) -> Array:
         """Return the pose that is wanted at an instant, with the tensions that carry the puppet at the start."""
         return np.concatenate([self.plan.x_reference[k, : self.mechanism.nq], self.plan.tension])
+
+    def toward_rest(self, k: int, share: float) -> Array:
+        """Return a pose between the wanted one of an instant and the puppet's at rest, upright under its strings.
+
+        ``share``: 0 is the wanted pose but for its strings, 1 that at rest where the wanted one is and faces. From
+        there a search often finds the pose that strings hold where it gets lost from the wanted one.
+        """
+        whole = self.plan.problem.mechanism
+        q = self.plan.problem.reference[k].copy()
+        for i, name in enumerate(whole.dynamic):
+            if name not in _UPRIGHT:
+                q[i] += share * (REST.get(name, 0.0) - q[i])
+        return np.concatenate([hang_strings(whole, q)[self.columns], self.plan.tension])
+
+    def best(self, k: int, starts: Iterable[Array]) -> tuple[float, Array]:
+        """Return the cheapest of the poses at rest that are found from some starts, or else from poses near rest."""
+        tried = [start for start in starts if np.isfinite(start).all()]
+        first = (*tried, self.toward_rest(k, _HALFWAY))
+        cost, pose = min((self.nearest(k, start) for start in first), key=lambda each: each[0])
+        for share in _SHARES:
+            if np.isfinite(cost):
+                break
+            cost, pose = self.nearest(k, self.toward_rest(k, share))
+        return cost, pose
 
     def net(self, pose: Array) -> Array:
         """Return the net forces (nd,) on the body, and how much longer strings on bars are than they are tied (m)."""
@@ -133,8 +161,7 @@ def at_rest(plan: Plan, *starts: Array) -> tuple[Array, Array]:
         If there is none within the limits.
     """
     search, m = PoseSearch(plan, tied=False, more=_FIRM), plan.mechanism
-    tried = [start for start in (search.wanted(0), *starts) if np.isfinite(start).all()]
-    cost, pose = min((search.nearest(0, start) for start in tried), key=lambda each: each[0])
+    cost, pose = search.best(0, (search.wanted(0), *starts))
     if not np.isfinite(cost):
         raise ArgumentError(
             "strings: neither the motion nor a pose at rest is found in which all of them pull. Lower the least "

@@ -16,19 +16,20 @@ Strings that are tied to bars may vary in length at first, and are tied ever mor
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from leastaction.apps.choices import Follow
+from leastaction.apps.marionette.tracking import tying
 from leastaction.apps.marionette.tracking.checkpoints import Checkpoints
-from leastaction.apps.marionette.tracking.found import CUT_SHORT, Effort, TrackingRun, TrackingSearch
+from leastaction.apps.marionette.tracking.found import CUT_SHORT, STUCK, Effort, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.growing import grown
-from leastaction.apps.marionette.tracking.limits import KINDS, PuppetLimits
+from leastaction.apps.marionette.tracking.limits import FIRST_KINDS, KINDS, PuppetLimits
 from leastaction.apps.marionette.tracking.plan import Plan
-from leastaction.apps.marionette.tracking.poses import at_rest, held_still
+from leastaction.apps.marionette.tracking.poses import at_rest
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, below_strings
 from leastaction.apps.marionette.tracking.settle import NotTiedError
 from leastaction.apps.marionette.tracking.ties import FIXED_FROM, WEIGHTS
@@ -44,18 +45,13 @@ from leastaction.optimal.settings import Method
 
 _LOST = 2.0  # times the cost with longer steps may the motion cost that begins with these
 _LONGEST = 0.021  # s, of the steps with which a captured motion can be searched
-_STUCK = (Status.LINE_SEARCH_FAILED, Status.NO_DIRECTION, Status.SADDLE)
 _GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
 _AGAIN = "the motion found with longer steps cannot be followed: the search begins again with these"
 _GROWING = "the motion found cannot be followed: ever larger parts of the wanted one are"
 _HANGING = "the motion found cannot be followed: it begins with a puppet that hangs still"
 _PATIENCE = 100  # iterations of a puppet that began hanging; then its motion is planned by tensions
 _PLAN_PATIENCE = 150  # the same of a plan, that then begins elsewhere
-_TYING = 200  # iterations in which strings on bars are tied more firmly, but the last time
 _STOPPED = "Ctrl-C ended the search for another way: this is the best motion found before."
-_NOT_TIED = "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
-_TOO_LOOSE = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
-_FIRST = frozenset({"tension", "joints"})  # kinds of limits of any plan
 _FEW = 100  # steps, for which a search with longer ones is not worth it
 
 Curve = tuple[Array, Array]
@@ -124,7 +120,7 @@ def track(
     ArgumentError
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """
-    job = _Job(
+    job = Job(
         mechanism=mechanism,
         motion=motion,
         weights=weights,
@@ -148,7 +144,7 @@ def track(
 
 
 @dataclass
-class _Job:
+class Job:
     """What `track` does, step by step. For one thread.
 
     The fields without a default are its arguments; ``left`` are the iterations that are left.
@@ -200,7 +196,7 @@ class _Job:
         """Return the problem, with its own weights if it has none of the user's."""
         return TrackingProblem(self.mechanism, self.motion, self.weights or weights, self.threads, self.follow)
 
-    def _planned(self) -> Plan:
+    def planned(self) -> Plan:
         """Return the plan by tensions of the problem with the weights of such motions."""
         self.problem = self._problem(FORCED)
         return Plan(self.problem, self.weights or FORCED, self.limits)
@@ -211,20 +207,23 @@ class _Job:
         self.effort = run.effort or Effort().plus(run.plan or run.result)
         self.earlier = run.unfinished or run.result
         if run.embedded and run.unfinished is None:
-            self.plan, self.earlier = self._planned(), run.plan
+            self.plan, self.earlier = self.planned(), run.plan
             if self.plan.ties is not None:
-                self.plan.ties.weight = WEIGHTS[-1]
+                self.plan.ties.weight, self.plan.ties.firm = WEIGHTS[-2], True
         self.patience = _PATIENCE - (0 if self.earlier is None else self.earlier.iterations)
 
     def _search(self, cut_short: TrackingSearch | None) -> None:
         """Seek a first trajectory with motors, or go on with a search that was cut short."""
+        if cut_short is not None and cut_short.firmness is not None:
+            tying.go_on(self, cut_short)
+            return
         if cut_short is None:
             self.mechanism = tie_strings(self.mechanism, self.problem.reference)
-        self.plan = plan = self._planned()
+        self.plan = plan = self.planned()
         stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
         if cut_short is not None:
             self.effort = cut_short.effort
-        coarse = _coarser(plan, self.motion)
+        coarse, _ = _coarser(plan, self.motion)
         # A search that had to take the plan's own steps goes on with them.
         searched = plan if before is not None and len(before.u) == plan.system.N else coarse
         found = self._searched_by(searched, stage=stage, result=before)
@@ -235,7 +234,7 @@ class _Job:
             self.most = _LOST * expected
             self.others.append((_AGAIN, partial(self._searched_by, plan)))
         self.others += [(_GROWING, self._grown), (_HANGING, self._hanging)]
-        self.kinds = _FIRST | self._broken(self.start[0])
+        self.kinds = FIRST_KINDS | self._broken(self.start[0])
 
     def _searched_by(self, plan: Plan, *, stage: int = 0, result: OptimizationResult | None = None) -> Curve:
         assert self.plan is not None
@@ -251,10 +250,10 @@ class _Job:
         assert self.plan is not None
         self.kinds = frozenset(KINDS)
 
-        def count(found: OptimizationResult, _motors: bool) -> None:
-            self.effort = self.effort.plus(found)
+        def count(found: OptimizationResult, scale: float) -> None:
+            self.effort = self.effort.plus(found, scale=scale)
 
-        return grown(self.plan, self.motion, self.say, count)
+        return grown(self.plan, *_coarser(self.plan, self.motion), self.say, count)
 
     def _keep_search(self, stage: int, found: OptimizationResult, at_once: bool) -> None:
         self.kept(
@@ -295,7 +294,7 @@ class _Job:
                 continue
             stood, self.most = result, np.inf
             self._count(result)
-            stuck = self.plan is not None and result.status in _STUCK and self.left > 0
+            stuck = self.plan is not None and result.status in STUCK and self.left > 0
             if self.plan is not None and stuck and result.cost < _GAINED * best:
                 # Walls of low barriers are close together: with higher ones, and inside of them, there is a way on.
                 best, self.earlier = result.cost, None
@@ -327,10 +326,10 @@ class _Job:
         self, result: OptimizationResult, left_behind: OptimizationResult, kinds: frozenset[str]
     ) -> OptimizationResult:
         """Return a result, or what was left behind where that is nearer: much nearer, if the result is a minimum."""
-        if left_behind.cost >= (1.0 / _LOST if result.success else 1.0) * result.cost:
+        if left_behind.cost > (1.0 / _LOST if result.success else 1.0) * result.cost:
             return result
         self.kinds = kinds
-        if self.left < 1 or left_behind.status in _STUCK or result.status in CUT_SHORT:
+        if self.left < 1 or left_behind.status in STUCK or result.status in CUT_SHORT:
             return left_behind
         self.say("what was left behind is nearer: goes on with that")
         self.start, self.earlier = None, left_behind
@@ -338,70 +337,7 @@ class _Job:
         self._count(found)
         return found
 
-    @property
-    def _varies(self) -> bool:
-        """Whether strings that are tied to bars still vary in length."""
-        return self.plan is not None and self.plan.ties is not None and self.plan.ties.weight < WEIGHTS[-1]
-
-    def tied(self, result: OptimizationResult) -> OptimizationResult:
-        """Return a motion whose strings on bars hardly vary; from a puppet at rest where a given one leads to none."""
-        if not self._varies:
-            return result
-        found = self._tied(result, WEIGHTS)
-        if found.success or found.status in CUT_SHORT or self.left < 1:
-            return found
-        self.say("strings on bars cannot be tied on the motion found: it begins with a puppet that hangs still")
-        before = self.mechanism, self.problem, self.plan, self.kinds
-        try:
-            still = self._still(found)
-        except ArgumentError:
-            return found
-        again = self._tied(still, WEIGHTS[1:])
-        if not again.success and self._varies:
-            again = found
-            self.mechanism, self.problem, self.plan, self.kinds = before
-        return again
-
-    def _still(self, near: OptimizationResult) -> OptimizationResult:
-        """Return the puppet at rest, with strings on bars tied as they are there; ``near``: what was found instead."""
-        assert self.plan is not None
-        still = held_still(self.plan, near)
-        self._tie(still)
-        self.kinds = _FIRST  # it knows of no others
-        return still
-
-    def _tied(self, result: OptimizationResult, weights: Sequence[float]) -> OptimizationResult:
-        """Return what is found where each optimisation ties strings on bars more firmly than the last."""
-        left = self.left
-        self.others = []  # they are where strings are tied loosely
-        for weight in weights:
-            if result.status in CUT_SHORT or left < 1:
-                break
-            assert self.plan is not None
-            assert self.plan.ties is not None
-            if weight <= FIXED_FROM:
-                self._tie(result)
-            off = float(np.abs(self.plan.ties.off(result.x)).max())
-            if weight > FIXED_FROM and off > _TOO_LOOSE:
-                return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
-            self.plan.ties.weight = weight
-            self.say(f"strings on bars vary by {1e3 * off:.2g} mm: tied more firmly")
-            self.start, self.earlier, self.left = result, None, left if weight == weights[-1] else _TYING
-            try:
-                result = self.improve()
-            except ProjectionError as error:
-                self.say(f"strings cannot be tied more firmly: {error}")
-                return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
-        return result
-
-    def _tie(self, result: OptimizationResult) -> None:
-        """Give strings on bars the lengths that suit a motion of the plan."""
-        assert self.plan is not None
-        assert self.plan.ties is not None
-        lengths = self.plan.ties.distances(result.x).mean(axis=0)
-        named = dict(zip(self.plan.ties.names, map(float, lengths), strict=True))
-        self.mechanism = self.mechanism.with_parameters(named)
-        self.plan = self._planned()
+    tied, tie, varies = tying.tied, tying.tie, property(tying.varies)
 
     def _elsewhere(self) -> Curve:
         """Return the next of the other places to begin.
@@ -443,6 +379,9 @@ class _Job:
             callback=self._watch,
         )
 
+    def _snapshot(self, record: IterationRecord) -> TrackingRun:
+        return self.run_of(record.snapshot(), counted=False)
+
     @property
     def _patience(self) -> int:
         """Iterations after which another way is taken, where there is one."""
@@ -455,8 +394,8 @@ class _Job:
         if record.iteration == 0 and record.cost > self.most:
             self.lost = True
             return True
-        if not self._varies:
-            self.kept(lambda: self._run_of(record.snapshot(), counted=False))
+        varies = self.varies
+        self.kept(lambda: tying.kept_search(self, record.snapshot()) if varies else self._snapshot(record))
         return self.callback(record) if self.callback is not None else None
 
     def _count(self, result: OptimizationResult) -> None:
@@ -468,11 +407,11 @@ class _Job:
     def _more_limits(self, result: OptimizationResult) -> frozenset[str]:
         """Return the kinds of limits that a result breaks and that were not stated; the others need not be."""
         more = self._broken(result.x) - self.kinds
-        if "tension" not in self.kinds and self._run_of(result).tension.min() < self.limits.tension:
+        if "tension" not in self.kinds and self.run_of(result).tension.min() < self.limits.tension:
             more |= {"tension"}
         return more
 
-    def _run_of(self, found: OptimizationResult, *, counted: bool = True) -> TrackingRun:
+    def run_of(self, found: OptimizationResult, *, counted: bool = True) -> TrackingRun:
         """Return a result as a run; ``counted``: whether it is in the effort already."""
         result = found if self.plan is None else self.plan.by_lengths(found)
         before = 0 if self.earlier is None else self.earlier.iterations
@@ -494,28 +433,18 @@ class _Job:
     def ended(self, result: OptimizationResult) -> TrackingRun:
         """Return the run that a result is; of a plan, with strings that pull wherever it ended."""
         if self.plan is not None:
-            if self._varies and self.plan.ties is not None and self.plan.ties.weight < FIXED_FROM:
-                self._tie(result)
+            if self.varies and self.plan.ties is not None and self.plan.ties.weight < FIXED_FROM:
+                self.tie(result)
             result = self.plan.pulling(result)
         try:
-            run = self._run_of(result)
-            return run if self.plan is None or self.plan.ties is None or result.success else self._or_still(run)
+            run = self.run_of(result)
+            return run if self.plan is None or self.plan.ties is None or result.success else tying.or_still(self, run)
         except NotTiedError as error:
             assert self.plan is not None
             self.say(f"{error}: it is held still")
-            return self._run_of(self._still(result))
+            return self.run_of(tying.holds_still(self, result))
         except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
-            return self._run_of(result)
-
-    def _or_still(self, run: TrackingRun) -> TrackingRun:
-        """Return a run on bars that is no minimum, or the puppet held still where that is nearer to what is wanted."""
-        assert self.plan is not None
-        assert run.plan is not None
-        try:
-            still = self._run_of(self._still(run.plan))
-        except ArgumentError:
-            return run
-        return run if run.off <= still.off else still
+            return self.run_of(result)
 
     def must_be_planned(self, run: TrackingRun) -> bool:
         """Whether hanging strings found no way, or ended up pushing, with time to plan by tensions."""
@@ -535,8 +464,8 @@ class _Job:
         if not self._cut_short(run):
             return run
         result = run.result
-        self.plan = plan = self._planned()
-        pulling = self._run_of(plan.pulling(plan.by_tensions(run.trajectory, run.tension, result)))
+        self.plan = plan = self.planned()
+        pulling = self.run_of(plan.pulling(plan.by_tensions(run.trajectory, run.tension, result)))
         return replace(pulling, unfinished=result)
 
     def begin_plan(self, run: TrackingRun, max_iterations: int) -> None:
@@ -550,15 +479,12 @@ class _Job:
         self.begin(None, planned=True)
 
 
-def _coarser(plan: Plan, motion: Motion) -> Plan:
-    """Return a plan with steps of twice the length, for the search; the plan itself where it has few, or long ones."""
+def _coarser(plan: Plan, motion: Motion) -> tuple[Plan, Motion]:
+    """Return a plan with steps of twice the length, and its motion; those given where it has few, or long ones."""
     steps = len(motion.t) - 1
     if steps < _FEW or 2.0 * plan.dt > _LONGEST:
-        return plan
+        return plan, motion
     slow = motion.resample(motion.duration / (steps // 2), duration=motion.duration)
     problem = plan.problem
-    return Plan(
-        TrackingProblem(problem.mechanism, slow, plan.weights, problem.threads, problem.follow),
-        plan.weights,
-        plan.limits,
-    )
+    coarse = TrackingProblem(problem.mechanism, slow, plan.weights, problem.threads, problem.follow)
+    return Plan(coarse, plan.weights, plan.limits), slow

@@ -26,7 +26,7 @@ LEAST_WEIGHT: Final = 1.0
 """Of a length that is off (1/m^2), with which a plan begins."""
 
 WEIGHTS: Final = tuple(10.0**power for power in range(1, 8))
-"""Those that follow. From 1e8 on rounding of what the lengths cost looks like negative curvature."""
+"""Those that follow. From 1e7 on rounding of what the lengths cost may look like negative curvature."""
 
 FIXED_FROM: Final = 1e5
 """The weight from which on strings stay as long as they are tied."""
@@ -37,7 +37,8 @@ class Ties:
 
     ``whole``: the marionette by lengths. ``by_tension``: the same by tensions. ``N``: steps.
 
-    Attributes: ``names`` of the lengths, ``lengths`` (m,), ``weight``, and the multipliers ``duals`` (N+1, m).
+    Attributes: ``names`` of the lengths, ``lengths`` (m,), ``weight``, ``firm`` (whether that is enough for strings to
+    be `settled`), and the multipliers ``duals`` (N+1, m).
     """
 
     def __init__(self, whole: Mechanism, by_tension: Mechanism, N: int) -> None:
@@ -46,7 +47,7 @@ class Ties:
         self.measured = by_tension.with_elements(ends)
         self.names = tuple(string.length for string in strings)
         self.lengths = np.array([whole.parameters[name] for name in self.names])
-        self.weight = LEAST_WEIGHT
+        self.weight, self.firm = LEAST_WEIGHT, False
         self.duals = np.zeros((N + 1, len(strings)))
 
     def priced(self, cost: Cost, system: MidpointSystem) -> Cost:
