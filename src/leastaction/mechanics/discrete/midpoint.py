@@ -238,9 +238,12 @@ class MidpointVI(Integrator):
 
     simulate = simulation.simulate
 
-    def trajectory(self, t: Array, x: Array, u: Array, lam: Array) -> Trajectory:
-        """Return arrays of states (N+1, nx), inputs (N, n_inputs + nrho) and multipliers as a `Trajectory`."""
-        return trajectory_of(self.mechanism, t, x, u, lam)
+    def trajectory(self, t: Array, x: Array, u: Array, lam: Array, **told: Any) -> Trajectory:
+        """Return arrays of states (N+1, nx), inputs (N, n_inputs + nrho) and multipliers as a `Trajectory`.
+
+        ``told``: what else it tells of itself, such as its status and message.
+        """
+        return trajectory_of(self.mechanism, t, x, u, lam, **told)
 
     # Derivatives and functions of steps: each is explained where it is
 
