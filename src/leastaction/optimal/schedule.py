@@ -54,7 +54,7 @@ class NewtonSchedule:
         Where the cost was seen to fall much further than to the end of the last step, how long the next one may be
         if it is of the same method; else 0.
     holds : bool
-        Whether the last step lowered the cost by what its model had foretold; so before the first.
+        Whether the last step lowered the cost by what its model had foretold.
     method : str
         That of the last step.
     again : bool
@@ -78,7 +78,7 @@ class NewtonSchedule:
     length: float = 1.0
     full: bool = False
     reach: float = 0.0
-    holds: bool = True
+    holds: bool = False
     method: str = ""
     again: bool = False
     finer: bool = False

@@ -366,6 +366,8 @@ class LimitedProblem(ShootingProblem):
                 length = float(-_SHORTER * lasts / change)
         if direction.limited is None or direction.duals is not None:
             return length
+        if length == 1.0 and np.isfinite(direction.reach):
+            return direction.reach
         dc = Sided(direction.limited, self.limited.layout)
         fall, least = direction.slope, 0.5 * direction.slope
         if isinstance(direction, ShootingDirection):
