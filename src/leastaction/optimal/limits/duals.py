@@ -411,6 +411,16 @@ class Stages:
             duals.mu = min(duals.mu, max(self.last, self._following))
         return True
 
+    def look_for_the_least(self, c: Sided) -> bool:
+        """Go on towards the least that limits can be off, where a stage led nowhere; whether they are off by much.
+
+        Once: who looks for it already goes nowhere else.
+        """
+        if self._rough or self.duals.excess(c) <= _FAR or self._asks_for_the_least(c):
+            return False
+        self.duals.level(c, max(self.duals.dearest, _TELLING * self.size))
+        return True
+
     def _is_telling(self, c: Sided) -> bool:
         """Whether limits are far from being met, though prices are high: they may contradict each other."""
         return not self._rough and self.duals.dearest >= _TELLING * self.size and self.duals.excess(c) > _FAR

@@ -194,6 +194,13 @@ class LimitedProblem(ShootingProblem):
             self.curvature = curvature  # of the same duals
         return more
 
+    def retry_stage(self) -> bool:
+        """Make a stage again that led nowhere, with all excess as dear; return whether limits are off by so much."""
+        again = self._begun and not self.is_open and self.stages.look_for_the_least(self._limits())
+        if again:
+            self._set_out()
+        return again
+
     @property
     def is_passing(self) -> bool:
         return self._begun and not (self.is_open or self.stages.is_near_end or self.duals.hopeless())

@@ -209,7 +209,7 @@ class Problem(ABC, Generic[M, D, I]):
         return False
 
     def retry_stage(self) -> bool:
-        """Make a stage again that led nowhere, from a better place, and return whether there is one."""
+        """Make a stage again that led nowhere, in another way, and return whether there is one."""
         return False
 
     def fall_back(self) -> bool:

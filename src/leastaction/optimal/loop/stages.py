@@ -57,7 +57,9 @@ class Stages:
         if stuck and run.schedule.again and self._begin_finer():
             return True
         if stuck and not run.schedule.newton and problem.retry_stage():
-            self._set_out_again("led nowhere, back to the last stage that ended well")
+            self._set_out_again(
+                "what led nowhere is made again, from where a stage had ended well or with other prices"
+            )
             return True
         if stuck and ((problem.prefers_gaps and self._begin_with_gaps()) or self._begin_again()):
             return True
