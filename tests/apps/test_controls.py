@@ -27,7 +27,7 @@ from leastaction.apps.marionette import (
     track,
     walk_in_place,
 )
-from leastaction.apps.marionette.tracking import TrackingSearch, files, load_unfinished, save_search
+from leastaction.apps.marionette.tracking import TrackingSearch, files, load_unfinished, save_search, tying
 from leastaction.apps.marionette.tracking.files import _mechanism
 from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.apps.marionette.tracking.plan import Plan
@@ -53,7 +53,7 @@ from leastaction.models.marionette import (
     tied_strings,
 )
 from leastaction.models.puppet_controls import ends_of
-from leastaction.optimal import OptimizationResult, check_derivatives
+from leastaction.optimal import OptimizationResult, Status, check_derivatives
 
 _LEAST = 0.5  # N
 
@@ -210,7 +210,31 @@ def test_strings_are_tied_no_more_firmly_than_they_need_to_be() -> None:
     assert np.ptp(string_lengths(run.mechanism, run.trajectory.q), axis=0).max() < 1e-9
 
 
-@pytest.mark.parametrize("after", [1, 20])
+def test_multipliers_hold_strings_where_the_weight_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tying, "WEIGHTS", tuple(10.0**power for power in range(1, 6)))
+    said: list[str] = []
+    run = track(marionette(strings="cross+legs"), walk_in_place(0.4, 0.02), progress=said.append)
+    off = [float(line.split("vary by ")[1].split(" mm")[0]) for line in said if "multipliers hold them" in line]
+    assert off
+    assert run.plan is not None
+    assert run.plan.success
+    assert np.ptp(string_lengths(run.mechanism, run.trajectory.q), axis=0).max() < 1e-9
+    assert off[-1] < off[0] or len(off) == 1
+    # What multipliers do not help is left as it is.
+    whole = Job.improve
+
+    def stuck(self: Job) -> OptimizationResult:
+        found = whole(self)
+        held = self.plan is not None and self.plan.ties is not None and bool(self.plan.ties.duals.any())
+        return replace(found, status=Status.SADDLE, x=found.x + 1.0) if held else found
+
+    monkeypatch.setattr(Job, "improve", stuck)
+    again = track(marionette(strings="cross+legs"), walk_in_place(0.4, 0.02))
+    assert again.result.success
+    assert again.held_error == pytest.approx(run.held_error, abs=0.1)
+
+
+@pytest.mark.parametrize("after", [1, 10])
 def test_what_is_found_while_strings_are_tied_is_kept_and_gone_on_with(after: int, tmp_path: Path) -> None:
     """Where the program ends then: with the lengths that strings had, as if it had not ended."""
     motion, kept = walk_in_place(0.4, 0.02), list[TrackingSearch]()

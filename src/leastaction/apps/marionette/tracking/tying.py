@@ -39,6 +39,7 @@ class Job(Protocol):
     kinds: frozenset[str]
     others: list[tuple[str, Callable[[], tuple[Array, Array]]]]
     left: int
+    tolerance: float | None
 
     @property
     def say(self) -> Callable[[str], object]:
@@ -57,6 +58,8 @@ class Job(Protocol):
 _TYING: Final = 200  # iterations in which strings on bars are tied more firmly, but the last time
 _TOO_LOOSE: Final = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
 _FIRM: Final = 5e-6  # m, by which they may vary to be settled (`settle.py`)
+_ROUNDS: Final = 6  # of multipliers until then
+_CLOSELY: Final = 1e-4  # the tolerance meanwhile
 _NEARLY: Final = 1e-4  # m, the same where they cannot be tied more firmly
 _NOT_TIED: Final = (
     "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
@@ -166,7 +169,37 @@ def _more_firmly(job: Job, result: OptimizationResult, weights: Sequence[float])
         if result.success and weight > FIXED_FROM and off < _NEARLY and firmer.status in STUCK:
             break  # so firmly that rounding of what lengths cost looks like negative curvature
         result = firmer
+    if result.success:
+        result = _by_multipliers(job, result, left)
     _ties(job).firm = result.success
+    return result
+
+
+def _by_multipliers(job: Job, result: OptimizationResult, left: int) -> OptimizationResult:
+    """Return what is found where multipliers take over what the last weight holds, until strings hardly vary.
+
+    More weight would look like negative curvature by rounding.
+    """
+    tolerance = job.tolerance
+    if tolerance is None:
+        job.tolerance = _CLOSELY  # what is left of the lengths costs less than the motion's own tolerance
+    for _ in range(_ROUNDS):
+        off = float(np.abs(_ties(job).off(result.x)).max())
+        if off < _FIRM or result.status in CUT_SHORT or left < 1:
+            break
+        before = _ties(job).duals
+        _ties(job).tighten(result.x)
+        job.say(f"strings on bars vary by {1e3 * off:.2g} mm: multipliers hold them")
+        job.start, job.earlier, job.left = result, None, _TYING
+        try:
+            firmer = job.improve()
+        except ProjectionError:
+            firmer = None
+        if firmer is None or not (firmer.success or firmer.status in CUT_SHORT):
+            _ties(job).duals = before
+            break
+        result = firmer
+    job.tolerance = tolerance
     return result
 
 
