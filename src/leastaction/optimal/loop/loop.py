@@ -75,8 +75,9 @@ class Loop:
         try:
             for direction in self.directions.each(notes):
                 expected = -direction.slope
-                # Of ever larger shifts little can be expected, wherever it stands.
-                promised = np.fmax(promised, expected)
+                # Of ever larger shifts little can be expected, wherever it stands; of the identity as a model, all.
+                if direction.method != "steepest" or np.isnan(promised):
+                    promised = np.fmax(promised, expected)
                 if run.history.iterations >= run.limit:
                     return Outcome(Status.ITERATION_LIMIT, outlook(run, direction), expected)
                 direction = run.problem.refined(direction, holds=run.schedule.holds)
