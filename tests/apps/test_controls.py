@@ -354,6 +354,18 @@ def test_the_scene_and_the_summary_have_the_bars(run: TrackingRun) -> None:
     assert "tilted back" in text
 
 
+def test_limits_that_a_settled_motion_breaks_are_told(run: TrackingRun) -> None:
+    """Also where they were stated: strings on bars are settled without them."""
+    assert run_summary(run)["limits_broken"] == []
+    speed = float(max(np.abs(np.diff(run.trajectory[name])).max() for name in ("cross-x", "cross-y", "cross-z"))) / 0.02
+    kinds = frozenset({"tension", "joints", "speed", "reach"})
+    for share, said in ((1.01, []), (1.1, ["speed"])):
+        other = replace(run, kinds=kinds, limits=PuppetLimits(speed=speed / share))
+        broken = run_summary(other)["limits_broken"]
+        assert len(broken) == len(said)
+        assert all("speed" in each for each in broken)
+
+
 def test_bars_and_runs_on_them_can_be_pickled(run: TrackingRun) -> None:
     for bars in CONTROLS.values():
         assert pickle.loads(pickle.dumps(bars)) == copy.deepcopy(bars) == bars

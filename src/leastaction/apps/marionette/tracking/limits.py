@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -124,6 +124,19 @@ class PuppetLimits:
             ],
         }
         return [limit for kind in KINDS if kind in kinds for limit in by_kind[kind]]
+
+    def loosened(self, share: float) -> PuppetLimits:
+        """Return limits wider by a share of each; angles of joints by a share of a radian; tensions as they are."""
+        more = 1.0 + share
+        return replace(
+            self,
+            joints={name: (least - share, most + share) for name, (least, most) in self.joints.items()},
+            tilt=min(more * self.tilt, 0.5 * np.pi * (1.0 - 1e-9)),
+            **{
+                name: more * getattr(self, name)
+                for name in ("speed", "acceleration", "reach", "lift", "turn", "turn_speed", "turn_acceleration")
+            },
+        )
 
     def broken(self, mechanism: Mechanism, t: Array, pelvis: Array, x: Array) -> frozenset[str]:
         """Return which kinds of limits a motion x (N+1, nx) does not keep to, besides that of the tensions."""
