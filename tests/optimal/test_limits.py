@@ -801,6 +801,20 @@ def test_where_the_model_holds_a_run_takes_few_roll_outs() -> None:
     assert result.rollouts <= 13
 
 
+def test_where_a_run_begins_at_a_minimum_its_model_holds_at_once(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    """Elsewhere that is to be seen first. A run that is resumed knows as much."""
+    limits = [Bound("x-force", -20.0, 20.0), Bound("x", -0.1, 0.1)]
+    free = optimize(cart, cost, initial=REST)
+    cut = optimize(cart, cost, initial=REST, max_iterations=1)
+    for initial, holds in ((free, True), (cut, False), ((free.x, free.u), False)):
+        begun = optimize(cart, cost, initial=initial, limits=limits, max_iterations=0)
+        assert begun.schedule.holds is holds
+    begun = optimize(cart, cost, initial=free, limits=limits, max_iterations=0)
+    resumed = optimize(cart, cost, resume=begun, limits=limits)
+    whole = optimize(cart, cost, initial=free, limits=limits)
+    np.testing.assert_array_equal(resumed.x, whole.x)
+
+
 def test_what_does_not_bend_has_one_model(cart: MidpointSystem, cost: QuadraticCost) -> None:
     """Where limits and cost are convex as they are, their second derivatives are summed once."""
     settings = optimize(cart, cost, initial=REST, max_iterations=0).settings

@@ -54,7 +54,7 @@ class NewtonSchedule:
         Where the cost was seen to fall much further than to the end of the last step, how long the next one may be
         if it is of the same method; else 0.
     holds : bool
-        Whether the last step lowered the cost by what its model had foretold.
+        Whether the last step lowered the cost by what its model had foretold, or it begins at a minimum.
     method : str
         That of the last step.
     again : bool

@@ -105,7 +105,7 @@ class LimitedProblem(ShootingProblem):
         """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
         was_found = isinstance(initial, OptimizationResult)
         if isinstance(initial, OptimizationResult):
-            self.known = initial.limits
+            self.known, self.begins_at_minimum = initial.limits, initial.success
             initial = initial.x, initial.u
         super().start(initial)
         if self.final_time is not None:

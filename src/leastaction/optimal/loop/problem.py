@@ -112,6 +112,8 @@ class Problem(ABC, Generic[M, D, I]):
     """What the cost was seen to be off by, beyond the rounding of its sum."""
     ease: float = 1.0
     """How much easier the problem of this stage is than the one that was asked for."""
+    begins_at_minimum: bool = False
+    """Whether it begins with what was found without the limits that it has now: there its model holds."""
     is_drowned: bool = False
     """Whether rounding has taken from the last model what tells of its minimum: weights are too far apart."""
     sees_walls: bool = False

@@ -49,7 +49,7 @@ class Run:
         if resume is None:
             self.history = HistoryBuilder()
             self.limit = settings.max_iterations
-            self.schedule = schedule or NewtonSchedule()
+            self.schedule = schedule or NewtonSchedule(holds=problem.begins_at_minimum)
         else:
             self.history = HistoryBuilder(resume.history)
             self.limit = settings.max_iterations + resume.iterations
