@@ -36,6 +36,7 @@ _DEARER, _DEARER_AGAIN = 20.0, 10.0
 _SHORTER = 0.7  # of what it lasts is what a step of the search takes off at most
 _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
+_SAME = 1e-6  # of a cost that was found, by which it differs where it is another cost
 _SOON = 30  # iterations that the minimum without limits may take where a run begins again from there
 
 
@@ -103,16 +104,18 @@ class LimitedProblem(ShootingProblem):
 
     def start(self, initial: Any) -> None:
         """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
-        was_found = isinstance(initial, OptimizationResult)
-        if isinstance(initial, OptimizationResult):
-            self.known, self.begins_at_minimum = initial.limits, initial.success
-            initial = initial.x, initial.u
+        found = initial if isinstance(initial, OptimizationResult) else None
+        if found is not None:
+            self.known, initial = found.limits, (found.x, found.u)
         super().start(initial)
+        # What was found with another cost is no minimum of this one.
+        same = found is not None and abs(self.shown - found.cost) <= _SAME * abs(found.cost)
+        self.begins_at_minimum = found is not None and found.success and same
         if self.final_time is not None:
             x, u = both(initial)
             self.given = Start(np.array(x, dtype=np.float64), np.array(u, dtype=np.float64))
         if self.given is not None:
-            self.given = replace(self.given, was_found=was_found)
+            self.given = replace(self.given, was_found=found is not None)
         for rows, values in zip(self.limited.rows, self._limits(), strict=True):
             rows.check_values(values, self.system.when)
         self._begin()

@@ -84,6 +84,9 @@ class Loop:
                 step = self.search(direction)
                 if step.trial is not None:
                     return self._accept(direction, step, step.trial, "; ".join([*run.remarks(), *notes]))
+                if run.trusts_its_start:
+                    run.note_model(np.inf)
+                    return None
                 refusal = step.refusal
                 assert refusal is not None
                 notes.append(f"{direction.method}: no step was short enough, {refusal.reason}")

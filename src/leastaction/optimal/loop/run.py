@@ -68,6 +68,11 @@ class Run:
         return self.problem.tolerated(goal)
 
     @property
+    def trusts_its_start(self) -> bool:
+        """Whether the model is trusted because of where it begins: for one trial, before there was any."""
+        return self.schedule.holds and self.history.iterations == 0
+
+    @property
     def has_just_begun(self) -> bool:
         """Whether it has made the steps by which `was_violent` judges, and no more."""
         return self.history.iterations == _FIRST_STEPS

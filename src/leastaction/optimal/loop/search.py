@@ -53,6 +53,8 @@ class Search:
             # Another direction takes over, so very short steps are not worth their roll-outs.
             most = _BACKTRACKS.get(name.removesuffix("-damped"), _BACKTRACKS_SHIFTED)
             backtracks = min(backtracks, most)
+        if run.trusts_its_start:
+            backtracks = 0
         with problem.clock("rollout"):
             step = self.line_search(
                 lambda length, bound: problem.simulate(direction, length, bound),
