@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from leastaction.errors import ArgumentError, StepError
-from leastaction.mechanics import MidpointVI, SimulationStatus, State
+from leastaction.mechanics import Distance, Gravity, Mechanism, MidpointVI, SimulationStatus, State, pose, tx, tz
 from leastaction.models.cart_pendulum import cart_pendulum
 from physics.laws import mass_on_string, pendulum, times
 
@@ -143,3 +143,23 @@ def test_inputs_beyond_all_bounds_fail_and_the_process_lives() -> None:
     assert np.array_equal(caught.value.state.q, start.q)
     assert caught.value.iteration >= 0
     assert vi.step(start, 0.01).state.q[1] == pytest.approx(1.0, abs=1e-2)
+
+
+def test_more_strings_than_freedoms_are_told_by_name() -> None:
+    """Prescribed lengths have to agree with each other: a step that misses by some 1e-9 m says which."""
+    masts = {"left": -1.0, "middle": 0.2, "right": 1.0}
+    m = Mechanism(
+        [
+            tx("x"),
+            [tz("z", mass=1.0, name="ball")],
+            *(pose(translation=(x, 0, 0), name=name) for name, x in masts.items()),
+        ],
+        [Gravity(), *(Distance(name, "ball", length=f"l_{name}", name=f"{name}_string") for name in masts)],
+    )
+    lengths = [np.hypot(x, 1.0) for x in masts.values()]
+    vi = MidpointVI(m)
+    start = vi.start([0.0, -1.0, *lengths])
+    assert vi.step(start, 0.01).state.q[1] == pytest.approx(-1.0)
+    off = [*lengths[:2], lengths[2] + 4e-9]
+    with pytest.raises(StepError, match=r"'right_string' asks nothing .* 'left_string', 'middle_string' .*'l_left'"):
+        vi.step(start, 0.01, rho_next=off)

@@ -40,6 +40,7 @@ def step_error(m: Mechanism, out: _core.RollOut, state: State, rho_next: Array) 
     elif np.all(np.isfinite(state.q)):
         try:
             check_consistent(m, state.q, tolerance=1e-6)
+            advice = _overdetermined(m, state.q) or advice
         except InconsistentStartError as error:
             advice = f"Where the step begins, {error}"
     names = [f"dynamics of {name!r}" for name in m.dynamic]
@@ -64,6 +65,26 @@ def step_error(m: Mechanism, out: _core.RollOut, state: State, rho_next: Array) 
         state=state,
         quality=quality,
     )
+
+
+def _overdetermined(m: Mechanism, q: Array) -> str:
+    """Return which constraints ask prescribed variables to agree with each other; empty where none does.
+
+    A constraint that follows from others leaves the dynamic variables nothing to meet it with.
+    """
+    jacobian = m.constraint_jacobian(q)
+    if not np.all(np.isfinite(jacobian)):
+        return ""
+    for name, sources in m.redundancy(q).items():
+        rows = [m.constraints.index(each) for each in (name, *sources)]
+        prescribed = [m.kinematic[i] for i in np.flatnonzero(np.any(jacobian[rows, m.nd :], axis=0))]
+        if sources and prescribed:
+            return (
+                f"{name!r} asks nothing of the dynamic variables that {', '.join(map(repr, sources))} do not ask, "
+                f"so that the prescribed {', '.join(map(repr, prescribed))} have to agree with each other. "
+                "Leave one of these constraints out, or put a force or a spring in its place"
+            )
+    return ""
 
 
 def check_lengths(m: Mechanism, q: Array, t: Array) -> None:
