@@ -16,7 +16,6 @@ import numpy as np
 from leastaction.apps.marionette.tracking.limits import KINDS
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import at_rest
-from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array
@@ -91,10 +90,5 @@ def smaller(plan: Plan, motion: Motion, size: float) -> Plan:
 
     ``plan``: that of the motion.
     """
-    problem, first = plan.problem, motion.q[:1]
-    part = replace(motion, q=np.asarray(first + size * (motion.q - first)))
-    return Plan(
-        TrackingProblem(problem.mechanism, part, problem.weights, problem.threads, problem.follow),
-        plan.weights,
-        plan.limits,
-    )
+    first = motion.q[:1]
+    return plan.following(replace(motion, q=np.asarray(first + size * (motion.q - first))))

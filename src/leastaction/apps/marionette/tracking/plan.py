@@ -93,6 +93,12 @@ class Plan:
         self.limits = limits
         self.free_start = m.variables
 
+    def following(self, motion: Motion) -> Plan:
+        """Return the plan of another motion of the same puppet."""
+        old = self.problem
+        problem = TrackingProblem(old.mechanism, motion, old.weights, old.threads, old.follow)
+        return Plan(problem, self.weights, self.limits)
+
     @cached_property
     def by_motors(self) -> PulledSystem:
         """The system with a motor on every joint; their forces are inputs behind the tensions."""

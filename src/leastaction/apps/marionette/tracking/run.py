@@ -239,21 +239,23 @@ class Job:
     def _searched_by(self, plan: Plan, *, stage: int = 0, result: OptimizationResult | None = None) -> Curve:
         assert self.plan is not None
         scale = self.plan.system.N / plan.system.N
-
-        def count(found: OptimizationResult, motors: bool) -> None:
-            self.effort = self.effort.plus(found, scale=None if motors else scale)
-
-        return plan.search(self.say, stage=stage, result=result, keep=self._keep_search, count=count)
+        return plan.search(
+            self.say,
+            stage=stage,
+            result=result,
+            keep=self._keep_search,
+            count=lambda found, motors: self._spend(found, None if motors else scale),
+        )
 
     def _grown(self) -> Curve:
         """Return what following ever larger parts of the motion leads to; all limits are stated on that way."""
         assert self.plan is not None
         self.kinds = frozenset(KINDS)
+        return grown(self.plan, *_coarser(self.plan, self.motion), self.say, self._spend)
 
-        def count(found: OptimizationResult, scale: float) -> None:
-            self.effort = self.effort.plus(found, scale=scale)
-
-        return grown(self.plan, *_coarser(self.plan, self.motion), self.say, count)
+    def _spend(self, found: OptimizationResult, scale: float | None) -> None:
+        """Count an optimisation of the search for a first trajectory; ``scale``: as of `Effort.plus`."""
+        self.effort = self.effort.plus(found, scale=scale)
 
     def _keep_search(self, stage: int, found: OptimizationResult, at_once: bool) -> None:
         self.kept(
@@ -485,6 +487,4 @@ def _coarser(plan: Plan, motion: Motion) -> tuple[Plan, Motion]:
     if steps < _FEW or 2.0 * plan.dt > _LONGEST:
         return plan, motion
     slow = motion.resample(motion.duration / (steps // 2), duration=motion.duration)
-    problem = plan.problem
-    coarse = TrackingProblem(problem.mechanism, slow, plan.weights, problem.threads, problem.follow)
-    return Plan(coarse, plan.weights, plan.limits), slow
+    return plan.following(slow), slow
