@@ -32,7 +32,7 @@ from leastaction.apps.marionette.tracking.files import _mechanism
 from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
-from leastaction.apps.marionette.tracking.run import Job
+from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.errors import ArgumentError, ProjectionError, ResultFileError
 from leastaction.io.results import load_record, save_record
 from leastaction.models.marionette import (
@@ -221,14 +221,14 @@ def test_multipliers_hold_strings_where_the_weight_does_not(monkeypatch: pytest.
     assert np.ptp(string_lengths(run.mechanism, run.trajectory.q), axis=0).max() < 1e-9
     assert off[-1] < off[0] or len(off) == 1
     # What multipliers do not help is left as it is.
-    whole = Job.improve
+    whole = Tracker.improve
 
-    def stuck(self: Job) -> OptimizationResult:
+    def stuck(self: Tracker) -> OptimizationResult:
         found = whole(self)
         held = self.plan is not None and self.plan.ties is not None and bool(self.plan.ties.duals.any())
         return replace(found, status=Status.SADDLE, x=found.x + 1.0) if held else found
 
-    monkeypatch.setattr(Job, "improve", stuck)
+    monkeypatch.setattr(Tracker, "improve", stuck)
     again = track(marionette(strings="cross+legs"), walk_in_place(0.4, 0.02))
     assert again.result.success
     assert again.held_error == pytest.approx(run.held_error, abs=0.1)
@@ -275,16 +275,16 @@ def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
     optimisations: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As where a search ends at the edge of what a step of time can follow."""
-    made, whole = 0, Job.improve
+    made, whole = 0, Tracker.improve
 
-    def improve(self: Job) -> OptimizationResult:
+    def improve(self: Tracker) -> OptimizationResult:
         nonlocal made
         made += 1
         if made > optimisations:
             raise ProjectionError("lost")
         return whole(self)
 
-    monkeypatch.setattr(Job, "improve", improve)
+    monkeypatch.setattr(Tracker, "improve", improve)
     said: list[str] = []
     run = track(marionette(strings="cross"), walk_in_place(0.4, 0.02), progress=said.append)
     assert any("cannot be tied more firmly: lost" in line for line in said)

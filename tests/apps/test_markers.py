@@ -22,7 +22,15 @@ from leastaction.apps.marionette import (
     track,
 )
 from leastaction.apps.marionette.markers import LIMB_MARKERS, places_of, wanted_markers, with_markers
-from leastaction.apps.marionette.tracking import TrackingSearch, files, load_unfinished, plan, save_run, save_search
+from leastaction.apps.marionette.tracking import (
+    TrackingSearch,
+    files,
+    load_unfinished,
+    motors,
+    plan,
+    save_run,
+    save_search,
+)
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, ResultFileError
@@ -167,7 +175,7 @@ def test_a_run_that_follows_markers_is_kept_and_goes_on(reached: dict[str, Track
 
 
 def test_a_search_by_markers_is_kept_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plan, "_ITERATIONS", 2)
+    monkeypatch.setattr(motors, "_ITERATIONS", 2)
     path = tmp_path / "search.npz"
 
     def checkpoint(found: object) -> None:

@@ -23,16 +23,19 @@ from leastaction.apps.marionette.tracking import (
     TrackingRun,
     TrackingSearch,
     TrackingWeights,
+    beginning,
+    by_lengths,
     files,
     growing,
     load_run,
     load_unfinished,
+    motors,
     plan,
     save_run,
     save_search,
     track,
+    tracker,
 )
-from leastaction.apps.marionette.tracking import run as run_module
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.io import Motion
@@ -93,14 +96,14 @@ def test_a_motion_that_needs_motors_at_first() -> None:
 
 def test_ctrl_c_ends_the_search_for_a_first_trajectory(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[int] = []
-    real = plan.optimize
+    real = motors.optimize
 
     def interrupted(*args: object, **kwargs: object) -> object:
         calls.append(1)
         result = real(*args, **kwargs)  # type: ignore[arg-type]
         return replace(result, status=Status.INTERRUPTED) if len(calls) == 2 else result
 
-    monkeypatch.setattr(plan, "optimize", interrupted)
+    monkeypatch.setattr(motors, "optimize", interrupted)
     with pytest.raises(KeyboardInterrupt):
         track(PUPPET, leap())
     assert len(calls) == 2
@@ -110,13 +113,13 @@ def test_ctrl_c_ends_the_search_for_a_first_trajectory(monkeypatch: pytest.Monke
 def test_a_first_motion_that_cannot_be_followed_is_no_error(grows: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The motion grows from a puppet that hangs; or the run begins with that; its strings pull."""
 
-    def wild(self: plan.Plan, *_: object, **__: object) -> tuple[np.ndarray, np.ndarray]:
-        noise = np.random.default_rng(0).normal(scale=1e3, size=self.x_reference.shape)
-        return self.x_reference + noise, self.u_reference + 1e6
+    def wild(wanted: plan.Plan, *_: object, **__: object) -> tuple[np.ndarray, np.ndarray]:
+        noise = np.random.default_rng(0).normal(scale=1e3, size=wanted.x_reference.shape)
+        return wanted.x_reference + noise, wanted.u_reference + 1e6
 
-    monkeypatch.setattr(plan.Plan, "search", wild)
+    monkeypatch.setattr(beginning, "search", wild)
     if not grows:
-        monkeypatch.setattr(run_module, "grown", wild)
+        monkeypatch.setattr(beginning, "grown", wild)
     said: list[str] = []
     run = track(PUPPET, leap(), planned=True, max_iterations=2, progress=said.append)
     assert any("larger parts of the wanted one" in each for each in said)
@@ -133,10 +136,10 @@ class Killed(Exception):
 
 def test_a_search_for_a_first_trajectory_goes_on_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed with motors, ended by Ctrl-C without them, each time gone on with from its file."""
-    monkeypatch.setattr(plan, "PRICES", (1e-2, 1.0))
-    monkeypatch.setattr(plan, "_ITERATIONS", 3)
-    monkeypatch.setattr(plan, "_LAST_ITERATIONS", 4)
-    monkeypatch.setattr(plan, "SEARCH_STAGES", 3)
+    monkeypatch.setattr(motors, "PRICES", (1e-2, 1.0))
+    monkeypatch.setattr(motors, "_ITERATIONS", 3)
+    monkeypatch.setattr(motors, "_LAST_ITERATIONS", 4)
+    monkeypatch.setattr(motors, "SEARCH_STAGES", 3)
     monkeypatch.setattr(files, "PRICES", (1e-2, 1.0))
     options = {"max_iterations": 2, "checkpoint_seconds": 0.0}
     said: list[str] = []
@@ -256,10 +259,10 @@ def test_a_motion_farther_off_than_a_puppet_that_hangs_still_is_no_start(
     def released(_: plan.Plan, result: OptimizationResult, *_rest: object) -> OptimizationResult:
         return replace(result, x=x, u=u, status=Status.CONVERGED)
 
-    monkeypatch.setattr(plan.Plan, "_release", released)
-    monkeypatch.setattr(plan.Plan, "_within", lambda _, found, *_rest: found)
+    monkeypatch.setattr(motors, "_release", released)
+    monkeypatch.setattr(motors, "_within", lambda _, found, *_rest: found)
     said: list[str] = []
-    first = wanted.search(said.append, keep=lambda *_: None)
+    first = motors.search(wanted, said.append, keep=lambda *_: None)
     for found, expected in zip(first, wanted.hung() if far else (x, u), strict=True):
         np.testing.assert_array_equal(found, expected)
     assert any("hangs still" in line for line in said) == (far > 0.0)
@@ -271,7 +274,7 @@ def test_where_a_search_is_stuck_or_creeps_another_begins_elsewhere(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """With a motion that grew, or a puppet that hangs still where that is stuck too."""
-    optimize = run_module.optimize
+    optimize = tracker.optimize
     begun: list[Any] = []
 
     def stuck_at_first(*problem: Any, **options: Any) -> OptimizationResult:
@@ -281,10 +284,10 @@ def test_where_a_search_is_stuck_or_creeps_another_begins_elsewhere(
         found = optimize(*problem, **options | {"max_iterations": 0})
         return replace(found, status=Status.LINE_SEARCH_FAILED if how == "stuck" else Status.ITERATION_LIMIT)
 
-    monkeypatch.setattr(run_module, "optimize", stuck_at_first)
+    monkeypatch.setattr(tracker, "optimize", stuck_at_first)
     wanted = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
     at_rest = wanted.hung()
-    monkeypatch.setattr(run_module, "grown", lambda *_: at_rest)
+    monkeypatch.setattr(beginning, "grown", lambda *_: at_rest)
     said: list[str] = []
     run = track(PUPPET, leap(), planned=True, progress=said.append, max_iterations=60)
     np.testing.assert_array_equal(begun[2][0] if how == "stuck" else begun[1][0], at_rest[0])
@@ -297,7 +300,7 @@ def test_a_puppet_that_hangs_and_creeps_is_planned_by_tensions(monkeypatch: pyte
     """With what is left of the iterations, from a start of its own; one that converges in time is not."""
     motion = walk_in_place(0.5, 0.02)
     assert not track(PUPPET, motion, max_iterations=60).embedded
-    monkeypatch.setattr(run_module, "_PATIENCE", 2)
+    monkeypatch.setattr(beginning, "PATIENCE", 2)
     said: list[str] = []
     iterations: list[int] = []
 
@@ -316,18 +319,18 @@ def test_a_puppet_that_hangs_and_creeps_is_planned_by_tensions(monkeypatch: pyte
 def test_limits_that_help_leads_beyond_are_stated_when_it_is_taken_away(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without them the motion would go on beyond, and have to be pulled back in an optimisation of its own."""
     stated = []
-    optimize = plan.optimize
+    optimize = motors.optimize
 
     def seen(system: PulledSystem, cost: TrackingCost, **options: Any) -> OptimizationResult:
         limited = {limit.of for limit in options["limits"]}
         stated.append((system.integrator.mechanism.n_inputs, "state" in limited))
         return optimize(system, cost, **options)
 
-    monkeypatch.setattr(plan, "optimize", seen)
+    monkeypatch.setattr(motors, "optimize", seen)
     limits = PuppetLimits(speed=0.8)
     problem = TrackingProblem(PUPPET, leap(), FORCED, 0)
     wanted = plan.Plan(problem, FORCED, limits)
-    x, _ = wanted.search(lambda _: None, keep=lambda *_: None)
+    x, _ = motors.search(wanted, lambda _: None, keep=lambda *_: None)
     released = [speed for inputs, speed in stated if inputs == len(STRINGS)]
     assert released == [True]
     assert not any(speed for inputs, speed in stated if inputs > len(STRINGS))
@@ -360,7 +363,7 @@ def test_a_plan_that_cannot_be_followed_is_searched_with_its_own_steps(monkeypat
 
     whole = plan.Plan.finer
 
-    monkeypatch.setattr("leastaction.apps.marionette.tracking.run._FEW", 10)
+    monkeypatch.setattr("leastaction.apps.marionette.tracking.beginning._FEW", 10)
     monkeypatch.setattr(plan.Plan, "finer", wild)
     said: list[str] = []
     run = track(PUPPET, leap(0.3), max_iterations=20, progress=said.append)
@@ -375,9 +378,9 @@ def test_motors_can_make_any_motion() -> None:
     problem = TrackingProblem(PUPPET, wild, FORCED, 0)
     wanted = plan.Plan(problem, FORCED, PuppetLimits())
     m = wanted.mechanism
-    x, u = wanted.driven(wanted.x_reference[:, : m.nq], wanted.u_reference[:, : len(STRINGS)])
-    motors = [JointForce(name, f"motor of {name}") for name in m.dynamic]
-    system = PulledSystem(MidpointVI(m.with_elements(motors)), wanted.t, at_instants=m.inputs)
+    x, u = motors.driven(wanted, wanted.x_reference[:, : m.nq], wanted.u_reference[:, : len(STRINGS)])
+    helpers = [JointForce(name, f"motor of {name}") for name in m.dynamic]
+    system = PulledSystem(MidpointVI(m.with_elements(helpers)), wanted.t, at_instants=m.inputs)
     reached = np.array([system.f(x[k], u[k], k) for k in range(system.N)])
     np.testing.assert_allclose(reached, x[1:], atol=1e-10)
     np.testing.assert_allclose(x[6:, : m.nd], wanted.x_reference[6:, : m.nd], atol=1e-12)
@@ -405,8 +408,8 @@ def test_a_motion_that_pulls_a_little_less_than_it_should_is_no_other_one(monkey
     assert run.plan is not None
     assert run.plan.success
     wanted = plan.Plan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
-    clipped, hung = plan.Plan._clipped, wanted.hung()
-    monkeypatch.setattr(plan.Plan, "_clipped", lambda _, x, u, *_rest: (x[:3], u[:2]))
+    clipped, hung = plan.Plan.clipped, wanted.hung()
+    monkeypatch.setattr(plan.Plan, "clipped", lambda _, x, u, *_rest: (x[:3], u[:2]))
     monkeypatch.setattr(plan.Plan, "hung", lambda _: hung)
     less, pushing = run.plan.u.copy(), run.plan.u.copy()
     less[5, 0], pushing[5, 0] = 0.48, -0.1
@@ -417,9 +420,9 @@ def test_a_motion_that_pulls_a_little_less_than_it_should_is_no_other_one(monkey
     assert not still.success
     assert "hangs still" in still.message
     # A roll-out that costs much more is another motion too.
-    monkeypatch.setattr(plan.Plan, "_clipped", lambda *_: hung)
+    monkeypatch.setattr(plan.Plan, "clipped", lambda *_: hung)
     np.testing.assert_array_equal(wanted.pulling(replace(run.plan, u=less)).u, less)
-    monkeypatch.setattr(plan.Plan, "_clipped", clipped)
+    monkeypatch.setattr(plan.Plan, "clipped", clipped)
     assert wanted.pulling(replace(run.plan, u=less)).u[:, : len(STRINGS)].min() >= 0.5
 
 
@@ -435,7 +438,7 @@ def test_rods_that_go_another_way_do_not_push(monkeypatch: pytest.MonkeyPatch) -
         return replace(done, x=done.x - 1e-3)
 
     monkeypatch.setattr(wanted.problem.system, "rollout", snapped)
-    made = wanted.by_lengths(run.plan)
+    made = by_lengths.by_lengths(wanted, run.plan)
     np.testing.assert_allclose(made.x, run.result.x, atol=1e-7)
 
 
@@ -484,7 +487,7 @@ def test_no_string_pushes_where_a_hanging_run_is_cut_short(iterations: int, tmp_
 
 
 def test_a_run_that_is_stuck_goes_on_from_inside_of_its_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    real, starts = run_module.optimize, []
+    real, starts = tracker.optimize, []
 
     def stuck(*args: object, **kwargs: object) -> object:
         starts.append(kwargs["initial"])
@@ -493,7 +496,7 @@ def test_a_run_that_is_stuck_goes_on_from_inside_of_its_limits(monkeypatch: pyte
         result = real(*args, **{**kwargs, "max_iterations": 2})  # type: ignore[arg-type]
         return replace(result, status=Status.LINE_SEARCH_FAILED)
 
-    monkeypatch.setattr(run_module, "optimize", stuck)
+    monkeypatch.setattr(tracker, "optimize", stuck)
     run = track(PUPPET, leap(0.3))
     assert len(starts) > 1
     assert starts[1][1][:, : len(STRINGS)].min() >= 0.5 * (1.0 - 1e-9)
@@ -509,11 +512,11 @@ def test_a_wrong_option_is_no_wild_motion() -> None:
 
 def test_a_second_search_is_kept_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the plan's own steps are taken, Ctrl-C keeps what they came to, and it is gone on with."""
-    monkeypatch.setattr(plan, "PRICES", (1e-2, 1.0))
-    monkeypatch.setattr(plan, "SEARCH_STAGES", 3)
+    monkeypatch.setattr(motors, "PRICES", (1e-2, 1.0))
+    monkeypatch.setattr(motors, "SEARCH_STAGES", 3)
     monkeypatch.setattr(files, "PRICES", (1e-2, 1.0))
-    monkeypatch.setattr(plan, "_ITERATIONS", 2)
-    monkeypatch.setattr("leastaction.apps.marionette.tracking.run._FEW", 10)
+    monkeypatch.setattr(motors, "_ITERATIONS", 2)
+    monkeypatch.setattr("leastaction.apps.marionette.tracking.beginning._FEW", 10)
 
     def wild(self: plan.Plan, coarse: plan.Plan, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         monkeypatch.setattr(plan.Plan, "finer", whole)
@@ -572,7 +575,7 @@ def test_a_run_says_what_it_took_from_its_beginning(tmp_path: Path) -> None:
     """All optimisations of the search and after it; a file keeps it, and a run that goes on adds to it."""
     made: list[int] = []
     whole: list[OptimizationResult] = []
-    real_search, real_run = plan.optimize, run_module.optimize
+    real_search, real_run = motors.optimize, tracker.optimize
 
     def counted(real: Callable[..., OptimizationResult]) -> Callable[..., OptimizationResult]:
         def call(*problem: Any, **options: Any) -> OptimizationResult:
@@ -585,8 +588,8 @@ def test_a_run_says_what_it_took_from_its_beginning(tmp_path: Path) -> None:
         return call
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "optimize", counted(real_search))
-        patch.setattr(run_module, "optimize", counted(real_run))
+        patch.setattr(motors, "optimize", counted(real_search))
+        patch.setattr(tracker, "optimize", counted(real_run))
         run = track(PUPPET, leap(0.3), max_iterations=4)
         at_first = len(made)
         again = track(PUPPET, run.motion, resume=load_run(save_run(tmp_path / "run.npz", run)), max_iterations=2)

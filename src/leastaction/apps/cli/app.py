@@ -28,7 +28,7 @@ from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
 
 if TYPE_CHECKING:
-    from leastaction.apps.cli.session import AtSpeeds, Job
+    from leastaction.apps.cli.session import AtSpeeds, Request
     from leastaction.io.motion.motion import Motion
 
 _NOT_PRINTED = 1
@@ -75,11 +75,11 @@ def demo(
     dt
         Time step, s.
     """
-    from leastaction.apps.cli.session import Job
+    from leastaction.apps.cli.session import Request
 
-    job = Job(_motion(MotionOptions(duration=duration, dt=dt)))
+    request = Request(_motion(MotionOptions(duration=duration, dt=dt)))
     with _folder(output) as folder:
-        return _run(job, optimiser, output, folder)
+        return _run(request, optimiser, output, folder)
 
 
 @app.command
@@ -116,16 +116,16 @@ def optimize(
         wanted.check_resumed()
     wanted.check()
     limits = puppet.limits()
-    from leastaction.apps.cli.session import Job
+    from leastaction.apps.cli.session import Request
 
     with _folder(output) as folder:
         if resume is not None:
             from leastaction.apps.marionette.tracking import load_unfinished
 
-            job = Job(load_unfinished(resume), limits, check=check)
+            request = Request(load_unfinished(resume), limits, check=check)
         else:
-            job = Job(_motion(wanted), limits, puppet.strings, wanted.follow, check)
-        return _run(job, optimiser, output, folder)
+            request = Request(_motion(wanted), limits, puppet.strings, wanted.follow, check)
+        return _run(request, optimiser, output, folder)
 
 
 def _motion(wanted: MotionOptions) -> Motion | AtSpeeds:
@@ -249,10 +249,10 @@ def _folder(output: OutputOptions) -> Iterator[Path]:
         yield folder
 
 
-def _run(job: Job, optimiser: OptimiserOptions | None, output: OutputOptions, folder: Path) -> int:
+def _run(request: Request, optimiser: OptimiserOptions | None, output: OutputOptions, folder: Path) -> int:
     from leastaction.apps.cli import session
 
-    return session.run(job, optimiser or OptimiserOptions(), output, folder, _complain)
+    return session.run(request, optimiser or OptimiserOptions(), output, folder, _complain)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -45,7 +45,7 @@ class AtSpeeds:
 
 
 @dataclass(frozen=True)
-class Job:
+class Request:
     """A motion to follow, or an earlier run to go on with, by what, and whether what is found is checked on a rig."""
 
     motion: Motion | TrackingRun | TrackingSearch | AtSpeeds
@@ -55,7 +55,7 @@ class Job:
     check: bool = False
 
 
-def run(job: Job, optimiser: OptimiserOptions, output: OutputOptions, folder: Path, complain: Complain) -> int:
+def run(request: Request, optimiser: OptimiserOptions, output: OutputOptions, folder: Path, complain: Complain) -> int:
     """Follow a motion, or go on with an earlier run, and fill the folder.
 
     Returns what the program tells the shell: 0 when there is a result to use and it is written, 130 after Ctrl-C, 1
@@ -68,12 +68,12 @@ def run(job: Job, optimiser: OptimiserOptions, output: OutputOptions, folder: Pa
     try:
         tried: list[AtSpeed] = []
         error = np.inf
-        optimise = partial(_optimise, job=job, optimiser=optimiser, folder=folder, console=console, kept=kept)
-        if isinstance(job.motion, AtSpeeds):
-            tried, error = fastest(optimise, job.motion.motion_at, job.motion.error), job.motion.error
+        optimise = partial(_optimise, request=request, optimiser=optimiser, folder=folder, console=console, kept=kept)
+        if isinstance(request.motion, AtSpeeds):
+            tried, error = fastest(optimise, request.motion.motion_at, request.motion.error), request.motion.error
             found = tried[-1].run
         else:
-            found = optimise(job.motion)
+            found = optimise(request.motion)
         optimised = time.perf_counter()
         with uninterrupted():
             kept.append(_keep(found, folder, complain))
@@ -85,7 +85,7 @@ def run(job: Job, optimiser: OptimiserOptions, output: OutputOptions, folder: Pa
         if tried:
             console.print(speed_table(tried, error))
             console.print()
-        if job.check:
+        if request.check:
             console.print(checked(found))
             console.print()
         if kept[-1].parent != folder:
@@ -139,7 +139,7 @@ def run(job: Job, optimiser: OptimiserOptions, output: OutputOptions, folder: Pa
 def _optimise(
     motion: Motion | TrackingRun | TrackingSearch,
     *,
-    job: Job,
+    request: Request,
     optimiser: OptimiserOptions,
     folder: Path,
     console: Console,
@@ -173,10 +173,10 @@ def _optimise(
             return table(record)
 
         return track(
-            marionette(strings=job.strings) if earlier is None else earlier.mechanism,
+            marionette(strings=request.strings) if earlier is None else earlier.mechanism,
             motion,
-            limits=job.limits,
-            follow=job.follow,
+            limits=request.limits,
+            follow=request.follow,
             method=optimiser.method,
             max_iterations=optimiser.max_iterations,
             tolerance=optimiser.tolerance,

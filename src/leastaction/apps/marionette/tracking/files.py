@@ -14,7 +14,7 @@ from leastaction.apps.choices import Follow
 from leastaction.apps.marionette.markers import MARKERS, wanted_markers, with_places
 from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import KINDS, PuppetLimits
-from leastaction.apps.marionette.tracking.plan import PRICES
+from leastaction.apps.marionette.tracking.motors import PRICES
 from leastaction.errors import LeastActionError, ResultFileError
 from leastaction.io.motion.motion import Motion
 from leastaction.io.results import check_result, load_record, save_record

@@ -1,0 +1,133 @@
+"""Where a motion begins: with hanging strings, an earlier run, or what a search finds.
+
+And where else, if that leads nowhere.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Final
+
+from leastaction.apps.marionette.tracking import tying
+from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, TrackingSearch
+from leastaction.apps.marionette.tracking.growing import grown
+from leastaction.apps.marionette.tracking.limits import FIRST_KINDS, KINDS
+from leastaction.apps.marionette.tracking.motors import search
+from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.poses import at_rest
+from leastaction.apps.marionette.tracking.problem import below_strings
+from leastaction.apps.marionette.tracking.ties import WEIGHTS
+from leastaction.apps.marionette.tracking.tracker import AGAIN, LOST, PATIENCE, Curve, Tracker
+from leastaction.apps.marionette.tracking.weights import GENTLE
+from leastaction.io.motion.motion import Motion
+from leastaction.models.marionette import tie_strings
+from leastaction.optimal import OptimizationResult
+
+_LONGEST: Final = 0.021  # s, of the steps with which a captured motion can be searched
+_FEW: Final = 100  # steps, for which a search with longer ones is not worth it
+_GROWING: Final = "the motion found cannot be followed: ever larger parts of the wanted one are"
+_HANGING: Final = "the motion found cannot be followed: it begins with a puppet that hangs still"
+
+
+def begin(tracker: Tracker, resume: TrackingRun | TrackingSearch | None, *, planned: bool) -> None:
+    """Find where to begin: what hanging strings do, where a run was, or what a search finds."""
+    tracker.motion, lowered = below_strings(tracker.mechanism, tracker.motion)
+    if lowered > 0.0:
+        tracker.say(f"the motion rises above the plane of the strings: lowered there, by up to {lowered:.2g} m")
+    tracker.problem = tracker.problem_with(GENTLE)
+    tracker.patience = PATIENCE
+    if isinstance(resume, TrackingRun):
+        _go_on(tracker, resume)
+        return
+    hanging = tracker.problem.hang() if resume is None and not planned else None
+    if hanging is None:
+        _search(tracker, resume)
+    else:
+        tracker.start = hanging
+
+
+def _go_on(tracker: Tracker, run: TrackingRun) -> None:
+    """Begin where a run was."""
+    tracker.kinds = run.kinds
+    tracker.effort = run.effort or Effort().plus(run.plan or run.result)
+    tracker.earlier = run.unfinished or run.result
+    if run.embedded and run.unfinished is None:
+        tracker.plan, tracker.earlier = tracker.planned(), run.plan
+        if tracker.plan.ties is not None:
+            tracker.plan.ties.weight, tracker.plan.ties.firm = WEIGHTS[-2], True
+    tracker.patience = PATIENCE - (0 if tracker.earlier is None else tracker.earlier.iterations)
+
+
+def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
+    """Seek a first trajectory with motors, or go on with a search that was cut short."""
+    if cut_short is not None and cut_short.firmness is not None:
+        tying.go_on(tracker, cut_short)
+        return
+    if cut_short is None:
+        tracker.mechanism = tie_strings(tracker.mechanism, tracker.problem.reference)
+    tracker.plan = plan = tracker.planned()
+    stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
+    if cut_short is not None:
+        tracker.effort = cut_short.effort
+    coarse, _ = coarser(plan, tracker.motion)
+    # A search that had to take the plan's own steps goes on with them.
+    searched = plan if before is not None and len(before.u) == plan.system.N else coarse
+    found = _searched_by(tracker, searched, stage=stage, result=before)
+    tracker.start = found
+    if searched is not plan:
+        expected = searched.cost().value(*found) * plan.system.N / searched.system.N
+        tracker.start = plan.inside(*plan.finer(searched, *found), expected)
+        tracker.most = LOST * expected
+        tracker.others.append((AGAIN, partial(_searched_by, tracker, plan)))
+    tracker.others += [(_GROWING, partial(_grown, tracker)), (_HANGING, partial(_hanging, tracker))]
+    tracker.kinds = FIRST_KINDS | tracker.broken(tracker.start[0])
+
+
+def _searched_by(tracker: Tracker, plan: Plan, *, stage: int = 0, result: OptimizationResult | None = None) -> Curve:
+    assert tracker.plan is not None
+    scale = tracker.plan.system.N / plan.system.N
+    return search(
+        plan,
+        tracker.say,
+        stage=stage,
+        result=result,
+        keep=partial(_keep_search, tracker),
+        count=lambda found, motors: tracker.spend(found, None if motors else scale),
+    )
+
+
+def _grown(tracker: Tracker) -> Curve:
+    """Return what following ever larger parts of the motion leads to; all limits are stated on that way."""
+    assert tracker.plan is not None
+    tracker.kinds = frozenset(KINDS)
+    return grown(tracker.plan, *coarser(tracker.plan, tracker.motion), tracker.say, tracker.spend)
+
+
+def _keep_search(tracker: Tracker, stage: int, found: OptimizationResult, at_once: bool) -> None:
+    tracker.kept(
+        lambda: TrackingSearch(
+            mechanism=tracker.mechanism,
+            motion=tracker.motion,
+            stage=stage,
+            result=found,
+            follow=tracker.follow,
+            effort=tracker.effort,
+        ),
+        at_once=at_once,
+    )
+
+
+def _hanging(tracker: Tracker) -> Curve:
+    """Return what the puppet does where its strings are held, or poses at rest where it falls from them."""
+    assert tracker.plan is not None
+    hung = tracker.plan.hung()
+    return hung if len(hung[1]) == tracker.plan.system.N else at_rest(tracker.plan)
+
+
+def coarser(plan: Plan, motion: Motion) -> tuple[Plan, Motion]:
+    """Return a plan with steps of twice the length, and its motion; those given where it has few, or long ones."""
+    steps = len(motion.t) - 1
+    if steps < _FEW or 2.0 * plan.dt > _LONGEST:
+        return plan, motion
+    slow = motion.resample(motion.duration / (steps // 2), duration=motion.duration)
+    return plan.following(slow), slow
