@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -187,6 +188,13 @@ class Symbolic:
         power = ca.dot(R.T @ (v + ca.cross(w, p)), force) + ca.dot(R.T @ w, torque)
         return ca.gradient(power, self.v)
 
+    def _tendon(self, e: Any) -> ca.SX:
+        if e.force_length is not None or e.force_velocity is not None:
+            raise NotImplementedError("a tendon whose force depends on its length has no CasADi expression here")
+        points = [self.position(name) for name in e.frames]
+        length = sum(ca.norm_2(b - a) for a, b in pairwise(points))
+        return -e.gain * self._number(e.input) * ca.gradient(length, self.q)
+
     # ---- The step -------------------------------------------------------------------------------
 
     def step(self, dt: float | ca.SX) -> ca.Function:
@@ -270,4 +278,5 @@ _FORCES = {
     "Damping": Symbolic._damping,
     "JointForce": Symbolic._joint_force,
     "BodyWrench": Symbolic._body_wrench,
+    "TendonForce": Symbolic._tendon,
 }

@@ -2,8 +2,8 @@
 
 Fatrop takes stages whose next state is given explicitly, and finds their structure by the identity in front of it. A
 step of the midpoint rule is an equation, ``F(x, u, lam, x+) = 0``. So the next state is an input of its stage,
-``x+ = v``, and the step a path constraint. Bounds on the first state, which is held, are left out; what a bound holds
-at one value is an equation. All is interpreted by CasADi.
+``x+ = v``, and the step a path constraint, as is what it is kept to besides. Bounds on the first state, which is held,
+are left out; what a bound holds at one value is an equation. All is interpreted by CasADi.
 """
 
 from __future__ import annotations
@@ -23,7 +23,15 @@ _OPTIONS = {"print_level": 0, "tol": 1e-8, "max_iter": 1000}
 
 
 def fatrop(peer: MultipleShooting, x: Array, u: Array) -> Solution:
-    """Solve the problem of a peer, with its bounds, from a start (N+1, nx), (N, nu)."""
+    """Solve the problem of a peer whose first state is held, with its bounds, from a start (N+1, nx), (N, nu).
+
+    Raises
+    ------
+    NotImplementedError
+        The motion is to return: its ends are one condition of two stages.
+    """
+    if peer.returning:
+        raise NotImplementedError("fatrop's stages do not know the first state at the last one")
     N, nx, nc = peer.N, peer.nx, peer.nc
     low, high = (peer.unpack(each) for each in (peer.lower, peer.upper))
     _, _, lam = peer.unpack(peer.pack(x, u))
@@ -31,6 +39,8 @@ def fatrop(peer: MultipleShooting, x: Array, u: Array) -> Solution:
     starts: list[Array] = []
     bounds: tuple[list[Array], list[Array]] = ([], [])
     equations: list[Any] = []
+    ranges: list[tuple[Array, Array]] = []
+    least, most = peer.kept_within
     value: Any = 0.0
 
     def unknown(name: str, start: Array, least: Array, most: Array) -> Any:
@@ -43,6 +53,11 @@ def fatrop(peer: MultipleShooting, x: Array, u: Array) -> Solution:
 
     def held(of: Any, least: Array, most: Array) -> None:
         equations.extend(of[int(i)] - least[i] for i in np.flatnonzero(least == most))
+
+    def note_equations() -> None:
+        """Note that all rows since the last are equations."""
+        rows = sum(each.numel() for each in equations) - sum(len(low) for low, _ in ranges)
+        ranges.append((np.zeros(rows), np.zeros(rows)))
 
     free = np.full(nx, np.inf)
     state = unknown("x0", x[0], -free, free)
@@ -57,20 +72,30 @@ def fatrop(peer: MultipleShooting, x: Array, u: Array) -> Solution:
         else:
             held(state, low[0][k], high[0][k])
         equations.append(peer.step(state, push, force, leads))
+        if peer.paths:
+            note_equations()
+            equations.append(peer.kept(state, push, force, leads))
+            ranges.append((least[k], most[k]))
         value += _stage(peer, k, state, push)
         state = following
     held(state, low[0][N], high[0][N])
     value += 0.5 * ca.bilin(ca.DM(_matrix(peer.cost.Q_final, N)), state - peer.cost.x_wanted[N])
-    g = ca.vertcat(*equations)
+    note_equations()
+    g, (lowest, highest) = ca.vertcat(*equations), (np.concatenate(each) for each in zip(*ranges, strict=True))
     solver = ca.nlpsol(
         "peer",
         "fatrop",
         {"x": ca.vertcat(*unknowns), "f": value, "g": g},
-        {"structure_detection": "auto", "equality": [True] * g.numel(), "print_time": False, "fatrop": _OPTIONS},
+        {
+            "structure_detection": "auto",
+            "equality": (lowest == highest).tolist(),
+            "print_time": False,
+            "fatrop": _OPTIONS,
+        },
     )
     lower, upper = (np.concatenate(each) for each in bounds)
     began = time.process_time()
-    found = solver(x0=np.concatenate(starts), lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
+    found = solver(x0=np.concatenate(starts), lbx=lower, ubx=upper, lbg=lowest, ubg=highest)
     seconds = time.process_time() - began
     stats = solver.stats()
     parts = np.split(np.array(found["x"]).ravel(), np.cumsum([len(each) for each in starts])[:-1])

@@ -3,7 +3,8 @@
 The free optimum of a problem comes first; then its inputs, states or tensions get limits that it does not keep to. Both
 solvers start from where the problem says, know exact second derivatives, and are asked for the same optimum. Shortest
 times, motions that return and free initial states follow, of `benchmarks.limits_unknowns`, and problems in continuous
-time on a mesh, of `benchmarks.limits_continuous`.
+time on a mesh, of `benchmarks.limits_continuous`. Obstacles, strings that only pull, reactions of linkages and gaits
+are those of `benchmarks.limits_further`. Where both converge to other costs, they are at different minima.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import argparse  # noqa: E402
 import sys  # noqa: E402
 import time  # noqa: E402
-from collections.abc import Callable, Sequence  # noqa: E402
+from collections.abc import Callable, Iterable, Iterator, Sequence  # noqa: E402
 from dataclasses import dataclass, replace  # noqa: E402
 from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 
-from benchmarks import limits_continuous, limits_unknowns  # noqa: E402
+from benchmarks import limits_continuous, limits_further, limits_unknowns  # noqa: E402
 from benchmarks.fatrop import fatrop  # noqa: E402
 from benchmarks.multiple_shooting import MultipleShooting  # noqa: E402
 from benchmarks.peers import Comparison, start_of  # noqa: E402
@@ -32,6 +33,7 @@ from leastaction.optimal import Bound, Equal, Limit, OptimizationResult, optimiz
 __all__ = ["CASES", "Case", "compare"]
 
 _ROUNDS = 3  # the best of which counts
+_OTHER = 1e-4  # relative difference of costs from which on minima are others: tolerances leave less
 
 
 @dataclass(frozen=True)
@@ -143,11 +145,38 @@ def compare(case: Case, *, rounds: int = _ROUNDS, compiled: bool = True, by_fatr
 
 
 def _line(row: Comparison) -> str:
+    said = "" if row.ipopt_status == "Solve_Succeeded" else f"  {row.ipopt_status}"
+    if not said and row.our_status == "CONVERGED" and abs(row.better) > _OTHER:
+        said = "  another minimum"
     return (
-        f"{row.name:48s} {row.our_status:12s} {row.our_iterations:4d} {1e3 * row.our_seconds:8.0f} "
-        f"{row.ipopt_iterations:6d} {1e3 * row.ipopt_seconds:8.0f} {row.ratio:7.1f} {row.better:12.1e}"
-        + ("" if row.ipopt_status == "Solve_Succeeded" else f"  {row.ipopt_status}")
+        f"{row.name:48s} {row.our_status:12.12s} {row.our_iterations:4d} {1e3 * row.our_seconds:8.0f} "
+        f"{row.ipopt_iterations:6d} {1e3 * row.ipopt_seconds:8.0f} {row.ratio:7.1f} {row.better:12.1e}{said}"
     )
+
+
+def _compared(words: Sequence[str], rounds: int, by_fatrop: bool) -> Iterator[tuple[str, Comparison]]:
+    """Return the kind and the figures of every problem whose name has all of the words; fatrop's have no kind."""
+
+    def chosen(cases: Iterable[Any]) -> list[Any]:
+        return [case for case in cases if all(word in case.name for word in words)]
+
+    for module, cases in ((_HERE, CASES), (limits_further, limits_further.CASES)):
+        for case in chosen(cases):
+            returns = getattr(case, "returns", False)
+            yield "unknowns" if returns else "discrete", module.compare(case, rounds=rounds)
+            if by_fatrop and not returns:
+                yield "", replace(module.compare(case, rounds=1, by_fatrop=True), name="  by fatrop")
+    for other in chosen(limits_unknowns.cases()):
+        yield "unknowns", limits_unknowns.compare(other, rounds=rounds)
+    for continuous in chosen(limits_continuous.cases()):
+        yield "continuous", limits_continuous.compare(continuous, rounds=rounds)
+
+
+_HERE = sys.modules[__name__]
+_KINDS = {
+    "discrete": "inputs, states, multipliers, frames", "unknowns": "initial states, times, parameters",
+    "continuous": "on a mesh",
+}  # fmt: skip
 
 
 def main() -> int:
@@ -159,23 +188,16 @@ def main() -> int:
     arguments = parser.parse_args()
     heads = f"{'iter':>4s} {'ms':>8s} {'Ipopt':>6s} {'ms':>8s} {'ratio':>7s} {'better':>12s}"
     print(f"{'problem':48s} {'ours':12s} {heads}")
-    rows, words = [], arguments.only.split()
-    for case in CASES:
-        if all(word in case.name for word in words):
-            rows.append(compare(case, rounds=arguments.rounds))
-            print(_line(rows[-1]), flush=True)
-            if arguments.fatrop:
-                print(_line(replace(compare(case, rounds=1, by_fatrop=True), name="  by fatrop")), flush=True)
-    for other in limits_unknowns.cases():
-        if all(word in other.name for word in words):
-            rows.append(limits_unknowns.compare(other, rounds=arguments.rounds))
-            print(_line(rows[-1]), flush=True)
-    for continuous in limits_continuous.cases():
-        if all(word in continuous.name for word in words):
-            rows.append(limits_continuous.compare(continuous, rounds=arguments.rounds))
-            print(_line(rows[-1]), flush=True)
-    if rows:
-        print(f"median ratio of times: {np.median([row.ratio for row in rows]):.2f}")
+    ratios: dict[str, list[float]] = {kind: [] for kind in _KINDS}
+    for kind, row in _compared(arguments.only.split(), arguments.rounds, arguments.fatrop):
+        print(_line(row), flush=True)
+        if kind:
+            ratios[kind].append(row.ratio)
+    for kind, found in ratios.items():
+        if found:
+            print(f"median ratio of times, {kind} ({_KINDS[kind]}), {len(found)} rows: {np.median(found):.2f}")
+    if every := [ratio for found in ratios.values() for ratio in found]:
+        print(f"median ratio of times, all {len(every)} rows: {np.median(every):.2f}")
     return 0
 
 

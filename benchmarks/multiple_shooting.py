@@ -1,15 +1,17 @@
 """A discrete problem as a nonlinear program for CasADi's solvers: direct multiple shooting with exact derivatives.
 
 Unknowns are ``[x_0 u_0 lam_0 | x_1 u_1 lam_1 | ... | x_N]`` and constraints the residuals of every step, so that the
-multipliers of a mechanism's own constraints can be bounded too. Jacobian and Hessian of a stage are scalar expressions,
-evaluated for all stages by one map and put together by a sparse product: two to three times as fast, over a whole
-solution, as what CasADi finds by itself by colouring the program.
+multipliers of a mechanism's own constraints can be bounded too. What is kept within bounds besides (`StepRows`) are
+more rows of every step; of a motion that returns the first state is free, and the last one the same. Jacobian and
+Hessian of a stage are scalar expressions, evaluated for all stages by one map and put together by a sparse product: two
+to three times as fast, over a whole solution, as what CasADi finds by itself by colouring the program.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +26,7 @@ from benchmarks.cases import Array
 from leastaction.optimal import QuadraticCost
 from leastaction.systems import MidpointSystem
 
-__all__ = ["MultipleShooting", "Solution"]
+__all__ = ["MultipleShooting", "Solution", "StepRows"]
 
 _IPOPT: dict[str, Any] = {
     "print_level": 0,
@@ -33,6 +35,7 @@ _IPOPT: dict[str, Any] = {
     "tol": 1e-8,
     "acceptable_iter": 0,
 }
+_LARGE = 20000  # operations of a stage's derivatives
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,19 @@ class Solution:
         return self.status in ("Solve_Succeeded", "0")
 
 
+@dataclass(frozen=True)
+class StepRows:
+    """Functions of every step, ``low <= c(x1, u, lam, x2) <= high``.
+
+    ``of``: the mechanism's expressions and the symbols of a step to the functions (n,). ``low``, ``high``: broadcast to
+    (N, n).
+    """
+
+    of: Callable[[Symbolic, Any, Any, Any, Any], Any]
+    low: Any = -np.inf
+    high: Any = np.inf
+
+
 class MultipleShooting:
     """The program of a system and a cost.
 
@@ -64,6 +80,10 @@ class MultipleShooting:
         Its weights do not couple different entries, or are one matrix for all stages.
     compiled : bool
         Compile the derivatives of a stage with the C compiler (gcc), instead of CasADi's interpreter.
+    paths : sequence of StepRows
+        What every step is kept to besides.
+    returning : bool
+        The first state is free, and the last one the same.
 
     Attributes
     ----------
@@ -73,14 +93,22 @@ class MultipleShooting:
         Bounds on the unknowns. See `bound` to set them.
     """
 
-    def __init__(self, system: MidpointSystem, cost: QuadraticCost, *, compiled: bool = False) -> None:
+    def __init__(
+        self,
+        system: MidpointSystem,
+        cost: QuadraticCost,
+        *,
+        compiled: bool = False,
+        paths: Sequence[StepRows] = (),
+        returning: bool = False,
+    ) -> None:
         m = system.integrator.mechanism
         self.N, self.nx, self.nu, self.nc = system.N, system.nx, system.nu, m.nc
         self.size = self.nx + self.nu + self.nc
         self.model = Symbolic(m)
         self.dt = float(system.t[1] - system.t[0])
         self.cost = cost
-        self.compiled = compiled
+        self.compiled, self.paths, self.returning = compiled, tuple(paths), returning
         self.lower = np.full(self.N * self.size + self.nx, -np.inf)
         self.upper = -self.lower
 
@@ -132,6 +160,31 @@ class MultipleShooting:
         """The residuals of a step, ``(x1, u, lam, x2)``."""
         return self.model.step(self.dt)
 
+    @cached_property
+    def kept(self) -> ca.Function:
+        """What every step is kept to besides, ``(x1, u, lam, x2)``."""
+        symbols = self.step.sx_in()
+        return ca.Function(
+            "kept", symbols, [ca.vertcat(ca.SX(0, 1), *(p.of(self.model, *symbols) for p in self.paths))]
+        )
+
+    @cached_property
+    def kept_within(self) -> tuple[Array, Array]:
+        """Least and largest values (N, n) of `kept`."""
+        sizes = [path.of(self.model, *self.step.sx_in()).numel() for path in self.paths]
+
+        def all_of(bounds: list[Any]) -> Array:
+            parts = [np.broadcast_to(each, (self.N, n)) for each, n in zip(bounds, sizes, strict=True)]
+            return np.hstack([np.empty((self.N, 0)), *parts])
+
+        return all_of([path.low for path in self.paths]), all_of([path.high for path in self.paths])
+
+    @cached_property
+    def stage(self) -> ca.Function:
+        """The rows of a step: its residuals, and what it is kept to."""
+        symbols = self.step.sx_in()
+        return ca.Function("stage", symbols, [ca.vertcat(self.step(*symbols), self.kept(*symbols))])
+
     def residuals(self, x: Array, u: Array, lam: Array) -> Array:
         """Return by how much every step is missed, (N, nx + nc)."""
         return np.array(self.step.map(self.N)(x[:-1].T, u.T, lam.T, x[1:].T)).T
@@ -142,7 +195,17 @@ class MultipleShooting:
         w = ca.MX.sym("w", self.lower.size)
         z, x1 = self._stages(w)
         parts = ca.vertsplit(z, [0, self.nx, self.nx + self.nu, self.size])
-        return {"x": w, "f": self._value(w), "g": ca.vec(self.step.map(self.N)(*parts, x1))}
+        g = ca.vec(self.stage.map(self.N)(*parts, x1))
+        if self.returning:
+            g = ca.vertcat(g, w[-self.nx :] - w[: self.nx])
+        return {"x": w, "f": self._value(w), "g": g}
+
+    @cached_property
+    def within(self) -> tuple[Array, Array]:
+        """Least and largest values of all constraints."""
+        none, ends = np.zeros((self.N, self.nx + self.nc)), np.zeros(self.nx if self.returning else 0)
+        low, high = (np.concatenate([np.hstack([none, each]).ravel(), ends]) for each in self.kept_within)
+        return low, high
 
     def _stages(self, w: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Return z = [x u lam] of all stages, and the states after them."""
@@ -151,9 +214,9 @@ class MultipleShooting:
 
     @cached_property
     def _by_stage(self) -> list[ca.Function]:
-        """The Jacobian of a step, and the lower triangle of the Hessian of mu . F; both by [z; x2]."""
+        """The Jacobian of a step's rows F, and the lower triangle of the Hessian of mu . F; both by [z; x2]."""
         z, x2 = ca.SX.sym("z", self.size), ca.SX.sym("x2", self.nx)
-        F = self.step(*ca.vertsplit(z, [0, self.nx, self.nx + self.nu, self.size]), x2)
+        F = self.stage(*ca.vertsplit(z, [0, self.nx, self.nx + self.nu, self.size]), x2)
         mu = ca.SX.sym("mu", F.numel())
         both = ca.vertcat(z, x2)
         functions = [
@@ -202,11 +265,14 @@ class MultipleShooting:
         w, p = self.program["x"], ca.MX.sym("p", 0)
         z, x2 = self._stages(w)
         J, H = self._by_stage
-        rows = self.nx + self.nc
+        rows = self.stage.numel_out(0)
         by_stage = J.map(self.N)(z, x2)
         jacobian = self._assembled(J.sparsity_out(0), rows, triangle=False)(by_stage)
-        weight, mu = ca.MX.sym("weight"), ca.MX.sym("mu", rows * self.N)
-        bent = H.map(self.N)(z, x2, ca.reshape(mu, rows, self.N))
+        if self.returning:
+            ends = ca.jacobian(w[-self.nx :] - w[: self.nx], w)
+            jacobian = ca.vertcat(jacobian, ends)
+        weight, mu = ca.MX.sym("weight"), ca.MX.sym("mu", self.program["g"].numel())
+        bent = H.map(self.N)(z, x2, ca.reshape(mu[: rows * self.N], rows, self.N))
         hessian = self._assembled(H.sparsity_out(0), rows, triangle=True)(bent)
         of_cost = ca.triu(ca.hessian(self.program["f"], w)[0])
         return {
@@ -226,12 +292,14 @@ class MultipleShooting:
         )
 
     def solve(self, solver: ca.Function, x: Array, u: Array, lam: Array | None = None) -> Solution:
-        """Solve from a start with the first state held, under the bounds."""
+        """Solve from a start under the bounds, with the first state held unless the motion is to return."""
         lower, upper = self.lower.copy(), self.upper.copy()
-        lower[: self.nx] = upper[: self.nx] = x[0]
+        if not self.returning:
+            lower[: self.nx] = upper[: self.nx] = x[0]
+        least, most = self.within
         start = self.pack(x, u, lam)
         began = time.process_time()
-        found = solver(x0=start, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
+        found = solver(x0=start, lbx=lower, ubx=upper, lbg=least, ubg=most)
         seconds = time.process_time() - began
         stats = solver.stats()
         return Solution(
@@ -255,12 +323,16 @@ def _form(weight: Array, d: ca.MX) -> ca.MX:
 
 
 def _compiled(functions: list[ca.Function]) -> list[ca.Function]:
-    """Return functions of the same names from a library that the C compiler made."""
+    """Return functions of the same names from a library that the C compiler made.
+
+    What is large is made by -O1: a marionette's takes minutes by -O2, and is no faster for it.
+    """
+    large = sum(function.n_instructions() for function in functions) > _LARGE
     with tempfile.TemporaryDirectory() as folder:
         source, library = Path(folder) / "stage.c", Path(folder) / "stage.so"
         generator = ca.CodeGenerator("stage.c")
         for function in functions:
             generator.add(function)
         generator.generate(f"{folder}/")
-        run(["gcc", "-O2", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
+        run(["gcc", "-O1" if large else "-O2", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
         return [ca.external(f.name(), str(library)) for f in functions]

@@ -1,9 +1,11 @@
 // Functions of a mechanism at one point, with derivatives along directions.
 
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/tuple.h>
 
 #include "bindings/arrays.hpp"
 #include "dynamics/queries.hpp"
+#include "kinematics/moved_point.hpp"
 
 using namespace nanobind::literals;
 
@@ -32,6 +34,53 @@ nb::tuple functions_at(const Mechanism& m, const Functions& functions, int first
     expect(mu.size(), last - first, "mu");
     return arrays_of(functions_of_configuration(m, functions, first, last, mu.data(), to_internal(m, q, "q"),
                                                 {directions_of(m, dq, "dq"), {}}));
+}
+
+MovedPoint point_behind(const Mechanism& m, int joint, const std::array<double, 3>& offset) {
+    if (joint < -1 || joint >= static_cast<int>(m.joints.size()))
+        throw std::invalid_argument("no such joint: " + std::to_string(joint));
+    return {m, joint, {offset[0], offset[1], offset[2]}, m.external};
+}
+
+Out point_places(const Mechanism& m, const In<2>& q, int joint, const std::array<double, 3>& offset) {
+    const std::size_t n = m.n_variables();
+    expect(q.shape(1), n, "q");
+    MovedPoint point = point_behind(m, joint, offset);
+    Out out = new_array({q.shape(0), 3});
+    for (std::size_t k = 0; k < q.shape(0); ++k) {
+        point.place_at(to_internal(m, q.data() + k * n).data());
+        const auto [x, y, z] = point.position();
+        const double row[3] = {x, y, z};
+        std::copy(row, row + 3, out.data() + 3 * k);
+    }
+    return out;
+}
+
+Out point_jacobians(const Mechanism& m, const In<2>& q, int joint, const std::array<double, 3>& offset) {
+    const std::size_t n = m.n_variables();
+    expect(q.shape(1), n, "q");
+    MovedPoint point = point_behind(m, joint, offset);
+    Out out = new_array({q.shape(0), 3, n});
+    for (std::size_t k = 0; k < q.shape(0); ++k) {
+        point.place_at(to_internal(m, q.data() + k * n).data());
+        point.jacobian(out.data() + 3 * n * k);
+    }
+    return out;
+}
+
+Out point_bent(const Mechanism& m, const In<2>& q, int joint, const std::array<double, 3>& offset, const In<2>& force) {
+    const std::size_t n = m.n_variables();
+    expect(q.shape(1), n, "q");
+    expect(force.shape(0), q.shape(0), "force");
+    expect(force.shape(1), 3, "force");
+    MovedPoint point = point_behind(m, joint, offset);
+    Out out = new_array({q.shape(0), n, n});
+    for (std::size_t k = 0; k < q.shape(0); ++k) {
+        const double* f = force.data() + 3 * k;
+        point.place_at(to_internal(m, q.data() + k * n).data());
+        point.bent({f[0], f[1], f[2]}, out.data() + n * n * k);
+    }
+    return out;
 }
 
 }  // namespace
@@ -81,7 +130,13 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
             },
             "mu"_a, "q"_a, "v"_a, "u"_a, "dq"_a, "dv"_a, "du"_a, "parts"_a,
             "Derivatives of forces by [q; v; u] along a direction, without joint damping and joint forces, which are "
-            "linear: gradients (nq, n) and the Hessian (n * n,) of mu.f.");
+            "linear: gradients (nq, n) and the Hessian (n * n,) of mu.f.")
+        .def("point_places", &point_places, "q"_a, "joint"_a, "offset"_a,
+             "Where a point behind a joint is (-1: of the world) at q (N, nq), (N, 3).")
+        .def("point_jacobians", &point_jacobians, "q"_a, "joint"_a, "offset"_a,
+             "Its derivatives (N, 3, nq) by the configuration.")
+        .def("point_bent", &point_bent, "q"_a, "joint"_a, "offset"_a, "force"_a,
+             "Its second derivatives along forces (N, 3), (N, nq, nq).");
 }
 
 }  // namespace leastaction

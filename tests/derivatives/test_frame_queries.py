@@ -36,7 +36,7 @@ from leastaction.mechanics import (
     universal,
     var,
 )
-from leastaction.mechanics.mechanism.queries.path_motion import PathMotion
+from leastaction.mechanics.mechanism.queries.moved_point import MovedPoint
 
 AXIS, POINT = (0.3, -1.2, 0.7), (0.2, 0.5, -0.4)
 TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
@@ -141,14 +141,19 @@ def test_frame_velocities_and_jacobians_against_automatic_differentiation(mechan
         assert np.abs(dJ).max() > 0.1
 
 
-def test_forces_on_a_point_bend_its_way_as_its_jacobian_says(mechanism):
+def test_points_move_and_bend_as_their_frames_say(mechanism):
+    """Places, first and contracted second derivatives, against those of frames, which are held to JAX above."""
     rng = np.random.default_rng(13)
     q, force = rng.uniform(-1.5, 1.5, (3, mechanism.nq)), rng.normal(size=(3, 3))
-    point = (0.3, -0.4, 0.2)
+    offset = np.array([0.3, -0.4, 0.2])
     for name in ("tip", "world"):
-        bent = PathMotion.of(mechanism, q, name, point, "world").bent(force)
-        dJ = mechanism.frame_jacobian_derivative(q, name, point=point)
-        np.testing.assert_allclose(bent, np.einsum("na,naij->nij", force, dJ[:, :3]), atol=1e-12)
+        point = MovedPoint.of(mechanism, name, offset)
+        pose = mechanism.frame_pose(q, name)
+        np.testing.assert_allclose(point.places(q), pose[:, :3, :3] @ offset + pose[:, :3, 3], atol=1e-13)
+        J = mechanism.frame_jacobian(q, name, point=offset)
+        np.testing.assert_allclose(point.jacobian(q), J[:, :3], atol=1e-13)
+        dJ = mechanism.frame_jacobian_derivative(q, name, point=offset)
+        np.testing.assert_allclose(point.bent(q, force), np.einsum("na,naij->nij", force, dJ[:, :3]), atol=1e-12)
 
 
 def along(function, directions):

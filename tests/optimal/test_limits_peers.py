@@ -72,6 +72,29 @@ def test_nonlinear_problems_agree_with_ipopt(name: str) -> None:
     assert abs(row.better) < 1e-7
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "planar arm of 4, reaching between 3 obstacles",
+        "puppet's arm of 3, strings pull by 1.5 N",
+        "slider-crank, half a turn, reactions to 12 N",
+        "chain of 6, swings for ever, torques bounded",
+        pytest.param("arm of 7, reaching between 3 obstacles", marks=pytest.mark.slow),
+        pytest.param("marionette, walk, tensions 30 % of mean", marks=pytest.mark.slow),
+        pytest.param("lift of 3 segments, reactions to 100 N", marks=pytest.mark.slow),
+        pytest.param("hand, 25 tendons that only pull", marks=pytest.mark.slow),
+    ],
+)
+def test_obstacles_strings_reactions_and_gaits_agree_with_ipopt(name: str) -> None:
+    from benchmarks import limits_further  # asks for CasADi
+
+    case = next(case for case in limits_further.CASES if case.name == name)
+    row = limits_further.compare(case, rounds=1, compiled=False, tolerance=1e-9)
+    assert row.our_status == "CONVERGED"
+    assert row.ipopt_status == "Solve_Succeeded"
+    assert abs(row.better) < 1e-7
+
+
 @pytest.mark.parametrize("case", range(4))
 def test_continuous_problems_agree_with_ipopt_on_the_same_mesh(case: int) -> None:
     from benchmarks import limits_continuous  # asks for CasADi

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.moved_point import MovedPoint
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.optimal.collocation.limits import Points
@@ -32,34 +33,31 @@ class _PlaceOfFrame(Quantity):
         place = keep.frame if keep.origin is None else f"{keep.frame} from {keep.origin}"
         self.names = tuple(f"{place} {name}" for name in self.region.names)
         # Names of frames are looked up here, and not at the first step.
-        q = np.zeros((1, mechanism.nq))
-        self._places(mechanism, q)
+        points = [MovedPoint.of(mechanism, keep.frame, self.point)]
+        self._points = points if keep.origin is None else [*points, MovedPoint.of(mechanism, keep.origin)]
 
     def values(self, at: Samples) -> Array:
-        return self.region.values(self._places(self.mechanism, self._q(at)), at.k)
+        return self.region.values(self._places(self._q(at)), at.k)
+
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
+        return np.arange(self.mechanism.nq)
 
     def jacobian(self, at: Samples) -> Array:
         q = self._q(at)
-        slope = self.region.gradient(self._places(self.mechanism, q), at.k)
-        result = np.zeros((len(at.k), len(self.names), at.x.shape[1]))
-        result[:, :, : q.shape[1]] = slope @ self._velocities(q)
-        return result
+        return self.region.gradient(self._places(q), at.k) @ self._velocities(q)
 
     def curvature(self, at: Samples, y: Array) -> Array:
-        q, m = self._q(at), self.mechanism
-        p = self._places(m, q)
-        J = self._velocities(q)
-        bent = m.frame_jacobian_derivative(q, self.frame, point=self.point)[:, :3]
+        q = self._q(at)
+        p = self._places(q)
+        pull = np.ascontiguousarray((y[:, None, :] @ self.region.gradient(p, at.k))[:, 0])
+        H = self._points[0].bent(q, pull)
         if self.origin is not None:
-            bent = bent - m.frame_jacobian_derivative(q, self.origin)[:, :3]
-        pull = np.einsum("nm,nma->na", y, self.region.gradient(p, at.k))
-        H = np.einsum("na,naij->nij", pull, bent)
+            H -= self._points[1].bent(q, pull)
         hessian = self.region.hessian(p, at.k)
         if hessian is not None:
+            J = self._velocities(q)
             H += J.transpose(0, 2, 1) @ np.einsum("nm,nmab->nab", y, hessian) @ J
-        result = np.zeros((len(at.k), at.x.shape[1], at.x.shape[1]))
-        result[:, : q.shape[1], : q.shape[1]] = H
-        return result
+        return H
 
     def apart(self, other: Quantity, k: Instants) -> Array | None:
         if not isinstance(other, _PlaceOfFrame) or self.mechanism is not other.mechanism:
@@ -72,18 +70,13 @@ class _PlaceOfFrame(Quantity):
     def _q(self, at: Samples) -> Array:
         return np.ascontiguousarray(at.x[:, : self.mechanism.nq])
 
-    def _places(self, mechanism: Mechanism, q: Array) -> Array:
-        pose = mechanism.frame_pose(q, self.frame)
-        place = pose[:, :3, :3] @ self.point + pose[:, :3, 3]
-        if self.origin is not None:
-            place = place - mechanism.frame_pose(q, self.origin)[:, :3, 3]
-        return np.asarray(place)
+    def _places(self, q: Array) -> Array:
+        place, *origin = (point.places(q) for point in self._points)
+        return place - origin[0] if origin else place
 
     def _velocities(self, q: Array) -> Array:
-        J = self.mechanism.frame_jacobian(q, self.frame, point=self.point)[:, :3]
-        if self.origin is not None:
-            J = J - self.mechanism.frame_jacobian(q, self.origin)[:, :3]
-        return J
+        J, *of_origin = (point.jacobian(q) for point in self._points)
+        return J - of_origin[0] if of_origin else J
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.path_motion import PathMotion
+from leastaction.mechanics.mechanism.queries.moved_point import MovedPoint
 from leastaction.numerics.arrays import Array, as_number, read_only
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
 from leastaction.systems.midpoint import MidpointSystem
@@ -91,7 +91,7 @@ class PlaceCost(AddedCost):
     def _away(self, q: Array, name: str, start: int) -> tuple[Array, Array]:
         """Return how far a frame is from its place (n, 3), and the weights (n, 3)."""
         rows = slice(start, start + len(q))
-        place = self._mechanism.frame_pose(q, name)[:, :3, 3]
+        place = MovedPoint.of(self._mechanism, name).places(q)
         return place - self._wanted[name][rows], self._weights[name][rows]
 
     def _values(self, x: Array, start: int) -> Array:
@@ -107,7 +107,7 @@ class PlaceCost(AddedCost):
         total = np.zeros_like(q)
         for name in self._wanted:
             away, weight = self._away(q, name, 0)
-            J = self._mechanism.frame_jacobian(q, name)[:, :3]
+            J = MovedPoint.of(self._mechanism, name).jacobian(q)
             total += ((weight * away)[:, None, :] @ J)[:, 0]
         return total
 
@@ -116,9 +116,10 @@ class PlaceCost(AddedCost):
         q = np.ascontiguousarray(x[:, : self._mechanism.nq])
         total = np.zeros((len(q), q.shape[1], q.shape[1]))
         for name in self._wanted:
-            motion = PathMotion.of(self._mechanism, q, name, (0.0, 0.0, 0.0), "world")
-            weight, J = self._weights[name][: len(q)], motion.jacobian()[:, :3]
+            point = MovedPoint.of(self._mechanism, name)
+            J = point.jacobian(q)
+            away, weight = self._away(q, name, 0)
             total += J.swapaxes(1, 2) @ (weight[:, :, None] * J)
             if bent:
-                total += motion.bent(weight * (motion.poses[:, :3, 3] - self._wanted[name][: len(q)]))
+                total += point.bent(q, weight * away)
         return total

@@ -84,16 +84,6 @@ class PathMotion:
         velocity: Array = np.einsum("nai,ni->na", self.in_axes(), v @ self.E.T)
         return velocity
 
-    def bent(self, force: Array) -> Array:
-        """Return the second derivatives (N, nq, nq) of how far forces (N, 3), which do not turn, move the point along.
-
-        ``sum_a f_a d2 p_a / dq_i dq_j = f . (w_i x l_j)`` where i is nearer to the world than j: less work than the
-        derivative of the whole Jacobian is.
-        """
-        turned = np.cross(force[:, None, :], self.twists[:, :, 3:]) @ self.by_joints[:, :3]
-        result = np.triu(turned) + np.triu(turned, 1).swapaxes(1, 2)
-        return np.asarray(self.E.T @ result @ self.E)
-
     def jacobian_derivative(self) -> Array:
         """Return the derivative (N, 6, nq, nq) of the Jacobian by the variables."""
         linear, w = self.by_joints[:, :3].swapaxes(1, 2), self.twists[:, :, 3:]
