@@ -11,6 +11,7 @@
 #include "numerics/small_products.hpp"
 #include "optimal/outer_rows.hpp"
 #include "optimal/prefetch.hpp"
+#include "optimal/small_recursion.hpp"
 #include "optimal/stage_structure.hpp"
 
 namespace leastaction {
@@ -598,11 +599,27 @@ private:
     VectorXd b_shifted_, h_, h_used_, Vw_, w_;
 };
 
+template <int width>
+LinearQuadraticReport solve_small(const LinearQuadraticProblem& problem, const LinearQuadraticOutput& output) {
+    MatrixXd H_uu;
+    LinearQuadraticReport report = SmallRecursion<width>(problem, output, pivot_tolerance).run(H_uu);
+    if (report.status == LinearQuadraticReport::Status::indefinite) {
+        const Eigen::SelfAdjointEigenSolver<MatrixXd> eigenvalues(H_uu, Eigen::EigenvaluesOnly);
+        report.smallest_eigenvalue = eigenvalues.eigenvalues()[0];
+    }
+    return report;
+}
+
 }  // namespace
 
 LinearQuadraticReport solve_linear_quadratic(const LinearQuadraticProblem& problem,
                                              const LinearQuadraticOptions& options,
                                              const LinearQuadraticOutput& output) {
+    const Index size = problem.nx + problem.nu;
+    if (!options.regularize && size <= small_problem) {
+        constexpr int half = small_problem / 2;
+        return size <= half ? solve_small<half>(problem, output) : solve_small<2 * half>(problem, output);
+    }
     return Recursion(problem, options, output).run();
 }
 

@@ -30,7 +30,8 @@
 //   P G = P_:D G_D + P_:S G_S          G' P G = G_D' (PG)_D + G_S' (PG)_S
 //
 // With nx = 80, nu = 18 and 36 such rows this is 0.9 instead of 2.5 million operations a stage. Where it is known beforehand
-// which entries may differ from zero, the others are never fetched from memory, which is what most stages wait for.
+// which entries may differ from zero, the others are never fetched from memory, which is what most stages wait for. Problems of up
+// to 16 states and inputs are solved without looking for any of that (small_recursion.hpp), in a third of the time.
 
 #pragma once
 

@@ -208,8 +208,8 @@ def test_a_constant_cross_weight_and_the_scale_of_H(problem):
     np.testing.assert_allclose(constant.K, solve_linear_quadratic(**stacked).K, rtol=1e-12)
 
 
-def _mechanical(rng, N, nq=4, nr=3):
-    """A, B of the shape of a mechanism's: copied rows, differenced rows, unused columns."""
+def _mechanical(rng, N, nq=5, nr=3):
+    """A, B of the shape of a mechanism's: copied rows, differenced rows, unused columns; too large to be small."""
     nx = 2 * (nq + nr)
     A, B = np.zeros((N, nx, nx)), np.zeros((N, nx, nr))
     dense = np.r_[0:nq, nq + nr : 2 * nq + nr]
@@ -329,6 +329,79 @@ def test_what_a_pattern_leaves_out_is_not_read(weights, states):
                 size = np.abs(getattr(expected, name)).max()
                 np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12 * size)
             assert found.constant == pytest.approx(expected.constant, rel=1e-12)
+
+
+@pytest.mark.parametrize("weights", _WEIGHTS)
+@pytest.mark.parametrize("sizes", [(4, 1), (5, 3), (7, 2), (11, 5), (6, 0)])
+def test_small_problems_are_those_of_large_ones(sizes, weights):
+    # The same problem beside states that nothing has to do with is not small any more.
+    rng = np.random.default_rng(sum(sizes))
+    N, (nx, nu), more = 6, sizes, 20
+    A, B = 0.5 * rng.standard_normal((N, nx, nx)), rng.standard_normal((N, nx, nu))
+    A[:, :, 2] = 0.0  # upon which nothing depends
+    pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
+    H = 0.02 * _symmetric(rng, N, nx + nu, nx + nu)
+    H[:, 2] = H[:, :, 2] = 0.0
+    given = {
+        "Q": rng.uniform(1, 2, nx),
+        "R": rng.uniform(1, 2, nu),
+        "q": rng.standard_normal((N, nx)),
+        "r": rng.standard_normal((N, nu)),
+        "c": rng.standard_normal((N, nx)),
+        "Q_final": _positive(rng, nx),
+        "q_final": rng.standard_normal(nx),
+    }
+    if weights == "per stage":
+        given |= {"Q": rng.uniform(1, 2, (N, nx, 1)), "R": np.stack([_positive(rng, nu, 1.0) for _ in range(N)])}
+    elif weights == "coupled":
+        given |= {"Q": _positive(rng, nx, 5.0), "S": 0.01 * rng.standard_normal((nx, nu))}
+    elif weights.startswith("part"):
+        places = [0, nx - 1, nx] if weights == "part" else [2, nx - 1]
+        places = [j for j in (range(nx + nu) if weights == "part of everything" else places) if j < nx + nu]
+        given |= {"part": (places, np.stack([_positive(rng, len(places)) for _ in range(N)]))}
+    large = given | {"q": np.pad(given["q"], ((0, 0), (0, more))), "c": np.pad(given["c"], ((0, 0), (0, more)))}
+    large |= {"Q_final": np.pad(given["Q_final"], (0, more)), "q_final": np.pad(given["q_final"], (0, more))}
+    large["Q"] = np.pad(given["Q"], ((0, 0), (0, more), (0, 0)) if given["Q"].ndim == 3 else (0, more))
+    if "S" in given:
+        large["S"] = np.pad(given["S"], ((0, more), (0, 0)))
+    old = np.r_[:nx, nx + more : nx + more + nu]
+    if "part" in given:
+        large["part"] = (old[list(given["part"][0])], given["part"][1])
+    large_A, large_B = np.zeros((N, nx + more, nx + more)), np.zeros((N, nx + more, nu))
+    large_A[:, :nx, :nx], large_B[:, :nx] = A, B
+    large_H = np.zeros((N, nx + more + nu, nx + more + nu))
+    large_H[:, old[:, None], old] = H
+    expected = solve_linear_quadratic(large_A, large_B, **large, H=large_H, H_scale=0.7, keep_P=True)
+    assert expected.definite
+    hidden = [np.where(part, whole, np.nan) for part, whole in ((pattern[:, :nx], A), (pattern[:, nx:], B))]
+    blind = H.copy()
+    blind[:, 2] = blind[:, :, 2] = np.nan
+    for a, b, h, seen in ((A, B, H, None), (*hidden, blind, pattern), (*hidden, _packed(H, pattern), pattern)):
+        found = solve_linear_quadratic(a, b, **given, H=h, H_scale=0.7, pattern=seen, keep_P=True)
+        assert (found.definite, found.structured_stages) == (True, 0)
+        parts = {"K": expected.K[:, :, :nx], "C": expected.C, "b": expected.b[:, :nx], "P": expected.P[:, :nx, :nx]}
+        for name, part in parts.items():
+            np.testing.assert_allclose(getattr(found, name), part, atol=1e-12 * np.abs(expected.P).max())
+        np.testing.assert_array_equal(found.P, found.P.transpose(0, 2, 1))
+        np.testing.assert_array_equal(found.P0, found.P[0])
+        assert found.constant == pytest.approx(expected.constant, rel=1e-11)
+
+
+@pytest.mark.parametrize("nu", [1, 4])
+def test_small_problems_name_the_stage_that_has_no_minimum(nu):
+    rng = np.random.default_rng(nu)
+    A, B = 0.5 * rng.standard_normal((5, 6, 6)), rng.standard_normal((5, 6, nu))
+    R = np.ones((5, nu, 1))
+    R[2] = -50.0
+    given = {"A": A, "B": B, "Q": np.ones(6), "R": R, "Q_final": np.ones(6)}
+    small, large = solve_linear_quadratic(**given), solve_linear_quadratic(**given, regularize="stage")
+    assert (small.definite, small.stage, large.stage) == (False, 2, 2)
+    assert small.smallest_eigenvalue == pytest.approx(large.smallest_eigenvalue, rel=1e-9)
+    assert np.isnan(small.K[:3]).all()
+    assert np.isfinite(small.K[3:]).all()
+    given["A"] = np.where(np.arange(5)[:, None, None] == 1, np.nan, A)
+    with pytest.raises(ArgumentError, match="met at stage 1"):
+        solve_linear_quadratic(**given | {"R": np.ones(nu)})
 
 
 def test_a_pattern_serves_what_is_made_convex():
@@ -468,7 +541,8 @@ def test_packed_hessians_need_a_pattern(problem):
 def test_one_state_and_one_input_read_nothing_behind_them():
     values = np.arange(1.0, 6.0)
     B = values[:4].reshape(4, 1, 1)  # behind whose last entry there is another number
-    assert solve_linear_quadratic(np.ones((4, 1, 1)), B, Q=np.ones(1), R=np.ones(1)).structured_stages == 4
+    given = {"Q": np.ones(1), "R": np.ones(1), "regularize": "stage"}  # which is never a small problem
+    assert solve_linear_quadratic(np.ones((4, 1, 1)), B, **given).structured_stages == 4
 
 
 def test_large_enough_for_several_panels():
