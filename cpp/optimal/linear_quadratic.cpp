@@ -11,6 +11,7 @@
 #include "numerics/small_products.hpp"
 #include "optimal/outer_rows.hpp"
 #include "optimal/prefetch.hpp"
+#include "optimal/small_dynamics.hpp"
 #include "optimal/small_recursion.hpp"
 #include "optimal/stage_structure.hpp"
 
@@ -615,10 +616,8 @@ LinearQuadraticReport solve_small(const LinearQuadraticProblem& problem, const L
 LinearQuadraticReport solve_linear_quadratic(const LinearQuadraticProblem& problem,
                                              const LinearQuadraticOptions& options,
                                              const LinearQuadraticOutput& output) {
-    const Index size = problem.nx + problem.nu;
-    if (!options.regularize && size <= small_problem) {
-        constexpr int half = small_problem / 2;
-        return size <= half ? solve_small<half>(problem, output) : solve_small<2 * half>(problem, output);
+    if (!options.regularize && is_small(problem)) {
+        return with_width(problem, [&](auto width) { return solve_small<width>(problem, output); });
     }
     return Recursion(problem, options, output).run();
 }

@@ -5,6 +5,7 @@
 
 #include "optimal/linear_quadratic.hpp"
 #include "optimal/prefetch.hpp"
+#include "optimal/small_dynamics.hpp"
 #include "optimal/stage_structure.hpp"
 
 namespace leastaction {
@@ -38,9 +39,52 @@ void each_block(const StageStructure& structure, Index nx, const WithA& with_A, 
     }
 }
 
+template <int width>
+void small_forward(const LinearQuadraticProblem& problem, const double* K, const double* C, double* dx, double* du) {
+    const Index nx = problem.nx, nu = problem.nu;
+    SmallDynamics<width> dynamics(problem);
+    typename SmallDynamics<width>::Row now = SmallDynamics<width>::Row::Zero();
+    for (Index k = 0; k < problem.horizon; ++k, dx += nx, du += nu) {
+        std::copy_n(dx, nx, now.data());
+        for (Index u = 0; u < nu; ++u, ++C, K += nx) {
+            double sum = -*C;
+            for (Index j = 0; j < nx; ++j) sum -= K[j] * dx[j];
+            now[nx + u] = du[u] = sum;
+        }
+        const auto& G = dynamics.read(k);
+        for (Index i = 0; i < nx; ++i)
+            dx[nx + i] = G[i].dot(now) + (problem.c != nullptr ? problem.c[k * nx + i] : 0.0);
+    }
+}
+
+template <int width>
+void small_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z) {
+    const Index nx = problem.nx, nu = problem.nu;
+    SmallDynamics<width> dynamics(problem);
+    typename SmallDynamics<width>::Row now;
+    z += problem.horizon * nx;
+    std::fill_n(z, nx, 0.0);
+    if (problem.q_final != nullptr) std::copy_n(problem.q_final, nx, z);
+    for (Index k = problem.horizon - 1; k >= 0; --k, z -= nx) {
+        now.setZero();
+        if (problem.q != nullptr) std::copy_n(problem.q + k * nx, nx, now.data());
+        if (problem.r != nullptr) std::copy_n(problem.r + k * nu, nu, now.data() + nx);
+        const auto& G = dynamics.read(k);
+        for (Index i = 0; i < nx; ++i) now += z[i] * G[i];
+        for (Index u = 0; u < nu; ++u) {
+            const double* row = K + (k * nu + u) * nx;
+            for (Index j = 0; j < nx; ++j) now[j] -= now[nx + u] * row[j];
+        }
+        std::copy_n(now.data(), nx, z - nx);
+    }
+}
+
 }  // namespace
 
 void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const double* C, double* dx, double* du) {
+    if (is_small(problem)) {
+        return with_width(problem, [&](auto width) { small_forward<width>(problem, K, C, dx, du); });
+    }
     const Index nx = problem.nx;
     const Index nu = problem.nu;
     StageStructure structure = structure_of(problem);
@@ -91,6 +135,7 @@ void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const
 }
 
 void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z) {
+    if (is_small(problem)) return with_width(problem, [&](auto width) { small_adjoint<width>(problem, K, z); });
     const Index nx = problem.nx;
     const Index nu = problem.nu;
     VectorXd input(nu);

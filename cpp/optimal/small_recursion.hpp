@@ -16,11 +16,9 @@
 #include <vector>
 
 #include "optimal/linear_quadratic.hpp"
+#include "optimal/small_dynamics.hpp"
 
 namespace leastaction {
-
-// The most states and inputs together for which it is the faster way.
-constexpr std::ptrdiff_t small_problem = 16;
 
 template <int width>
 class SmallRecursion {
@@ -34,8 +32,9 @@ public:
           nx_(problem.nx),
           nu_(problem.nu),
           n_(nx_ + nu_),
-          pivot_tolerance_(pivot_tolerance) {
-        for (auto* rows : {&G_, &PG_, &H_, &P_, &V_, &K_}) rows->fill(Row::Zero());
+          pivot_tolerance_(pivot_tolerance),
+          dynamics_(problem) {
+        for (auto* rows : {&PG_, &H_, &P_, &V_, &K_}) rows->fill(Row::Zero());
         list_used();
     }
 
@@ -50,9 +49,8 @@ public:
         };
         start();
         for (Index k = problem_.horizon - 1; k >= 0; --k) {
-            read_dynamics(k);
             add_cost(k);
-            propagate(k);
+            propagate(k, dynamics_.read(k));
             if (!factorize()) {
                 H_uu.resize(nu_, nu_);
                 for (Index u = 0; u < nu_; ++u) H_uu.row(u) = H_[nx_ + u].segment(nx_, nu_).transpose();
@@ -69,8 +67,8 @@ public:
     }
 
 private:
-    using Row = Eigen::Matrix<double, width, 1>;
-    using Rows = std::array<Row, width>;
+    using Row = typename SmallDynamics<width>::Row;
+    using Rows = typename SmallDynamics<width>::Rows;
 
     // The inputs and those states that the pattern has entries of: no others are read of H.
     void list_used() {
@@ -79,8 +77,6 @@ private:
             for (Index i = 0; i < nx_ && !used; ++i) used = problem_.pattern[i * n_ + j];
             if (used) used_.push_back(j);
         }
-        const bool* pattern = problem_.pattern;
-        for (Index e = 0; pattern != nullptr && e < nx_ * n_; ++e) all_ = all_ && pattern[e];
     }
 
     void start() {
@@ -96,18 +92,6 @@ private:
             }
         }
         store_value(problem_.horizon);
-    }
-
-    // The rows of [A B]; what the pattern leaves out may be anything.
-    void read_dynamics(Index k) {
-        const double *A = problem_.A + k * nx_ * nx_, *B = problem_.B + k * nx_ * nu_;
-        for (Index i = 0; i < nx_; ++i) {
-            std::copy_n(A + i * nx_, nx_, G_[i].data());
-            std::copy_n(B + i * nu_, nu_, G_[i].data() + nx_);
-            if (all_) continue;
-            const bool* entries = problem_.pattern + i * n_;
-            for (Index j = 0; j < n_; ++j) G_[i][j] = entries[j] ? G_[i][j] : 0.0;
-        }
     }
 
     // The stage's own cost, as H and h.
@@ -158,19 +142,19 @@ private:
     double P(Index i, Index j) const { return i < j ? P_[j][i] : P_[i][j]; }
 
     // H and h from those of the stage, and P, b of the next one.
-    void propagate(Index k) {
+    void propagate(Index k, const Rows& G) {
         for (Index i = 0; i < nx_; ++i) {
-            Row sum = P(i, 0) * G_[0];
-            for (Index j = 1; j < nx_; ++j) sum += P(i, j) * G_[j];
+            Row sum = P(i, 0) * G[0];
+            for (Index j = 1; j < nx_; ++j) sum += P(i, j) * G[j];
             PG_[i] = sum;
         }
         for (Index r = 0; r < n_; ++r) {
             Row sum = H_[r];
-            for (Index i = 0; i < nx_; ++i) sum += G_[i][r] * PG_[i];
+            for (Index i = 0; i < nx_; ++i) sum += G[i][r] * PG_[i];
             H_[r] = sum;
         }
         if (problem_.c != nullptr) close_gaps(problem_.c + k * nx_);
-        for (Index i = 0; i < nx_; ++i) h_ += b_[i] * G_[i];
+        for (Index i = 0; i < nx_; ++i) h_ += b_[i] * G[i];
     }
 
     // b becomes b + P c.
@@ -255,9 +239,9 @@ private:
     Index nx_, nu_, n_;
     double pivot_tolerance_;
     double constant_ = 0.0;
-    bool all_ = true;  // whether every entry of [A B] is read
+    SmallDynamics<width> dynamics_;
     std::vector<Index> used_;
-    Rows G_, PG_, H_, P_, V_, K_;
+    Rows PG_, H_, P_, V_, K_;
     Row b_, h_, w_;
 };
 

@@ -385,6 +385,14 @@ def test_small_problems_are_those_of_large_ones(sizes, weights):
         np.testing.assert_array_equal(found.P, found.P.transpose(0, 2, 1))
         np.testing.assert_array_equal(found.P0, found.P[0])
         assert found.constant == pytest.approx(expected.constant, rel=1e-11)
+        dx0, c, gradient = rng.standard_normal(nx), given["c"], (given["q"], given["r"], given["q_final"])
+        moved = sweep_forward(a, b, found, dx0, c=c, pattern=seen)
+        whole = sweep_forward(large_A, large_B, expected, np.pad(dx0, (0, more)), c=large["c"])
+        np.testing.assert_allclose(moved[0], whole[0][:, :nx], atol=1e-12 * np.abs(whole[0]).max())
+        np.testing.assert_allclose(moved[1], whole[1], atol=1e-12 * np.abs(whole[0]).max())
+        z = adjoint(a, b, found.K, *gradient, pattern=seen)
+        whole_z = adjoint(large_A, large_B, expected.K, large["q"], large["r"], large["q_final"])
+        np.testing.assert_allclose(z, whole_z[:, :nx], atol=1e-12 * np.abs(whole_z).max())
 
 
 @pytest.mark.parametrize("nu", [1, 4])
