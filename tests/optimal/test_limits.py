@@ -648,7 +648,7 @@ def test_a_window_limits_what_reaches_over_two_steps(of: str, rng: np.random.Gen
     (whole,), (part,) = bound.rows(system, 1), bound.rows(WindowSystem(system, 2, 5), 1)
     np.testing.assert_allclose(part.values(x[2:], u[2:]), whole.values(x, u)[np.isin(whole.k, 2 + part.k)])
     y = rng.normal(size=(len(part.k), 1))
-    bends = Weights(3, system.nx, system.nu, part.weighs(system.nx, system.nu))
+    bends = Weights(3, part.weighs(system.nx, system.nu))
     part.add_hessian(x[2:], u[2:], part.jacobian(x[2:], u[2:]), y, np.abs(y), bends, None)
     assert np.abs(bends.matrices).sum() > 0.0
 
@@ -660,7 +660,7 @@ def test_matrices_of_steps_are_summed_by_their_places(
 ) -> None:
     k, at = np.array(instants), np.array(columns)
     few = np.unique([*columns, 2])
-    weights = Weights(4, 3, 2, few)
+    weights = Weights(4, few)
     for _ in range(2):  # memory that is used again
         weights.clear()
         dense = np.zeros((5, 5, 5))

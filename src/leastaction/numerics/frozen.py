@@ -10,11 +10,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from leastaction.numerics.arrays import read_only
+
+Record = TypeVar("Record")
+
+
+def changed(record: Record, **values: Any) -> Record:
+    """Return a frozen dataclass with other values, as `dataclasses.replace` does, in a fraction of the time.
+
+    For iterations of microseconds, and classes whose fields are not checked: `__post_init__` is not called.
+    """
+    other = object.__new__(type(record))
+    vars(other).update(vars(record), **values)
+    return other
 
 
 @dataclass(frozen=True)

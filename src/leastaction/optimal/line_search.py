@@ -11,9 +11,12 @@ import numpy as np
 Iterate = TypeVar("Iterate")
 
 
+_ROUNDING = 20.0 * float(np.finfo(np.float64).eps)
+
+
 def rounding_of(cost: float) -> float:
     """Return what a sum of about this size may be off by rounding."""
-    return 20.0 * float(np.finfo(np.float64).eps) * abs(cost)
+    return _ROUNDING * abs(cost)
 
 
 @dataclass(frozen=True)

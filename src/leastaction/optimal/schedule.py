@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from leastaction.numerics.frozen import changed
 
 # Factor by which the part of the curvature grows from one good step to the next, and how fast that recovers.
 _LEAST_GROWTH, _LARGEST_GROWTH, _RECOVERY = 1.1, 2.0, 1.03
@@ -91,11 +93,11 @@ class NewtonSchedule:
         # One more than the wait, for the iteration that is still to be made by another method.
         wait = min(2**self.failures, 8) + 1
         scale = max(self.scale, _LEAST_SCALE)
-        return replace(self, wait=wait, failures=self.failures + 1, scale=scale)
+        return changed(self, wait=wait, failures=self.failures + 1, scale=scale)
 
     def after_indefinite(self, scale: float) -> NewtonSchedule:
         """Return the schedule after a Newton model that had no minimum; this part is tried next."""
-        return replace(self, scale=scale, growth=max(self.growth**0.5, _LEAST_GROWTH))
+        return changed(self, scale=scale, growth=max(self.growth**0.5, _LEAST_GROWTH))
 
     def after_step(
         self, method: str, curvature_scale: float, length: float, agreement: float, expected: float, value: float
@@ -134,7 +136,7 @@ class NewtonSchedule:
             # decrease too, and the expected decrease falls by s^2 with every step: good enough if s < 0.1. Short steps
             # are foretold by any model.
             new["wait"] = max(self.wait - 1, 1 if abs(agreement - 1.0) < 0.1 and self.shift == 0.0 else 0)
-        return replace(self, **new)
+        return changed(self, **new)
 
 
 def _reach(length: float, agreement: float) -> float:

@@ -64,22 +64,26 @@ def try_projection(
         u[start:stop] = part.u
         with np.errstate(over="ignore", invalid="ignore"):
             stage_values[start:stop] = cost.stage_values(states[start:stop], inputs[start:stop], start)
-            spent = np.cumsum(stage_values[:stop])
-        k = system.N
-        if not np.isfinite(spent[-1]):
-            k = int(np.argmin(np.isfinite(spent)))
-            reason = f"the cost is not finite by {system.when(k)}"
-        elif cost.nonnegative and spent[-1] > bound:
-            k = int(np.searchsorted(spent, bound, side="right"))
-            reason = f"the cost was past its bound by {system.when(k)}"
-        if k < system.N:
-            return explain(x[: k + 1], Refusal(reason, k))
-    with np.errstate(over="ignore", invalid="ignore"):
-        total = float(np.sum(stage_values)) + cost.final_value(states[-1])
+            total = float(np.sum(stage_values[:stop]))
+            if not np.isfinite(total) or (cost.nonnegative and total > bound):
+                k, reason = _spent(stage_values[:stop], bound, system)
+                return explain(x[: k + 1], Refusal(reason, k))
+            if stop == system.N:
+                total += cost.final_value(states[-1])
     # Not "total > bound": a NaN is refused.
     if not total <= bound:
         return explain(x, Refusal(f"a cost of {total:.10g}, where at most {bound:.10g} was wanted", cost=total))
     return Trial(Iterate(x, u, worst_here), total)
+
+
+def _spent(stage_values: Array, bound: float, system: DiscreteSystem) -> tuple[int, str]:
+    """Return the stage by which a cost is not finite, or past its bound, and what is to be said of it."""
+    spent = np.cumsum(stage_values)
+    if not np.isfinite(spent[-1]):
+        k = int(np.argmin(np.isfinite(spent)))
+        return k, f"the cost is not finite by {system.when(k)}"
+    k = min(int(np.searchsorted(spent, bound, side="right")), len(spent) - 1)
+    return k, f"the cost was past its bound by {system.when(k)}"
 
 
 def is_too_coarse(worst: StepQuality | None, before: StepQuality | None) -> bool:

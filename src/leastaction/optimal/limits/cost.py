@@ -76,7 +76,9 @@ class LimitedCost:
 
     def with_duals(self, gradient: CostGradient, duals: Sided, jacobians: Jacobians) -> CostGradient:
         """Return the gradient of the cost less the duals times the limits, given that of the cost."""
-        q, r = np.vstack([gradient.q, gradient.q_final]), gradient.r.copy()
+        N, nx = gradient.q.shape
+        q, r = np.empty((N + 1, nx)), gradient.r.copy()
+        q[:-1], q[-1] = gradient.q, gradient.q_final
         self.of_states.add_gradient(duals, q)
         self.of_inputs.add_gradient(duals, r)
         for i, jacobian in jacobians.items():
@@ -106,23 +108,25 @@ class LimitedCost:
             Whether to leave out what may bend downwards: the limits' own curvature, and that part of the cost's.
         """
         Q, R, S, Q_final = (self.cost.convex_hessian if convex else self.cost.hessian)(x, u)
-        nx = x.shape[1]
+        N, nx = len(u), x.shape[1]
+        states, inputs = self.of_states.hessian(sigmas, x.shape), self.of_inputs.hessian(sigmas, u.shape)
+        if states is not None:
+            Q_final = _with_diagonal(Q_final, states[-1])
+            Q = _with(Q, states[:-1]) if self.of_states.first < N * nx else Q
+        R = R if inputs is None else _with(R, inputs)
+        if not len(self.columns):
+            return ModelHessian(Q, R, S, Q_final)
         if convex not in self.spare:
-            self.spare[convex] = Weights(len(u), nx, u.shape[1], self.columns)
+            self.spare[convex] = Weights(N, self.columns)
         weights = self.spare[convex]
         weights.clear()
-        self.of_states.add_hessian(sigmas, weights.state)
-        self.of_inputs.add_hessian(sigmas, weights.input)
         for i, jacobian in jacobians.items():
             duals = np.zeros_like(self.duals.y[i]) if convex else self.duals.y[i]
             self.rows[i].add_hessian(x, u, jacobian, duals, sigmas[i], weights, dynamics)
-        final = matrix_of(Q_final) + np.diag(weights.state[-1])
-        part = None
-        if len(self.columns):
-            part = HessianPart(self.columns, weights.matrices[:-1])
-            here = self.columns < nx
-            final[np.ix_(self.columns[here], self.columns[here])] += weights.matrices[-1][np.ix_(here, here)]
-        return ModelHessian(_with(Q, weights.state[:-1]), _with(R, weights.input), S, final, part)
+        here = self.columns < nx
+        final = np.array(matrix_of(Q_final))
+        final[np.ix_(self.columns[here], self.columns[here])] += weights.matrices[-1][np.ix_(here, here)]
+        return ModelHessian(Q, R, S, final, HessianPart(self.columns, weights.matrices[:-1]))
 
     def bends(self, x: Array, u: Array) -> bool:
         """Whether the convex part of the second derivatives is another than all of them."""
@@ -142,12 +146,17 @@ class LimitedCost:
 
 
 def _with(weight: Array, diagonal: Array) -> Array:
-    """Return a weight with a diagonal of every stage added."""
-    if not diagonal.any():
-        return weight
+    """Return a weight with a diagonal (N, n) of every stage added."""
     if is_diagonal(weight):
-        return np.asarray(((weight if weight.ndim == 1 else weight[:, :, 0]) + diagonal)[:, :, None])
+        of_stages: Array = (weight if weight.ndim == 1 else weight[:, :, 0]) + diagonal
+        return of_stages[:, :, None]
     n = weight.shape[-1]
     full = np.array(np.broadcast_to(weight, (len(diagonal), n, n)))
     full[:, np.arange(n), np.arange(n)] += diagonal
     return full
+
+
+def _with_diagonal(weight: Array, diagonal: Array) -> Array:
+    """Return a weight (n,) or (n, n) with a diagonal (n,) added."""
+    result: Array = weight + (diagonal if weight.ndim == 1 else np.diag(diagonal))
+    return result

@@ -39,6 +39,7 @@ class EntryRows:
                 bounds.append((each.sign * each.bounds).ravel())
         self.places, self.factors, self.bounds = np.concatenate(places), np.concatenate(factors), np.concatenate(bounds)
         self.squares = self.factors**2
+        self.first = int(self.places.min(initial=np.iinfo(np.intp).max))  # of the places that have entries
         # Where they are among all; a part of them in one piece, as far as it is one.
         index = np.concatenate(at)
         whole = len(index) > 0 and index[-1] - index[0] == len(index) - 1
@@ -46,22 +47,23 @@ class EntryRows:
 
     def values(self, z: Array, to: Sided) -> None:
         """Put the values c (n, m) at states or inputs to those of all rows."""
-        to.flat[self.at] = np.take(z, self.places) * self.factors - self.bounds
+        if len(self.places):
+            to.flat[self.at] = z.take(self.places) * self.factors - self.bounds
 
     def along(self, dz: Array, to: Sided) -> None:
         """Put the changes dc (n, m) along changes of states or inputs to those of all rows."""
-        to.flat[self.at] = np.take(dz, self.places) * self.factors
+        if len(self.places):
+            to.flat[self.at] = dz.take(self.places) * self.factors
 
     def add_gradient(self, y: Sided, to: Array) -> None:
         """Subtract ``y . dc`` from a gradient by states or inputs."""
-        to -= self._gathered(self.factors, y, to)
+        if len(self.places):
+            to -= self._gathered(self.factors, y, to.shape)
 
-    def add_hessian(self, sigma: Sided, to: Array) -> None:
-        """Add the diagonals of ``dc' sigma dc`` by states or inputs."""
-        to += self._gathered(self.squares, sigma, to)
+    def hessian(self, sigma: Sided, shape: tuple[int, int]) -> Array | None:
+        """Return the diagonals of ``dc' sigma dc`` by states or inputs; None where there are no such rows."""
+        return self._gathered(self.squares, sigma, shape) if len(self.places) else None
 
-    def _gathered(self, factors: Array, values: Sided, like: Array) -> Array | float:
-        if not len(factors):
-            return 0.0
-        amounts = factors * values.flat[self.at]
-        return np.asarray(np.bincount(self.places, amounts, minlength=like.size).reshape(like.shape), np.float64)
+    def _gathered(self, factors: Array, values: Sided, shape: tuple[int, ...]) -> Array:
+        found: Any = np.bincount(self.places, factors * values.flat[self.at], shape[0] * shape[1])
+        return np.asarray(found, dtype=np.float64).reshape(shape)

@@ -18,16 +18,14 @@ with m(d) this is the parabola of m from d to D.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.direction import DiscreteDirection
 from leastaction.optimal.limits.barrier import Split, barrier_step, barrier_value, moved_duals, split, stiffness
 from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
-
-__all__ = ["Solved", "promising", "refined"]
 
 _MOST = 8  # further steps
 _LONG = 0.9  # is a first step after which there are none
@@ -99,7 +97,7 @@ def _promising(model: _Model, direction: DiscreteDirection) -> tuple[DiscreteDir
     fall = direction.slope + float(model.mu / begin.part.slack @ dc)
     bend = -direction.slope - float(stiffness(begin.part, model.rho, begin.y) @ dc**2)
     point, length = model.step(begin, dc, fall, bend)
-    return replace(direction, promise=model.gained(point), reach=length), point
+    return changed(direction, promise=model.gained(point), reach=length), point
 
 
 def refined(
@@ -139,7 +137,7 @@ def refined(
     if found is None:
         return direction
     # As of a parabola, of which the step is the minimum.
-    return replace(
+    return changed(
         direction, slope=-2.0 * gained, gain=found.K, C=found.C, dx=dx, du=du, limited=at.c - model.begin.c,
         dx0=None if direction.dx0 is None else dx[0], duals=at.y, promise=gained, reach=1.0,
     )  # fmt: skip

@@ -21,21 +21,19 @@ _OFF = 1e-6  # of what is large for it a limit may be off at a fixed initial sta
 
 
 class Weights:
-    """What rows add to the second derivative of a cost, in memory that is used again by the next sum after `clear`.
+    """What rows that are no single entries add to the second derivative of a cost.
 
-    ``columns`` (m,): the places in ``(x, u)`` by which rows that are no single entries depend on them, ascending.
-    ``state`` (N+1, nx), ``input`` (N, nu): diagonals. ``matrices`` (N+1, m, m): by the columns, of all instants.
+    In memory that is used again by the next sum after `clear`. ``columns`` (m,): the places in ``(x, u)`` by which they
+    depend on them, ascending. ``matrices`` (N+1, m, m): by the columns, of all instants.
     """
 
-    def __init__(self, N: int, nx: int, nu: int, columns: Instants) -> None:
+    def __init__(self, N: int, columns: Instants) -> None:
         self.columns = columns
-        self.state, self.input = np.zeros((N + 1, nx)), np.zeros((N, nu))
         self.matrices = np.zeros((N + 1, len(columns), len(columns)))
 
     def clear(self) -> None:
         """Begin another sum."""
-        for array in (self.state, self.input, self.matrices):
-            array.fill(0.0)
+        self.matrices.fill(0.0)
 
     def add(self, k: Instants, columns: Instants, H: Array) -> None:
         """Add matrices (n, c, c) by some of the columns, at instants."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.line_search import Step
 from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.result import HistoryBuilder, OptimizationResult
@@ -101,7 +101,7 @@ class Run:
     def set_out(self, schedule: NewtonSchedule, why: str = "") -> None:
         """Begin a stage of the problem; the note of the next iteration says why."""
         self.still, self.stalled = 0, False
-        self.schedule = replace(schedule, ease=self.problem.ease, spent=0)
+        self.schedule = changed(schedule, ease=self.problem.ease, spent=0)
         self.remark = why or self.remark
 
     def note_failure(self, method: str) -> None:
@@ -116,7 +116,7 @@ class Run:
     def set_shift(self, shift: float) -> None:
         """Take a shift of the weights for that of the iterations to come."""
         if shift != self.schedule.shift:
-            self.schedule = replace(self.schedule, shift=shift)
+            self.schedule = changed(self.schedule, shift=shift)
 
     def note_step(self, direction: Direction, step: Step[Any], decrease: float, agreement: float, cost: float) -> None:
         """Remember a step that is to be accepted.
@@ -131,11 +131,11 @@ class Run:
             direction.method, direction.curvature_scale, step.length, agreement, -direction.slope, cost
         )
         if self.problem.sees_walls and step.rollouts == 1:
-            self.schedule = replace(self.schedule, length=1.0)
+            self.schedule = changed(self.schedule, length=1.0)
 
     def note_model(self, share: float) -> None:
         """Remember whether the model of a step holds, which lowered the cost by a share of what it had foretold."""
-        self.schedule = replace(self.schedule, holds=abs(share - 1.0) < _HOLDS)
+        self.schedule = changed(self.schedule, holds=abs(share - 1.0) < _HOLDS)
 
     def remarks(self) -> list[str]:
         """Return what is to be said of the stage that an iteration begins."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.result import Status
@@ -82,7 +82,7 @@ class Stages:
         if run.problem.next_stage():
             # How short steps among curves had to be says nothing of those among trajectories.
             shift = 0.0 if was_open and not run.problem.is_open else run.schedule.shift
-            run.set_out(replace(run.schedule, scale=1.0, expected=np.nan, full=False, shift=shift))
+            run.set_out(changed(run.schedule, scale=1.0, expected=np.nan, full=False, shift=shift))
             return True
         if not was_open:
             return False
