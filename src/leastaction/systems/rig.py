@@ -22,7 +22,7 @@ from leastaction.numerics.arrays import Array, as_array, as_count, as_number, re
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.linear_quadratic import regulate
-from leastaction.optimal.loop import both
+from leastaction.optimal.initial import both
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.midpoint import MidpointSystem
 

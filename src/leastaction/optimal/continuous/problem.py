@@ -31,8 +31,9 @@ from leastaction.optimal.continuous.riccati import (
 )
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.initial import both
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
-from leastaction.optimal.loop import Direction, Problem, both
+from leastaction.optimal.loop import Direction, Problem
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.settings import Settings
 

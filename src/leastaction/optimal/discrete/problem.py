@@ -194,8 +194,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if own_gain is not None:
             dx, du = self._sweep(model, dx0)
         self.feedback = model.K if own_gain is None else own_gain
-        # The model's minimum is half of its linear part: that of the inputs for dx_0 = 0, and that of dx_0.
-        slope = 2.0 * model.constant + (0.0 if dx0 is None else float(model.b[0] @ dx0))
+        # The model's minimum is half of its linear part.
+        slope = 2.0 * least_of(model, dx0)
         return DiscreteDirection(method, slope, scale, shift, gain=self.feedback, C=model.C, dx=dx, du=du, dx0=dx0)
 
     def _sweep(self, law: Law, dx0: Array | None, *, gaps: Array | None = None) -> tuple[Array, Array]:
@@ -417,3 +417,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             return solution.K if solution.definite else regulate(*self._linearize())
         except LeastActionError:
             return self.gain
+
+
+def least_of(model: LinearQuadraticSolution, dx0: Array | None) -> float:
+    """Return the value of a model at its minimum: that for ``dx_0 = 0``, and what its dx_0 adds, where that is free."""
+    return model.constant if dx0 is None else model.constant + 0.5 * float(model.b[0] @ dx0)

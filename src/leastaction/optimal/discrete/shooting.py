@@ -31,7 +31,7 @@ from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.gap_filter import Curve, Filter
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
 from leastaction.optimal.discrete.model_hessian import shifted
-from leastaction.optimal.discrete.problem import DiscreteProblem
+from leastaction.optimal.discrete.problem import DiscreteProblem, least_of
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.discrete.trial import is_too_coarse
 from leastaction.optimal.line_search import Refusal, Trial
@@ -420,7 +420,7 @@ class ShootingProblem(DiscreteProblem):
         costates = np.einsum("kij,kj->ki", model.P, dx) + model.b
         q, r, q_final = self._gradient()
         fall = float(np.sum(q * dx[:-1]) + np.sum(r * du) + q_final @ dx[-1])
-        least = model.constant + (0.0 if dx0 is None else 0.5 * float(model.b[0] @ dx0))
+        least = least_of(model, dx0)
         theta = self.open_curve.theta
         rise = fall + max(least - fall, 0.0)
         if theta > 0.0 and rise > 0.5 * self.penalty * theta:

@@ -18,7 +18,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.loop.problem import both
+from leastaction.optimal.initial import both
 from leastaction.optimal.quantity import Entries, Later, Quantity
 from leastaction.optimal.system import Linearization, System
 

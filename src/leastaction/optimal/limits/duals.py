@@ -97,6 +97,7 @@ class Duals:
         self.rho: list[Array] = []
         self.y = layout.empty()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
+        self.dearest, self.cheapest = 0.0, np.inf  # prices of an excess of a limit's scale
 
     def begin(self, c: Sided, mu: float, price: float, dearer: float = 1.0) -> None:
         """Choose scales, prices and duals from where the optimisation starts.
@@ -110,6 +111,10 @@ class Duals:
         single = [side.equal or len(values) == 1 for side, values in zip(self.sides, c, strict=True)]
         self.rho = [price * (dearer if alone else 1.0) / scale for alone, scale in zip(single, self.scale, strict=True)]
         self.settle_prices()
+        self._begin_duals(c)
+
+    def _begin_duals(self, c: Sided) -> None:
+        """Begin with the duals of the barriers at the values c."""
         self.y = Sided(first_duals(self.of_barrier(self.room(c)).flat, self.prices), self.layout)
 
     def room(self, c: Sided) -> Room:
@@ -151,6 +156,8 @@ class Duals:
     def settle_prices(self) -> None:
         """Take the prices and scales of all sides as they are now."""
         self.prices, self.scales = self.layout.filled(self.rho).flat, self.layout.filled(self.scale).flat
+        prices = _joined(rho * scale for rho, scale in zip(self.rho, self.scale, strict=True))
+        self.dearest, self.cheapest = float(prices.max(initial=0.0)), float(prices.min(initial=np.inf))
 
     def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
@@ -159,7 +166,7 @@ class Duals:
 
     def excess(self, c: Sided) -> float:
         """Return the largest violation of a limit, relative to its scale."""
-        return float(np.max(-c.flat / self.scales, initial=0.0))
+        return -float((c.flat / self.scales).min(initial=0.0))
 
     def cost_of_excess(self, c: Sided) -> float:
         """Return what the violations of all limits cost at their prices."""
@@ -168,21 +175,16 @@ class Duals:
     # ---- Prices ---------------------------------------------------------------------------------
 
     @property
-    def dearest(self) -> float:
-        """The highest price of an excess of a limit's scale."""
-        return float(np.max(self.prices * self.scales, initial=0.0))
-
-    @property
     def is_level(self) -> bool:
         """Whether an excess of its scale is as dear for each limit."""
-        return float(np.min(self.prices * self.scales, initial=np.inf)) >= (1.0 - 1e-9) * self.dearest
+        return self.cheapest >= (1.0 - 1e-9) * self.dearest
 
     def level(self, c: Sided, price: float) -> None:
         """Make an excess of its scale as dear for each limit, and begin with the duals of the barriers."""
         self.rho = [price / scale for scale in self.scale]
         self.settle_prices()
         self.mu = _GUIDING * self.cost_of_excess(c) / len(c.flat)
-        self.y = Sided(first_duals(self.of_barrier(self.room(c)).flat, self.prices), self.layout)
+        self._begin_duals(c)
 
     def net(self) -> list[Array]:
         """Return the duals, of both sides of an equation their difference."""
@@ -225,12 +227,12 @@ class Duals:
                 binding,
                 np.minimum(_DEARER * rho, most),
                 # Equations are met the better the dearer they are, and what is off has no dual yet to go by.
-                np.where(off | side.equal, rho, np.clip(_DEAR * np.max(net, axis=0), _CHEAPER * rho, rho)),
+                np.where(off | side.equal, rho, _between(_CHEAPER * rho, _DEAR * np.max(net, axis=0), rho)),
             )
             unmet = unmet or bool(binding.any())
             self.rho[i] = new
             if side.equal:
-                self.y[i] = 0.5 * (new + np.clip(net, -0.9 * new, 0.9 * new))
+                self.y[i] = 0.5 * (new + _between(-0.9 * new, net, 0.9 * new))
             else:
                 lower = np.minimum(self.y[i], 0.9 * new)
                 self.y[i] = np.where(binding & (c[i] < 0.0), first_duals(lower, new), lower)
@@ -292,6 +294,11 @@ class Duals:
 
 def _joined(values: Iterable[Array]) -> Array:
     return np.concatenate([np.empty(0), *values])
+
+
+def _between(least: Array, values: Array, most: Array) -> Array:
+    """Return values, none of them beyond bounds; as `numpy.clip` does, which takes several times as long."""
+    return np.minimum(np.maximum(values, least), most)
 
 
 class Stages:

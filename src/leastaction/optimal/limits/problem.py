@@ -10,14 +10,16 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
 from leastaction.optimal.discrete.model_hessian import ModelHessian, between, shifted
-from leastaction.optimal.discrete.problem import DiscreteProblem
+from leastaction.optimal.discrete.problem import DiscreteProblem, least_of
 from leastaction.optimal.discrete.shooting import Gapped, ShootingDirection, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.initial import both
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.duals import Room, Stages
@@ -25,7 +27,7 @@ from leastaction.optimal.limits.refinement import Solved, promising, refined
 from leastaction.optimal.limits.rows import Rows, check_agreement
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.line_search import Refusal, Trial
-from leastaction.optimal.loop import Loop, both
+from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Place, Start
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.settings import Settings
@@ -356,7 +358,7 @@ class LimitedProblem(ShootingProblem):
         change = self._change(plain)
         if method == "newton" and scale == 1.0 and shift == 0.0:
             self.newton_change = change
-        return replace(plain, limited=change.flat)
+        return changed(plain, limited=change.flat)
 
     def _change(self, direction: DiscreteDirection) -> Sided:
         """Return how the limits' values change along a direction."""
@@ -376,8 +378,8 @@ class LimitedProblem(ShootingProblem):
                 length = float(-_SHORTER * lasts / change)
         if direction.limited is None or direction.duals is not None:
             return length
-        if length == 1.0 and np.isfinite(direction.reach):
-            return direction.reach
+        if length <= 1.0 and np.isfinite(direction.reach):
+            return min(length, direction.reach)
         dc = Sided(direction.limited, self.limited.layout)
         fall, least = direction.slope, 0.5 * direction.slope
         if isinstance(direction, ShootingDirection):
@@ -440,7 +442,7 @@ class LimitedProblem(ShootingProblem):
             self.feedback = None  # the next is written over it
         dx0 = self._start_step(model)
         dx, du = self._sweep(model, dx0)
-        least = model.constant + (0.0 if dx0 is None else 0.5 * float(model.b[0] @ dx0))
+        least = least_of(model, dx0)
         change = self.limited.along(dx, du, self._jacobians()).flat
         return Solved(least, dx, du, model.K if own_gain is None else own_gain, model.C, change)
 

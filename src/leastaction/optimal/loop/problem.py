@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
-from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
@@ -306,12 +305,3 @@ class Problem(ABC, Generic[M, D, I]):
     @abstractmethod
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate, given all that the loop knows of it."""
-
-
-def both(initial: Any) -> tuple[Any, Any]:
-    """Return the pair (x, u) that was given to start from, or complain."""
-    if not isinstance(initial, (tuple, list)) or len(initial) != 2:
-        advice = "; (initial.x, initial.u) is one" if hasattr(initial, "x") and hasattr(initial, "u") else ""
-        raise ArgumentError(f"initial: got {type(initial).__name__}, expected a pair (x, u){advice}")
-    x, u = initial
-    return x, u

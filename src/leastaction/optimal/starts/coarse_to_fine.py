@@ -15,7 +15,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.loop import both
+from leastaction.optimal.initial import both
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus, check_options

@@ -14,9 +14,10 @@ from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.initial import both
 from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.loop import Callback, both
+from leastaction.optimal.loop import Callback
 from leastaction.optimal.quantity import Entries
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.unknowns.cost import ExtendedCost
