@@ -27,10 +27,11 @@ from leastaction.apps.marionette import (
     track,
     walk_in_place,
 )
-from leastaction.apps.marionette.tracking import TrackingSearch, files, load_unfinished, save_search, tying
+from leastaction.apps.marionette.tracking import TrackingSearch, by_lengths, files, load_unfinished, save_search, tying
 from leastaction.apps.marionette.tracking.files import _mechanism
 from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.priced_limits import PricedLimit, PricedLimits
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
 from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.errors import ArgumentError, ProjectionError, ResultFileError
@@ -53,7 +54,8 @@ from leastaction.models.marionette import (
     tied_strings,
 )
 from leastaction.models.puppet_controls import ends_of
-from leastaction.optimal import OptimizationResult, Status, check_derivatives
+from leastaction.optimal import Bound, CostGradient, OptimizationResult, QuadraticCost, Status, check_derivatives
+from leastaction.optimal.quantity import Samples
 
 _LEAST = 0.5  # N
 
@@ -171,6 +173,72 @@ def test_a_walk_on_the_cross_keeps_the_lengths_and_every_limit(run: TrackingRun)
     assert run.held_error < 4.0
     # The bar moves: it is what the puppet follows by.
     assert max(np.ptp(run.trajectory[name]) for name in CONTROLS["cross"][0].variables) > 0.01
+
+
+def test_strings_that_keep_their_lengths_leave_no_limit_broken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motion near the planned one is sought within limits; where it is found without them the run says so."""
+    limits = PuppetLimits(speed=0.4, tilt=0.15)
+
+    def broken(run: TrackingRun, share: float) -> frozenset[str]:
+        pelvis = pelvis_of(run.mechanism, run.reference)
+        return limits.loosened(share).broken(run.mechanism, run.trajectory.t, pelvis, run.result.x)
+
+    run = track(marionette(strings="cross"), walk_in_place(0.5, 0.02), limits=limits)
+    assert run.result.success
+    assert broken(run, 0.0) == frozenset()
+    assert run.tension.min() >= limits.tension
+    speed = max(np.abs(np.diff(run.trajectory[f"cross-{axis}"])).max() for axis in "xyz") / 0.02
+    assert speed > 0.999 * limits.speed  # as fast as it may
+
+    monkeypatch.setattr(by_lengths, "settled", lambda *_: None)
+    without = track(marionette(strings="cross"), walk_in_place(0.5, 0.02), limits=limits)
+    assert broken(without, 1e-3) == {"speed"}
+    assert without.result.status is Status.INFEASIBLE
+    assert "it breaks limits of speed" in without.result.message
+
+
+def test_the_price_of_broken_limits_has_its_derivatives(run: TrackingRun) -> None:
+    problem = TrackingProblem(run.mechanism, run.motion, FORCED, 1)
+    system, x, u = problem.system, run.result.x, run.result.u
+    chance, m = np.random.default_rng(0), run.mechanism
+    x, u = x + 1e-3 * chance.normal(size=x.shape), u + 1e-3 * chance.normal(size=u.shape)
+    none = QuadraticCost(x, u, Q=np.zeros(system.nx), R=np.full(system.nu, 1e-9))
+    priced = [
+        PricedLimit(Bound([s.name for s in strings_of(m)], min=50.0, of="tension"), 1e-3),
+        PricedLimit(Bound("cross-x", -1e-4, 1e-4, of="acceleration"), 1e-3),
+        PricedLimit(Bound("lknee_rx", max=-1.0, of="variable"), 3.0),
+    ]
+    cost = PricedLimits(none, system, priced)
+    lengths = np.array([m.parameters[string.length] for string in tied_strings(m)])
+    order = [[s.name for s in tied_strings(m)].index(name) for name in m.constraints]
+    tensions = x[1:, m.nx :] * 2.0 * lengths[order] / problem.dt
+    knee = x[1:, m.variables.index("lknee_rx")]
+    accelerations = system.quantity("acceleration").select([m.kinematic.index("cross-x")])
+    made = accelerations.values(Samples(np.arange(system.N), x[:-1], u, x[1:]))
+    assert cost.value(x, u) == pytest.approx(
+        5e-4 * np.sum(np.maximum(50.0 - tensions, 0.0) ** 2)
+        + 1.5 * np.sum(np.maximum(knee + 1.0, 0.0) ** 2)
+        + 5e-4 * np.sum(np.maximum(np.abs(made) - 1e-4, 0.0) ** 2),
+        rel=1e-9,
+    )
+    assert cost.off(x, u) == pytest.approx(max((50.0 - tensions).max(), (knee + 1.0).max(), np.abs(made).max() - 1e-4))
+    dx, du = chance.normal(size=x.shape), chance.normal(size=u.shape)
+    slope, step = cost.gradient(x, u), 1e-6
+
+    def along(a: CostGradient) -> float:
+        return float(np.sum(a.q * dx[:-1]) + np.sum(a.r * du) + a.q_final @ dx[-1])
+
+    rise = cost.value(x + step * dx, u + step * du) - cost.value(x - step * dx, u - step * du)
+    assert along(slope) == pytest.approx(rise / (2.0 * step), rel=1e-5)
+    bent = cost.convex_hessian(x, u)
+    curved = (
+        np.einsum("ki,kij,kj->", dx[:-1], bent.Q, dx[:-1])
+        + np.einsum("ki,kij,kj->", du, bent.R, du)
+        + 2.0 * np.einsum("ki,kij,kj->", dx[:-1], bent.S, du)
+        + dx[-1] @ bent.Q_final @ dx[-1]
+    )
+    more, less = cost.gradient(x + step * dx, u + step * du), cost.gradient(x - step * dx, u - step * du)
+    assert curved == pytest.approx((along(more) - along(less)) / (2.0 * step), rel=1e-3)
 
 
 def test_the_motion_is_one_of_the_puppet_on_rods(run: TrackingRun) -> None:

@@ -8,40 +8,32 @@ import numpy as np
 
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.settle import NotTiedError, settled
+from leastaction.apps.marionette.tracking.settle_by_tensions import settled_by_tensions
+from leastaction.apps.marionette.tracking.ties import Ties
 from leastaction.errors import LeastActionError
 from leastaction.mechanics import Trajectory
 from leastaction.models.marionette import string_lengths
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import OptimizationResult
+from leastaction.optimal import OptimizationResult, Status
 from leastaction.optimal.discrete.linear_quadratic import regulate
 
 _SAME = 1e-6  # m or rad, by which the same motion may differ, by tensions and by lengths
+_NEARLY = 1e-3  # of limits, by which a motion that keeps to them may be off
 
 
 def by_lengths(plan: Plan, result: OptimizationResult) -> OptimizationResult:
     """Return a result of this system as one of the puppet on strings of prescribed lengths: the same motion.
 
-    With strings on bars it is the nearest one on which their lengths are exact. Raises `NotTiedError` where there
-    is none.
+    With strings on bars it is one near it on which their lengths are exact and limits are kept. Raises `NotTiedError`
+    where there is none.
     """
-    m, whole, problem, dt = plan.mechanism, plan.problem.mechanism, plan.problem, plan.dt
-    N, system = len(plan.t) - 1, problem.system
-    if plan.ties is not None:
-        x, u = _tied(plan, result)
-        result = replace(result, x=x, u=u)
-    q = np.zeros((N + 1, whole.nq))
-    q[:, plan.columns] = result.x[:, : m.nq]
-    lengths = string_lengths(whole, q)
-    q[:, whole.nd + plan.lengths] = lengths[:, plan.held]
-    x = np.zeros((N + 1, system.nx))
-    x[:, : whole.nq] = q
-    x[:, whole.nq : whole.nq + whole.nd] = result.x[:, m.nq : m.nq + m.nd]
-    x[1:, whole.nq + whole.nd : whole.nx] = np.diff(q[:, whole.nd :], axis=0) / dt
-    share = np.full((N, 1), dt)
-    share[0] *= 0.5
-    x[1:, whole.nx :] = share * result.u[:, : len(plan.strings)] / (2.0 * lengths[:-1])
-    x[0, whole.nx :] = 2.0 * x[1, whole.nx :]
-    u = q[1:, whole.nd :]
+    problem = plan.problem
+    N, nq, system = len(plan.t) - 1, problem.mechanism.nq, problem.system
+    if plan.ties is None:
+        x, u = _said_by_lengths(plan, result.x, result.u)
+    else:
+        x, u = _tied(plan, plan.ties, result)
+        result = _qualified(plan, result, x, u)
     try:
         A, B = system.linearize(x, u)
         cost = problem.cost(plan.weights.tension).hessian(x, u)
@@ -50,24 +42,61 @@ def by_lengths(plan: Plan, result: OptimizationResult) -> OptimizationResult:
         K = np.zeros((N, system.nu, system.nx))
     done = system.rollout(x[0], x, u, K, 0, N)
     # Rods push where strings lose their grip: what has gone another way there is another motion.
-    if done.complete and np.abs(done.x[:, : whole.nq] - x[:, : whole.nq]).max() < _SAME:
+    if done.complete and np.abs(done.x[:, :nq] - x[:, :nq]).max() < _SAME:
         x, u = done.x, done.u
     return replace(result, x=x, u=u, K=K, projection_gain=K)
 
 
-def _tied(plan: Plan, result: OptimizationResult) -> tuple[Array, Array]:
-    """Return a motion near a result with strings on bars as long as they are tied.
+def _said_by_lengths(plan: Plan, x: Array, u: Array) -> tuple[Array, Array]:
+    """Return states and inputs by lengths of what is said by tensions."""
+    m, whole = plan.mechanism, plan.problem.mechanism
+    N, nq, nd = len(u), whole.nq, whole.nd
+    q = np.zeros((N + 1, nq))
+    q[:, plan.columns] = x[:, : m.nq]
+    lengths = string_lengths(whole, q)
+    q[:, nd + plan.lengths] = lengths[:, plan.held]
+    made = np.zeros((N + 1, plan.problem.system.nx))
+    made[:, :nq] = q
+    made[:, nq : nq + nd] = x[:, m.nq : m.nq + m.nd]
+    made[1:, nq + nd : whole.nx] = np.diff(q[:, nd:], axis=0) / plan.dt
+    share = np.full((N, 1), plan.dt)
+    share[0] *= 0.5
+    made[1:, whole.nx :] = share * u[:, : len(plan.strings)] / (2.0 * lengths[:-1])
+    made[0, whole.nx :] = 2.0 * made[1, whole.nx :]
+    return made, q[1:, nd:]
+
+
+def _tied(plan: Plan, ties: Ties, result: OptimizationResult) -> tuple[Array, Array]:
+    """Return a motion by lengths near a result, with strings on bars as long as they are tied.
 
     Raises `NotTiedError` where none is found.
     """
-    assert plan.ties is not None
-    found = settled(plan.system, plan.ties, result.x, result.u, inputs=plan.mechanism.inputs, least=plan.limits.tension)
-    if found is None:
+    limits = plan.limits
+    found = settled(plan.problem, limits, *_said_by_lengths(plan, result.x, result.u))
+    if found is not None:
+        return found
+    inputs = plan.mechanism.inputs
+    near = settled_by_tensions(plan.system, ties, result.x, result.u, inputs=inputs, least=limits.tension)
+    if near is None:
         raise NotTiedError(
             "strings on bars: no motion is found in which all of them pull. Lower the least tension, allow bars "
             "more reach, or let hands hold more strings"
         )
-    return found
+    return _said_by_lengths(plan, *near)
+
+
+def _qualified(plan: Plan, result: OptimizationResult, x: Array, u: Array) -> OptimizationResult:
+    """Return a result that does not say it converged where the motion by lengths breaks limits."""
+    problem, limits = plan.problem, plan.limits
+    broken = limits.loosened(_NEARLY).broken(problem.mechanism, problem.t, problem.pelvis, x)
+    pulls = min(tension[1:].min() for tension in problem.system.trajectory(x, u).tensions().values())
+    if pulls < limits.tension * (1.0 - _NEARLY):
+        broken |= {"tension"}
+    if not (broken and result.success):
+        return result
+    kinds = ", ".join(sorted(broken))
+    said = f"Where strings on bars keep their lengths it breaks limits of {kinds}, by as little as was found."
+    return replace(result, status=Status.INFEASIBLE, message=said)
 
 
 def by_tensions(plan: Plan, trajectory: Trajectory, tension: Array, result: OptimizationResult) -> OptimizationResult:

@@ -1,86 +1,93 @@
-"""The motion on strings of fixed lengths that is nearest to one whose strings hardly vary."""
+"""The motion on strings of fixed lengths that is near to one whose strings hardly vary, and that keeps to limits.
+
+With its strings as rods the puppet's roll-outs have exact lengths, and what was planned is off by newtons at most. A
+motion near it is sought in which nothing is off: what limits are broken by has a price, which rises, while what has
+changed already costs nothing more.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from leastaction.apps.marionette.tracking.ties import Ties
+from leastaction.apps.marionette.tracking.limits import KINDS, PuppetLimits
+from leastaction.apps.marionette.tracking.priced_limits import PricedLimit, PricedLimits
+from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.models.marionette import string_lengths, strings_of
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import QuadraticCost, optimize
-from leastaction.systems import PulledSystem
+from leastaction.optimal import Bound, QuadraticCost, optimize
 
-_MARGIN: Final = 5e-3  # N, above the least tension, at which those that fall below it are held
-_BY_TENSION, _BY_PLACE, _BY_POSE, _BY_MOMENTUM = 1e-2, 1e-2, 1.0, 1e-3  # prices of changes
-_DEARER, _DEAREST = 1e2, 1e6  # for tensions that fall below their least
-_WEIGHTS: Final = (1e10, 1e12, 1e12)  # of lengths; between optimisations multipliers take over what they hold
-_ROUNDS: Final = 7
-_EXACT, _ENOUGH, _HOPELESS = 1e-9, 1e-8, 1e-6  # m
-_ITERATIONS: Final = 40
+_BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
+# Of what limits are broken by, at first: by 1 N, rad or m, m/s or rad/s, and so on.
+_PRICES: Final = {"tension": 1e-3, "joints": 10.0, "speed": 1e-2, "acceleration": 1e-5, "reach": 10.0}
+_DEARER, _DEAREST, _ROUNDS = 10.0, 1e5, 12
+_WITHIN, _MARGIN = 1e-4, 1e-3  # of limits, and N of tensions, by which they are kept more than they have to be
+_ITERATIONS: Final = 15
 
 
 class NotTiedError(ArgumentError):
     """No motion near a given one has strings of fixed lengths that all pull."""
 
 
-def settled(
-    system: PulledSystem, ties: Ties, x: Array, u: Array, *, inputs: Sequence[str], least: float
-) -> tuple[Array, Array] | None:
+def settled(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array) -> tuple[Array, Array] | None:
     """Return a motion on which strings are as long as they are tied, none of them pulling too little.
 
-    ``x`` (N+1, nx), ``u`` (N, nu): a motion of the system near which it is. ``inputs``: the names of its tensions.
-    ``least``: of these (N). None where none is found.
+    ``problem``: by lengths. ``x`` (N+1, nx), ``u`` (N, nu): of its system, hardly off its constraints; near that is the
+    motion. ``limits``: what it keeps to where that is found, else less nearly. None where no motion is found in which
+    all strings pull.
     """
-    before = ties.weight, ties.duals
     try:
-        return _nearest(system, ties, x, u, inputs, least)
+        return _nearest(problem, limits, x, u)
     except LeastActionError:
         return None
-    finally:
-        ties.weight, ties.duals = before
 
 
-def _nearest(
-    system: PulledSystem, ties: Ties, x: Array, u: Array, inputs: Sequence[str], least: float
-) -> tuple[Array, Array] | None:
-    m, strings = system.integrator.mechanism, len(inputs)
-    wanted = np.array(u)
-    wanted[:, :strings] = np.maximum(wanted[:, :strings], least + _MARGIN)
-    Q = np.repeat([_BY_POSE, 1e-3, _BY_MOMENTUM, 0.0], [m.nd, m.nrho, m.nd, m.nrho])
-    R = np.tile(np.repeat([_BY_TENSION, _BY_PLACE], [strings, m.nrho]), (len(u), 1))
-    near: tuple[Array, Array] = (x, u)
-    best: tuple[Array, Array] | None = None  # of those that are exact, where strings pull most
-    # A limit's barrier would be all that counts where so little changes; prices of what falls below it are enough.
+def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array) -> tuple[Array, Array] | None:
+    m, system = problem.mechanism, problem.system
+    pull = _BY_TENSION * (2.0 * string_lengths(m, problem.reference[0]) / problem.dt) ** 2
+    sizes = m.nd, m.nrho, m.nd, m.nrho
+    Q = np.concatenate([np.repeat([_BY_POSE, _BY_PLACE, _BY_MOMENTUM, 0.0], sizes), pull])
+    R = np.full(system.nu, _BY_PLACE)
+    inside = replace(limits.loosened(-_WITHIN), tension=limits.tension + _MARGIN)
+    best: tuple[Array, Array] | None = None  # of those whose strings pull, the one that limits are broken least by
+    least, dearer = np.inf, 1.0
     for _ in range(_ROUNDS):
-        cost = QuadraticCost(x, wanted, Q=Q, R=R[:, :, None])
-        ties.duals = np.zeros_like(ties.duals)
-        for weight in _WEIGHTS:
-            ties.weight = weight
-            found = optimize(
-                system,
-                ties.priced(cost, system),
-                initial=near,
-                free_start=m.variables,
-                shooting="single",
-                tolerance=1e-3,
-                absolute_tolerance=1e-12,
-                max_iterations=_ITERATIONS,
-            )
-            near = found.x, found.u
-            ties.tighten(found.x)
-            if np.abs(ties.off(found.x)).max() < _EXACT:
-                break
-        pulls, off = found.u[:, :strings], np.abs(ties.off(found.x)).max()
-        low = pulls < least
-        if off > _HOPELESS:
+        cost = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, inside, dearer))
+        found = optimize(
+            system,
+            cost,
+            initial=(x, u),
+            free_start=m.variables,
+            shooting="single",
+            method="quasi-newton",
+            tolerance=1e-2,
+            max_iterations=_ITERATIONS,
+        )
+        x, u = found.x, found.u
+        off = PricedLimits(cost.cost, system, _priced(problem, limits, 1.0)).off(x, u)
+        if off < least and _tension(problem, x, u).min() > 0.0:
+            best, least = (x, u), off
+        if best is not None and least <= 0.0:
             break
-        if off < _ENOUGH and (best is None or pulls.min() > best[1][:, :strings].min()):
-            best = near
-        if best is near and off < _EXACT and not low.any():
-            break
-        R[:, :strings][low] = np.minimum(_DEARER * R[:, :strings][low], _DEAREST)
-        wanted[:, :strings][low] = least + _MARGIN
-    return best if best is not None and best[1][:, :strings].min() > 0.0 else None
+        dearer = min(_DEARER * dearer, _DEAREST)
+    return best
+
+
+def _priced(problem: TrackingProblem, limits: PuppetLimits, dearer: float) -> list[PricedLimit]:
+    """Return limits of the marionette by lengths, with their prices."""
+    m, found = problem.mechanism, []
+    for kind in KINDS:
+        own = limits.of(m, problem.pelvis, {kind})
+        if kind == "tension":
+            least = np.full(len(problem.t) - 1, limits.tension)
+            least[0] *= 0.5  # the first impulse is that of half a step
+            own = [Bound([s.name for s in strings_of(m)], min=least, of="tension")]
+        found += [PricedLimit(each, dearer * _PRICES[kind]) for each in own]
+    return found
+
+
+def _tension(problem: TrackingProblem, x: Array, u: Array) -> Array:
+    return np.stack(list(problem.system.trajectory(x, u).tensions().values()), axis=1)
