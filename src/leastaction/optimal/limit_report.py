@@ -20,8 +20,8 @@ class Barrier(Frozen):
     """What an optimisation with limits needs to go on as if it had not been stopped.
 
     ``size``: the cost at the start. ``tolerance``: of the optimisation. ``first_mu``, ``last_mu``: parameters of the
-    first and the last stage. ``duals``, ``scale``, ``prices`` (n,): of all sides, those of equations twice, one after
-    the other.
+    first and the last stage. ``duals``, ``scale``, ``prices``, ``leeway`` (n,): of all sides, those of equations twice,
+    one after the other. ``part``: how much of the leeway limits still have.
     """
 
     size: float
@@ -31,6 +31,8 @@ class Barrier(Frozen):
     duals: Array
     scale: Array
     prices: Array
+    leeway: Array
+    part: float
 
 
 @dataclass(frozen=True)

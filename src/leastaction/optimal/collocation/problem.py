@@ -271,6 +271,7 @@ class CollocationProblem(LimitedProblem):
         stages.size, stages.first_mu = barrier.size, barrier.first_mu
         stages.last = barrier.last_mu
         self.duals.restore(given.mu, barrier)
+        self.values = None  # they may have been lent other leeway
         self._set_out()
 
     # ---- What is told ---------------------------------------------------------------------------

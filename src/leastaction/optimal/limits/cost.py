@@ -60,7 +60,11 @@ class LimitedCost:
     # ---- Values -----------------------------------------------------------------------------------
 
     def limits(self, x: Array, u: Array) -> Sided:
-        """Return the values c of all rows."""
+        """Return the values c of all rows, with the leeway that they are lent now."""
+        return self.duals.leeway.added(self.asked(x, u))
+
+    def asked(self, x: Array, u: Array) -> Sided:
+        """Return the values c of all rows, as they are asked for: without leeway."""
         found = self.layout.empty()
         self.of_states.values(x, found)
         self.of_inputs.values(u, found)

@@ -24,6 +24,7 @@ from leastaction.optimal.limits.barrier import (
     split,
     stiffness,
 )
+from leastaction.optimal.limits.leeway import Leeway
 from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.quantity import Instants
 
@@ -98,6 +99,7 @@ class Duals:
         self.y = layout.empty()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
         self.dearest, self.cheapest = 0.0, np.inf  # prices of an excess of a limit's scale
+        self.leeway = Leeway([side.size.size for side in self.sides])
 
     def begin(self, c: Sided, mu: float, price: float, dearer: float = 1.0) -> None:
         """Choose scales, prices and duals from where the optimisation starts.
@@ -269,6 +271,7 @@ class Duals:
         self.mu, self.y = mu, Sided(barrier.duals.copy(), self.layout)
         ends = np.cumsum([len(scale) for scale in self.scale])[:-1]
         self.scale, self.rho = np.split(barrier.scale.copy(), ends), np.split(barrier.prices.copy(), ends)
+        self.leeway.whole, self.leeway.part = np.split(barrier.leeway.copy(), ends), barrier.part
         self.settle_prices()
 
     def states(self, k: Sequence[Instants], c: Sided, duals: Sided) -> tuple[LimitState, ...]:
@@ -293,7 +296,7 @@ class Duals:
 
 
 def _joined(values: Iterable[Array]) -> Array:
-    return np.concatenate([np.empty(0), *values])
+    return read_only(np.concatenate([np.empty(0), *values]))
 
 
 def _between(least: Array, values: Array, most: Array) -> Array:
@@ -358,8 +361,17 @@ class Stages:
     def report(self, k: Sequence[Instants], c: Sided, duals: Sided) -> LimitReport:
         """Return what is told of the limits, given their instants, values and duals."""
         own = self.duals
-        arrays = [read_only(each) for each in (own.y.flat.copy(), _joined(own.scale), _joined(own.rho))]
-        barrier = Barrier(self.size, self.tolerance, self.first_mu, self.last, *arrays)
+        barrier = Barrier(
+            size=self.size,
+            tolerance=self.tolerance,
+            first_mu=self.first_mu,
+            last_mu=self.last,
+            duals=read_only(own.y.flat.copy()),
+            scale=_joined(own.scale),
+            prices=_joined(own.rho),
+            leeway=_joined(own.leeway.whole),
+            part=own.leeway.part,
+        )
         return LimitReport(own.states(k, c, duals), own.mu, own.excess(c), barrier)
 
     @property
@@ -375,7 +387,7 @@ class Stages:
     @property
     def is_last(self) -> bool:
         """Whether the barrier does not get smaller any more, or there is none."""
-        return not self.duals.sides or self.duals.mu <= self.last
+        return not self.duals.sides or (self.duals.mu <= self.last and not self.duals.leeway.is_lent)
 
     @property
     def is_near_end(self) -> bool:
@@ -398,6 +410,10 @@ class Stages:
     def advance(self, cost: float, c: Sided) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more."""
         duals = self.duals
+        if duals.leeway.is_lent:
+            if not duals.price(c, _DEAREST * self.size):
+                duals.leeway.give_back()
+            return True
         was_last = self.is_last
         # The cost of the start may be far from that of the end.
         last = max(self._last(abs(cost)), duals.least_mu(self.digits))

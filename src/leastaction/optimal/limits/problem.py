@@ -129,6 +129,8 @@ class LimitedProblem(ShootingProblem):
 
     def _begin(self, *, resumed: bool = False) -> None:
         """Put the limits in, at the trajectory to start from."""
+        self.values = None
+        self.duals.leeway.lend(self.limited.rows, self.limited.asked(self.x, self.u), self.x, self.u)
         self.stages.begin(
             self.shown, self._limits(), lambda: self.cost.value(np.zeros_like(self.x), np.zeros_like(self.u))
         )
@@ -138,6 +140,7 @@ class LimitedProblem(ShootingProblem):
         # Once: who begins again begins anew, whether resumed meanwhile or not.
         known, self.known = self.known, None
         self.stages.take(known, resumed=resumed)
+        self.values = None  # they may have been lent other leeway
         self._set_out()
 
     def _put_out(self) -> None:
@@ -146,10 +149,14 @@ class LimitedProblem(ShootingProblem):
         self.duals.begun = False
 
     def _limits(self) -> Sided:
-        """Return the values of all rows at the iterate."""
+        """Return the values of all rows at the iterate, with the leeway of this stage."""
         if self.values is None:
             self.values = self.limited.limits(self.x, self.u)
         return self.values
+
+    def _asked(self) -> Sided:
+        """Return them as they are asked for."""
+        return self.limited.asked(self.x, self.u) if self.duals.leeway.is_lent else self._limits()
 
     def _room(self) -> Room:
         """Return the room of all rows at the iterate."""
@@ -190,6 +197,7 @@ class LimitedProblem(ShootingProblem):
             return more
         before = self.duals.y.flat.copy()
         more = self.stages.advance(self.shown, self._limits())
+        self.values = None  # there may be less leeway
         if not more and self.begin_again():
             return True
         self.room = None  # it is one of other prices, even where there is no more
@@ -200,7 +208,11 @@ class LimitedProblem(ShootingProblem):
         return more
 
     def retry_stage(self) -> bool:
-        """Make a stage again that led nowhere, with all excess as dear; return whether limits are off by so much."""
+        """Make a stage again that led nowhere, without leeway, or with all excess as dear where limits are far off."""
+        if self.duals.leeway.is_lent:
+            self.duals.leeway.part, self.values = 0.0, None
+            self._set_out()
+            return True
         again = self._begun and not self.is_open and self.stages.look_for_the_least(self._limits())
         if again:
             self._set_out()
@@ -210,9 +222,14 @@ class LimitedProblem(ShootingProblem):
     def is_passing(self) -> bool:
         return self._begun and not (self.is_open or self.stages.is_near_end or self.duals.hopeless())
 
+    @property
+    def _may_end_at_a_saddle(self) -> bool:
+        """Whether a saddle matters in this stage: in the last, and where obstacles grow."""
+        return self.stages.is_last or self.duals.leeway.is_lent
+
     def _set_out(self) -> None:
         """Begin a stage: another cost, the same dynamics."""
-        self.tells_saddles = self.system.has_curvature and self.stages.is_last and not self.is_open
+        self.tells_saddles = self.system.has_curvature and self._may_end_at_a_saddle and not self.is_open
         self._forget_cost()
         self.room = None
         barrier = self.duals.barrier(self._room())
@@ -241,7 +258,7 @@ class LimitedProblem(ShootingProblem):
 
     def begin_again(self) -> bool:
         """Begin again with higher prices where the motion was made too short; return whether that can be done."""
-        if self.final_time is None or self.given is None or self.stages.are_met(self._limits()):
+        if self.final_time is None or self.given is None or self.stages.are_met(self._asked()):
             return False
         start, self.given = self.given, None
         self._put_out()
@@ -282,13 +299,13 @@ class LimitedProblem(ShootingProblem):
 
     def verdict(self) -> tuple[Status, str] | None:
         """Return that limits contradict each other, where they could not be met at any price."""
-        if self.is_open or self.stages.are_met(self._limits()):
+        if self.is_open or self.stages.are_met(self._asked()):
             return None
         return Status.INFEASIBLE, self._report().contradiction(self.system.when)
 
     @property
     def unmet(self) -> str:
-        if self.is_open or not self._begun or self.stages.are_met(self._limits()):
+        if self.is_open or not self._begun or self.stages.are_met(self._asked()):
             return ""
         return f"Limits are still violated: {self._report().violated(self.system.when)}."
 
@@ -512,7 +529,7 @@ class LimitedProblem(ShootingProblem):
     def _report(self) -> LimitReport:
         k = [rows.k for rows in self.limited.rows]
         if not self.is_open or self.earlier is None:
-            return self.stages.report(k, self._limits(), self._duals())
+            return self.stages.report(k, self._asked(), self._duals())
         # Of the trajectory that is returned in the place of a curve with gaps.
-        c = self.limited.limits(self.earlier.x, self.earlier.u)
+        c = self.limited.asked(self.earlier.x, self.earlier.u)
         return self.stages.report(k, c, self.duals.settled(self.duals.y, self.duals.room(c)))

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
@@ -158,6 +159,16 @@ class Rows:
         k, x, u, x_next = self._at(x, u)
         at = Samples(k[:1], x[:1], u[:1], x_next[:1])
         return self.quantity.curvature(at, np.ones((1, len(self.quantity.names)))) is not None
+
+    def rises(self, c: Array, x: Array, u: Array) -> NDArray[np.bool_]:
+        """Return which columns (m,) bend upwards where their values c (n, m) are least: as those of an obstacle do."""
+        found = np.zeros(c.shape[1], dtype=np.bool_)
+        for j, at in enumerate(np.argmin(c, axis=0)):
+            k, *values = self._at(x, u)
+            here = Samples(k[at : at + 1], *(each[at : at + 1] for each in values))
+            bent = self.quantity.curvature(here, self.sign * np.eye(c.shape[1])[j : j + 1])
+            found[j] = bent is not None and np.trace(bent[0]) > 0.0
+        return found
 
     def jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives of the quantity along a trajectory (n, m, ...), without the sign."""

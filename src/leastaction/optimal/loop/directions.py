@@ -174,10 +174,10 @@ class Directions:
         ``before``: the schedule before a full step of Newton's method. ``expected``, ``agreement``: of that step.
         """
         share = abs(agreement - 1.0)
+        if not share < _RIGHT:
+            return None
         following = max(_after_newton(expected, before), _MISSED * share**2 * expected)
-        if share < _RIGHT and following <= _FORETOLD * self.run.goal:
-            return Outcome(Status.CONVERGED, expected=following)
-        return None
+        return Outcome(Status.CONVERGED, expected=following) if following <= _FORETOLD * self.run.goal else None
 
 
 def _after_newton(expected: float, before: NewtonSchedule) -> float:

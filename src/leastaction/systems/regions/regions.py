@@ -49,6 +49,11 @@ class Region(ABC):
         """Return the second derivatives (n, m, 3, 3); None where all functions are linear."""
 
 
+def _said(vector: ArrayLike) -> str:
+    """Return three numbers as text."""
+    return f"({', '.join(f'{each:.4g}' for each in np.asarray(vector, dtype=np.float64))})"
+
+
 @dataclass(frozen=True)
 class Box(Region):
     """A box along the axes.
@@ -125,9 +130,7 @@ class HalfSpace(Region):
 
     @property
     def names(self) -> tuple[str, ...]:
-        return (
-            f"inside of the plane {tuple(as_array(self.normal, 'HalfSpace: normal', (3,)))} . p = {self.offset:.4g}",
-        )
+        return (f"inside of the plane {_said(self.normal)} . p = {self.offset:.4g}",)
 
     def shape(self, k: Instants) -> Side:  # noqa: ARG002
         normal = np.asarray(self.normal, dtype=np.float64)
@@ -168,7 +171,8 @@ class Ball(Region):
 
     @property
     def names(self) -> tuple[str, ...]:
-        return (f"within {self.radius:.4g} m of {self.center!r}",)
+        center = "a moving point" if callable(self.center) else _said(self.center)
+        return (f"within {self.radius:.4g} m of {center}",)
 
     def shape(self, k: Instants) -> Shape:
         center = -self._from_center(np.zeros((len(k), 3)), k)

@@ -1,0 +1,61 @@
+"""Leeway: room that limits are lent at first and give back little by little, so that obstacles grow from nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.limits.sides import Sided
+
+_STEPS = 5  # in which it is given back
+_SHALLOW = 1e-3  # of what is large for it is a limit violated by that is met without leeway
+
+
+class Leeway:
+    """Room that is added to limits where the start is off by more, and that is given back in stages.
+
+    A start that goes through the middle of an obstacle is pushed back before it and on behind it, and hardly aside: a
+    search would leap through it between two instants. An obstacle that is lent as much room as the start misses is a
+    point at first. As it grows it pushes aside what passes beside its middle, and what passes through it stands at a
+    saddle, from where negative curvature leads aside. This is continuation in the obstacle's size (E. L. Allgower and
+    K. Georg, Numerical Continuation Methods (1990), section 6.1), with the barrier's stages as its steps.
+
+    ``whole``: what each side (m,) is lent at first. ``part``: how much of that it still has.
+    """
+
+    def __init__(self, widths: Sequence[int]) -> None:
+        self.whole = [np.zeros(width) for width in widths]
+        self.part = 0.0
+
+    @property
+    def is_lent(self) -> bool:
+        """Whether any room is lent now."""
+        return self.part > 0.0
+
+    def lend(self, rows: Sequence[Rows], c: Sided, x: Array, u: Array) -> None:
+        """Lend all of it to the limits that need it, given their values where the optimisation starts."""
+        self.whole = [_needed(each, values, x, u) for each, values in zip(rows, c, strict=True)]
+        self.part = 1.0 if any(each.any() for each in self.whole) else 0.0
+
+    def give_back(self) -> None:
+        """Have one part less of it."""
+        left = round(self.part * _STEPS) - 1
+        self.part = max(left, 0) / _STEPS
+
+    def added(self, c: Sided) -> Sided:
+        """Return values with what is lent now."""
+        return Sided(c.flat + self.part * c.layout.filled(self.whole).flat, c.layout) if self.is_lent else c
+
+
+def _needed(rows: Rows, c: Array, x: Array, u: Array) -> Array:
+    """Return the leeway (m,) for values (n, m): of obstacles that are violated, what they are violated by at most."""
+    none = np.zeros(c.shape[1])
+    if rows.equal or not rows.is_own:
+        return none
+    off = np.maximum(-c, 0.0).max(axis=0, initial=0.0)
+    large = np.where(rows.scale > 0.0, rows.scale, np.abs(c).max(axis=0, initial=0.0))
+    off[off <= _SHALLOW * large] = 0.0
+    return off * rows.rises(c, x, u) if off.any() else none
