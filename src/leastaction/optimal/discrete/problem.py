@@ -204,6 +204,12 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         A, B = linearization
         return sweep_forward(A, B, law, dx0, c=gaps, pattern=linearization.pattern)
 
+    def motion(self, direction: DiscreteDirection) -> tuple[Array, Array]:
+        """Return the changes of states and inputs along a direction."""
+        if direction.dx is None or direction.du is None:
+            return self._sweep(direction, direction.dx0)
+        return direction.dx, direction.du
+
     def _directions_of_start(self) -> Array:
         """Return the directions (nx, n) in which the initial state may move."""
         if self.start_directions is None:

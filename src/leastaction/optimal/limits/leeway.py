@@ -35,10 +35,14 @@ class Leeway:
         """Whether any room is lent now."""
         return self.part > 0.0
 
-    def lend(self, rows: Sequence[Rows], c: Sided, x: Array, u: Array) -> None:
-        """Lend all of it to the limits that need it, given their values where the optimisation starts."""
-        self.whole = [_needed(each, values, x, u) for each, values in zip(rows, c, strict=True)]
-        self.part = 1.0 if any(each.any() for each in self.whole) else 0.0
+    def lend(self, rows: Sequence[Rows], curves: Sequence[tuple[Array, Array]]) -> None:
+        """Lend all of it to the obstacles that are on some curves (x, u): where a search starts, and where it heads."""
+        for i, each in enumerate(rows):
+            self.whole[i] = np.zeros_like(self.whole[i])
+            for x, u in curves:
+                if may_be_obstacle(each, x, u):
+                    self.whole[i] = np.maximum(self.whole[i], _needed(each, x, u))
+        self.part = 1.0 if any(whole.any() for whole in self.whole) else 0.0
 
     def give_back(self) -> None:
         """Have one part less of it."""
@@ -50,12 +54,24 @@ class Leeway:
         return Sided(c.flat + self.part * c.layout.filled(self.whole).flat, c.layout) if self.is_lent else c
 
 
-def _needed(rows: Rows, c: Array, x: Array, u: Array) -> Array:
-    """Return the leeway (m,) for values (n, m): of obstacles that are violated, what they are violated by at most."""
-    none = np.zeros(c.shape[1])
-    if rows.equal or not rows.is_own:
-        return none
+def may_be_obstacle(rows: Rows, x: Array, u: Array) -> bool:
+    """Whether rows may be those of an obstacle: one-sided, no bounds of the system's own, and not linear."""
+    return rows.is_own and not rows.equal and rows.bends(x, u)
+
+
+def stands_still(rows: Rows, x: Array, u: Array) -> bool:
+    """Whether a curve stays where it is, as far as rows tell."""
+    c = rows.values(x, u)
+    return bool((np.ptp(c, axis=0) <= _SHALLOW * _large(rows, c)).all())
+
+
+def _needed(rows: Rows, x: Array, u: Array) -> Array:
+    """Return the leeway (m,) of rows along a curve: what obstacles are violated by at most."""
+    c = rows.values(x, u)
     off = np.maximum(-c, 0.0).max(axis=0, initial=0.0)
-    large = np.where(rows.scale > 0.0, rows.scale, np.abs(c).max(axis=0, initial=0.0))
-    off[off <= _SHALLOW * large] = 0.0
-    return off * rows.rises(c, x, u) if off.any() else none
+    off[off <= _SHALLOW * _large(rows, c)] = 0.0
+    return np.where(rows.rises(c, x, u), off, 0.0) if off.any() else off
+
+
+def _large(rows: Rows, c: Array) -> Array:
+    return np.where(rows.scale > 0.0, rows.scale, np.abs(c).max(axis=0, initial=0.0))

@@ -23,6 +23,7 @@ from leastaction.optimal.initial import both
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.duals import Room, Stages
+from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
 from leastaction.optimal.limits.refinement import Solved, promising, refined
 from leastaction.optimal.limits.rows import Rows, check_agreement
 from leastaction.optimal.limits.sides import Sided
@@ -39,6 +40,7 @@ _SHORTER = 0.7  # of what it lasts is what a step of the search takes off at mos
 _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
 _SAME = 1e-6  # of a cost that was found, by which it differs where it is another cost
+_AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
 _SOON = 30  # iterations that the minimum without limits may take where a run begins again from there
 
 
@@ -129,8 +131,9 @@ class LimitedProblem(ShootingProblem):
 
     def _begin(self, *, resumed: bool = False) -> None:
         """Put the limits in, at the trajectory to start from."""
-        self.values = None
-        self.duals.leeway.lend(self.limited.rows, self.limited.asked(self.x, self.u), self.x, self.u)
+        if not resumed:
+            self.values = None
+            self.duals.leeway.lend(self.limited.rows, [(self.x, self.u), *self._ahead()])
         self.stages.begin(
             self.shown, self._limits(), lambda: self.cost.value(np.zeros_like(self.x), np.zeros_like(self.u))
         )
@@ -142,6 +145,24 @@ class LimitedProblem(ShootingProblem):
         self.stages.take(known, resumed=resumed)
         self.values = None  # they may have been lent other leeway
         self._set_out()
+
+    def _ahead(self) -> list[tuple[Array, Array]]:
+        """Return where a few iterations without obstacles lead from a start that does not say how to pass them."""
+        obstacles = [rows for rows in self.limited.rows if may_be_obstacle(rows, self.x, self.u)]
+        if self.is_open or not any(stands_still(rows, self.x, self.u) for rows in obstacles):
+            return []
+        others = [rows for rows in self.limited.rows if rows not in obstacles]
+        settings = replace(self.settings, max_iterations=_AHEAD)
+        freely = LimitedProblem(self.system, self.cost, others, settings, self.free_start, final_time=self.final_time)
+        try:
+            freely.start((self.x, self.u))
+            found = Loop(freely, settings).run()
+        except LeastActionError:
+            return []
+        self.rollouts += found.rollouts
+        if found.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return [(found.x, found.u)]
 
     def _put_out(self) -> None:
         """Take the limits out, to start elsewhere."""
@@ -379,7 +400,7 @@ class LimitedProblem(ShootingProblem):
 
     def _change(self, direction: DiscreteDirection) -> Sided:
         """Return how the limits' values change along a direction."""
-        return self.limited.along(*self._motion(direction), self._jacobians())
+        return self.limited.along(*self.motion(direction), self._jacobians())
 
     # ---- Steps ----------------------------------------------------------------------------------
 
@@ -427,13 +448,7 @@ class LimitedProblem(ShootingProblem):
             return direction
         if not holds:
             return promising(self.duals, self._room(), direction)
-        return refined(self.duals, self._room(), direction, self._motion, self._solve_within)
-
-    def _motion(self, direction: DiscreteDirection) -> tuple[Array, Array]:
-        """Return the changes of states and inputs along a direction."""
-        if direction.dx is None or direction.du is None:
-            return self._sweep(direction, direction.dx0)
-        return direction.dx, direction.du
+        return refined(self.duals, self._room(), direction, self.motion, self._solve_within)
 
     def _solve_within(self, direction: DiscreteDirection, duals: Sided, sigmas: Sided) -> Solved | None:
         """Return the minimum of a direction's model with other duals and stiffnesses; None if there is none.
