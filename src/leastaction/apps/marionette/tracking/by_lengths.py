@@ -8,8 +8,6 @@ import numpy as np
 
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.settle import NotTiedError, settled
-from leastaction.apps.marionette.tracking.settle_by_tensions import settled_by_tensions
-from leastaction.apps.marionette.tracking.ties import Ties
 from leastaction.errors import LeastActionError
 from leastaction.mechanics import Trajectory
 from leastaction.models.marionette import string_lengths
@@ -32,7 +30,7 @@ def by_lengths(plan: Plan, result: OptimizationResult) -> OptimizationResult:
     if plan.ties is None:
         x, u = _said_by_lengths(plan, result.x, result.u)
     else:
-        x, u = _tied(plan, plan.ties, result)
+        x, u = _tied(plan, result)
         result = _qualified(plan, result, x, u)
     try:
         A, B = system.linearize(x, u)
@@ -66,23 +64,18 @@ def _said_by_lengths(plan: Plan, x: Array, u: Array) -> tuple[Array, Array]:
     return made, q[1:, nd:]
 
 
-def _tied(plan: Plan, ties: Ties, result: OptimizationResult) -> tuple[Array, Array]:
+def _tied(plan: Plan, result: OptimizationResult) -> tuple[Array, Array]:
     """Return a motion by lengths near a result, with strings on bars as long as they are tied.
 
     Raises `NotTiedError` where none is found.
     """
-    limits = plan.limits
-    found = settled(plan.problem, limits, *_said_by_lengths(plan, result.x, result.u))
-    if found is not None:
-        return found
-    inputs = plan.mechanism.inputs
-    near = settled_by_tensions(plan.system, ties, result.x, result.u, inputs=inputs, least=limits.tension)
-    if near is None:
+    found = settled(plan.problem, plan.limits, *_said_by_lengths(plan, result.x, result.u))
+    if found is None:
         raise NotTiedError(
             "strings on bars: no motion is found in which all of them pull. Lower the least tension, allow bars "
             "more reach, or let hands hold more strings"
         )
-    return _said_by_lengths(plan, *near)
+    return found
 
 
 def _qualified(plan: Plan, result: OptimizationResult, x: Array, u: Array) -> OptimizationResult:

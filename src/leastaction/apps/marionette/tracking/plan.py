@@ -64,7 +64,7 @@ class Plan:
         held = held_strings(whole)
         self.held = np.array([self.strings.index(s) for s in held], dtype=int)
         self.lengths = np.array([whole.kinematic.index(s.length) for s in held], dtype=int)
-        self.ties = Ties(whole, m, len(t) - 1) if tied_strings(whole) else None
+        self.ties = Ties(whole, m) if tied_strings(whole) else None
         q = problem.reference[:, self.columns]
         self.tension = self._tension_at_rest(limits.tension)
         self.x_reference = self.states(q)

@@ -1,8 +1,9 @@
 """The motion on strings of fixed lengths that is near to one whose strings hardly vary, and that keeps to limits.
 
-With its strings as rods the puppet's roll-outs have exact lengths, and what was planned is off by newtons at most. A
+With its strings as rods the puppet's steps keep exact lengths, and what was planned misses them by newtons at most. A
 motion near it is sought in which nothing is off: what limits are broken by has a price, which rises, while what has
-changed already costs nothing more.
+changed already costs nothing more. It is sought by multiple shooting: where strings have lost their grip a roll-out of
+rods that begins at the start throws limbs about.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ _PRICES: Final = {"tension": 1e-3, "joints": 10.0, "speed": 1e-2, "acceleration"
 _DEARER, _DEAREST, _ROUNDS = 10.0, 1e5, 12
 _WITHIN, _MARGIN = 1e-4, 1e-3  # of limits, and N of tensions, by which they are kept more than they have to be
 _ITERATIONS: Final = 15
+_GAP: Final = 1e-7  # m, rad and so on
 
 
 class NotTiedError(ArgumentError):
@@ -52,6 +54,7 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
     Q = np.concatenate([np.repeat([_BY_POSE, _BY_PLACE, _BY_MOMENTUM, 0.0], sizes), pull])
     R = np.full(system.nu, _BY_PLACE)
     inside = replace(limits.loosened(-_WITHIN), tension=limits.tension + _MARGIN)
+    asked = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, limits, 1.0))
     best: tuple[Array, Array] | None = None  # of those whose strings pull, the one that limits are broken least by
     least, dearer = np.inf, 1.0
     for _ in range(_ROUNDS):
@@ -61,16 +64,15 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
             cost,
             initial=(x, u),
             free_start=m.variables,
-            shooting="single",
+            shooting="multiple",
             method="quasi-newton",
             tolerance=1e-2,
             max_iterations=_ITERATIONS,
         )
         x, u = found.x, found.u
-        off = PricedLimits(cost.cost, system, _priced(problem, limits, 1.0)).off(x, u)
-        if off < least and _tension(problem, x, u).min() > 0.0:
-            best, least = (x, u), off
-        if best is not None and least <= 0.0:
+        if _is_motion(problem, x, u) and asked.off(x, u) < least:
+            best, least = (x, u), asked.off(x, u)
+        if least <= 0.0:
             break
         dearer = min(_DEARER * dearer, _DEAREST)
     return best
@@ -89,5 +91,9 @@ def _priced(problem: TrackingProblem, limits: PuppetLimits, dearer: float) -> li
     return found
 
 
-def _tension(problem: TrackingProblem, x: Array, u: Array) -> Array:
-    return np.stack(list(problem.system.trajectory(x, u).tensions().values()), axis=1)
+def _is_motion(problem: TrackingProblem, x: Array, u: Array) -> bool:
+    """Whether it is a motion without gaps between steps, and all strings pull."""
+    made = problem.system.step_each(x, u)
+    if not made.complete or np.abs(made.x - x[1:])[:, : problem.mechanism.nx].max() > _GAP:
+        return False
+    return all(tension.min() > 0.0 for tension in problem.system.trajectory(x, u).tensions().values())

@@ -2,10 +2,10 @@
 
 With its tension as an input a string may be of any length at any instant, as if its end ran over a winch. One that is
 tied to a bar may not. How much longer it is, ``c = (d^2 - L^2) / (2 L)`` with the distance d of its ends and its length
-L, is brought to zero by an augmented Lagrangian: each instant costs ``y c + w c^2 / 2``. The weight w grows from one
-optimisation to the next, as `WEIGHTS` say, until winding hardly pays: the strings are tied ever more firmly, and every
-motion on the way is one that strings make. The lengths are those that suit the motion, the means of the distances,
-until `FIXED_FROM`. What is left, some micrometres, goes by multipliers y (`settle.py`), so that the motion is one of
+L, is brought close to zero by a price: each instant costs ``w c^2 / 2``. The weight w grows from one optimisation to
+the next, as `WEIGHTS` say, until winding hardly pays: the strings are tied ever more firmly, and every motion on the
+way is one that strings make. The lengths are those that suit the motion, the means of the distances, until
+`FIXED_FROM`. What is left, less than a tenth of a millimetre, goes at once (`settle.py`): the motion becomes one of
 the marionette on strings of fixed lengths.
 """
 
@@ -35,24 +35,23 @@ FIXED_FROM: Final = 1e5
 class Ties:
     """The lengths of strings on bars along a plan, and what it costs that they are others. For one thread.
 
-    ``whole``: the marionette by lengths. ``by_tension``: the same by tensions. ``N``: steps.
+    ``whole``: the marionette by lengths. ``by_tension``: the same by tensions.
 
     Attributes: ``names`` of the lengths, ``lengths`` (m,), ``weight``, ``firm`` (whether that is enough for strings to
-    be `settled`), and the multipliers ``duals`` (N+1, m).
+    be `settled`).
     """
 
-    def __init__(self, whole: Mechanism, by_tension: Mechanism, N: int) -> None:
+    def __init__(self, whole: Mechanism, by_tension: Mechanism) -> None:
         strings = tied_strings(whole)
         ends = [Distance(string.hook, string.control, 1.0, name=f"ends of {string.name}") for string in strings]
         self.measured = by_tension.with_elements(ends)
         self.names = tuple(string.length for string in strings)
         self.lengths = np.array([whole.parameters[name] for name in self.names])
         self.weight, self.firm = LEAST_WEIGHT, False
-        self.duals = np.zeros((N + 1, len(strings)))
 
     def priced(self, cost: Cost, system: MidpointSystem) -> Cost:
         """Return a cost of a system with that of the lengths as it stands."""
-        return TiedCost(cost, system, self.measured, lengths=self.lengths, weight=self.weight, duals=self.duals)
+        return TiedCost(cost, system, self.measured, lengths=self.lengths, weight=self.weight)
 
     def distances(self, x: Array) -> Array:
         """Return how far the ends of each string are apart (N+1, m) in states (N+1, nx)."""
@@ -67,10 +66,6 @@ class Ties:
         J = self.measured.core.constraint_jacobian(np.ascontiguousarray(q))
         return np.asarray(J / (2.0 * self.lengths[:, None]))
 
-    def tighten(self, x: Array) -> None:
-        """Let the multipliers take over what the weight holds at states (N+1, nx)."""
-        self.duals = self.duals + self.weight * self.off(x)
-
 
 class TiedCost(AddedCost):
     """Another cost, and that of strings being longer or shorter than they are tied.
@@ -78,7 +73,7 @@ class TiedCost(AddedCost):
     With exact second derivatives. As fit for several threads as the other cost.
 
     ``measured``: a mechanism whose constraints are the distances of the strings' ends from 1 m. ``lengths`` (m,),
-    ``weight``, ``duals`` (N+1, m): see the module.
+    ``weight``: see the module.
     """
 
     def __init__(
@@ -89,22 +84,21 @@ class TiedCost(AddedCost):
         *,
         lengths: Array,
         weight: float,
-        duals: Array,
     ) -> None:
         super().__init__(cost, "lengths of strings", (system.N, system.nx, system.nu))
-        self.nonnegative = cost.nonnegative and not duals.any()
+        self.nonnegative = cost.nonnegative
         self._measured, self._weight = measured, weight
-        self._lengths, self._duals = read_only(lengths.copy()), read_only(duals.copy())
+        self._lengths = read_only(lengths.copy())
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        return np.asarray(self.cost.stage_values(x, u, start) + self._values(x, start))
+        return np.asarray(self.cost.stage_values(x, u, start) + self._values(x))
 
     def final_value(self, x: Array) -> float:
-        return super().final_value(x) + float(self._values(x[None, :], len(self._duals) - 1)[0])
+        return super().final_value(x) + float(self._values(x[None, :])[0])
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         q, r, q_final = self.cost.gradient(x, u)
-        m, pull = self._measured, self._pull(x, 0)
+        m, pull = self._measured, self._pull(x)
         slopes = np.array([force @ m.core.constraint_jacobian(at) for at, force in zip(self._q(x), pull, strict=True)])
         q, q_final = q.copy(), q_final.copy()
         q[:, : m.nq] += slopes[:-1]
@@ -114,7 +108,7 @@ class TiedCost(AddedCost):
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the second derivatives: a matrix for each stage."""
         m, q, bent = self._measured, self._q(x), self._stiff(x)
-        for k, pull in enumerate(self._pull(x, 0)):
+        for k, pull in enumerate(self._pull(x)):
             bent[k] += m.core.constraint_hessian(q[k], pull)
         return self._added(self.cost.hessian(x, u), x, bent)
 
@@ -132,14 +126,12 @@ class TiedCost(AddedCost):
     def _off(self, x: Array) -> Array:
         return _off(self._measured, x, self._lengths)
 
-    def _values(self, x: Array, start: int) -> Array:
-        off = self._off(x)
-        return np.asarray(np.sum(off * (self._duals[start : start + len(x)] + 0.5 * self._weight * off), axis=1))
+    def _values(self, x: Array) -> Array:
+        return np.asarray(0.5 * self._weight * np.sum(self._off(x) ** 2, axis=1))
 
-    def _pull(self, x: Array, start: int) -> Array:
+    def _pull(self, x: Array) -> Array:
         """Return the slopes of the cost by the squared distances (n, m)."""
-        pull = self._duals[start : start + len(x)] + self._weight * self._off(x)
-        return np.ascontiguousarray(pull / (2.0 * self._lengths))
+        return np.ascontiguousarray(self._weight * self._off(x) / (2.0 * self._lengths))
 
     def _stiff(self, x: Array) -> Array:
         m, share = self._measured, self._weight / (4.0 * self._lengths[:, None] ** 2)

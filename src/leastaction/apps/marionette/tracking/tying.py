@@ -21,10 +21,8 @@ from leastaction.optimal import OptimizationResult, Status
 
 _TYING: Final = 200  # iterations in which strings on bars are tied more firmly, but the last time
 _TOO_LOOSE: Final = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
-_FIRM: Final = 5e-6  # m, by which they may vary to be settled (`settle.py`)
-_ROUNDS: Final = 6  # of multipliers until then
-_CLOSELY: Final = 1e-4  # the tolerance meanwhile
-_NEARLY: Final = 1e-4  # m, the same where they cannot be tied more firmly
+_FIRM: Final = 1e-4  # m, by which they may vary to be settled (`settle.py`)
+_NEARLY: Final = 1e-3  # m, the same where they cannot be tied more firmly
 _NOT_TIED: Final = (
     "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
 )
@@ -115,37 +113,7 @@ def _more_firmly(tracker: Tracker, result: OptimizationResult, weights: Sequence
         if result.success and weight > FIXED_FROM and off < _NEARLY and firmer.status in STUCK:
             break  # so firmly that rounding of what lengths cost looks like negative curvature
         result = firmer
-    if result.success:
-        result = _by_multipliers(tracker, result, left)
     _ties(tracker).firm = result.success
-    return result
-
-
-def _by_multipliers(tracker: Tracker, result: OptimizationResult, left: int) -> OptimizationResult:
-    """Return what is found where multipliers take over what the last weight holds, until strings hardly vary.
-
-    More weight would look like negative curvature by rounding.
-    """
-    tolerance = tracker.tolerance
-    if tolerance is None:
-        tracker.tolerance = _CLOSELY  # what is left of the lengths costs less than the motion's own tolerance
-    for _ in range(_ROUNDS):
-        off = float(np.abs(_ties(tracker).off(result.x)).max())
-        if off < _FIRM or result.status in CUT_SHORT or left < 1:
-            break
-        before = _ties(tracker).duals
-        _ties(tracker).tighten(result.x)
-        tracker.say(f"strings on bars vary by {1e3 * off:.2g} mm: multipliers hold them")
-        tracker.start, tracker.earlier, tracker.left = result, None, _TYING
-        try:
-            firmer = tracker.improve()
-        except ProjectionError:
-            firmer = None
-        if firmer is None or not (firmer.success or firmer.status in CUT_SHORT):
-            _ties(tracker).duals = before
-            break
-        result = firmer
-    tracker.tolerance = tolerance
     return result
 
 
