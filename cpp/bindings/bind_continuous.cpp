@@ -9,6 +9,7 @@
 
 #include "bindings/arrays.hpp"
 #include "continuous/dynamics.hpp"
+#include "continuous/pieces.hpp"
 #include "numerics/parallel.hpp"
 #include "numerics/pool.hpp"
 
@@ -44,7 +45,8 @@ public:
         const Points points{q, v, u, rho_a};
         const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
         Out a = new_array({N, nd}), lam = new_array({N, nc});
-        return each_point(points, threads, a, lam, [](Continuous& at, std::size_t) { return at.accelerate(); });
+        return each_point(points, threads_for(N, 1, threads), a, lam,
+                          [](Continuous& at, std::size_t) { return at.accelerate(); });
     }
 
     Out inverse_dynamics(const In<2>& q, const In<2>& v, const In<2>& a, const In<2>& u, const In<2>& lam,
@@ -81,7 +83,7 @@ public:
         Out slopes = reused(reuse, {N, nd + nc, n});
         double* to = slopes.data();
         const std::vector<int> column = columns();
-        Result out = each_point(points, threads, a, lam, [&](Continuous& at, std::size_t k) {
+        Result out = each_point(points, threads_for(N, 2, threads), a, lam, [&](Continuous& at, std::size_t k) {
             const MotionReport report = at.differentiate();
             if (report.status == MotionStatus::solved) write_slopes(at, column, to + k * (nd + nc) * n);
             return report;
@@ -100,7 +102,7 @@ public:
         Out a = new_array({N, nd}), lam = new_array({N, nc}), H = reused(reuse, {N, n, n});
         double* to = H.data();
         const std::vector<int> column = columns();
-        Result out = each_point(points, threads, a, lam, [&](Continuous& at, std::size_t k) {
+        Result out = each_point(points, threads_for(N, 4, threads), a, lam, [&](Continuous& at, std::size_t k) {
             const MotionReport report = at.differentiate();
             if (report.status != MotionStatus::solved) return report;
             std::vector<double> weights(nd);
@@ -138,12 +140,35 @@ public:
         return out;
     }
 
+    // Writes z[1:] and u.
+    int roll_out_pieces(const In<1>& h, const In<2>& matrix, const In<2>& z_ref, const In<2>& u_ref, const In<3>& K,
+                        const Out& z, const Out& u) {
+        const Mechanism& m = *mechanism_;
+        const std::size_t N = h.size(), points = matrix.shape(0), nx = m.n_states();
+        const std::size_t nu = points * m.n_controls(), nz = points * nx + nu;
+        expect(matrix.shape(1), points, "matrix");
+        expect(z_ref.size(), (N + 1) * nz, "z_ref");
+        expect(u_ref.size(), N * nu, "u_ref");
+        expect(K.size(), N * nu * nz, "K");
+        expect(z.size(), (N + 1) * nz, "z");
+        expect(u.size(), N * nu, "u");
+        nb::gil_scoped_release release;
+        const auto loan = lend();
+        return leastaction::roll_out_pieces(*loan, static_cast<int>(points), matrix.data(), static_cast<int>(N),
+                                            h.data(), {z_ref.data(), u_ref.data(), K.data()}, z.data(), u.data());
+    }
+
 private:
     // Work space for one thread.
     Pool<Continuous>::Loan lend() {
         return pool_.lend([this] { return std::make_unique<Continuous>(mechanism_, damping_, stiffness_); });
     }
 
+    // Where the number of threads is left open, one for N points whose work is done before others have begun: `work` in
+    // accelerations of a variable, of which fifteen hundred take a few hundred microseconds.
+    int threads_for(std::size_t N, std::size_t work, int requested) const {
+        return requested <= 0 && N * mechanism_->n_variables() * work < 1500 ? 1 : requested;
+    }
     std::size_t n_theta() const {
         return 2 * mechanism_->n_variables() + mechanism_->n_inputs + mechanism_->n_kinematic;
     }
@@ -274,7 +299,11 @@ void bind_continuous(nb::module_& module) {
              "threads"_a = 0, "out"_a.none() = nb::none(),
              "accelerations(), and the Hessians of z_a.a + z_lam.lam by [q; v; u; rho_a].")
         .def("tensors", &ContinuousMotion::tensors, "q"_a, "v"_a, "u"_a, "rho_a"_a,
-             "accelerations(), and the Hessians of every acceleration and multiplier of one point.");
+             "accelerations(), and the Hessians of every acceleration and multiplier of one point.")
+        .def("roll_out_pieces", &ContinuousMotion::roll_out_pieces, "h"_a, "matrix"_a, "z_ref"_a, "u_ref"_a, "K"_a,
+             "z"_a, "u"_a,
+             "Simulates pieces of lengths h by a Runge-Kutta method under a feedback; writes z[1:] and u, and returns how "
+             "many pieces were found before one was not.");
 }
 
 }  // namespace leastaction

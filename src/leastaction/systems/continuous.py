@@ -18,8 +18,6 @@ from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities.continuous import KINDS, points_of, quantity_of
 
-_FEW = 8  # samples, for which threads are not worth it
-
 
 class MechanismSystem(ContinuousSystem):
     """``x' = f(x, u, t)`` of a mechanism.
@@ -53,7 +51,7 @@ class MechanismSystem(ContinuousSystem):
         m = self.mechanism
         nq, nd = m.nq, m.nd
         points = points_of(self.mechanism, x, u)
-        out = self.dynamics.core.accelerations(*points, self.dynamics.threads if len(x) > _FEW else 1)
+        out = self.dynamics.core.accelerations(*points, self.dynamics.threads)
         if out.solved != len(x):
             self._explain(points, t)
         rates = np.empty((len(x), 2 * nq))
@@ -61,6 +59,14 @@ class MechanismSystem(ContinuousSystem):
         rates[:, nq : nq + nd] = out.a
         rates[:, nq + nd :] = u[:, m.n_inputs :]
         return rates
+
+    def roll_out_pieces(
+        self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
+    ) -> int:
+        kind = type(self)
+        if kind.rates is not MechanismSystem.rates or kind.f is not MechanismSystem.f:
+            return 0  # its own rates count
+        return self.dynamics.core.roll_out_pieces(h, matrix, *reference, K, z, u)
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         A, B = self.linearize(x[None, :], u[None, :], np.array([t]))

@@ -10,7 +10,22 @@ from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, ry, tx, ty, tz
+from leastaction.mechanics import (
+    Damping,
+    Gravity,
+    JointForce,
+    JointSpring,
+    Mechanism,
+    MidpointVI,
+    PointToPoint,
+    project_configuration,
+    rx,
+    ry,
+    tx,
+    ty,
+    tz,
+    world,
+)  # fmt: skip
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import (
     Accuracy,
@@ -27,12 +42,13 @@ from leastaction.optimal import (
     check_derivatives,
     optimize,
 )
-from leastaction.optimal.collocation.cost import CollocationCost
+from leastaction.optimal.collocation.cost import CollocationCost, collocation_cost
 from leastaction.optimal.collocation.limits import Points, stated
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
 from leastaction.optimal.continuous import regulate_continuous, solve_continuous_linear_quadratic
 from leastaction.optimal.continuous.problem import ContinuousProblem
+from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import Ball, Keep, MechanismSystem, MidpointSystem
 from leastaction.viz import plot_limits
@@ -325,10 +341,96 @@ def test_a_piece_is_a_step_of_order_five():
     assert (orders > 4.5).all(), (errors, orders)
 
 
+class _OwnRates(MechanismSystem):
+    """A mechanism whose rates are stated anew: pieces are not simulated in the core."""
+
+    def rates(self, x, u, t):
+        return super().rates(x, u, t)
+
+
+def _four_bar():
+    """A closed linkage on a slide whose place is prescribed, with a spring, friction and a motor."""
+    tree = world().ty("slide", kinematic=True)
+    tree.rx("a").tz(-1.0, mass=1.0).rx("b").tz(-1.2, name="pin", mass=0.5)
+    tree.ty(1.0).rx("c").tz(-1.1, name="end", mass=0.8)
+    m = Mechanism(
+        tree,
+        [
+            Gravity(),
+            Damping(0.1),
+            JointSpring("b", 2.0),
+            JointForce("a", input="motor"),
+            PointToPoint("pin", "end", "yz"),
+        ],
+    )
+    return m, project_configuration(m, m.configuration({"a": 0.3, "b": 0.8, "c": -0.2})).q
+
+
+@pytest.mark.parametrize("which", ["cart", "linkage"])
+def test_pieces_are_simulated_in_the_core_as_in_python(which, rng):
+    """Under a feedback, from a reference that is off, with constraints and prescribed variables in an order of their own."""
+    m, q = (cart_pendulum(), np.zeros(2)) if which == "cart" else _four_bar()
+    mesh = RadauMesh(np.array([0.0, 0.1, 0.25, 0.3, 0.45]))
+    native, plain = (CollocationSystem(kind(m), mesh) for kind in (MechanismSystem, _OwnRates))
+    u = rng.normal(size=(mesh.N, native.nu))
+    start = np.zeros(native.nx)
+    start[: m.nq] = q
+    K = 0.1 * rng.normal(size=(mesh.N, native.nu, native.nx))
+    along = np.tile(start, (mesh.N + 1, 1))
+    for _ in range(2):  # along a curve that is none of its motions, and along one of them
+        runs = [system.rollout(start, along, u, K, 0, mesh.N) for system in (native, plain)]
+        assert runs[0].complete
+        np.testing.assert_allclose(runs[0].x, runs[1].x, rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(runs[0].u, runs[1].u, rtol=1e-10, atol=1e-10)
+        along = runs[1].x + 1e-2 * rng.normal(size=along.shape)
+    later = native.rollout(runs[1].x[2], along, u, K, 2, 4), plain.rollout(runs[1].x[2], along, u, K, 2, 4)
+    np.testing.assert_allclose(later[0].x, later[1].x, rtol=1e-10, atol=1e-10)
+
+
+def test_a_piece_that_has_no_solution_ends_a_roll_out_alike_in_the_core():
+    mesh = RadauMesh(np.array([0.0, 0.1, 0.2, 40.0, 40.1]))
+    m = cart_pendulum()
+    native, plain = (CollocationSystem(kind(m), mesh) for kind in (MechanismSystem, _OwnRates))
+    u, start = np.full((4, native.nu), 50.0), np.zeros(native.nx)
+    K, along = np.zeros((4, native.nu, native.nx)), np.zeros((5, native.nx))
+    runs = [system.rollout(start, along, u, K, 0, 4) for system in (native, plain)]
+    assert runs[0].steps_done == runs[1].steps_done == 2
+    assert str(runs[0].failure) == str(runs[1].failure)
+
+
+@pytest.mark.parametrize("given", ["constant", "over time"])
+def test_a_quadratic_cost_on_a_mesh_is_looked_up_once(given, rng):
+    mesh = RadauMesh(np.array([0.0, 0.3, 0.5, 1.1]))
+    system = CollocationSystem(MechanismSystem(cart_pendulum()), mesh)
+    if given == "constant":
+        own = ContinuousQuadraticCost([1.0, 2.0, 0.0, 0.5], [0.3], Q=[1.0, 0.0, 2.0, 3.0], R=[0.5], Q_final=np.eye(4))
+    else:
+        own = ContinuousQuadraticCost(
+            lambda t: [t, np.sin(t), 1.0, 0.0], lambda t: [t], Q=lambda t: [1.0, t, 2.0, 0.0], R=lambda t: [1.0 + t],
+            Q_final=[4.0, 3.0, 2.0, 1.0], x_final=[1.0, 1.0, 0.0, 2.0],
+        )  # fmt: skip
+    fast, slow = collocation_cost(own, mesh, system.layout), CollocationCost(own, mesh, system.layout)
+    assert type(fast) is not CollocationCost
+    x, u = rng.normal(size=(4, system.nx)), rng.normal(size=(3, system.nu))
+    for start in (0, 1):
+        np.testing.assert_allclose(
+            fast.stage_values(x[start:3], u[start:], start), slow.stage_values(x[start:3], u[start:], start), rtol=1e-13
+        )
+    assert fast.final_value(x[-1]) == pytest.approx(slow.final_value(x[-1]), rel=1e-13)
+    for one, other in zip(fast.gradient(x, u), slow.gradient(x, u), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-13)
+    Q, R, S, Q_final = fast.hessian(x, u)
+    wanted = slow.hessian(x, u)
+    np.testing.assert_allclose(matrix_of(Q), wanted.Q, atol=1e-13)
+    np.testing.assert_allclose(R, wanted.R)
+    assert S is wanted.S is None
+    np.testing.assert_allclose(Q_final, wanted.Q_final, atol=1e-13)
+
+
 @pytest.mark.parametrize("reference", ["near", "far", "without derivatives"])
 def test_pieces_are_simulated_with_matrices_of_the_curve_that_is_followed(reference, rng, monkeypatch):
     mesh = RadauMesh(np.linspace(0.0, 0.9, 7))
-    cart = MechanismSystem(cart_pendulum())
+    cart = _OwnRates(cart_pendulum())
     system = CollocationSystem(cart, mesh)
     u, nothing = 5.0 * rng.normal(size=(6, system.nu)), np.zeros((6, system.nu, system.nx))
     along = system.rollout(np.zeros(system.nx), np.zeros((7, system.nx)), u, nothing, 0, 6).x

@@ -7,7 +7,7 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import Layout
-from leastaction.optimal.continuous.cost import ContinuousCost
+from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 
 
@@ -73,3 +73,48 @@ class CollocationCost(Cost):
         states, inputs = self.layout.points(x[1:])
         count = self.mesh.N * STAGES
         return states.reshape(count, -1), inputs.reshape(count, -1), self.mesh.t.ravel()
+
+
+class _QuadraticCollocationCost(CollocationCost):
+    """That of a quadratic cost whose weights are diagonals: what does not depend on the motion is looked up once.
+
+    ``wanted``, ``weight`` (N, nz): of the states of the discrete system after every piece.
+    """
+
+    def __init__(self, cost: ContinuousQuadraticCost, mesh: RadauMesh, layout: Layout) -> None:
+        super().__init__(cost, mesh, layout)
+        t = mesh.t.ravel()
+
+        def on_pieces(x: Array, u: Array) -> Array:
+            return layout.joined(x.reshape(mesh.N, STAGES, -1), u.reshape(mesh.N, STAGES, -1))
+
+        shares = self.weights.reshape(-1, 1)
+        self.wanted = on_pieces(cost.x_wanted.samples(t), cost.u_wanted.samples(t))
+        self.weight = on_pieces(shares * cost.Q.samples(t), shares * cost.R.samples(t))
+        last = np.diag(self.weight[-1])
+        last[: layout.nx, : layout.nx] += cost.final_hessian(self.wanted[-1, : layout.nx], self.tf)
+        before = np.concatenate([np.zeros((1, layout.nz)), self.weight[:-1]])
+        self._hessian = CostHessian(before[:, :, None], np.zeros(STAGES * layout.nu), None, last)
+
+    def _pieces(self, z: Array, first: int) -> Array:
+        here = slice(first, first + len(z))
+        return np.asarray(0.5 * np.einsum("ki,ki->k", self.weight[here], (z - self.wanted[here]) ** 2))
+
+    def gradient(self, x: Array, u: Array) -> CostGradient:
+        nx = self.layout.nx
+        q = np.zeros_like(x)
+        q[1:] = self.weight * (x[1:] - self.wanted)
+        q[-1, :nx] += self.cost.final_gradient(x[-1, :nx], self.tf)
+        return CostGradient(q[:-1], np.zeros_like(u), q[-1])
+
+    def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002 - it is constant
+        return self._hessian
+
+
+def collocation_cost(cost: ContinuousCost, mesh: RadauMesh, layout: Layout) -> CollocationCost:
+    """Return a cost on a mesh, in the way that is fastest for it."""
+    if type(cost) is ContinuousQuadraticCost:
+        t = float(mesh.breaks[0])
+        if cost.Q.at(t).ndim == cost.R.at(t).ndim == 1:
+            return _QuadraticCollocationCost(cost, mesh, layout)
+    return CollocationCost(cost, mesh, layout)

@@ -82,6 +82,11 @@ class RadauMesh:
             self.breaks, np.concatenate([states, inputs], axis=2), (states.shape[2] + u.shape[2],)
         )
 
+    @staticmethod
+    def inputs_at_breaks(u: Array) -> Array:
+        """Return inputs (N+1, nu) at the ends of pieces, of the piece that begins there, given those at the points."""
+        return np.concatenate([np.einsum("s,nsi->ni", _START, u), u[-1:, -1]])
+
     def between(self) -> Array:
         """Return times (N, n) between the points."""
         return np.asarray(self.breaks[:-1, None] + self.h[:, None] * _BETWEEN)

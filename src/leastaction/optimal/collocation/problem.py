@@ -11,7 +11,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
-from leastaction.optimal.collocation.cost import CollocationCost
+from leastaction.optimal.collocation.cost import CollocationCost, collocation_cost
 from leastaction.optimal.collocation.limits import Stated, stated, told
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
@@ -142,7 +142,7 @@ class CollocationProblem(LimitedProblem):
         system = CollocationSystem(own.system, mesh)
         self.mesh = mesh
         self.sides = stated(self.stated_limits, own.system, mesh, 1 if self.free_start is False else 0)
-        cost = CollocationCost(own.cost, mesh, system.layout)
+        cost = collocation_cost(own.cost, mesh, system.layout)
         clock, rollouts = getattr(self, "clock", own.clock), self.rollouts
         super().__init__(system, cost, list(_rows(self.sides)), self.settings, self.free_start)
         self.clock, self.rollouts = clock, rollouts
@@ -278,7 +278,8 @@ class CollocationProblem(LimitedProblem):
 
     def arrays(self) -> tuple[Array, Array]:
         """Return states and inputs at the ends of the pieces."""
-        return self.curve().sample(self.mesh.breaks)
+        inputs = self.layout.points(self.x[1:])[1]
+        return self.x[:, : self.own.system.nx].copy(), self.mesh.inputs_at_breaks(inputs)
 
     def result(self, summary: dict[str, Any]) -> ContinuousOptimizationResult:
         own = self.own

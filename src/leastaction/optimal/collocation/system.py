@@ -98,9 +98,12 @@ class CollocationSystem(DiscreteSystem):
         x, u = np.empty((stop - start + 1, self.nx)), np.empty((stop - start, self.nu))
         x[0] = x0
         along = self.layout.points(xbar[start + 1 : stop + 1])[0]
-        matrices = self._matrices_along(along, ubar[start:stop], slice(start, stop))
-        size = STAGES * nx
-        for i, k in enumerate(range(start, stop)):
+        matrices: Sequence[Array | None] | None = None
+        size, k = STAGES * nx, start - 1
+        while (k := self._rolled_out(x, u, (xbar, ubar, K), slice(start, stop), k + 1)) < stop:
+            i = k - start
+            if matrices is None:
+                matrices = self._matrices_along(along, ubar[start:stop], slice(start, stop))
             off = self.difference(x[i], xbar[k])
             u[i] = ubar[k] - K[k] @ off
             inputs = u[i].reshape(STAGES, -1)
@@ -114,6 +117,20 @@ class CollocationSystem(DiscreteSystem):
                 continue
             x[i + 1, :size], x[i + 1, size:] = states[_ORDER].ravel(), u[i]
         return Rollout(x, u, stop - start)
+
+    def _rolled_out(self, x: Array, u: Array, curve: tuple[Array, Array, Array], pieces: slice, begin: int) -> int:
+        """Let the system simulate pieces by itself from one of them on; return the first that it did not."""
+        xbar, ubar, K = curve
+        here, rest = slice(begin - pieces.start, None), slice(begin, pieces.stop)
+        if begin == pieces.stop:
+            return begin
+        reference = np.ascontiguousarray(xbar[begin : pieces.stop + 1]), np.ascontiguousarray(ubar[rest])
+        try:
+            return begin + self.system.roll_out_pieces(
+                self.mesh.h[rest], MATRIX, reference, np.ascontiguousarray(K[rest]), x[here], u[here]
+            )
+        except (LeastActionError, ArithmeticError):
+            return begin  # what says why is asked for one piece
 
     def _matrices_along(self, states: Array, u: Array, pieces: slice) -> Sequence[Array | None]:
         """Return Newton's matrices of pieces along a curve: all at once they cost little more than one alone."""

@@ -43,6 +43,34 @@ class ContinuousSystem(System):
         """Return the quantities of a kind, by name; of one that depends on time, at the instants t."""
         return super().quantity(kind)
 
+    def roll_out_pieces(
+        self,
+        h: Array,  # noqa: ARG002 - overridden, all of them
+        matrix: Array,  # noqa: ARG002
+        reference: tuple[Array, Array],  # noqa: ARG002
+        K: Array,  # noqa: ARG002
+        z: Array,  # noqa: ARG002
+        u: Array,  # noqa: ARG002
+    ) -> int:
+        """Simulate pieces by collocation under a feedback, as far as it goes; return how many pieces it went.
+
+        For `CollocationSystem`, which goes on where a system that has no faster way ends: here, at once.
+
+        Parameters
+        ----------
+        h : ndarray (n,)
+            Lengths of the pieces (s).
+        matrix : ndarray (points, points)
+            Of the method.
+        reference : ndarray (n+1, nz) and (n, points * nu)
+            States of the discrete system, and inputs.
+        K : ndarray (n, points * nu, nz)
+            Gains.
+        z, u : ndarray (n+1, nz) and (n, points * nu)
+            Written to, but for the first state, which is given.
+        """
+        return 0
+
     def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
         """Return the derivatives at samples ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
         A, B = np.empty((len(t), self.nx, self.nx)), np.empty((len(t), self.nx, self.nu))
