@@ -149,7 +149,7 @@ def _reach(
 
 _PLANAR: tuple[Any, ...] = (
     "xxxx", {}, {"joint0": 1.3, "joint1": 0.4, "joint2": 0.5, "joint3": -0.6},
-    [((0.0, 0.75, -1.5), 0.15), ((0.0, 1.5, -0.6), 0.15), ((0.0, 0.6, -0.75), 0.12)],
+    [((0.0, 0.7, -1.55), 0.15), ((0.0, 1.5, -0.65), 0.12), ((0.0, 0.6, -0.75), 0.12)],
 )  # fmt: skip
 _SPATIAL: tuple[Any, ...] = (
     "zyxyzyx", {"joint1": 0.3}, {"joint0": 1.0, "joint1": 1.0, "joint2": 0.3, "joint3": 0.6, "joint5": 0.5},
@@ -299,9 +299,18 @@ def solve(case: Kept, **options: Any) -> OptimizationResult:
 
 
 def compare(
-    case: Case, *, rounds: int = 3, compiled: bool = True, by_fatrop: bool = False, tolerance: float | None = None
+    case: Case,
+    *,
+    rounds: int = 3,
+    compiled: bool = True,
+    by_fatrop: bool = False,
+    tolerance: float | None = None,
+    from_ours: bool = False,
 ) -> Comparison:
-    """Solve a case with both, to their own tolerances or one; by fatrop in the place of Ipopt if it is asked for."""
+    """Solve a case with both, to their own tolerances or one; by fatrop in the place of Ipopt if it is asked for.
+
+    ``from_ours``: let the other begin at what is found, to hear whether that is a minimum.
+    """
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     kept, seconds = case.build(), np.inf
     for _ in range(rounds):
@@ -312,7 +321,7 @@ def compare(
         kept.given.system, kept.given.cost, compiled=compiled, paths=kept.paths, returning=kept.returns
     )
     peer.bound((-np.inf, kept.most[0], -np.inf), (np.inf, kept.most[1], np.inf))
-    start = start_of(kept.given)
+    start = (result.x[:, : peer.nx], result.u) if from_ours else start_of(kept.given)
     if by_fatrop:
         found = fatrop(peer, *start)
     else:
