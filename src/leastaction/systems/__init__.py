@@ -7,7 +7,7 @@ from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.costs.places import PlaceCost
 from leastaction.systems.costs.smooth import SmoothCost
 from leastaction.systems.embedding import embed
-from leastaction.systems.follow import Followed, follow
+from leastaction.systems.following import Followed, follow
 from leastaction.systems.keep import Keep
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem

@@ -1,0 +1,78 @@
+"""What it costs to be off a wanted motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.names import matching
+from leastaction.optimal.discrete.cost import Cost, QuadraticCost
+from leastaction.systems.costs.places import PlaceCost
+from leastaction.systems.costs.smooth import SmoothCost
+from leastaction.systems.midpoint import MidpointSystem
+
+# Weights of what none is given for: of what is wanted, prescribed variables and their places to come, their
+# accelerations, inputs, and the pose that reaches wanted frames.
+_WANTED, _PLACE, _NEXT, _ACCELERATION, _INPUT, _POSE = 1.0, 1e-3, 1e-5, 1e-6, 1e-6, 1e-3
+_LOOKS = 8  # configurations at which it is asked what moves what
+
+
+def following_cost(
+    system: MidpointSystem, wanted: Mapping[str, Array], x: Array, u: Array, weights: Mapping[str, float]
+) -> Cost:
+    """Return the price of being off a wanted motion, about a curve (x, u), given weights by names; see `follow`.
+
+    Raises
+    ------
+    ArgumentError
+        Unknown names, negative weights, an input without one.
+    """
+    m = system.integrator.mechanism
+    # Where frames are wanted, so is the pose that reaches them, a little: what they leave open is not left to wander.
+    reached = any(values.ndim == 2 for values in wanted.values())
+    value = {name: _PLACE if name in m.kinematic else _POSE * reached for name in m.variables}
+    value |= dict.fromkeys(_taken_along(m, x, wanted), 0.0)
+    value |= dict.fromkeys(m.inputs, _INPUT) | dict.fromkeys(wanted, _WANTED)
+    value |= {f"acceleration of {name}": _ACCELERATION for name in m.kinematic}
+    value |= {f"momentum of {name}": 0.0 for name in m.dynamic}
+    names = list(value)
+    for pattern, weight in weights.items():
+        chosen = [names[i] for i in matching(names, pattern)]
+        if not chosen:
+            raise ArgumentError(f"weights: nothing is called {pattern!r}; {closest(pattern, names, what='names')}")
+        value |= dict.fromkeys(chosen, as_number(weight, f"weights: {pattern!r}", least=0.0))
+    goal = x.copy()
+    for name, values in wanted.items():
+        if values.ndim == 1:
+            goal[:, m.variables.index(name)] = values
+    Q = np.zeros(system.nx)
+    Q[: m.nq] = [value[name] if wanted.get(name, x[0]).ndim == 1 else 0.0 for name in m.variables]
+    Q[m.nq : m.nq + m.nd] = [value[f"momentum of {name}"] for name in m.dynamic]
+    # Of places to come a little is weighed too, as every input has to be.
+    R = np.concatenate([[value[name] for name in m.inputs], np.full(m.nrho, _NEXT)])
+    if (R <= 0.0).any():
+        raise ArgumentError(f"weights: input {m.inputs[int(np.argmin(R))]!r} has none, expected a positive one")
+    cost: Cost = QuadraticCost(goal, u, Q=Q, R=R)
+    places = {name: values for name, values in wanted.items() if values.ndim == 2}
+    if places:
+        cost = PlaceCost(cost, system, places, value)
+    if m.nrho:
+        cost = SmoothCost(cost, system, {name: value[f"acceleration of {name}"] for name in m.kinematic})
+    return cost
+
+
+def _taken_along(m: Mechanism, x: Array, wanted: Mapping[str, Array]) -> list[str]:
+    """Return the dynamic variables that only constraints move with the wanted frames: where to is not known of them."""
+    q = x[:, : m.nq]
+    moves = np.ptp(q[:, : m.nd], axis=0) > 0.0
+    held, leads = np.zeros(m.nd, dtype=np.bool_), np.zeros(m.nd, dtype=np.bool_)
+    for at in q[:: max(1, len(q) // _LOOKS)]:
+        held |= m.constraint_jacobian(at)[:, : m.nd].any(axis=0)
+        for name, values in wanted.items():
+            if values.ndim == 2:
+                leads |= m.frame_jacobian(at, name)[:3, : m.nd].any(axis=0)
+    return [m.dynamic[i] for i in np.flatnonzero(moves & held & ~leads)]

@@ -1,0 +1,109 @@
+"""Curves to begin with: a wanted motion brought onto the constraints, and one that stays where that begins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+from leastaction.mechanics.continuous.legendre import to_momentum
+from leastaction.mechanics.discrete.trajectory import State
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.quantity import Instants
+from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.warm_start import configurations_onto_constraints, velocities_onto_constraints
+
+_RIDGE = 1e-10  # of the least squares of inputs, in parts of their normal matrix
+_STEPS, _CLOSE, _DAMPING = 100, 1e-8, 1e-6  # of the search for a pose whose frames are where they are wanted
+
+
+def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: State | None) -> tuple[Array, Array]:
+    """Return states and inputs of the wanted motion, brought onto the constraints, without inputs."""
+    m, t = system.integrator.mechanism, system.t
+    q = np.zeros((len(t), m.nq)) if start is None else np.tile(start.q, (len(t), 1))
+    known = np.zeros(m.nq, dtype=np.bool_)
+    places = {}
+    for name, values in wanted.items():
+        if values.ndim == 1:
+            known[m.variables.index(name)] = True
+            q[:, m.variables.index(name)] = values
+        else:
+            places[name] = values
+    free = np.flatnonzero(~known[: m.nd])
+
+    def reach(k: int, at: Array) -> None:
+        _reach(m, at, free, {name: values[k] for name, values in places.items()})
+
+    configurations_onto_constraints(m, q, known, start, reach if places else None)
+    v = np.gradient(q, t, axis=0)
+    if places:
+        known[: m.nd] = True
+    v[:, ~known] = 0.0
+    velocities_onto_constraints(m, q, v, known)
+    x = np.zeros((len(t), system.nx))
+    x[:, : m.nq] = q
+    x[:, m.nq : m.nq + m.nd] = to_momentum(m, q, v)
+    x[1:, m.nq + m.nd : m.nx] = np.diff(q[:, m.nd :], axis=0) / np.diff(t)[:, None]
+    x[0, : m.nx] = (system.integrator.start(q[0]) if start is None else start).x
+    return x, np.hstack([np.zeros((system.N, m.n_inputs)), q[1:, m.nd :]])
+
+
+def held_still(system: MidpointSystem, x: Array) -> tuple[Array, Array]:
+    """Return the motion that stays where a curve begins, with the inputs that hold it there as nearly as they can."""
+    m, still = system.integrator.mechanism, np.zeros_like(x)
+    still[:, : m.nq] = x[0, : m.nq]
+    still[0] = x[0]
+    u = np.hstack([np.zeros((system.N, m.n_inputs)), still[1:, m.nd : m.nq]])
+    return still, with_inputs(system, still, u) if m.n_inputs else u
+
+
+def with_inputs(system: MidpointSystem, x: Array, u: Array) -> Array:
+    """Return inputs with those that make a motion as nearly as inputs can, by inverse dynamics between the instants."""
+    m, dt = system.integrator.mechanism, np.diff(system.t)[:, None]
+    q = x[:, : m.nq]
+    v = np.gradient(q, system.t, axis=0)
+    middle, speed, change = 0.5 * (q[1:] + q[:-1]), np.diff(q, axis=0) / dt, np.diff(v, axis=0) / dt
+    dynamics = ContinuousDynamics(m)
+
+    def missing(inputs: Array, multipliers: Array) -> Array:
+        shape = (system.N, 1)
+        given = np.tile(multipliers, shape), np.tile(inputs, shape)
+        return dynamics.inverse_dynamics(middle, speed, change, given[0], u=given[1])[:, : m.nd]
+
+    still, none = np.zeros(m.n_inputs), np.zeros(m.nc)
+    needed = missing(still, none)
+    each = [needed - missing(one, none) for one in np.eye(m.n_inputs)]
+    each += [needed - missing(still, one) for one in np.eye(m.nc)]
+    effect = np.stack(each, axis=2)
+    square = np.swapaxes(effect, 1, 2) @ effect
+    size = np.trace(square, axis1=1, axis2=2)[:, None, None]
+    square += (_RIDGE * size + np.finfo(np.float64).tiny) * np.eye(square.shape[-1])
+    found = np.linalg.solve(square, np.swapaxes(effect, 1, 2) @ needed[:, :, None])[:, :, 0]
+    result = u.copy()
+    result[:, : m.n_inputs] = found[:, : m.n_inputs]
+    return result
+
+
+def _reach(m: Mechanism, q: Array, free: Instants, places: Mapping[str, Array]) -> None:
+    """Move variables of a configuration, in place, until frames are as near to their places as they come."""
+    names = list(places)
+    goal = np.concatenate([places[name] for name in names])
+
+    def away(q: Array) -> Array:
+        return np.asarray(m.positions(q, names).ravel() - goal)
+
+    damping, off = _DAMPING, away(q)
+    for _ in range(_STEPS):
+        J = np.vstack([m.frame_jacobian(q, name)[:3, free] for name in names])
+        step = np.linalg.solve(J.T @ J + damping * np.eye(len(free)), -J.T @ off)
+        if np.abs(step).max() < _CLOSE:
+            return
+        trial = q.copy()
+        trial[free] += step
+        found = away(trial)
+        if found @ found <= off @ off:
+            q[:], off, damping = trial, found, max(_DAMPING, 0.1 * damping)
+        else:
+            damping *= 10.0

@@ -1,0 +1,213 @@
+"""Following a wanted motion, given by the names of variables and frames, with any mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError, LeastActionError, closest
+from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.mechanics.discrete.trajectory import State, Trajectory
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import (
+    Array,
+    as_array,
+    as_times,
+    read_only,
+    require_instance,
+    require_mapping,
+)
+from leastaction.numerics.frozen import Frozen
+from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.limits.limit import Limit
+from leastaction.optimal.optimize import optimize
+from leastaction.optimal.result import OptimizationResult
+from leastaction.systems.following.cost import following_cost
+from leastaction.systems.following.curves import held_still, wanted_curve, with_inputs
+from leastaction.systems.following.ways import Ways
+from leastaction.systems.midpoint import MidpointSystem
+
+
+class Wanted(Protocol):
+    """A motion by the names of variables, such as `leastaction.io.Motion`."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of its variables."""
+
+    @property
+    def t(self) -> Array:
+        """Times (N+1,) (s)."""
+
+    def __getitem__(self, name: str) -> Array:
+        """Return the values (N+1,) of a variable."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Followed(Frozen):
+    """A motion that follows a wanted one, the inputs that make it, and the gains that hold it.
+
+    Frozen; threads may share it.
+
+    Attributes
+    ----------
+    system : MidpointSystem
+        Of the mechanism over the times of the motion, with multipliers in its state where it has constraints.
+    wanted : mapping of str to ndarray
+        What was wanted: (N+1,) of variables, (N+1, 3) of frames.
+    result : OptimizationResult
+        Of `optimize`: states, inputs, gains, limits, and how it ended.
+    way : str
+        From where it was found, in words.
+    """
+
+    system: MidpointSystem = field(repr=False)
+    wanted: Mapping[str, Array] = field(repr=False)
+    result: OptimizationResult = field(repr=False)
+    way: str
+
+    def __post_init__(self) -> None:
+        wanted = {name: read_only(each) for name, each in self.wanted.items()}
+        object.__setattr__(self, "wanted", MappingProxyType(wanted))
+        super().__post_init__()
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion, by names."""
+        return self.system.trajectory(self.result.x, self.result.u)
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Root mean square distance from what was wanted, by name (rad or m)."""
+        m = self.system.integrator.mechanism
+        q = np.ascontiguousarray(self.result.x[:, : m.nq])
+        found = {}
+        for name, goal in self.wanted.items():
+            made = q[:, m.variables.index(name)] if goal.ndim == 1 else m.positions(q, [name])[:, 0]
+            squares = (made - goal) ** 2
+            found[name] = float(np.sqrt(np.mean(squares if goal.ndim == 1 else np.sum(squares, axis=1))))
+        return found
+
+
+def follow(
+    mechanism: Mechanism,
+    motion: Wanted | Mapping[str, ArrayLike],
+    weights: Mapping[str, float] | None = None,
+    limits: Sequence[Limit] = (),
+    *,
+    t: ArrayLike | None = None,
+    start: State | None = None,
+    max_iterations: int = 1000,
+    tolerance: float = 1e-6,
+    threads: int = 0,
+    progress: Callable[[str], object] | None = None,
+    **options: Any,
+) -> Followed:
+    """Find the motion of a mechanism that follows a wanted one best, with its inputs and gains.
+
+    The wanted motion need not be possible, nor say anything of inputs, strings, or other variables. It is tried from
+    the wanted motion itself, brought onto the constraints, with the inputs that it needs (inverse dynamics); from
+    holding still where it begins; with limits, from what is found without them. Each of these has 60 iterations, then
+    300, then all that are allowed, and the first that converges is taken. Where none does, dynamic embedding
+    (`embed`) is tried, where forces on all variables help at first.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        An arm, a cart, a puppet: what moves it are its inputs and its kinematic variables.
+    motion : Wanted or mapping of str to array_like
+        A `leastaction.io.Motion`, or by name what is wanted at all times: values (N+1,) of variables, places (N+1, 3)
+        of the origins of frames (m).
+    weights : mapping of str to float, optional
+        By names or patterns of them, of half the squares of: the distance of a wanted variable or frame from where it
+        is wanted (1 if left out); the place of a kinematic variable that is not wanted, about where it goes along with
+        the motion (1e-3); an input (1e-6); ``"acceleration of NAME"`` of a kinematic variable (1e-6); ``"momentum of
+        NAME"``, about that of the wanted motion (0); a variable that is not wanted (0, but 1e-3 where frames are,
+        about a pose that reaches them; 0 of one that only constraints take along). Later ones count.
+    limits : sequence of Limit, optional
+        As of `optimize`. Tensions can be limited.
+    t : array_like (N+1,), optional
+        Times (s); needed where the motion is a mapping, and only there.
+    start : State, optional
+        Where it begins. If left out, at rest in the first wanted configuration, and what that does not say is zero, as
+        far as constraints let it: give one where there are strings.
+    max_iterations, tolerance, **options
+        Of `optimize`.
+    threads : int, optional
+        Of the integrator.
+    progress : callable, optional
+        Called with a line of text when another way is tried.
+
+    Returns
+    -------
+    Followed
+        Where no way converges, the motion that costs least of those that keep to their limits; its result says how it
+        ended.
+
+    Raises
+    ------
+    ArgumentError
+        Unknown names, wrong shapes, negative weights, or no way that leads to any motion.
+    InconsistentStartError
+        A wanted motion that cannot be brought onto the constraints.
+    """
+    require_instance(mechanism, "mechanism", Mechanism)
+    weights = {} if weights is None else weights
+    require_mapping(weights, "weights", "{'hand': 100.0}")
+    m = mechanism
+    wanted, times = _wanted(m, motion, t)
+    if start is not None:
+        require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
+    system = MidpointSystem(MidpointVI(m, threads=threads), times, multipliers=m.nc > 0)
+    x, u = wanted_curve(system, wanted, start)
+    cost = following_cost(system, wanted, x, u, weights)
+    starts = [(x, u), held_still(system, x)]
+    if m.n_inputs:
+        starts[0] = x, _cheaper(system, cost, x, [with_inputs(system, x, u), u])
+    ways = Ways(system, cost, limits, starts, {"tolerance": tolerance, **options}, progress)
+    way, result = ways.search(max_iterations)
+    return Followed(system=system, wanted=wanted, result=result, way=way)
+
+
+def _wanted(
+    m: Mechanism, motion: Wanted | Mapping[str, ArrayLike], t: ArrayLike | None
+) -> tuple[dict[str, Array], Array]:
+    """Return what is wanted by names, and the times."""
+    if isinstance(motion, Mapping):
+        if t is None:
+            raise ArgumentError("t: got none, expected the times of the motion, (N+1,)")
+        times, given = as_times(t), dict(motion)
+    else:
+        if not all(hasattr(motion, name) for name in ("t", "names")):
+            raise ArgumentError(
+                f"motion: got {type(motion).__name__}, expected a Motion, or by name what is wanted: a mapping"
+            )
+        if t is not None:
+            raise ArgumentError("t: the motion has times of its own, expected none; use its resample()")
+        times, given = as_times(motion.t), {name: motion[name] for name in motion.names}
+    if not given:
+        raise ArgumentError("motion: got nothing that is wanted, expected values of variables or places of frames")
+    found = {}
+    for name, values in given.items():
+        if name not in m.variables and name not in m.frames:
+            known = closest(name, (*m.variables, *m.frames), what="variables and frames")
+            raise ArgumentError(f"motion: nothing is called {name!r}; {known}")
+        shapes = [(len(times),)] * (name in m.variables) + [(len(times), 3)] * (name in m.frames)
+        found[name] = as_array(values, f"motion: {name!r}", *shapes, meaning="one row for each time")
+    return found, times
+
+
+def _cheaper(system: MidpointSystem, cost: Cost, x: Array, candidates: Sequence[Array]) -> Array:
+    """Return the inputs with which the projection of a curve costs least."""
+    costs = []
+    for u in candidates:
+        try:
+            costs.append(optimize(system, cost, initial=(x, u), max_iterations=0).cost)
+        except LeastActionError:
+            costs.append(np.inf)
+    return candidates[int(np.argmin(costs))]
