@@ -117,6 +117,6 @@ def _check_inertia(matrix: Array, *, triangle: bool) -> None:
         )
     if triangle and largest > smallest + middle + slack:
         raise DescriptionError(
-            f"inertia: {moments}; no real body has one larger than the sum of the other two. Correct "
-            "it, or say Body(..., allow_nonphysical=True) if it is meant"
+            f"inertia: {moments}; no real body has one larger than the sum of the other two: a flat disc has J about "
+            "its axis and J / 2 about others. Correct it, or say Body(..., allow_nonphysical=True) if it is meant"
         )

@@ -137,7 +137,7 @@ def bodies_of(
     """Return the bodies that the options of a frame describe; `label` is the frame in messages."""
     if mass is None and (com is not None or inertia is not None):
         which = "com" if com is not None else "inertia"
-        raise DescriptionError(f"frame {label}: {which} is given without a mass; give mass= too")
+        raise DescriptionError(f"frame {label}: {which} is given without a mass; give mass= too, 0 for a rotor alone")
     given: object = bodies
     listed = tuple(given) if isinstance(given, Iterable) else ()
     more = tuple(body for body in listed if isinstance(body, Body))
