@@ -1,6 +1,7 @@
 // Python access to the barriers of limits; leastaction.optimal.limits.barrier says what the arguments mean.
 
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/pair.h>
 
 #include "arrays.hpp"
 #include "optimal/barrier.hpp"
@@ -19,12 +20,8 @@ Barrier barrier_of(double mu, const Values& rho, const Arrays&... others) {
     return {static_cast<std::ptrdiff_t>(rho.size()), mu, rho.data()};
 }
 
-void split(const Values& c, double mu, const Values& rho, const Result& slack, const Result& excess) {
-    barrier_of(mu, rho, c, slack, excess).split(c.data(), slack.data(), excess.data());
-}
-
-double value(const Values& slack, const Values& excess, double mu, const Values& rho) {
-    return barrier_of(mu, rho, slack, excess).value(slack.data(), excess.data());
+double split(const Values& c, double mu, const Values& rho, const Result& slack, const Result& excess) {
+    return barrier_of(mu, rho, c, slack, excess).split(c.data(), slack.data(), excess.data());
 }
 
 void stiffness(const Values& slack, const Values& excess, const Values& rho, const Values& y, const Result& out) {
@@ -43,17 +40,39 @@ double step(const Values& c, const Values& slack, const Values& excess, double m
         .step(c.data(), slack.data(), excess.data(), y.data(), dc.data(), fall, least, length);
 }
 
+std::pair<double, double> along(const Values& slack, const Values& excess, double mu, const Values& rho,
+                                const Values& y, const Values& dc) {
+    const auto found =
+        barrier_of(mu, rho, slack, excess, y, dc).along(slack.data(), excess.data(), y.data(), dc.data());
+    return {found.fall, found.stiff};
+}
+
+std::pair<double, double> advance(const Values& c, const Values& slack, const Values& excess, double mu,
+                                  const Values& rho, const Values& y, const Values& dc, double fall, double bend,
+                                  const Result& c_after, const Result& slack_after, const Result& excess_after,
+                                  const Result& y_after) {
+    const Barrier barrier = barrier_of(mu, rho, c, slack, excess, y, dc, c_after, slack_after, excess_after, y_after);
+    const auto found = barrier.advance({c.data(), slack.data(), excess.data(), y.data()}, dc.data(), fall, bend,
+                                       {c_after.data(), slack_after.data(), excess_after.data(), y_after.data()});
+    return {found.length, found.value};
+}
+
 }  // namespace
 
 void bind_barrier(nb::module_& m) {
-    m.def("barrier_split", &split, "c"_a, "mu"_a, "rho"_a, "slack"_a, "excess"_a, "Writes slack and excess.");
-    m.def("barrier_value", &value, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "The sum of the barriers.");
+    m.def("barrier_split", &split, "c"_a, "mu"_a, "rho"_a, "slack"_a, "excess"_a,
+          "Writes slack and excess, and returns the sum of the barriers.");
     m.def("barrier_stiffness", &stiffness, "slack"_a, "excess"_a, "rho"_a, "y"_a, "out"_a,
           "Writes -dy/dc of the primal-dual model.");
     m.def("barrier_move_duals", &move_duals, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "slack_after"_a,
           "out"_a, "Writes duals after a step along dc.");
     m.def("barrier_step", &step, "c"_a, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "fall"_a, "least"_a,
           "length"_a, "Where along a direction the model with the barriers themselves is least.");
+    m.def("barrier_along", &along, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a,
+          "How the barriers fall along a direction, and the stiffness along it.");
+    m.def("barrier_advance", &advance, "c"_a, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "fall"_a, "bend"_a,
+          "c_after"_a, "slack_after"_a, "excess_after"_a, "y_after"_a,
+          "Goes to where that model is least; returns how far it is, and the sum of the barriers there.");
 }
 
 }  // namespace leastaction

@@ -36,13 +36,14 @@ double stiffness_of(double slack, double excess, double rho, double y) {
 
 }  // namespace
 
-void Barrier::split(const double* c, double* slack, double* excess) const {
+double Barrier::split(const double* c, double* slack, double* excess) const {
     for (std::ptrdiff_t i = 0; i < size; ++i) {
         const double t = std::abs(0.5 * rho[i] * c[i] / mu), large = t + root_of(t), unit = mu / rho[i];
         const double far = unit * (1.0 + large), close = unit * (1.0 + 1.0 / large);
         slack[i] = c[i] > 0.0 ? far : close;
         excess[i] = c[i] > 0.0 ? close : far;
     }
+    return value(slack, excess);
 }
 
 double Barrier::value(const double* slack, const double* excess) const {
@@ -79,10 +80,8 @@ double Barrier::slope_along(const double* c, const double* dc, double length) co
 
 double Barrier::step(const double* c, const double* slack, const double* excess, const double* y, const double* dc,
                      double fall, double least, double length) const {
-    const double plain = fall + sum(0, size, [&](std::ptrdiff_t i) { return mu / slack[i] * dc[i]; });
-    const double bend = 2.0 * (least - fall) - sum(0, size, [&](std::ptrdiff_t i) {
-                            return stiffness_of(slack[i], excess[i], rho[i], y[i]) * dc[i] * dc[i];
-                        });
+    const Along barriers = along(slack, excess, y, dc);
+    const double plain = fall + barriers.fall, bend = 2.0 * (least - fall) - barriers.stiff;
     const auto rise = [&](double a) { return plain + a * bend - slope_along(c, dc, a); };
     if (rise(length) <= -almost * (plain - slope_along(c, dc, 0.0))) return length;
     double low = 0.0, high = length;
@@ -91,6 +90,22 @@ double Barrier::step(const double* c, const double* slack, const double* excess,
         (rise(middle) < 0.0 ? low : high) = middle;
     }
     return low == 0.0 ? high : low;
+}
+
+Barrier::Along Barrier::along(const double* slack, const double* excess, const double* y, const double* dc) const {
+    return {sum(0, size, [&](std::ptrdiff_t i) { return mu / slack[i] * dc[i]; }), sum(0, size, [&](std::ptrdiff_t i) {
+                return stiffness_of(slack[i], excess[i], rho[i], y[i]) * dc[i] * dc[i];
+            })};
+}
+
+Barrier::Step Barrier::advance(const From& from, const double* dc, double fall, double bend, const To& to) const {
+    const Along barriers = along(from.slack, from.excess, from.y, dc);
+    const double whole = fall - barriers.fall, least = whole + 0.5 * (bend + barriers.stiff);
+    const double length = step(from.c, from.slack, from.excess, from.y, dc, whole, least, 1.0);
+    for (std::ptrdiff_t i = 0; i < size; ++i) to.c[i] = from.c[i] + length * dc[i];
+    const double found = split(to.c, to.slack, to.excess);
+    move_duals(from.slack, from.excess, from.y, dc, to.slack, to.y);
+    return {length, found};
 }
 
 }  // namespace leastaction

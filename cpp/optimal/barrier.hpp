@@ -18,8 +18,8 @@ struct Barrier {
     double mu;
     const double* rho;
 
-    void split(const double* c, double* slack, double* excess) const;
-    double value(const double* slack, const double* excess) const;
+    // Returns the value too.
+    double split(const double* c, double* slack, double* excess) const;
     // -dy/dc of the primal-dual model at the duals y.
     void stiffness(const double* slack, const double* excess, const double* y, double* out) const;
     // Duals after a step along dc, which stay inside of (0, rho) and near those of the barriers where it leads to; `slack_after`
@@ -31,7 +31,27 @@ struct Barrier {
     double step(const double* c, const double* slack, const double* excess, const double* y, const double* dc,
                 double fall, double least, double length) const;
 
+    // Along a direction: the sum of -psi' dc, and of dc^2 times the stiffness.
+    struct Along {
+        double fall, stiff;
+    };
+    Along along(const double* slack, const double* excess, const double* y, const double* dc) const;
+
+    // Goes to where the model is least along a direction, at most to its end, whose other part has there the derivatives
+    // `fall` and `bend`; writes values, slack, excess and duals of where it leads to.
+    struct From {
+        const double *c, *slack, *excess, *y;
+    };
+    struct To {
+        double *c, *slack, *excess, *y;
+    };
+    struct Step {
+        double length, value;  // how far it is, and of the barriers there
+    };
+    Step advance(const From& from, const double* dc, double fall, double bend, const To& to) const;
+
 private:
+    double value(const double* slack, const double* excess) const;
     double slope_along(const double* c, const double* dc, double length) const;
 };
 

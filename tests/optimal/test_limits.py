@@ -40,7 +40,15 @@ from leastaction.optimal import (
     optimize,
 )
 from leastaction.optimal.discrete.problem import DiscreteProblem
-from leastaction.optimal.limits.barrier import barrier_step, barrier_value, moved_duals, split, stiffness
+from leastaction.optimal.limits.barrier import (
+    Point,
+    advanced,
+    barrier_along,
+    barrier_step,
+    moved_duals,
+    split,
+    stiffness,
+)
 from leastaction.optimal.limits.duals import Duals, Side, Stages
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
@@ -112,10 +120,10 @@ def test_the_barrier_is_the_minimum_over_slack_and_excess(c: float, mu: float, r
             return np.inf
         return float(rho * t - mu * np.log(rho * t / mu) - mu * np.log(rho * (c + t) / mu))
 
-    slack, excess = part = split(np.array([c]), mu, np.array([rho]))
+    slack, excess, value_there = split(np.array([c]), mu, np.array([rho]))
     assert slack[0] - excess[0] == pytest.approx(c, abs=1e-14)
     found = minimize(value, np.log(excess * 1.3), method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-14})
-    assert barrier_value(part, mu, np.array([rho])) == pytest.approx(found.fun, rel=1e-9, abs=1e-11)
+    assert value_there == pytest.approx(found.fun, rel=1e-9, abs=1e-11)
     assert mu / slack[0] + mu / excess[0] == pytest.approx(rho, rel=1e-12)
 
 
@@ -124,7 +132,7 @@ def test_the_dual_is_the_slope_of_the_barrier_and_its_stiffness_the_bend() -> No
     h = 1e-5
 
     def each(values: np.ndarray) -> np.ndarray:
-        return np.array([barrier_value(split(value[None], mu, rho[:1]), mu, rho[:1]) for value in values])
+        return np.array([split(value[None], mu, rho[:1]).value for value in values])
 
     slope = (each(c + h) - each(c - h)) / (2.0 * h)
     part = split(c, mu, rho)
@@ -133,10 +141,10 @@ def test_the_dual_is_the_slope_of_the_barrier_and_its_stiffness_the_bend() -> No
     bend = (mu / split(c - h, mu, rho).slack - mu / split(c + h, mu, rho).slack) / (2.0 * h)
     np.testing.assert_allclose(stiffness(part, rho, y), bend, rtol=1e-5)
     far = np.array([-1e6, -3.0, -1e-9, 0.0, 1e-9, 3.0, 1e6])
-    np.testing.assert_allclose(sum(mu / each for each in split(far, mu, rho[:7])), rho[:7], rtol=1e-12)
+    np.testing.assert_allclose(sum(mu / each for each in split(far, mu, rho[:7])[:2]), rho[:7], rtol=1e-12)
     # A roll-out that is lost is dear, however far it is.
     lost = np.array([-1e200, 1e200])
-    assert barrier_value(split(lost, mu, rho[:2]), mu, rho[:2]) == pytest.approx(7e200)
+    assert split(lost, mu, rho[:2]).value == pytest.approx(7e200)
 
 
 def test_a_step_ends_where_the_barriers_begin_to_rise() -> None:
@@ -151,13 +159,23 @@ def test_a_step_ends_where_the_barriers_begin_to_rise() -> None:
     least = fall + 0.5 * (bend + barriers[0])
 
     def model(a: float) -> float:
-        return (fall + barriers[1]) * a + 0.5 * bend * a**2 + barrier_value(split(c + a * dc, mu, rho), mu, rho)
+        return (fall + barriers[1]) * a + 0.5 * bend * a**2 + split(c + a * dc, mu, rho).value
 
     best = minimize_scalar(model, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-9}).x
     assert 0.01 < best < 0.9
     found = barrier_step(c, part, mu, rho, y, dc, fall=fall, least=least, length=1.0)
     assert found == pytest.approx(best, rel=0.1)
     assert barrier_step(c, part, mu, rho, y, dc, fall=fall, least=least, length=0.5 * best) == 0.5 * best
+    # At once, by the derivatives of what is beside the barriers.
+    assert barrier_along(part, mu, rho, y, dc) == pytest.approx((barriers[1], barriers[0]), rel=1e-12)
+    there, length = advanced(Point(c, part, y), mu, rho, dc, fall=fall + barriers[1], bend=bend)
+    assert length == pytest.approx(found, rel=1e-12)
+    after = split(c + length * dc, mu, rho)
+    np.testing.assert_allclose(there.c, c + length * dc, rtol=1e-14)
+    np.testing.assert_allclose(there.part.slack, after.slack, rtol=1e-12)
+    np.testing.assert_allclose(there.part.excess, after.excess, rtol=1e-12)
+    np.testing.assert_allclose(there.y, moved_duals(part, mu, rho, y, dc, after), rtol=1e-12)
+    assert there.part.value == pytest.approx(after.value, rel=1e-12)
 
 
 def test_duals_stay_inside_of_their_bounds_and_near_those_of_the_barriers() -> None:

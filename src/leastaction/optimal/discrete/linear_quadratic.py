@@ -392,7 +392,8 @@ def _hessians(value: ArrayLike | None, shape: tuple[int, ...], pattern: npt.NDAr
         return None
     shapes = [shape]
     if pattern is not None and np.ndim(value) == 2:
-        m = len(used(pattern))
+        nx, n = pattern.shape
+        m = n - nx + int(np.count_nonzero(pattern[:, :nx].any(axis=0)))
         shapes.append((shape[0], m * (m + 1) // 2))
     return _shaped(value, "H", *shapes)
 

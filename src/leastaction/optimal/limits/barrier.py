@@ -28,10 +28,14 @@ _GUESS = 0.1  # of its price is the first dual of a limit that is not met
 
 
 class Split(NamedTuple):
-    """A limit's value as ``c = slack - excess``, at the minimum over both; both positive."""
+    """Limits' values as ``c = slack - excess``, at the minimum over both; both positive.
+
+    ``value``: the sum of psi there, up to a constant of mu and rho; NaN where it was not asked for.
+    """
 
     slack: Array
     excess: Array
+    value: float = np.nan
 
 
 def split(c: Array, mu: float, rho: Array) -> Split:
@@ -46,20 +50,14 @@ def split(c: Array, mu: float, rho: Array) -> Split:
     rho : ndarray (n,)
         Price of an excess, in units of the cost by those of the limit.
     """
-    part = Split(np.empty_like(c), np.empty_like(c))
-    _core.barrier_split(c, mu, rho, *part)
-    return part
-
-
-def barrier_value(part: Split, mu: float, rho: Array) -> float:
-    """Return the sum of psi, up to a constant of mu and rho."""
-    return _core.barrier_value(*part, mu, rho)
+    slack, excess = np.empty_like(c), np.empty_like(c)
+    return Split(slack, excess, _core.barrier_split(c, mu, rho, slack, excess))
 
 
 def stiffness(part: Split, rho: Array, y: Array) -> Array:
     """Return ``-dy/dc`` of the primal-dual model at the duals y."""
     out = np.empty_like(y)
-    _core.barrier_stiffness(*part, rho, y, out)
+    _core.barrier_stiffness(part.slack, part.excess, rho, y, out)
     return out
 
 
@@ -71,7 +69,32 @@ def barrier_step(
     To a tenth. ``dc``: change of the values along it. ``fall``, ``least``: slope of cost and barriers, and their
     model's change at its end. ``length``: where to look no further.
     """
-    return _core.barrier_step(c, *part, mu, rho, y, dc, fall, least, length)
+    return _core.barrier_step(c, part.slack, part.excess, mu, rho, y, dc, fall, least, length)
+
+
+def barrier_along(part: Split, mu: float, rho: Array, y: Array, dc: Array) -> tuple[float, float]:
+    """Return by how much the barriers fall along a direction, to first order, and the stiffness along it."""
+    return _core.barrier_along(part.slack, part.excess, mu, rho, y, dc)
+
+
+class Point(NamedTuple):
+    """Where limits are: their values, how these are split, and their duals."""
+
+    c: Array
+    part: Split
+    y: Array
+
+
+def advanced(at: Point, mu: float, rho: Array, dc: Array, *, fall: float, bend: float) -> tuple[Point, float]:
+    """Return where a model is least along dc, at most at its end, with duals moved along, and how far that is.
+
+    The model is that of barriers and of something else, with the derivatives ``fall`` and ``bend`` along it.
+    """
+    c, slack, excess, y = (np.empty_like(dc) for _ in range(4))
+    length, value = _core.barrier_advance(
+        at.c, at.part.slack, at.part.excess, mu, rho, at.y, dc, fall, bend, c, slack, excess, y
+    )
+    return Point(c, Split(slack, excess, value), y), length
 
 
 def first_duals(barrier: Array, rho: Array) -> Array:
@@ -89,5 +112,5 @@ def moved_duals(part: Split, mu: float, rho: Array, y: Array, dc: Array, after: 
     ``after``: slack and excess where it leads to.
     """
     out = np.empty_like(y)
-    _core.barrier_move_duals(*part, mu, rho, y, dc, after.slack, out)
+    _core.barrier_move_duals(part.slack, part.excess, mu, rho, y, dc, after.slack, out)
     return out

@@ -18,7 +18,6 @@ from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
 from leastaction.optimal.limits.barrier import (
     Split,
     barrier_step,
-    barrier_value,
     first_duals,
     moved_duals,
     split,
@@ -125,7 +124,7 @@ class Duals:
 
     def barrier(self, room: Room) -> float:
         """Return the sum of the barriers."""
-        return barrier_value(room.part, self.mu, self.prices)
+        return room.part.value
 
     def of_barrier(self, room: Room) -> Sided:
         """Return the duals of the barriers themselves, ``mu / s``."""

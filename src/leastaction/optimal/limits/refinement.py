@@ -23,7 +23,7 @@ from typing import NamedTuple
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.direction import DiscreteDirection
-from leastaction.optimal.limits.barrier import Split, barrier_step, barrier_value, moved_duals, split, stiffness
+from leastaction.optimal.limits.barrier import Point, advanced, barrier_along, stiffness
 from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
 
@@ -43,47 +43,29 @@ class Solved(NamedTuple):
     change: Array
 
 
-class _Point(NamedTuple):
-    """Where steps have led: the values of limits, their slack and excess, their duals, and the change of m."""
-
-    c: Array
-    part: Split
-    y: Array
-    cost: float
-
-
 class _Model:
     """The model M, with limits whose prices, parameter and duals are given; ``room``: that of limits at ``d = 0``."""
 
     def __init__(self, duals: Duals, room: Room) -> None:
         self.mu, self.rho, self.layout = duals.mu, duals.prices, duals.layout
-        self.begin = _Point(room.c.flat, room.part, duals.y.flat, 0.0)
-        self.value = barrier_value(room.part, self.mu, self.rho)
+        self.begin = Point(room.c.flat, room.part, duals.y.flat)
 
-    def gained(self, at: _Point) -> float:
-        """Return by how much M is less at a point than where it begins."""
-        return self.value - at.cost - barrier_value(at.part, self.mu, self.rho)
+    def gained(self, at: Point, cost: float) -> float:
+        """Return by how much M is less at a point than where it begins; ``cost``: the change of m."""
+        return self.begin.part.value - cost - at.part.value
 
-    def weights(self, at: _Point) -> tuple[Array, Array]:
+    def weights(self, at: Point) -> tuple[Array, Array]:
         """Return w and sigma at a point."""
         sigma = stiffness(at.part, self.rho, at.y)
         return self.mu / at.part.slack + sigma * (at.c - self.begin.c), sigma
 
-    def step(self, at: _Point, dc: Array, fall: float, bend: float) -> tuple[_Point, float]:
-        """Return the point where M is least along a change of limits, and how far it is.
+    def step(self, at: Point, dc: Array, fall: float, bend: float) -> tuple[Point, float, float]:
+        """Return the point where M is least along a change of limits, how far it is, and the change of m to there.
 
         ``fall``, ``bend``: the first two derivatives of m along it.
         """
-        mu, rho = self.mu, self.rho
-        whole = fall - float(mu / at.part.slack @ dc)
-        stiff = float(stiffness(at.part, rho, at.y) @ dc**2)
-        length = barrier_step(
-            at.c, at.part, mu, rho, at.y, dc, fall=whole, least=whole + 0.5 * (bend + stiff), length=1.0
-        )
-        c = at.c + length * dc
-        part = split(c, mu, rho)
-        y = moved_duals(at.part, mu, rho, at.y, dc, part)
-        return _Point(c, part, y, at.cost + length * fall + 0.5 * length**2 * bend), length
+        point, length = advanced(at, self.mu, self.rho, dc, fall=fall, bend=bend)
+        return point, length, length * fall + 0.5 * length**2 * bend
 
 
 def promising(duals: Duals, room: Room, direction: DiscreteDirection) -> DiscreteDirection:
@@ -91,13 +73,12 @@ def promising(duals: Duals, room: Room, direction: DiscreteDirection) -> Discret
     return _promising(_Model(duals, room), direction)[0]
 
 
-def _promising(model: _Model, direction: DiscreteDirection) -> tuple[DiscreteDirection, _Point]:
+def _promising(model: _Model, direction: DiscreteDirection) -> tuple[DiscreteDirection, Point, float]:
     assert direction.limited is not None
     begin, dc = model.begin, direction.limited
-    fall = direction.slope + float(model.mu / begin.part.slack @ dc)
-    bend = -direction.slope - float(stiffness(begin.part, model.rho, begin.y) @ dc**2)
-    point, length = model.step(begin, dc, fall, bend)
-    return changed(direction, promise=model.gained(point), reach=length), point
+    fall, stiff = barrier_along(begin.part, model.mu, model.rho, begin.y, dc)
+    point, length, cost = model.step(begin, dc, direction.slope + fall, -direction.slope - stiff)
+    return changed(direction, promise=model.gained(point, cost), reach=length), point, cost
 
 
 def refined(
@@ -113,7 +94,7 @@ def refined(
     direction with duals w and stiffness sigma; None where there is none.
     """
     model = _Model(duals, room)
-    direction, at = _promising(model, direction)
+    direction, at, cost = _promising(model, direction)
     gained = direction.promise
     if direction.reach > _LONG or not gained > 0.0:
         return direction
@@ -127,11 +108,12 @@ def refined(
         found, there = following, following.change
         change = there - (at.c - model.begin.c)
         slope = float(w @ change) - float(sigma @ (there * change))
-        rise = found.least + float(w @ there) - 0.5 * float(sigma @ there**2) - at.cost
+        rise = found.least + float(w @ there) - 0.5 * float(sigma @ there**2) - cost
         bend = 2.0 * (slope - rise)
-        at, length = model.step(at, change, slope - bend, bend)
+        at, length, more = model.step(at, change, slope - bend, bend)
+        cost += more
         dx, du = dx + length * (found.dx - dx), du + length * (found.du - du)
-        before, gained = gained, model.gained(at)
+        before, gained = gained, model.gained(at, cost)
         if gained - before <= _ENOUGH * gained:
             break
     if found is None:
