@@ -292,6 +292,22 @@ def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:
         assert stages.met == pytest.approx(off)
 
 
+def test_a_stage_without_a_step_is_followed_by_the_next_but_one() -> None:
+    """Its minimum was where it began: that of the next is hardly farther off."""
+    after: dict[bool, list[float]] = {}
+    for moved in (True, False):
+        side = Side("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
+        stages = Stages(Duals([side], Layout([(10, 1)])), 1e-9, 1e-12)
+        c = stages.duals.layout.filled([1.0])
+        stages.begin(1.0, c, lambda: 1.0)
+        found = after[moved] = []
+        while not stages.is_last:
+            assert stages.advance(1.0, c, moved=moved)
+            found.append(stages.duals.mu)
+    assert after[False] == pytest.approx([*after[True][1:-1:2], after[True][-1]])
+    assert len(after[False]) < len(after[True])
+
+
 def test_what_is_off_keeps_its_price() -> None:
     """Its dual has hardly begun to grow; by that it would be given away, and bought back in many stages."""
     side = Side("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))

@@ -174,9 +174,9 @@ class CollocationProblem(LimitedProblem):
         enough = super().tolerated(goal)
         return enough if self.moved else min(enough, _ABOVE_NOISE * self.noise)
 
-    def next_stage(self) -> bool:
+    def next_stage(self, *, moved: bool = True) -> bool:
         """Go on with dearer excess or a smaller barrier, or else with shorter pieces where the motion asks for them."""
-        if super().next_stage():
+        if super().next_stage(moved=moved):
             return True
         if self.rounds >= _ROUNDS or not self.stages.are_met(self._limits()):
             return False

@@ -183,10 +183,10 @@ class EasedProblem(ShootingProblem):
 
         return self._leave(ease)
 
-    def next_stage(self) -> bool:
+    def next_stage(self, *, moved: bool = True) -> bool:
         """Go on with less ease, or over trajectories where there were gaps."""
         if self.ease == 1.0:
-            return super().next_stage()
+            return super().next_stage(moved=moved)
         if self.worst_step is None or self.worst_step.s <= COARSE:
             self.sound = self._place()
         self._set_stage(max(1.0, self.ease / self.stride))

@@ -328,10 +328,10 @@ class ShootingProblem(DiscreteProblem):
     def tolerated(self, goal: float) -> float:
         return super().tolerated(goal) if self.open_curve is None else max(goal, _LOOSE * abs(self.value))
 
-    def next_stage(self) -> bool:
+    def next_stage(self, *, moved: bool = True) -> bool:
         """Go on over trajectories, where the gaps are closed or cannot be; then as without them."""
         if self.open_curve is None:
-            return super().next_stage()
+            return super().next_stage(moved=moved)
         closed = self._are_closed()
         self.open_curve = self.costates = None
         self.tells_saddles = self.system.has_curvature

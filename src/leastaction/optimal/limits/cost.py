@@ -8,7 +8,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import is_diagonal, matrix_of
-from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.discrete.model_hessian import HessianPart, ModelHessian
 from leastaction.optimal.limits.duals import Duals, Side
 from leastaction.optimal.limits.entries import EntryRows
@@ -97,6 +97,7 @@ class LimitedCost:
         jacobians: Jacobians,
         dynamics: Array | None = None,
         *,
+        plain: CostHessian,
         convex: bool = False,
     ) -> ModelHessian:
         """Return the second derivatives of the primal-dual model; the next of the same kind are written where they are.
@@ -104,14 +105,16 @@ class LimitedCost:
         Parameters
         ----------
         x, u : ndarray
+        plain : CostHessian
+            Those of the cost alone.
         sigmas, jacobians
             Stiffnesses of the limits, and their derivatives there.
         dynamics : ndarray (N, nx, nx+nu) or None
             ``[A B]``, for what looks ahead.
         convex : bool
-            Whether to leave out what may bend downwards: the limits' own curvature, and that part of the cost's.
+            Whether to leave out what may bend downwards of the limits, as `plain` then does of the cost.
         """
-        Q, R, S, Q_final = (self.cost.convex_hessian if convex else self.cost.hessian)(x, u)
+        Q, R, S, Q_final = plain
         N, nx = len(u), x.shape[1]
         states, inputs = self.of_states.hessian(sigmas, x.shape), self.of_inputs.hessian(sigmas, u.shape)
         if states is not None:
@@ -132,11 +135,11 @@ class LimitedCost:
         final[np.ix_(self.columns[here], self.columns[here])] += weights.matrices[-1][np.ix_(here, here)]
         return ModelHessian(Q, R, S, final, HessianPart(self.columns, weights.matrices[:-1]))
 
-    def bends(self, x: Array, u: Array) -> bool:
-        """Whether the convex part of the second derivatives is another than all of them."""
+    def bends(self, x: Array, u: Array, convex: CostHessian, whole: CostHessian) -> bool:
+        """Whether the convex part of the second derivatives is another than all of them, given those of the cost."""
         if any(self.rows[i].bends(x, u) for i in self.others):
             return True
-        pairs = zip(self.cost.convex_hessian(x, u), self.cost.hessian(x, u), strict=True)
+        pairs = zip(convex, whole, strict=True)
         return any(a is not b and (a is None or b is None or not np.array_equal(a, b)) for a, b in pairs)
 
     def along(self, dx: Array, du: Array, jacobians: Jacobians) -> Sided:

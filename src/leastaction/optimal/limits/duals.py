@@ -406,8 +406,11 @@ class Stages:
         # The duals are worth no more than the motion is near the barrier's minimum.
         return max(min(goal, _LOOSE * mu), 10.0 * noise)
 
-    def advance(self, cost: float, c: Sided) -> bool:
-        """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more."""
+    def advance(self, cost: float, c: Sided, *, moved: bool = True) -> bool:
+        """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more.
+
+        ``moved``: whether the last stage made a step. Where it made none the next is left out too.
+        """
         duals = self.duals
         if duals.leeway.is_lent:
             if not duals.price(c, _DEAREST * self.size):
@@ -430,7 +433,8 @@ class Stages:
             return True
         # Who asks for few digits need not see what a price comes to before the next barrier.
         if not dearer or (self._rough and not was_last):
-            duals.mu = min(duals.mu, max(self.last, self._following))
+            following = self._following if moved else self._after(self._following)
+            duals.mu = min(duals.mu, max(self.last, following))
         return True
 
     def look_for_the_least(self, c: Sided) -> bool:
@@ -465,8 +469,12 @@ class Stages:
     @property
     def _following(self) -> float:
         """The barrier's parameter of the next stage, if that is not the last."""
+        return self._after(self.duals.mu)
+
+    def _after(self, mu: float) -> float:
+        """Return the parameter that follows another."""
         unit = self.first_mu / _FIRST
-        part = self.duals.mu / unit
+        part = mu / unit
         return float(unit * min(_LESS * part, part**_POWER))
 
     def are_met(self, c: Sided) -> bool:

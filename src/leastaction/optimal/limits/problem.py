@@ -11,7 +11,7 @@ import numpy as np
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
@@ -97,6 +97,8 @@ class LimitedProblem(ShootingProblem):
         self.plain_value: float | None = None  # the cost alone
         self.jacobians: Jacobians | None = None
         self.plain: CostGradient | None = None  # of the cost alone
+        self.plain_bend: dict[bool, CostHessian] = {}  # of the cost alone, the convex part and the whole
+        self.has_bends: bool | None = None  # whether these differ, or limits bend
         # Of the iterate and this stage; None: not yet.
         self.room: Room | None = None
         # Of both and the duals; None: not yet.
@@ -210,14 +212,14 @@ class LimitedProblem(ShootingProblem):
     def tolerated(self, goal: float) -> float:
         return super().tolerated(self.stages.tolerated(goal, self.noise, self._limits()) if self._begun else goal)
 
-    def next_stage(self) -> bool:
+    def next_stage(self, *, moved: bool = True) -> bool:
         """Go on without gaps, or with dearer excess, where a limit needs it, or else with a smaller barrier."""
         if self.is_open:
-            more = super().next_stage()
+            more = super().next_stage(moved=moved)
             self._set_out()
             return more
         before = self.duals.y.flat.copy()
-        more = self.stages.advance(self.shown, self._limits())
+        more = self.stages.advance(self.shown, self._limits(), moved=moved)
         self.values = None  # there may be less leeway
         if not more and self.begin_again():
             return True
@@ -347,7 +349,7 @@ class LimitedProblem(ShootingProblem):
     def _second_derivatives(self, *, convex: bool) -> ModelHessian:
         if not self._begun:
             return super()._second_derivatives(convex=convex)
-        if convex and self.exact is not None and not self.limited.bends(self.x, self.u):
+        if convex and self.exact is not None and not self._bends():
             return self.exact
         return self._weights(self.duals.stiffnesses(self._room()), convex=convex)
 
@@ -356,7 +358,22 @@ class LimitedProblem(ShootingProblem):
         dynamics = None
         if any(rows.quantity.looks_ahead for rows in self.limited.rows):
             dynamics = np.concatenate(list(self._linearize()), axis=2)
-        return self.limited.hessian(self.x, self.u, sigmas, self._jacobians(), dynamics, convex=convex)
+        plain = self._of_cost(convex=convex)
+        return self.limited.hessian(self.x, self.u, sigmas, self._jacobians(), dynamics, plain=plain, convex=convex)
+
+    def _of_cost(self, *, convex: bool) -> CostHessian:
+        """Return the second derivatives of the cost alone."""
+        if convex not in self.plain_bend:
+            found = self.cost.convex_hessian if convex else self.cost.hessian
+            self.plain_bend[convex] = found(self.x, self.u)
+        return self.plain_bend[convex]
+
+    def _bends(self) -> bool:
+        """Whether second derivatives have a part that may bend downwards."""
+        if self.has_bends is None:
+            both_parts = self._of_cost(convex=True), self._of_cost(convex=False)
+            self.has_bends = self.limited.bends(self.x, self.u, *both_parts)
+        return self.has_bends
 
     def _with_duals(self, duals: Sided) -> CostGradient:
         """Return the first derivatives of the cost less the duals times the limits."""
@@ -366,7 +383,8 @@ class LimitedProblem(ShootingProblem):
 
     def forget(self) -> None:
         super().forget()
-        self.values = self.plain_value = self.room = self.jacobians = self.plain = None
+        self.values = self.plain_value = self.room = self.jacobians = self.plain = self.has_bends = None
+        self.plain_bend = {}
 
     def _forget_cost(self) -> None:
         super()._forget_cost()
@@ -482,7 +500,7 @@ class LimitedProblem(ShootingProblem):
         """Return second derivatives with other stiffnesses, which are written over those of the iterate."""
         self.exact = self.convex = None
         exact = self._weights(sigmas, convex=False)
-        if share == 1.0 or not self.limited.bends(self.x, self.u):
+        if share == 1.0 or not self._bends():
             return exact
         return between(self._weights(sigmas, convex=True), exact, share)
 

@@ -160,8 +160,11 @@ class Problem(ABC, Generic[M, D, I]):
         """Return the expected decrease that is small enough at this stage, given what is so at the end."""
         return goal
 
-    def next_stage(self) -> bool:
-        """Go on from the minimum of one stage to the next, and return whether there is one."""
+    def next_stage(self, *, moved: bool = True) -> bool:  # noqa: ARG002
+        """Go on from the minimum of one stage to the next, and return whether there is one.
+
+        ``moved``: whether the stage made a step.
+        """
         return False
 
     @property

@@ -79,7 +79,7 @@ class Stages:
         """Go on to the problem's next stage, if it has one."""
         run = self.run
         was_open = run.problem.is_open
-        if run.problem.next_stage():
+        if run.problem.next_stage(moved=run.schedule.spent > 0):
             # How short steps among curves had to be says nothing of those among trajectories.
             shift = 0.0 if was_open and not run.problem.is_open else run.schedule.shift
             run.set_out(changed(run.schedule, scale=1.0, expected=np.nan, full=False, shift=shift))
