@@ -176,6 +176,23 @@ def test_what_is_carried_goes_where_it_is_wanted_and_its_carriers_find_their_way
     assert np.ptp([x[carrier.variables.index(f"x{i}")] for i in range(3)]) < 2.0  # they came along
 
 
+def test_what_an_arm_reaches_only_when_stretched_is_not_approached_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There the last millimetres take ever shorter steps: a hundred at each instant, most of the time of a search."""
+    asked, jacobian = [], Mechanism.frame_jacobian
+
+    def counted(m: Mechanism, *given: Any, **options: Any) -> np.ndarray:
+        asked.append(given)
+        return jacobian(m, *given, **options)
+
+    monkeypatch.setattr(Mechanism, "frame_jacobian", counted)
+    t = np.linspace(0.0, 0.4, 21)
+    stretched = np.tile([0.0, -0.9, 0.0], (21, 1))
+    bent = MidpointVI(ARM).start(ARM.configuration({"shoulder": 0.3, "elbow": -0.7}))
+    found = follow(ARM, {"hand": stretched}, {"hand": 100.0}, t=t, start=bent)
+    assert found.result.success
+    assert len(asked) < 21 * 40
+
+
 def test_a_result_that_keeps_to_its_limits_is_better_than_a_cheaper_one() -> None:
     system = MidpointSystem(MidpointVI(cart_pendulum()), np.linspace(0.0, 0.4, 21))
     wanted = np.zeros((21, 4))

@@ -16,7 +16,8 @@ from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.warm_start import configurations_onto_constraints, velocities_onto_constraints
 
 _RIDGE = 1e-10  # of the least squares of inputs, in parts of their normal matrix
-_STEPS, _CLOSE, _DAMPING = 100, 1e-8, 1e-6  # of the search for a pose whose frames are where they are wanted
+# Of the search for a pose whose frames are where they are wanted: steps, what is close (rad or m), what is there (m).
+_STEPS, _CLOSE, _THERE, _NEARER, _DAMPING = 100, 1e-8, 1e-7, 1e-3, 1e-6
 
 
 def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: State | None) -> tuple[Array, Array]:
@@ -103,7 +104,11 @@ def _reach(m: Mechanism, q: Array, free: Instants, places: Mapping[str, Array]) 
         trial = q.copy()
         trial[free] += step
         found = away(trial)
-        if found @ found <= off @ off:
+        before, after = off @ off, found @ found
+        if after <= before:
             q[:], off, damping = trial, found, max(_DAMPING, 0.1 * damping)
+            # What is out of reach comes hardly nearer any more; what just is in reach is so very slowly.
+            if after > (1.0 - _NEARER) * before or after <= _THERE**2:
+                return
         else:
             damping *= 10.0
