@@ -244,6 +244,14 @@ void bind_mechanism(nb::module_& module) {
     mechanism.def_ro("n_dynamic", &Mechanism::n_dynamic)
         .def_ro("n_kinematic", &Mechanism::n_kinematic)
         .def_ro("n_inputs", &Mechanism::n_inputs)
+        .def_ro("gravity_slot", &Mechanism::gravity_slot, "Where its three numbers are; -1: there is none.")
+        .def(
+            "with_numbers",
+            [](const Mechanism& m, const In<1>& numbers) {
+                return std::const_pointer_cast<Mechanism>(
+                    with_numbers(m, {numbers.data(), numbers.data() + numbers.size()}));
+            },
+            "numbers"_a, "The same mechanism with other numbers of its elements, but for those of gravity.")
         .def_prop_ro("n_constraints", &Mechanism::n_constraints)
         .def_prop_ro("n_joints", [](const Mechanism& m) { return m.joints.size(); })
         .def("joint_poses", &joint_poses, "q"_a, "Poses (N, n_joints, 4, 4) of the joints' moved frames at q (N, nq).")

@@ -439,6 +439,17 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build_like(const Mechanism& o
     return m;
 }
 
+std::shared_ptr<const Mechanism> with_numbers(const Mechanism& mechanism, std::vector<double> numbers) {
+    const std::vector<double>& own = mechanism.numbers;
+    if (numbers.size() != own.size()) throw std::invalid_argument("the mechanism has other numbers");
+    const int gravity = mechanism.gravity_slot;
+    if (gravity >= 0 && !std::equal(own.begin() + gravity, own.begin() + gravity + 3, numbers.begin() + gravity))
+        throw std::invalid_argument("the numbers of gravity are part of more");
+    auto m = std::make_shared<Mechanism>(mechanism);
+    m->numbers = std::move(numbers);
+    return m;
+}
+
 std::shared_ptr<const Mechanism> at_instants(const Mechanism& mechanism, const std::vector<int>& inputs) {
     const auto late = [&](int input) { return std::ranges::find(inputs, input) != inputs.end(); };
     auto m = std::make_shared<Mechanism>(mechanism);

@@ -21,6 +21,7 @@ from leastaction.mechanics.mechanism.arguments import batch
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.parameters import (
+    ElementNumber,
     Place,
     Prescribed,
     check_names,
@@ -302,10 +303,24 @@ class Mechanism:
         """
         numbers = checked(values)
         places = self.parameter_places(list(numbers))
+        slots = {name: place.slot for name, place in places.items() if isinstance(place, ElementNumber)}
+        gravity = self.core.gravity_slot
+        if len(slots) == len(places) and (gravity < 0 or not any(0 <= slot - gravity < 3 for slot in slots.values())):
+            return self._with_slots(numbers, slots)
         tree = with_values(self.tree, {places[name]: value for name, value in numbers.items()})
         result = self._of(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
         if tree is not self.tree:
             check_masses(tree, self.variables, result.core, self.core)
+        return result
+
+    def _with_slots(self, numbers: Mapping[str, float], slots: Mapping[str, int]) -> Mechanism:
+        """Return the same mechanism with other numbers of elements, in these slots of the core."""
+        values = self.core.numbers
+        for name, value in numbers.items():
+            values[slots[name]] = value
+        result = Mechanism.__new__(Mechanism)
+        settled = self._plan.with_numbers(self.tree, numbers, self._owners)  # what an element refuses is said first
+        vars(result).update({**vars(self), "_plan": settled, "core": self.core.with_numbers(values)})
         return result
 
     def with_free_lengths(self, lengths: Mapping[str, Prescribed]) -> Mechanism:
