@@ -60,9 +60,9 @@ def may_be_obstacle(rows: Rows, x: Array, u: Array) -> bool:
 
 
 def stands_still(rows: Rows, x: Array, u: Array) -> bool:
-    """Whether a curve stays where it is, as far as rows tell."""
+    """Whether a curve stays where it is, as far as rows of several instants tell."""
     c = rows.values(x, u)
-    return bool((np.ptp(c, axis=0) <= _SHALLOW * _large(rows, c)).all())
+    return len(c) > 1 and bool((np.ptp(c, axis=0) <= _SHALLOW * _large(rows, c)).all())
 
 
 def _needed(rows: Rows, x: Array, u: Array) -> Array:
