@@ -29,7 +29,7 @@ from leastaction.systems.midpoint import MidpointSystem
 _HELD, _PLACES, _SPEEDS = 20.0, 0.1, 10.0  # weights of the regulator: joints, prescribed variables and their speeds
 # m/s^2 or rad/s^2, with which the estimate reckons beside what the model says, and where strings may go slack: then a
 # limb falls, or is pulled, by newtons that the model along the plan does not have.
-_SURPRISE, _SLACK = 0.15, 12.0
+_SURPRISE, _SLACK = 0.15, 5.0
 _UNSURE = 0.1  # m, rad, m/s or rad/s: how far off the start may be
 _LEAST_NOISE = 1e-6  # m or rad
 _VARIED = 0.1  # part of a length by which it is varied
@@ -336,7 +336,7 @@ class _Controller:
             squares = np.mean(u[:, : m.n_inputs] ** 2, axis=0)
             R = np.concatenate([1.0 / np.where(squares > 0.0, squares, 1.0), np.ones(m.nrho)])
         self.K = regulate(self.A, self.B, Q=Q, R=R)
-        self.L = _estimator(model, self.A, x[0], noise, surprise)
+        self.L = _estimator(model, self.A, x, noise, surprise)
         self.planned = x[:, : m.nd]
         self.known = np.zeros(m.nx)  # the deviation at the instant of the last reading
         self.added = np.zeros_like(u)
@@ -357,14 +357,20 @@ class _Controller:
         return np.asarray(self.A[k] @ deviation + self.B[k] @ self.added[k])
 
 
-def _estimator(model: MidpointSystem, A: Array, x0: Array, noise: float, surprise: float) -> Array:
-    """Return the gains (N+1, nx, nd) of the Kalman filter that reads the dynamic variables."""
+def _estimator(model: MidpointSystem, A: Array, x: Array, noise: float, surprise: float) -> Array:
+    """Return the gains (N+1, nx, nd) of the Kalman filter that reads the dynamic variables, along a plan x (N+1, nx).
+
+    The momenta that chance adds have covariances in proportion to the mass matrix, as if each direction got the same
+    energy: whatever the variables. Accelerations of the same size for each variable would be huge forces where angles
+    are singular and hardly any where they are not, and the filter would take noise for motion.
+    """
     m, dt = model.integrator.mechanism, np.diff(model.t)
     # What is off at the start keeps to the constraints.
-    directions = _UNSURE * model.start_directions(x0, [*m.dynamic, *(f"p_{name}" for name in m.dynamic)])
+    directions = _UNSURE * model.start_directions(x[0], [*m.dynamic, *(f"p_{name}" for name in m.dynamic)])
     P = directions @ directions.T
-    inertia = np.diag(m.mass_matrix(np.ascontiguousarray(x0[: m.nq])))[: m.nd]
-    momenta = np.arange(m.nq, m.nq + m.nd)
+    mass = np.array([m.mass_matrix(np.ascontiguousarray(each[: m.nq]))[: m.nd, : m.nd] for each in x[:-1]])
+    share = np.mean(np.diagonal(mass, axis1=1, axis2=2), axis=1) * (surprise * dt) ** 2
+    momenta = slice(m.nq, m.nq + m.nd)
     V = max(noise, _LEAST_NOISE) ** 2 * np.eye(m.nd)
     L = np.empty((model.N + 1, m.nx, m.nd))
     for k in range(model.N + 1):
@@ -372,5 +378,5 @@ def _estimator(model: MidpointSystem, A: Array, x0: Array, noise: float, surpris
         if k < model.N:
             P = A[k] @ (P - L[k] @ P[: m.nd]) @ A[k].T
             P = 0.5 * (P + P.T)
-            P[momenta, momenta] += (inertia * surprise * dt[k]) ** 2
+            P[momenta, momenta] += share[k] * mass[k]
     return L
