@@ -175,6 +175,27 @@ Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x
     return out;
 }
 
+Out curvature_by_directions(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& w,
+                            const In<2>& directions, int threads, double first_share) {
+    const Mechanism& m = midpoint.mechanism();
+    const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1), P = directions.shape(0);
+    expect(w.shape(0), N, "w");
+    if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
+    expect(directions.shape(1), m.numbers.size(), "direction");
+    std::vector<Parameter> parameters(P);
+    for (std::size_t k = 0; k < P; ++k) {
+        const double* row = directions.data() + k * m.numbers.size();
+        parameters[k].numbers.assign(row, row + m.numbers.size());
+    }
+    Out out = new_array({N, P, nx + m.n_controls() + P});
+    nb::gil_scoped_release release;
+    const int done =
+        curvature_by_numbers(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), w.data(),
+                             static_cast<int>(weights), parameters, first_share, threads, out.data());
+    if (done < static_cast<int>(N)) throw std::invalid_argument("x: this is no trajectory");
+    return out;
+}
+
 nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, const In<1>& u, double dt,
                   std::optional<double> share) {
     const Mechanism& m = midpoint.mechanism();
@@ -302,6 +323,9 @@ void bind_midpoint(nb::module_& module) {
              "first_share"_a = 1.0,
              "Second derivatives (N, nx + nu + 1) of the next states weighted with w (N, nx), or of states and "
              "multipliers with w (N, nx + nc), by the length of every step and (states, u, that length).")
+        .def("curvature_by_numbers", &curvature_by_directions, "t"_a, "x"_a, "u"_a, "w"_a, "directions"_a,
+             "threads"_a = 0, "first_share"_a = 1.0,
+             "The same by directions (P, n_numbers) of the elements' numbers, none of gravity: (N, P, nx + nu + P).")
         .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a, "share"_a.none() = nb::none(),
              "Momenta (p1, p2) of all variables at both ends of a segment, without constraint forces; share: for how "
              "long forces at the instants act at its start, dt by default.");

@@ -14,12 +14,19 @@
 //   S_dt,dt  = v.T_vv v / dt^2 + 2 g.L_vv v / dt^2 + v.(c.f_vv) v / dt,    S_dt,u = c.f_u - c.f_uv v.
 //
 // Forces at the instants add share mu.f(q1, 0, u), and share grows with dt.
+//
+// By a number a of an element (number_curvature.cpp): the gradient of
+//
+//   S_a = -dt e.V_qa + dt c.f_a + share mu.f_a(q1, 0, u) - lam.(Dh_a(q1) mu) + mu_h.h_a(q2)
+//
+// by q1, q2, u and lam, from duals in the space of the numbers; S_ab from differences of it, at the same point.
 #pragma once
 
 #include <memory>
 #include <vector>
 
 #include "discrete/differentiate.hpp"
+#include "discrete/parameters.hpp"
 
 namespace leastaction {
 
@@ -44,6 +51,10 @@ public:
     // After that: second derivatives by th and the time step into `out` (n_theta); returns that by the time step twice.
     // Y_dt: of (q2; lam) by the time step.
     double by_time_step(double dt, const FirstOrder& first, const MidpointStep& step, const double* Y_dt, double* out);
+    // After hessian(): second derivatives by numbers of elements, in directions of their space (with none of gravity), and
+    // by th, rows of n_theta of `out`, and by two of them, `twice`. slopes: of the step by these directions.
+    void by_numbers(double dt, const FirstOrder& first, const MidpointStep& step,
+                    const std::vector<Parameter>& directions, const ParameterSlopes& slopes, double* out, double* twice);
 
 private:
     void set_multipliers(const FirstOrder& first);

@@ -201,6 +201,25 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
     });
 }
 
+namespace {
+
+// Prepares second derivatives of a step that was differentiated, with weights of the next state, or of multipliers too.
+void load_second(const Layout& at, const MidpointStep& step, const double* W_k, int weights, double share,
+                 SecondOrder& second) {
+    std::copy(step.q1.begin(), step.q1.end(), second.q1.begin());
+    std::copy(step.q2.begin(), step.q2.end(), second.q2.begin());
+    std::copy(step.u.begin(), step.u.end(), second.u.begin());
+    std::copy(step.lam.begin(), step.lam.end(), second.lam.begin());
+    second.share = share;
+    for (int i = 0; i < at.nd; ++i) {
+        second.w_q[i] = W_k[at.m.external[i]];
+        second.w_p[i] = W_k[at.nq + at.m.external[i]];
+    }
+    for (int c = 0; c < at.nc; ++c) second.w_lam[c] = weights > at.nx ? W_k[at.nx + c] : 0.0;
+}
+
+}  // namespace
+
 int curvature_by_time_step(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
                            const double* W, int weights, double first_share, int threads, double* out) {
     const Layout at(integrator.mechanism());
@@ -216,16 +235,7 @@ int curvature_by_time_step(const Midpoint& integrator, int steps, const double* 
         const double share = at.share(k, dt, first_share);
         if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
         const ParameterSlopes slopes = differentiate_by(step, first, dt, {length});
-        std::copy(step.q1.begin(), step.q1.end(), second.q1.begin());
-        std::copy(step.q2.begin(), step.q2.end(), second.q2.begin());
-        std::copy(step.u.begin(), step.u.end(), second.u.begin());
-        std::copy(step.lam.begin(), step.lam.end(), second.lam.begin());
-        second.share = share;
-        for (int i = 0; i < at.nd; ++i) {
-            second.w_q[i] = W_k[at.m.external[i]];
-            second.w_p[i] = W_k[at.nq + at.m.external[i]];
-        }
-        for (int c = 0; c < at.nc; ++c) second.w_lam[c] = weights > at.nx ? W_k[at.nx + c] : 0.0;
+        load_second(at, step, W_k, weights, share, second);
         std::vector<double> row(at.theta), Y_dt(at.nd + at.nc);
         for (int i = 0; i < at.nd + at.nc; ++i) Y_dt[i] = slopes.Y[i * slopes.ld];
         second.hessian(dt, first);
@@ -238,6 +248,34 @@ int curvature_by_time_step(const Midpoint& integrator, int steps, const double* 
             by[i] += change;
             by[at.nx + at.ni + i - at.nd] -= change;
             by[n] += 2.0 * change * (step.q2[i] - step.q1[i]) / dt;
+        }
+        return true;
+    });
+}
+
+int curvature_by_numbers(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
+                         const double* W, int weights, const std::vector<Parameter>& directions, double first_share,
+                         int threads, double* out) {
+    const Layout at(integrator.mechanism());
+    const int n = at.nx + at.nu, count = static_cast<int>(directions.size()), row = n + count;
+    return for_each_step(integrator, steps, threads, [&](Workspace& workspace, std::size_t k) {
+        const double dt = t[k + 1] - t[k];
+        const double* now = X + k * at.nx;
+        MidpointStep& step = workspace.step;
+        FirstOrder& first = workspace.first();
+        SecondOrder& second = workspace.second();
+        const double share = at.share(k, dt, first_share);
+        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
+        const ParameterSlopes slopes = differentiate_by(step, first, dt, directions);
+        load_second(at, step, W + k * weights, weights, share, second);
+        second.hessian(dt, first);
+        std::vector<double> by_theta(static_cast<std::size_t>(count) * at.theta), twice(count * count);
+        second.by_numbers(dt, first, step, directions, slopes, by_theta.data(), twice.data());
+        double* by = out + k * count * row;
+        std::fill_n(by, count * row, 0.0);
+        for (int a = 0; a < count; ++a, by += row) {
+            at.scatter(&by_theta[static_cast<std::size_t>(a) * at.theta], by, by + at.nx);
+            std::copy_n(&twice[a * count], count, by + n);
         }
         return true;
     });

@@ -88,4 +88,10 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
 int curvature_by_time_step(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
                            const double* W, int weights, double first_share, int threads, double* out);
 
+// The same by directions of the numbers of elements, none of gravity: rows (states, u, the directions) of each,
+// out (N, P, nx + nu + P).
+int curvature_by_numbers(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
+                         const double* W, int weights, const std::vector<Parameter>& directions, double first_share,
+                         int threads, double* out);
+
 }  // namespace leastaction

@@ -76,6 +76,7 @@ public:
     std::vector<Pose<T>> pose;                // by joint, after its motion
     std::vector<Motion<T>> twist;             // by joint, world coordinates, at the world origin
     std::vector<double> angle, sine, cosine;  // work space of place()
+    const double* numbers;                    // of the elements; others may stand for those of the mechanism
     const double* number_slopes = nullptr;    // duals only: the direction in the space of the numbers
 
     explicit Placement(const Constants& constants)
@@ -84,6 +85,7 @@ public:
           angle(pose.size() + 8),
           sine(pose.size() + 8),
           cosine(pose.size() + 8),
+          numbers(constants.numbers.data()),
           constants_(&constants) {}
 
     const std::vector<Joint>& joints() const { return constants_->joints; }
@@ -100,9 +102,9 @@ public:
     }
     T number(int slot) const {
         if constexpr (std::is_same_v<T, double>)
-            return constants_->numbers[slot];
+            return numbers[slot];
         else
-            return {constants_->numbers[slot], number_slopes ? number_slopes[slot] : 0.0};
+            return {numbers[slot], number_slopes ? number_slopes[slot] : 0.0};
     }
 
 private:

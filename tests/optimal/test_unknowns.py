@@ -106,6 +106,36 @@ def test_second_derivatives_of_the_extended_system(name: str, split: str, rng: n
         np.testing.assert_allclose(H[1] @ direction, wanted, atol=2e-7 * max(1.0, np.abs(wanted).max()))
 
 
+class _ByDifferences(MidpointSystem):
+    """A system that leaves second derivatives by its numbers to differences."""
+
+    def curvature_by_parameters(self, x, u, z, names, start=0):
+        return None
+
+
+@pytest.mark.parametrize("multipliers", [False, True])
+@pytest.mark.parametrize(("name", "split"), CASES)
+def test_second_derivatives_by_numbers_of_elements(name: str, split: str, multipliers: bool) -> None:
+    """All numbers of all elements at once, of forces, potentials and constraints, against differences."""
+    own, x, u = moving(name, split, multipliers)
+    m = own.integrator.mechanism
+    names = [each for each in m.parameters if m.slots_of_elements([each]) is not None]
+    assert len(names) > 4, names
+    other = _ByDifferences(own.integrator, own.t, multipliers=multipliers)
+    z = np.random.default_rng(3).normal(size=(3, own.nx + len(names)))
+    found, wanted = (
+        ExtendedSystem(each, names, [], free_start=True)
+        .linearize(np.hstack([x, np.tile([m.parameters[n] for n in names], (4, 1))]), u)
+        .curvature(z)
+        for each in (own, other)
+    )
+    assert own.curvature_by_parameters(x, u, z[:, : own.nx], names) is not None
+    size = np.abs(wanted).max(axis=0) + 1e-3 * np.abs(wanted).max()
+    assert (np.abs(found - wanted) / size).max() < 1e-6
+    part = own.curvature_by_parameters(x[1:3], u[1:2], z[1:2, : own.nx], names, 1)
+    np.testing.assert_array_equal(part[0], own.curvature_by_parameters(x, u, z[:, : own.nx], names)[1])
+
+
 def test_a_pendulum_on_a_cart_by_hand(rng: np.random.Generator) -> None:
     """The step written out, solved by JAX, and differentiated twice there by everything: parameters and time too."""
     jax = pytest.importorskip("jax")
@@ -163,6 +193,14 @@ def test_a_pendulum_on_a_cart_by_hand(rng: np.random.Generator) -> None:
     A, B = system.derivatives(x, u, 0)
     np.testing.assert_allclose(np.hstack([A, B])[:4], first, atol=1e-10)
     np.testing.assert_allclose(system.curvature(x, u, 0, z), second, atol=1e-9 * np.abs(second).max())
+    # Of elements alone they are exact.
+    elements = [names.index(each) for each in ("damping.x", "spring.stiffness", "spring.rest")]
+    part = ExtendedSystem(own, [names[j] for j in elements], [], free_start=True)
+    at = np.concatenate([x[:4], values[elements]])
+    found = part.curvature(at, u, 0, np.concatenate([z[:4], np.zeros(3)]))
+    places = [*range(4), *(4 + j for j in elements), 11]
+    # The mechanism has its own values of the others, as the whole system does here.
+    np.testing.assert_allclose(found, second[np.ix_(places, places)], atol=1e-12 * np.abs(second).max())
 
 
 def slide(N: int, T: float = 3.0) -> MidpointSystem:

@@ -192,6 +192,26 @@ class MidpointSystem(DiscreteSystem):
         out[:, -1:] *= growth
         return out
 
+    def curvature_by_parameters(
+        self, x: Array, u: Array, z: Array, names: Sequence[str], start: int = 0
+    ) -> Array | None:
+        """Return second derivatives by numbers of elements; None where a name is another number, or the final time."""
+        vi, m = self.integrator, self.integrator.mechanism
+        if FINAL_TIME in names or type(self).f is not MidpointSystem.f:
+            return None
+        slots = m.slots_of_elements(names)
+        if slots is None:
+            return None
+        directions = np.zeros((len(names), len(m.core.numbers)))
+        directions[np.arange(len(names)), slots] = 1.0
+        t = self.t[start : start + len(x)]
+        found = vi.core.curvature_by_numbers(
+            t, self._bare(x), u, z, directions, threads=vi.threads, first_share=self._share(start)
+        )
+        out = np.zeros((len(u), len(names), self.nx + self.nu + len(names)))
+        out[:, :, : m.nx], out[:, :, self.nx :] = found[:, :, : m.nx], found[:, :, m.nx :]
+        return out
+
     def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:
         """Return how a configuration has to follow parameters that change its constraints, (nx, len(names)).
 

@@ -303,9 +303,8 @@ class Mechanism:
         """
         numbers = checked(values)
         places = self.parameter_places(list(numbers))
-        slots = {name: place.slot for name, place in places.items() if isinstance(place, ElementNumber)}
-        gravity = self.core.gravity_slot
-        if len(slots) == len(places) and (gravity < 0 or not any(0 <= slot - gravity < 3 for slot in slots.values())):
+        slots = self.slots_of_elements(list(numbers))
+        if slots is not None:
             return self._with_slots(numbers, slots)
         tree = with_values(self.tree, {places[name]: value for name, value in numbers.items()})
         result = self._of(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
@@ -313,11 +312,18 @@ class Mechanism:
             check_masses(tree, self.variables, result.core, self.core)
         return result
 
-    def _with_slots(self, numbers: Mapping[str, float], slots: Mapping[str, int]) -> Mechanism:
+    def slots_of_elements(self, names: Sequence[str]) -> list[int] | None:
+        """Return where the core has parameters that are numbers of elements; None if one is none, or gravity's."""
+        places = self.parameter_places(list(names)).values()
+        slots = [place.slot for place in places if isinstance(place, ElementNumber)]
+        gravity = self.core.gravity_slot
+        of_gravity = gravity >= 0 and any(0 <= slot - gravity < 3 for slot in slots)
+        return None if len(slots) < len(places) or of_gravity else slots
+
+    def _with_slots(self, numbers: Mapping[str, float], slots: Sequence[int]) -> Mechanism:
         """Return the same mechanism with other numbers of elements, in these slots of the core."""
         values = self.core.numbers
-        for name, value in numbers.items():
-            values[slots[name]] = value
+        values[slots] = list(numbers.values())
         result = Mechanism.__new__(Mechanism)
         settled = self._plan.with_numbers(self.tree, numbers, self._owners)  # what an element refuses is said first
         vars(result).update({**vars(self), "_plan": settled, "core": self.core.with_numbers(values)})

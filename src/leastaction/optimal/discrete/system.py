@@ -159,6 +159,21 @@ class DiscreteSystem(System):
         """Return the derivatives (n, nx, len(names)) of steps from `start` on along x (n+1, nx), u (n, nu)."""
         raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `differentiate_by`.")
 
+    def curvature_by_parameters(
+        self,
+        x: Array,  # noqa: ARG002 - overridden, all of them
+        u: Array,  # noqa: ARG002
+        z: Array,  # noqa: ARG002
+        names: Sequence[str],  # noqa: ARG002
+        start: int = 0,  # noqa: ARG002
+    ) -> Array | None:
+        """Return second derivatives of steps by some parameters and ``(x, u, these parameters)``, weighted with z.
+
+        As `curvature_by_final_time`: arrays (n+1, nx), (n, nu), (n, nx) of steps from `start` on, the result
+        (n, P, nx + nu + P). None where the system has none, as here: they are differences then.
+        """
+        return None
+
     def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:  # noqa: ARG002
         """Return the second derivatives (n, nx + nu + 1) of ``z[k] . f`` by the final time and (x, u, that time).
 

@@ -27,10 +27,10 @@ _SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
 class ExtendedSystem(DiscreteSystem):
     """A system with parameters, and entries of its first state, as constant states; those entries count from there.
 
-    Its first derivatives are those of the system, and so are its second ones by the final time, where the system has
-    them. Second ones by other parameters are differences of fourth order of the exact first ones, over a thousandth of
-    the parameter: good to about ten digits. It holds settings and no state; any number of threads may share it, as far
-    as they may share the system.
+    Its first derivatives are those of the system, and so are its second ones by the final time, and by the parameters,
+    where the system has them. Second ones by other parameters are differences of fourth order of the exact first ones,
+    over a thousandth of the parameter: good to about ten digits. It holds settings and no state; any number of threads
+    may share it, as far as they may share the system.
 
     ``system``: with the parameters, at values of its own. ``copied``: entries of the state whose first values are kept.
     ``free_start``: what of the system's own initial state is free.
@@ -95,7 +95,8 @@ class ExtendedSystem(DiscreteSystem):
         if FINAL_TIME in self.names:
             by_time = system.curvature_by_final_time(np.stack([own, system.f(own, u, k)]), u[None], weights, k)
         along = partial(self._of_step, x=own, u=u, k=k)
-        return np.asarray(self._second(H, by_time, values, along, weights)[0])
+        exact = self._by_parameters(system, np.stack([own, system.f(own, u, k)]), u[None], weights, k)
+        return np.asarray(self._second(H, by_time, values, along, weights, exact)[0])
 
     def _of_step(self, values: Array, x: Array, u: Array, k: int) -> tuple[Array, Array, Array]:
         """Return the system's A, B and derivatives by parameters (1, ...) of a step at values of these."""
@@ -139,9 +140,14 @@ class ExtendedSystem(DiscreteSystem):
         def second(z: Array) -> Array:
             weights = np.ascontiguousarray(z[:, : self.n_own])
             by_time = system.curvature_by_final_time(own, u, weights) if FINAL_TIME in self.names else None
-            return self._second(lin.curvature(weights), by_time, values, along, weights)
+            exact = self._by_parameters(system, own, u, weights)
+            return self._second(lin.curvature(weights), by_time, values, along, weights, exact)
 
         return Linearization(A, B, second, lin)
+
+    def _by_parameters(self, system: DiscreteSystem, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
+        """Return what the system has of second derivatives of steps by the parameters."""
+        return system.curvature_by_parameters(x, u, z, self.names, start) if self.names else None
 
     def _extended(self, A: Array, B: Array, by: Array) -> tuple[Array, Array]:
         """Return A and B of steps of the system, and their derivatives by parameters, as those of extended states."""
@@ -160,12 +166,13 @@ class ExtendedSystem(DiscreteSystem):
         values: Array,
         along: Callable[[Array], tuple[Array, Array, Array]],
         z: Array,
+        exact: Array | None,
     ) -> Array:
         """Return ``z . D2f`` (n, nx+nu, nx+nu) of steps.
 
         ``H``: its part without parameters. ``by_time``: that by the final time, where it is one and the system has
         that. ``along``: returns the system's A, B and derivatives by parameters at values of these. ``z`` (n, nx of the
-        system).
+        system). ``exact``: all that is by parameters, (n, P, nx of the system + nu + P), where the system has it.
         """
         n, count = self.n_own, len(self.names)
         # By [x; p; u], and from that by [y; u]: c moves what is kept.
@@ -179,8 +186,10 @@ class ExtendedSystem(DiscreteSystem):
         mixed = np.zeros((len(H), len(own) + count, count))
         once, twice = mixed[:, : len(own)], mixed[:, len(own) :]
         known = [] if by_time is None else [self.names.index(FINAL_TIME)]
+        if exact is not None:
+            mixed[:] = exact.transpose(0, 2, 1)
         for j in range(count):
-            if j not in known:
+            if exact is None and j not in known:
                 mixed[:, :, j] = by_differences(slope, values, j)
         for j in known:
             assert by_time is not None
