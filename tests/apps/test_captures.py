@@ -351,3 +351,57 @@ def test_real_captures(tmp_path: Path, capsys: pytest.CaptureFixture[str], file:
     path = captured(f"{file}.bvh")
     optimize(capsys, tmp_path / "out", "--motion", path, "--dt", 0.02, "--trim", 0, 1, "--max-iterations", 30)
     check(tmp_path / "out", within=0.02)
+
+
+def _boxer(t: np.ndarray) -> dict[str, np.ndarray | float]:
+    """Fast punches, one hand after the other, on bent knees."""
+    blow = {side: sum(np.exp(-(((t - at) / 0.09) ** 2)) for at in times) for side, times in _BLOWS.items()}
+    arms = {f"{side}elbow_rx": 2.2 - 2.0 * each for side, each in blow.items()}
+    arms |= {f"{side}shoulder_rx": 0.4 + 1.1 * each for side, each in blow.items()}
+    turned = -0.4 - 0.4 * blow["l"] + 0.7 * blow["r"]
+    return arms | {"torso_rz": turned, "torso_rx": -0.2, "lhip_rx": 0.5, "lknee_rx": -0.5, "rknee_rx": -0.5}
+
+
+def _skipper(t: np.ndarray) -> dict[str, np.ndarray | float]:
+    """Hops along a circle of two metres."""
+    at, beat = 0.9 * t, 2.0 * np.pi * 1.1 * t
+    found = {"torso_tx": 2.0 * (np.cos(at) - 1.0), "torso_ty": 2.0 * np.sin(at), "torso_rz": at}
+    found["torso_tz"] = 0.15 * np.abs(np.sin(beat))
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        lift = np.maximum(sign * np.sin(beat), 0.0)
+        found |= {f"{side}hip_rx": 1.1 * lift, f"{side}knee_rx": -0.15 - 1.2 * lift}
+        found |= {f"{side}shoulder_rx": -0.8 * sign * np.sin(beat), f"{side}elbow_rx": 0.9 + 0.0 * t}
+    return found
+
+
+def _turner(t: np.ndarray) -> dict[str, np.ndarray | float]:
+    """Turns around within half a second, both arms flung out, and once more the other way; some samples are wrong."""
+    around = 0.5 * np.pi * (1.0 + np.tanh((t - 1.2) / 0.18)) - np.pi * (1.0 + np.tanh((t - 2.6) / 0.25))
+    out = np.exp(-(((t - 1.4) / 0.4) ** 2))
+    found = {"torso_rz": around, "lshoulder_ry": 1.2 * out, "rshoulder_ry": -1.2 * out, "lelbow_rx": 0.3 + 0.0 * t}
+    found["rhip_rx"] = 0.05 + 0.8 * (np.arange(len(t)) == 100)
+    return found | {"lknee_rx": -0.1, "rknee_rx": -0.1, "relbow_rx": 0.3}
+
+
+_BLOWS = {"l": (1.0, 1.35, 2.6), "r": (1.7, 3.0)}
+_KINDS = {
+    "boxer": (_boxer, Convention(axes=Y_UP, unit=0.0254), 5.0),
+    "skipper": (_skipper, Convention(axes=Y_UP, unit=0.01, names=KINECT, order="YXZ"), 12.0),
+    "turner": (_turner, Convention(axes=Z_UP, unit=0.0254, names=MIXAMO), 9.0),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", _KINDS)
+def test_kinds_of_motion_that_nothing_was_made_for(kind: str, tmp_path: Path) -> None:
+    made, convention, most = _KINDS[kind]
+    t = np.arange(0.0, 3.5, 1.0 / 60.0)
+    q = np.zeros((len(t), len(VARIABLES)))
+    for name, values in made(t).items():
+        q[:, VARIABLES.index(name)] = values
+    q += 0.01 * np.random.default_rng(0).normal(size=q.shape) * np.where(np.arange(q.shape[1]) < 3, 0.2, 1.0)
+    path = write_puppet(tmp_path / f"{kind}.bvh", q, frame_time=1.0 / 60.0, convention=convention)
+    run = track(marionette(strings=9), load_motion(path, dt=0.02).motion)
+    assert run.result.success
+    assert run.tension.min() >= 0.5 - 1e-6
+    assert run.held_error < most
