@@ -292,20 +292,24 @@ def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:
         assert stages.met == pytest.approx(off)
 
 
-def test_a_stage_without_a_step_is_followed_by_the_next_but_one() -> None:
-    """Its minimum was where it began: that of the next is hardly farther off."""
+@pytest.mark.parametrize("equal", [True, False])
+def test_a_stage_of_equations_without_a_step_is_followed_by_the_next_but_one(equal: bool) -> None:
+    """Its minimum was where it began, and there are no active limits to be found."""
     after: dict[bool, list[float]] = {}
     for moved in (True, False):
-        side = Side("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
-        stages = Stages(Duals([side], Layout([(10, 1)])), 1e-9, 1e-12)
-        c = stages.duals.layout.filled([1.0])
+        sides = [Side("limit", ("c = 0",), equal, first, np.ones(1), np.zeros(1)) for first in (True, False)]
+        stages = Stages(Duals(sides, Layout([(10, 1), (10, 1)])), 1e-9, 1e-12)
+        c = stages.duals.layout.filled([0.0, 0.0] if equal else [1.0, 1.0])
         stages.begin(1.0, c, lambda: 1.0)
         found = after[moved] = []
         while not stages.is_last:
             assert stages.advance(1.0, c, moved=moved)
             found.append(stages.duals.mu)
-    assert after[False] == pytest.approx([*after[True][1:-1:2], after[True][-1]])
-    assert len(after[False]) < len(after[True])
+    if equal:
+        assert after[False] == pytest.approx([*after[True][1:-1:2], after[True][-1]])
+        assert len(after[False]) < len(after[True])
+    else:
+        assert after[False] == after[True]
 
 
 def test_what_is_off_keeps_its_price() -> None:

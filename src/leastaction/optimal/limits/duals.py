@@ -409,7 +409,8 @@ class Stages:
     def advance(self, cost: float, c: Sided, *, moved: bool = True) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more.
 
-        ``moved``: whether the last stage made a step. Where it made none the next is left out too.
+        ``moved``: whether the last stage made a step. Where it made none, and there are equations only, the next is
+        left out too: a barrier that falls slowly is for finding which limits are active.
         """
         duals = self.duals
         if duals.leeway.is_lent:
@@ -433,7 +434,8 @@ class Stages:
             return True
         # Who asks for few digits need not see what a price comes to before the next barrier.
         if not dearer or (self._rough and not was_last):
-            following = self._following if moved else self._after(self._following)
+            skips = not moved and all(side.equal for side in duals.sides)
+            following = self._after(self._following) if skips else self._following
             duals.mu = min(duals.mu, max(self.last, following))
         return True
 
