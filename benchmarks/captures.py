@@ -155,7 +155,7 @@ def main() -> int:
             try:
                 rows.append(made(problem, strings, words.iterations, words.follow))
             except LeastActionError as error:
-                print(f"{problem.name:32s} {strings:7d}  ended in an error: {error}", flush=True)
+                print(f"{problem.name:32s} {strings!s:>16s}  ended in an error: {error}", flush=True)
             else:
                 print(rows[-1].line(one), flush=True)
     captured = [row for row in rows if row.problem.name != "made-up walk"]

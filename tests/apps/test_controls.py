@@ -412,7 +412,7 @@ def test_the_scene_and_the_summary_have_the_bars(run: TrackingRun) -> None:
 
 
 def test_limits_that_a_settled_motion_breaks_are_told(run: TrackingRun) -> None:
-    """Also where they were stated: strings on bars are settled without them."""
+    """Also where they were stated: strings on bars are settled afterwards."""
     assert run_summary(run)["limits_broken"] == []
     speed = float(max(np.abs(np.diff(run.trajectory[name])).max() for name in ("cross-x", "cross-y", "cross-z"))) / 0.02
     kinds = frozenset({"tension", "joints", "speed", "reach"})
