@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -305,11 +305,12 @@ def compare(
     compiled: bool = True,
     by_fatrop: bool = False,
     tolerance: float | None = None,
-    from_ours: bool = False,
+    meet: bool = False,
 ) -> Comparison:
     """Solve a case with both, to their own tolerances or one; by fatrop in the place of Ipopt if it is asked for.
 
-    ``from_ours``: let the other begin at what is found, to hear whether that is a minimum.
+    ``meet``: the other begins at what is found, and that search once more at what it comes to: where there are many
+    minima, whether there is one for both.
     """
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     kept, seconds = case.build(), np.inf
@@ -321,12 +322,14 @@ def compare(
         kept.given.system, kept.given.cost, compiled=compiled, paths=kept.paths, returning=kept.returns
     )
     peer.bound((-np.inf, kept.most[0], -np.inf), (np.inf, kept.most[1], np.inf))
-    start = (result.x[:, : peer.nx], result.u) if from_ours else start_of(kept.given)
+    start = (result.x[:, : peer.nx], result.u) if meet else start_of(kept.given)
     if by_fatrop:
         found = fatrop(peer, *start)
     else:
         solver = peer.ipopt(**({} if tolerance is None else {"tol": tolerance, "bound_relax_factor": 0.0}))
         found = min((peer.solve(solver, *start) for _ in range(rounds)), key=lambda each: each.seconds)
+    if meet:
+        result = solve(replace(kept, given=replace(kept.given, x=found.x, u=found.u)), **options)
     return Comparison(
         case.name, result.cost, found.cost, result.status.name, found.status, seconds, found.seconds,
         result.iterations, found.iterations, verdict="",
