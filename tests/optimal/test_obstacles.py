@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -112,6 +113,21 @@ def test_a_run_that_is_stopped_while_obstacles_grow_goes_on(slider: MidpointSyst
     np.testing.assert_array_equal(rest.x, whole.x)
     np.testing.assert_array_equal(rest.u, whole.u)
     assert rest.iterations == whole.iterations
+
+
+def test_a_result_that_was_saved_before_there_was_any_leeway_is_read(slider: MidpointSystem, tmp_path: Path) -> None:
+    whole = passed(slider, [(1.0, 0.02)])
+    with np.load(save_result(tmp_path / "now.npz", whole)) as saved:
+        told = dict(saved)
+    named = json.loads(str(told["leastaction_record"]))
+    barrier = named["content"]["limits"]["barrier"]
+    assert barrier.pop("part") == 0.0
+    barrier.pop("leeway")
+    del told["limits.barrier.leeway"]
+    np.savez(tmp_path / "earlier.npz", **(told | {"leastaction_record": np.array(json.dumps(named))}))
+    again = passed(slider, [(1.0, 0.02)], resume=load_result(tmp_path / "earlier.npz"))
+    assert again.success
+    assert again.cost == pytest.approx(whole.cost, rel=1e-12)
 
 
 def test_a_start_inside_of_what_it_has_to_stay_in_needs_no_leeway(slider: MidpointSystem) -> None:

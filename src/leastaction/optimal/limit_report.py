@@ -21,7 +21,7 @@ class Barrier(Frozen):
 
     ``size``: the cost at the start. ``tolerance``: of the optimisation. ``first_mu``, ``last_mu``: parameters of the
     first and the last stage. ``duals``, ``scale``, ``prices``, ``leeway`` (n,): of all sides, those of equations twice,
-    one after the other. ``part``: how much of the leeway limits still have.
+    one after the other. ``part``: how much of the leeway limits still have; none in files from before there was any.
     """
 
     size: float
@@ -31,8 +31,8 @@ class Barrier(Frozen):
     duals: Array
     scale: Array
     prices: Array
-    leeway: Array
-    part: float
+    leeway: Array = field(default_factory=lambda: np.empty(0))
+    part: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -270,7 +270,9 @@ class Duals:
         self.mu, self.y = mu, Sided(barrier.duals.copy(), self.layout)
         ends = np.cumsum([len(scale) for scale in self.scale])[:-1]
         self.scale, self.rho = np.split(barrier.scale.copy(), ends), np.split(barrier.prices.copy(), ends)
-        self.leeway.whole, self.leeway.part = np.split(barrier.leeway.copy(), ends), barrier.part
+        if barrier.part > 0.0:
+            self.leeway.whole = np.split(barrier.leeway.copy(), ends)
+        self.leeway.part = barrier.part
         self.settle_prices()
 
     def states(self, k: Sequence[Instants], c: Sided, duals: Sided) -> tuple[LimitState, ...]:
