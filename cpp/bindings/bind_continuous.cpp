@@ -300,10 +300,10 @@ void bind_continuous(nb::module_& module) {
              "accelerations(), and the Hessians of z_a.a + z_lam.lam by [q; v; u; rho_a].")
         .def("tensors", &ContinuousMotion::tensors, "q"_a, "v"_a, "u"_a, "rho_a"_a,
              "accelerations(), and the Hessians of every acceleration and multiplier of one point.")
-        .def("roll_out_pieces", &ContinuousMotion::roll_out_pieces, "h"_a, "matrix"_a, "xbar"_a, "ubar"_a, "K"_a,
-             "z"_a, "u"_a,
-             "Simulates pieces of lengths h by a Runge-Kutta method under a feedback; writes z[1:] and u, and returns how "
-             "many pieces were found before one was not.");
+        .def("roll_out_pieces", &ContinuousMotion::roll_out_pieces, "h"_a, "matrix"_a, "xbar"_a, "ubar"_a, "K"_a, "z"_a,
+             "u"_a,
+             "Simulates pieces of lengths h by a Runge-Kutta method under a feedback; writes z[1:] and u, and returns "
+             "how many pieces were found before one was not.");
 }
 
 }  // namespace leastaction

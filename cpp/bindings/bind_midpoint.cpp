@@ -189,9 +189,8 @@ Out curvature_by_directions(const Midpoint& midpoint, const In<1>& t, const In<2
     }
     Out out = new_array({N, P, nx + m.n_controls() + P});
     nb::gil_scoped_release release;
-    const int done =
-        curvature_by_numbers(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), w.data(),
-                             static_cast<int>(weights), parameters, first_share, threads, out.data());
+    const int done = curvature_by_numbers(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), w.data(),
+                                          static_cast<int>(weights), parameters, first_share, threads, out.data());
     if (done < static_cast<int>(N)) throw std::invalid_argument("x: this is no trajectory");
     return out;
 }

@@ -154,7 +154,8 @@ int roll_out_pieces(Continuous& at, int points, const double* matrix, int pieces
     const auto place = [&](int point) { return point == points - 1 ? 0 : (point + 1) * nx; };
     const auto outside = [&](int i) { return i < nq ? m.external[i] : nq + m.external[i - nq]; };
     for (int k = 0; k < pieces; ++k) {
-        const double *now = z + static_cast<std::size_t>(k) * nz, *wanted = reference.z + static_cast<std::size_t>(k) * nz;
+        const double *now = z + static_cast<std::size_t>(k) * nz,
+                     *wanted = reference.z + static_cast<std::size_t>(k) * nz;
         const double* following = wanted + nz;
         double *next = z + static_cast<std::size_t>(k + 1) * nz, *inputs = u + static_cast<std::size_t>(k) * nu;
         for (int i = 0; i < nz; ++i) off[i] = now[i] - wanted[i];

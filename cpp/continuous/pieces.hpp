@@ -38,8 +38,8 @@ private:
 
     Continuous& at_;
     int points_, nd_, nq_, nu_, nk_;
-    std::vector<double> A_, A2_;           // the method's matrix, and A_ij A_jl at [(i points + j) points + l]
-    std::vector<double> a_, a_q_, a_v_;    // of the points: accelerations and their derivatives, nd x nd
+    std::vector<double> A_, A2_;         // the method's matrix, and A_ij A_jl at [(i points + j) points + l]
+    std::vector<double> a_, a_q_, a_v_;  // of the points: accelerations and their derivatives, nd x nd
     std::vector<double> r_q_;
     Matrix newton_;
     Eigen::PartialPivLU<Matrix> factors_;

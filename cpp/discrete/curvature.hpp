@@ -54,7 +54,8 @@ public:
     // After hessian(): second derivatives by numbers of elements, in directions of their space (with none of gravity), and
     // by th, rows of n_theta of `out`, and by two of them, `twice`. slopes: of the step by these directions.
     void by_numbers(double dt, const FirstOrder& first, const MidpointStep& step,
-                    const std::vector<Parameter>& directions, const ParameterSlopes& slopes, double* out, double* twice);
+                    const std::vector<Parameter>& directions, const ParameterSlopes& slopes, double* out,
+                    double* twice);
 
 private:
     void set_multipliers(const FirstOrder& first);

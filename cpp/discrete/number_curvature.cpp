@@ -69,9 +69,8 @@ public:
             by_q2[j] += 0.5 * by_q + by_v / dt_;
         };
         for (const auto& [i, slot] : m_.damping) by_middle(i, 0.0, -c_[i] * direction[slot]);
-        for_each_entry(
-            m_.potentials, middle_, Q_.data(), local_,
-            [&](int i, int j, const Dual<double>& bend) { by_middle(j, -dt_ * e_[i] * bend.d, 0.0); });
+        for_each_entry(m_.potentials, middle_, Q_.data(), local_,
+                       [&](int i, int j, const Dual<double>& bend) { by_middle(j, -dt_ * e_[i] * bend.d, 0.0); });
         for_each_entry(
             m_.forces, ForcePoint<Dual<double>>{middle_, Q_.data(), V_.data(), U_.data()}, force_,
             [&](int i, int j, const Dual<double>& f_q, const Dual<double>& f_v) {
