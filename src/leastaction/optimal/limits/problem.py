@@ -398,7 +398,9 @@ class LimitedProblem(ShootingProblem):
     def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
         """Solve the linear-quadratic problem of a method; see `DiscreteProblem`."""
         model = super().minimise_model(method, scale, shift)
-        self.is_drowned = self._begun and model.smallest_eigenvalue > 0.0
+        # In exact numbers a convex model has a minimum.
+        is_lost = method == "quasi-newton" and not model.definite
+        self.is_drowned = self._begun and (is_lost or model.smallest_eigenvalue > 0.0)
         if self.is_drowned:
             # Beside stiff limits the rest of the curvature is lost in rounding: this is no saddle.
             self.tells_saddles = False
