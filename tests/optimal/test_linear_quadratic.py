@@ -12,6 +12,19 @@ from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.model_hessian import HessianPart, ModelHessian, between, shifted
 
 
+def _with_drift(rng, N, nx, nu):
+    """A problem with linear terms and a drift, but for its dynamics."""
+    return {
+        "Q": rng.uniform(1, 2, nx),
+        "R": rng.uniform(1, 2, nu),
+        "q": rng.standard_normal((N, nx)),
+        "r": rng.standard_normal((N, nu)),
+        "c": rng.standard_normal((N, nx)),
+        "Q_final": _positive(rng, nx),
+        "q_final": rng.standard_normal(nx),
+    }
+
+
 def _positive(rng, n, floor=0.1):
     M = rng.standard_normal((n, n))
     return M @ M.T / n + floor * np.eye(n)
@@ -295,16 +308,7 @@ def test_what_a_pattern_leaves_out_is_not_read(weights, states):
     unused = np.flatnonzero(~pattern[:, :nx].any(axis=0))
     H = 0.02 * _symmetric(rng, N, nx + nu, nx + nu)
     H[:, unused] = H[:, :, unused] = 0.0
-    given = {
-        "Q": rng.uniform(1, 2, nx),
-        "R": rng.uniform(1, 2, nu),
-        "q": rng.standard_normal((N, nx)),
-        "r": rng.standard_normal((N, nu)),
-        "c": rng.standard_normal((N, nx)),
-        "Q_final": _positive(rng, nx),
-        "q_final": rng.standard_normal(nx),
-        "keep_P": True,
-    }
+    given = _with_drift(rng, N, nx, nu) | {"keep_P": True}
     if weights == "per stage":
         given |= {"Q": rng.uniform(1, 2, (N, nx, 1)), "R": np.tile(_positive(rng, nu), (N, 1, 1))}
     elif weights == "coupled":
@@ -342,15 +346,7 @@ def test_small_problems_are_those_of_large_ones(sizes, weights):
     pattern = np.any(np.concatenate([A, B], axis=2) != 0.0, axis=0)
     H = 0.02 * _symmetric(rng, N, nx + nu, nx + nu)
     H[:, 2] = H[:, :, 2] = 0.0
-    given = {
-        "Q": rng.uniform(1, 2, nx),
-        "R": rng.uniform(1, 2, nu),
-        "q": rng.standard_normal((N, nx)),
-        "r": rng.standard_normal((N, nu)),
-        "c": rng.standard_normal((N, nx)),
-        "Q_final": _positive(rng, nx),
-        "q_final": rng.standard_normal(nx),
-    }
+    given = _with_drift(rng, N, nx, nu)
     if weights == "per stage":
         given |= {"Q": rng.uniform(1, 2, (N, nx, 1)), "R": np.stack([_positive(rng, nu, 1.0) for _ in range(N)])}
     elif weights == "coupled":

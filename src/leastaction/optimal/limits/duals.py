@@ -271,8 +271,9 @@ class Duals:
         ends = np.cumsum([len(scale) for scale in self.scale])[:-1]
         self.scale, self.rho = np.split(barrier.scale.copy(), ends), np.split(barrier.prices.copy(), ends)
         if barrier.part > 0.0:
-            self.leeway.whole = np.split(barrier.leeway.copy(), ends)
-        self.leeway.part = barrier.part
+            self.leeway.restore(np.split(barrier.leeway.copy(), ends), barrier.part)
+        else:
+            self.leeway.give_all_back()
         self.settle_prices()
 
     def states(self, k: Sequence[Instants], c: Sided, duals: Sided) -> tuple[LimitState, ...]:

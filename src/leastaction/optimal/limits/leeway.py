@@ -49,6 +49,14 @@ class Leeway:
         left = round(self.part * _STEPS) - 1
         self.part = max(left, 0) / _STEPS
 
+    def give_all_back(self) -> None:
+        """Have none of it any more."""
+        self.part = 0.0
+
+    def restore(self, whole: Sequence[Array], part: float) -> None:
+        """Have what an earlier run had."""
+        self.whole, self.part = list(whole), part
+
     def added(self, c: Sided) -> Sided:
         """Return values with what is lent now."""
         return Sided(c.flat + self.part * c.layout.filled(self.whole).flat, c.layout) if self.is_lent else c

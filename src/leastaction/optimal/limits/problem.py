@@ -218,9 +218,10 @@ class LimitedProblem(ShootingProblem):
             more = super().next_stage(moved=moved)
             self._set_out()
             return more
-        before = self.duals.y.flat.copy()
+        before, was_lent = self.duals.y.flat.copy(), self.duals.leeway.is_lent
         more = self.stages.advance(self.shown, self._limits(), moved=moved)
-        self.values = None  # there may be less leeway
+        if was_lent:
+            self.values = None  # there may be less leeway
         if not more and self.begin_again():
             return True
         self.room = None  # it is one of other prices, even where there is no more
@@ -233,7 +234,8 @@ class LimitedProblem(ShootingProblem):
     def retry_stage(self) -> bool:
         """Make a stage again that led nowhere, without leeway, or with all excess as dear where limits are far off."""
         if self.duals.leeway.is_lent:
-            self.duals.leeway.part, self.values = 0.0, None
+            self.duals.leeway.give_all_back()
+            self.values = None
             self._set_out()
             return True
         again = self._begun and not self.is_open and self.stages.look_for_the_least(self._limits())
