@@ -209,6 +209,20 @@ def test_a_linear_problem_with_bounds_keeps_to_them_and_is_optimal(rng: np.rando
     assert result.limits.active("x[1] <= 0.05").size > 0
 
 
+def test_a_start_far_away_says_nothing_of_which_limits_are_active() -> None:
+    A, B = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.005], [0.1]])
+    system = LinearSystem(np.tile(A, (40, 1, 1)), np.tile(B, (40, 1, 1)))
+    wanted = np.zeros((41, 2))
+    wanted[:, 0] = np.sin(0.1 * np.arange(41.0))
+    cost = QuadraticCost(wanted, np.zeros((40, 1)), Q=np.array([1.0, 0.1]), R=np.array([0.1]))
+    limit = Within(FunctionQuantity("place", lambda x: x[:, 0]), max=0.3)
+    result = optimize(system, cost, limits=[limit], initial=(np.zeros(2), np.full((40, 1), 1e3)))
+    assert result.success
+    room = result.limits["place <= 0.3"]
+    np.testing.assert_array_equal(result.limits.sides[0].active[:, 0], room < 1e-4)
+    assert 0 < result.limits.active("place <= 0.3").size < 20
+
+
 CASES = {
     "push": [Bound("x-force", -12.0, 12.0)],
     "push over time": [Bound("x-force", max=lambda t: 12.0 + t)],

@@ -31,7 +31,10 @@ _DEAR = 10.0  # times its dual is the price of an excess
 _CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
 _BINDING = 0.5  # of the price is the dual of a limit that the price does not enforce
 _SETTLED = 2.3  # natural logarithm of the factor by which duals may be off those of the barrier in the end
-_ACTIVE = 100.0  # times mu: dual times scale of a limit that is active
+# Dual times scale of a limit that is active: more than so many mu, and than the geometric mean of mu and the cost. The
+# scale may be what was seen at a start far away, so that says where a limit is never active; where it is somewhere, it is
+# where the dual is more than a part of its largest.
+_ACTIVE, _HARDLY = 100.0, 1e-5
 
 # The barrier's parameter: the first, in the cost by the number of rows; how it falls from one stage to the next.
 _FIRST, _LESS, _POWER = 0.1, 0.1, 1.5
@@ -276,9 +279,9 @@ class Duals:
             self.leeway.give_all_back()
         self.settle_prices()
 
-    def states(self, k: Sequence[Instants], c: Sided, duals: Sided) -> tuple[LimitState, ...]:
-        """Return what is told of the limits, given their instants, values and duals."""
-        sides = []
+    def states(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> tuple[LimitState, ...]:
+        """Return what is told of the limits, given their instants, values and duals, and the cost."""
+        least, sides = max(_ACTIVE * self.mu, np.sqrt(self.mu * abs(cost))), []
         for i, own in enumerate(self.sides):
             if own.equal and not own.first:
                 continue
@@ -287,7 +290,7 @@ class Duals:
             if own.equal:
                 dual = dual - duals[i + 1]
             else:
-                active |= dual * self.scale[i] > _ACTIVE * self.mu
+                active |= (dual * self.scale[i] > least) & (dual > _HARDLY * dual.max(axis=0, initial=0.0))
             at = k[i].astype(np.int64)
             for array in (at, active):
                 array.setflags(write=False)
@@ -360,8 +363,8 @@ class Stages:
                 "call. Give initial=result to start from its trajectory with others"
             )
 
-    def report(self, k: Sequence[Instants], c: Sided, duals: Sided) -> LimitReport:
-        """Return what is told of the limits, given their instants, values and duals."""
+    def report(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> LimitReport:
+        """Return what is told of the limits, given their instants, values and duals, and the cost without barriers."""
         own = self.duals
         barrier = Barrier(
             size=self.size,
@@ -374,7 +377,7 @@ class Stages:
             leeway=_joined(own.leeway.whole),
             part=own.leeway.part,
         )
-        return LimitReport(own.states(k, c, duals), own.mu, own.excess(c), barrier)
+        return LimitReport(own.states(k, c, duals, cost), own.mu, own.excess(c), barrier)
 
     @property
     def _rough(self) -> bool:

@@ -566,7 +566,7 @@ class LimitedProblem(ShootingProblem):
     def _report(self) -> LimitReport:
         k = [rows.k for rows in self.limited.rows]
         if not self.is_open or self.earlier is None:
-            return self.stages.report(k, self._asked(), self._duals())
+            return self.stages.report(k, self._asked(), self._duals(), self.shown)
         # Of the trajectory that is returned in the place of a curve with gaps.
         c = self.limited.asked(self.earlier.x, self.earlier.u)
-        return self.stages.report(k, c, self.duals.settled(self.duals.y, self.duals.room(c)))
+        return self.stages.report(k, c, self.duals.settled(self.duals.y, self.duals.room(c)), self.shown)
