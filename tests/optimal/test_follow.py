@@ -262,6 +262,44 @@ def test_an_arm_on_a_string_that_pulls() -> None:
     np.testing.assert_array_equal(found.result.x[0, : m.nq], start.q)
 
 
+def test_keyframes_are_met_and_what_is_between_them_is_free() -> None:
+    key = np.full(101, np.nan)
+    key[[0, 30, 60, 100]] = 0.0, 0.5, -0.2, 0.3
+    slide = Mechanism([tx("x", mass=1.0, name="block")], [JointForce("x", "push")])
+    found = follow(slide, {"x": key}, {"push": 1e-7}, t=T)
+    assert found.result.success
+    assert found.errors["x"] < 1e-3
+    assert "x " in str(found)
+    # The least effort through keyframes: its jumps are at them, and it changes linearly between.
+    bends = np.abs(np.diff(found.result.u[:, 0], n=2))
+    assert bends[[k for k in range(98) if min(abs(k + 1 - np.array([30, 60]))) > 1]].max() < 1e-6 * bends.max()
+    places = np.full((101, 3), np.nan)
+    places[:, 0] = key
+    by_frame = follow(slide, {"block": places}, {"push": 1e-7, "x": 0.0}, t=T)
+    np.testing.assert_allclose(by_frame.result.x, found.result.x, atol=1e-6)
+    assert by_frame.errors["block"] == pytest.approx(found.errors["x"], abs=1e-8)
+
+
+def test_keyframes_of_a_closed_linkage() -> None:
+    key = np.full(101, np.nan)
+    begins = project_configuration(FIVE_BAR, FIVE_BAR.configuration(), attempts=20).q
+    key[[0, 40, 100]] = begins[0] + np.array([0.0, 0.15, -0.1])
+    found = follow(FIVE_BAR, {"a": key}, t=T, start=MidpointVI(FIVE_BAR).start(begins))
+    assert found.result.success
+    assert found.errors["a"] < 1e-2
+
+
+def test_what_is_wrong_with_limits_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("leastaction.systems.following.ways.optimize", None)  # it is not even tried
+    with pytest.raises(ArgumentError, match=r"^Bound\('turm'\): unknown name 'turm'"):
+        follow(ARM, {"hand": CIRCLE}, t=T, limits=[Bound("turm", -1.0, 1.0)])
+
+
+def test_what_is_wrong_with_every_way_is_told_as_it_is() -> None:
+    with pytest.raises(ArgumentError, match=r"^Bound\('elbow'\): .*the initial state is fixed"):
+        follow(ARM, {"elbow": np.full(101, 0.5)}, t=T, limits=[Bound("elbow", max=0.2)])
+
+
 def test_wrong_arguments_are_named() -> None:
     for arguments, options, message in (
         (({"hant": CIRCLE},), {"t": T}, "nothing is called 'hant'.*hand"),
@@ -269,6 +307,9 @@ def test_wrong_arguments_are_named() -> None:
         ((Motion(("elbow",), T, T[:, None]),), {"t": T}, "times of its own"),
         (({},), {"t": T}, "nothing that is wanted"),
         (({"hand": CIRCLE[1:]},), {"t": T}, "motion: 'hand'"),
+        (({"hand": CIRCLE * np.nan},), {"t": T}, "motion: 'hand': got nothing but NaN"),
+        (({"elbow": np.where(T > 1.0, np.inf, np.nan)},), {"t": T}, "motion: 'elbow': got inf"),
+        (({"elbow": "high"},), {"t": T}, "motion: 'elbow': got 'high'"),
         (({"hand": CIRCLE}, {"foot": 1.0}), {"t": T}, "weights: nothing is called 'foot'"),
         (({"hand": CIRCLE}, {"hand": -1.0}), {"t": T}, "expected a number >= 0"),
         (({"hand": CIRCLE}, {"turn": 0.0}), {"t": T}, "'turn' has none"),

@@ -9,14 +9,14 @@ as far as the cost falls enough.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from typing import Any, Literal, cast, get_args, overload
 
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from leastaction.errors import ArgumentError, brief
+from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import as_choice, require_instance
 from leastaction.numerics.time_functions import TimeFunctionLike
 from leastaction.optimal.collocation.problem import CollocationProblem
@@ -29,7 +29,7 @@ from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.shooting import Gapped
 from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.limits.limit import Limit
+from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.loop import Callback, Loop, Problem
 from leastaction.optimal.result import OptimizationResult
@@ -236,7 +236,7 @@ def optimize(
         raise ArgumentError(
             f"cost: got {type(cost).__name__}, expected a {kind.__name__} to go with {type(system).__name__}"
         )
-    limits, free = _checked(limits), _checked_start(free_start, system)
+    limits, free = checked_limits(limits), _checked_start(free_start, system)
     if isinstance(system, DiscreteSystem):
         check_system(system, (DiscreteSystem,), ("N",))
         for name, value in (("horizon", horizon), ("accuracy", accuracy), ("collocate", collocate or None)):
@@ -334,23 +334,6 @@ def _checked_start(free: bool | Sequence[str], system: DiscreteSystem | Continuo
     names = (free,) if isinstance(free, str) else tuple(free)
     system.free_entries(names)
     return names
-
-
-def _checked(limits: Sequence[Limit]) -> list[Limit]:
-    if isinstance(limits, Limit):
-        return [limits]
-    several: object = limits
-    if not isinstance(several, Iterable) or isinstance(several, str | Mapping):
-        raise ArgumentError(
-            f"limits: got {brief(repr(limits))}, expected a list of limits such as [Bound('push', -5, 5)]"
-        )
-    given = list(limits)
-    for i, limit in enumerate(given):
-        if not isinstance(limit, Limit):
-            raise ArgumentError(
-                f"limits[{i}]: got {type(limit).__name__}, expected a Limit such as Bound('push', -5, 5)"
-            )
-    return given
 
 
 def optimize_continuous(system: ContinuousSystem, cost: ContinuousCost, **options: Any) -> ContinuousOptimizationResult:

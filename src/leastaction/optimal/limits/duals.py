@@ -32,8 +32,8 @@ _CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
 _BINDING = 0.5  # of the price is the dual of a limit that the price does not enforce
 _SETTLED = 2.3  # natural logarithm of the factor by which duals may be off those of the barrier in the end
 # Dual times scale of a limit that is active: more than so many mu, and than the geometric mean of mu and the cost. The
-# scale may be what was seen at a start far away, so that says where a limit is never active; where it is somewhere, it is
-# where the dual is more than a part of its largest.
+# scale may be what was seen at a start far away, so that tells whether a limit is active anywhere; and the part of its
+# largest dual, where.
 _ACTIVE, _HARDLY = 100.0, 1e-5
 
 # The barrier's parameter: the first, in the cost by the number of rows; how it falls from one stage to the next.

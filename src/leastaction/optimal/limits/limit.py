@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, brief, closest
 from leastaction.numerics.arrays import Array, require_instance
 from leastaction.numerics.names import matching
 from leastaction.optimal.limits.rows import Rows
@@ -178,6 +178,24 @@ class FromSecond(Limit):
 
     def rows(self, system: Any, first: int) -> list[Rows]:
         return [replace(rows, start=None) for rows in self.limit.rows(system, first)]
+
+
+def checked_limits(limits: Sequence[Limit]) -> list[Limit]:
+    """Return limits as a list; what is none of them is an error."""
+    if isinstance(limits, Limit):
+        return [limits]
+    several: object = limits
+    if not isinstance(several, Iterable) or isinstance(several, str | Mapping):
+        raise ArgumentError(
+            f"limits: got {brief(repr(limits))}, expected a list of limits such as [Bound('push', -5, 5)]"
+        )
+    given = list(limits)
+    for i, limit in enumerate(given):
+        if not isinstance(limit, Limit):
+            raise ArgumentError(
+                f"limits[{i}]: got {type(limit).__name__}, expected a Limit such as Bound('push', -5, 5)"
+            )
+    return given
 
 
 def selected(system: Horizon, names: str | Sequence[str], of: str | None, what: str) -> Quantity:

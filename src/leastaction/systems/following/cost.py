@@ -45,10 +45,11 @@ def following_cost(
         if not chosen:
             raise ArgumentError(f"weights: nothing is called {pattern!r}; {closest(pattern, names, what='names')}")
         value |= dict.fromkeys(chosen, as_number(weight, f"weights: {pattern!r}", least=0.0))
-    goal = x.copy()
+    goal, counts = x.copy(), np.ones(x.shape)
     for name, values in wanted.items():
         if values.ndim == 1:
-            goal[:, m.variables.index(name)] = values
+            i, left_out = m.variables.index(name), np.isnan(values)
+            goal[:, i], counts[left_out, i] = np.where(left_out, x[:, i], values), 0.0
     Q = np.zeros(system.nx)
     Q[: m.nq] = [value[name] if wanted.get(name, x[0]).ndim == 1 else 0.0 for name in m.variables]
     Q[m.nq : m.nq + m.nd] = [value[f"momentum of {name}"] for name in m.dynamic]
@@ -56,7 +57,8 @@ def following_cost(
     R = np.concatenate([[value[name] for name in m.inputs], np.full(m.nrho, _NEXT)])
     if (R <= 0.0).any():
         raise ArgumentError(f"weights: input {m.inputs[int(np.argmin(R))]!r} has none, expected a positive one")
-    cost: Cost = QuadraticCost(goal, u, Q=Q, R=R)
+    each = Q if counts.all() else (Q * counts[:-1])[:, :, None]  # a diagonal per stage
+    cost: Cost = QuadraticCost(goal, u, Q=each, R=R, Q_final=Q * counts[-1])
     places = {name: values for name, values in wanted.items() if values.ndim == 2}
     if places:
         cost = PlaceCost(cost, system, places, value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import to_momentum
@@ -18,6 +19,18 @@ from leastaction.systems.warm_start import configurations_onto_constraints, velo
 _RIDGE = 1e-10  # of the least squares of inputs, in parts of their normal matrix
 # Of the search for a pose whose frames are where they are wanted: steps, what is close (rad or m), what is there (m).
 _STEPS, _CLOSE, _THERE, _NEARER, _DAMPING = 100, 1e-8, 1e-7, 1e-3, 1e-6
+
+
+def through(t: Array, values: Array) -> Array:
+    """Return values (N+1,) or (N+1, n), smooth curves through the known in the place of NaN where anything is known."""
+    columns = values.reshape(len(t), -1).copy()
+    for column in columns.T:
+        known = np.flatnonzero(~np.isnan(column))
+        if len(known) == 1:
+            column[:] = column[known[0]]
+        elif 0 < len(known) < len(t):
+            column[:] = PchipInterpolator(t[known], column[known])(np.clip(t, t[known[0]], t[known[-1]]))
+    return columns.reshape(values.shape)
 
 
 def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: State | None) -> tuple[Array, Array]:
@@ -88,16 +101,20 @@ def with_inputs(system: MidpointSystem, x: Array, u: Array) -> Array:
 
 
 def _reach(m: Mechanism, q: Array, free: Instants, places: Mapping[str, Array]) -> None:
-    """Move variables of a configuration, in place, until frames are as near to their places as they come."""
+    """Move variables of a configuration, in place, until frames are as near to their places as they come.
+
+    A coordinate of a place may be NaN: it is as good anywhere.
+    """
     names = list(places)
     goal = np.concatenate([places[name] for name in names])
+    matters = ~np.isnan(goal)
 
     def away(q: Array) -> Array:
-        return np.asarray(m.positions(q, names).ravel() - goal)
+        return np.asarray(m.positions(q, names).ravel() - goal)[matters]
 
     damping, off = _DAMPING, away(q)
     for _ in range(_STEPS):
-        J = np.vstack([m.frame_jacobian(q, name)[:3, free] for name in names])
+        J = np.vstack([m.frame_jacobian(q, name)[:3, free] for name in names])[matters]
         step = np.linalg.solve(J.T @ J + damping * np.eye(len(free)), -J.T @ off)
         if np.abs(step).max() < _CLOSE:
             return

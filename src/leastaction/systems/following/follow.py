@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -28,9 +29,11 @@ from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.following.cost import following_cost
-from leastaction.systems.following.curves import held_still, wanted_curve, with_inputs
+from leastaction.systems.following.curves import held_still, through, wanted_curve, with_inputs
 from leastaction.systems.following.ways import Ways
 from leastaction.systems.midpoint import MidpointSystem
+
+_ROWS = "one row for each time"
 
 
 class Wanted(Protocol):
@@ -59,7 +62,7 @@ class Followed(Frozen):
     system : MidpointSystem
         Of the mechanism over the times of the motion, with multipliers in its state where it has constraints.
     wanted : mapping of str to ndarray
-        What was wanted: (N+1,) of variables, (N+1, 3) of frames.
+        What was wanted: (N+1,) of variables, (N+1, 3) of frames; NaN where nothing was.
     result : OptimizationResult
         Of `optimize`: states, inputs, gains, limits, and how it ended.
     way : str
@@ -76,6 +79,10 @@ class Followed(Frozen):
         object.__setattr__(self, "wanted", MappingProxyType(wanted))
         super().__post_init__()
 
+    def __str__(self) -> str:
+        off = ", ".join(f"{name} {value:.3g}" for name, value in self.errors.items())
+        return f"Found {self.way}; off by (rms) {off}.\n{self.result}"
+
     @property
     def trajectory(self) -> Trajectory:
         """The motion, by names."""
@@ -83,14 +90,16 @@ class Followed(Frozen):
 
     @property
     def errors(self) -> dict[str, float]:
-        """Root mean square distance from what was wanted, by name (rad or m)."""
+        """Root mean square distance from what was wanted, where anything was, by name (rad or m)."""
         m = self.system.integrator.mechanism
         q = np.ascontiguousarray(self.result.x[:, : m.nq])
         found = {}
         for name, goal in self.wanted.items():
             made = q[:, m.variables.index(name)] if goal.ndim == 1 else m.positions(q, [name])[:, 0]
             squares = (made - goal) ** 2
-            found[name] = float(np.sqrt(np.mean(squares if goal.ndim == 1 else np.sum(squares, axis=1))))
+            if goal.ndim == 2:
+                squares = np.where(np.isnan(goal).all(axis=1), np.nan, np.nansum(squares, axis=1))
+            found[name] = float(np.sqrt(np.nanmean(squares)))
         return found
 
 
@@ -122,7 +131,7 @@ def follow(
         An arm, a cart, a puppet: what moves it are its inputs and its kinematic variables.
     motion : Wanted or mapping of str to array_like
         A `leastaction.io.Motion`, or by name what is wanted at all times: values (N+1,) of variables, places (N+1, 3)
-        of the origins of frames (m).
+        of the origins of frames (m). NaN where anything is as good: of keyframes all but their instants.
     weights : mapping of str to float, optional
         By names or patterns of them, of half the squares of: the distance of a wanted variable or frame from where it
         is wanted (1 if left out); the place of a kinematic variable that is not wanted, about where it goes along with
@@ -164,7 +173,7 @@ def follow(
     if start is not None:
         require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
     system = MidpointSystem(MidpointVI(m, threads=threads), times, multipliers=m.nc > 0)
-    x, u = wanted_curve(system, wanted, start)
+    x, u = wanted_curve(system, {name: through(times, values) for name, values in wanted.items()}, start)
     cost = following_cost(system, wanted, x, u, weights)
     starts = [(x, u), held_still(system, x)]
     if m.n_inputs:
@@ -198,8 +207,19 @@ def _wanted(
             known = closest(name, (*m.variables, *m.frames), what="variables and frames")
             raise ArgumentError(f"motion: nothing is called {name!r}; {known}")
         shapes = [(len(times),)] * (name in m.variables) + [(len(times), 3)] * (name in m.frames)
-        found[name] = as_array(values, f"motion: {name!r}", *shapes, meaning="one row for each time")
+        found[name] = _with_gaps(values, f"motion: {name!r}", shapes)
     return found, times
+
+
+def _with_gaps(values: ArrayLike, what: str, shapes: Sequence[tuple[int, ...]]) -> Array:
+    """Return wanted values as an array; NaN where nothing is wanted, but not everywhere."""
+    left_out: Any = np.zeros(())
+    with suppress(TypeError, ValueError):
+        left_out = np.isnan(np.asarray(values, dtype=np.float64))
+    given = as_array(np.where(left_out, 0.0, values) if left_out.any() else values, what, *shapes, meaning=_ROWS)
+    if left_out.all():
+        raise ArgumentError(f"{what}: got nothing but NaN, expected numbers where something is wanted")
+    return np.where(left_out, np.nan, given)
 
 
 def _cheaper(system: MidpointSystem, cost: Cost, x: Array, candidates: Sequence[Array]) -> Array:

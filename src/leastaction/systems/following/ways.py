@@ -8,9 +8,10 @@ from typing import Any
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.limits.limit import Limit
+from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.unknowns.periodic import Periodic
 from leastaction.systems.embedding import embed
 from leastaction.systems.midpoint import MidpointSystem
 
@@ -36,8 +37,13 @@ class Ways:
         options: Mapping[str, Any],
         progress: Callable[[str], object] | None,
     ) -> None:
-        self.system, self.cost, self.limits = system, cost, limits
+        self.system, self.cost, self.limits = system, cost, checked_limits(limits)
         self.starts, self.options = starts, dict(options)
+        # What is wrong with limits is so for every way.
+        first = 1 if self.options.get("free_start", False) is False else 0
+        for limit in self.limits:
+            if not isinstance(limit, Periodic):
+                limit.rows(system, first)
         self.progress = progress
         self.found: dict[str, OptimizationResult] = {}
         self.failed: dict[str, LeastActionError] = {}
@@ -65,6 +71,8 @@ class Ways:
             return helped, self.found[helped]
         if not self.found:
             last = list(self.failed.values())[-1]
+            if len({str(error) for error in self.failed.values()}) == 1:
+                raise last
             raise ArgumentError(f"follow: no way leads to a motion of the mechanism; at last: {last}") from last
         best = min(self.found, key=lambda way: rank(self.found[way]))
         return best, self.found[best]
