@@ -110,7 +110,7 @@ def _reach(m: Mechanism, q: Array, free: Instants, places: Mapping[str, Array]) 
     matters = ~np.isnan(goal)
 
     def away(q: Array) -> Array:
-        return np.asarray(m.positions(q, names).ravel() - goal)[matters]
+        return np.asarray((m.positions(q, names).ravel() - goal)[matters])
 
     damping, off = _DAMPING, away(q)
     for _ in range(_STEPS):
