@@ -295,6 +295,15 @@ def test_the_iteration_limit_and_going_on(system):
     assert second.history.cost[0] == first.history.cost[0]
 
 
+def test_a_run_that_is_cut_off_after_a_step_of_which_nothing_was_expected_tells_how_it_stands(system):
+    # Among barriers a refined direction may go uphill at first, and lower the cost all the same.
+    first = optimize(system, _tracking(1.5), initial=REST, max_iterations=3)
+    uphill = dataclasses.replace(first.history, expected_decrease=-np.abs(first.history.expected_decrease))
+    second = optimize(system, _tracking(1.5), resume=dataclasses.replace(first, history=uphill), max_iterations=1)
+    assert second.status is Status.ITERATION_LIMIT
+    assert "The expected decrease is still" in second.message
+
+
 def test_stopping_at_once(system):
     result = optimize(system, _tracking(), initial=REST, callback=lambda record: True)
     assert result.status is Status.STOPPED_BY_CALLBACK

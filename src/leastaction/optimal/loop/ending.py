@@ -87,7 +87,9 @@ def outlook(run: Run, direction: Direction) -> str:
         return "".join(parts).strip()
     parts.append(f"The last {len(costs) - 1} iterations lowered the cost by {fall:.2g} of itself")
     before = run.history.expected_decreases[-len(costs) + 1]
-    rate = (expected / before) ** (1.0 / (len(costs) - 1))
+    # Among barriers a refined direction may be expected to gain nothing, and lower the cost all the same.
+    falls = min(expected, before) > 0.0
+    rate = (expected / before) ** (1.0 / (len(costs) - 1)) if falls else np.inf
     if rate < _FAST:
         more = int(np.ceil(np.log(goal / expected) / np.log(rate)))
         parts.append(f"; at their rate some {more} more are needed.")
