@@ -31,7 +31,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
       at2_(*mechanism_) {
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
-    for (auto* a : {&q1, &q2, &q_mid_, &v_, &still_}) sized(*a, nq);
+    for (auto* a : {&q1, &q2, &q_mid_, &v_, &still_, &expected_v_}) sized(*a, nq);
     for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
@@ -127,6 +127,7 @@ void MidpointStep::momenta(double dt, double share, std::vector<double>& start, 
 }
 
 void MidpointStep::advance() {
+    expected_v_ = v_;
     q1.swap(q2);
     p1.swap(p2);
     std::swap(at1_, at2_);

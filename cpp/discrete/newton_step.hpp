@@ -124,9 +124,11 @@ private:
         if (std::isfinite(inertia)) root_inertia_[i] = std::sqrt(std::abs(inertia));
     }
     bool is_trusted(double dt, const StepReport& report);
+    bool turns_as_expected(double dt) const;
     bool keeps_constraint_directions() const;
     bool follow(double from, double to, double dt);
     StepReport follow_from_limit(double dt, const StepReport& first);
+    double judge_here(double dt);  // where the last evaluate() was
     double determinant_ratio(double dt);
     void keep_pivots(double dt);
 
@@ -157,8 +159,9 @@ private:
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;
     std::vector<double> correction_, q2_kept_, lam_kept_, first_scale_;
-    // For find(): |angle| moved by a variable; pivots of the Newton matrix of the last step found, times dt; and the
+    // For find(): the velocity that the step probably has; |angle| moved by a variable; pivots of the Newton matrix of the last step found, times dt; and the
     // solution at a part of the time step, by its velocity and how that changes with the part.
+    std::vector<double> expected_v_;  // of the last step found, or of its limit for dt -> 0
     std::vector<double> turn_, mobility_, pivots_, path_v_, path_slope_, rho2_, residual_kept_;
     double path_s_ = 1;
     bool s_is_by_constraints_ = false;  // its sign is not that of M's part

