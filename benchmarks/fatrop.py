@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.cases import Array
 from benchmarks.multiple_shooting import MultipleShooting, Solution
 
-__all__ = ["fatrop"]
+__all__ = ["fatrop", "solve_by"]
 
 _OPTIONS = {"print_level": 0, "tol": 1e-8, "max_iter": 1000}
 
@@ -117,3 +117,13 @@ def _matrix(weight: Array, k: int) -> Array:
     if weight.ndim == 3:
         weight = weight[k, :, 0] if weight.shape[2] == 1 else weight[k]
     return np.diag(weight) if weight.ndim == 1 else weight
+
+
+def solve_by(
+    peer: MultipleShooting, start: tuple[Array, Array], *, rounds: int, by_fatrop: bool, **options: Any
+) -> Solution:
+    """Return the fastest of some solutions by Ipopt, whose options these are, or one by fatrop."""
+    if by_fatrop:
+        return fatrop(peer, *start)
+    solver = peer.ipopt(**options)
+    return min((peer.solve(solver, *start) for _ in range(rounds)), key=lambda each: each.seconds)

@@ -19,8 +19,8 @@ from benchmarks import cases as marionettes
 from benchmarks import marionette
 from benchmarks.casadi_mechanism import Symbolic
 from benchmarks.cases import Array
-from benchmarks.fatrop import fatrop
-from benchmarks.multiple_shooting import MultipleShooting, StepRows
+from benchmarks.fatrop import solve_by
+from benchmarks.multiple_shooting import MultipleShooting, Solution, StepRows
 from benchmarks.peers import Comparison, start_of
 from benchmarks.robustness_problems import Given, arm, chain, constant, hung, posed, puppet_arm, slider_crank
 from leastaction.mechanics import (
@@ -309,8 +309,8 @@ def compare(
 ) -> Comparison:
     """Solve a case with both, to their own tolerances or one; by fatrop in the place of Ipopt if it is asked for.
 
-    ``meet``: the other begins at what is found, and that search once more at what it comes to: where there are many
-    minima, whether there is one for both.
+    ``compiled``: with functions that the C compiler made, besides. ``meet``: the other begins at what is found, and
+    that search once more at what it comes to: where there are many minima, whether there is one for both.
     """
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     kept, seconds = case.build(), np.inf
@@ -318,19 +318,20 @@ def compare(
         began = time.process_time()
         result = solve(kept, **options)
         seconds = min(seconds, time.process_time() - began)
-    peer = MultipleShooting(
-        kept.given.system, kept.given.cost, compiled=compiled, paths=kept.paths, returning=kept.returns
-    )
-    peer.bound((-np.inf, kept.most[0], -np.inf), (np.inf, kept.most[1], np.inf))
-    start = (result.x[:, : peer.nx], result.u) if meet else start_of(kept.given)
-    if by_fatrop:
-        found = fatrop(peer, *start)
-    else:
-        solver = peer.ipopt(**({} if tolerance is None else {"tol": tolerance, "bound_relax_factor": 0.0}))
-        found = min((peer.solve(solver, *start) for _ in range(rounds)), key=lambda each: each.seconds)
+    to = {} if tolerance is None else {"tol": tolerance, "bound_relax_factor": 0.0}
+
+    def theirs(compiled: bool) -> Solution:
+        system, paths = kept.given.system, kept.paths
+        peer = MultipleShooting(system, kept.given.cost, compiled=compiled, paths=paths, returning=kept.returns)
+        peer.bound((-np.inf, kept.most[0], -np.inf), (np.inf, kept.most[1], np.inf))
+        start = (result.x[:, : peer.nx], result.u) if meet else start_of(kept.given)
+        return solve_by(peer, start, rounds=rounds, by_fatrop=by_fatrop, **to)
+
+    found = theirs(compiled=False)
+    compiled_seconds = theirs(compiled=True).seconds if compiled else np.nan
     if meet:
         result = solve(replace(kept, given=replace(kept.given, x=found.x, u=found.u)), **options)
     return Comparison(
         case.name, result.cost, found.cost, result.status.name, found.status, seconds, found.seconds,
-        result.iterations, found.iterations, verdict="",
+        result.iterations, found.iterations, verdict="", compiled_seconds=compiled_seconds,
     )  # fmt: skip

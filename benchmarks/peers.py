@@ -41,6 +41,7 @@ class Comparison:
     """One problem, solved by both.
 
     ``better`` is how much lower our cost is, relative to theirs; ``verdict`` tells why it is not, where it is higher.
+    ``compiled_seconds``: theirs with functions that the C compiler made, where that was measured besides.
     """
 
     name: str
@@ -53,11 +54,17 @@ class Comparison:
     our_iterations: int
     ipopt_iterations: int
     verdict: str
+    compiled_seconds: float = np.nan
 
     @property
     def ratio(self) -> float:
         """How many times faster we are."""
         return self.ipopt_seconds / self.our_seconds
+
+    @property
+    def ratio_compiled(self) -> float:
+        """How many times faster we are than with compiled functions; NaN where that was not measured."""
+        return self.compiled_seconds / self.our_seconds
 
     @property
     def better(self) -> float:
