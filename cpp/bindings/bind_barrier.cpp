@@ -1,10 +1,12 @@
 // Python access to the barriers of limits; leastaction.optimal.limits.barrier says what the arguments mean.
 
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 
 #include "arrays.hpp"
 #include "optimal/barrier.hpp"
+#include "optimal/limit_rows.hpp"
 
 using namespace nanobind::literals;
 
@@ -57,6 +59,34 @@ std::pair<double, double> advance(const Values& c, const Values& slack, const Va
     return {found.length, found.value};
 }
 
+using Places = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Matrices = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+void add_rows(const In<3>& J, const In<2>& sigma, const std::optional<In<3>>& bent, const Places& k,
+              const Places& places, const Matrices& to) {
+    const std::size_t n = J.shape(0), rows = J.shape(1), c = J.shape(2), width = to.shape(2);
+    expect(sigma.shape(0), n, "sigma");
+    expect(sigma.shape(1), rows, "sigma");
+    expect(k.shape(0), n, "k");
+    expect(places.shape(0), c, "places");
+    expect(to.shape(1), width, "to");
+    if (bent) {
+        expect(bent->shape(0), n, "bent");
+        for (const std::size_t i : {1, 2}) expect(bent->shape(i), c, "bent");
+    }
+    const auto within = [](const Places& some, std::size_t end, const char* what) {
+        for (std::size_t i = 0; i < some.shape(0); ++i)
+            if (some.data()[i] < 0 || some.data()[i] >= static_cast<std::int64_t>(end))
+                throw std::invalid_argument(std::string(what) + ": no such place: " + std::to_string(some.data()[i]));
+    };
+    within(k, to.shape(0), "k");
+    within(places, width, "places");
+    LimitRows limits(rows, std::vector<std::size_t>(places.data(), places.data() + c), width);
+    for (std::size_t i = 0; i < n; ++i)
+        limits.add(J.data() + i * rows * c, sigma.data() + i * rows, bent ? bent->data() + i * c * c : nullptr,
+                   to.data() + static_cast<std::size_t>(k.data()[i]) * width * width);
+}
+
 }  // namespace
 
 void bind_barrier(nb::module_& m) {
@@ -73,6 +103,8 @@ void bind_barrier(nb::module_& m) {
     m.def("barrier_advance", &advance, "c"_a, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "fall"_a, "bend"_a,
           "c_after"_a, "slack_after"_a, "excess_after"_a, "y_after"_a,
           "Goes to where that model is least; returns how far it is, and the sum of the barriers there.");
+    m.def("add_limit_rows", &add_rows, "jacobian"_a, "sigma"_a, "bent"_a.none(), "k"_a, "places"_a, "to"_a,
+          "Adds J' sigma J - bent of every one of n stages at some places of matrices of stages k.");
 }
 
 }  // namespace leastaction

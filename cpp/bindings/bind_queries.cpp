@@ -2,10 +2,11 @@
 
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include "bindings/arrays.hpp"
 #include "dynamics/queries.hpp"
-#include "kinematics/moved_point.hpp"
+#include "kinematics/moved_points.hpp"
 
 using namespace nanobind::literals;
 
@@ -36,49 +37,72 @@ nb::tuple functions_at(const Mechanism& m, const Functions& functions, int first
                                                 {directions_of(m, dq, "dq"), {}}));
 }
 
-MovedPoint point_behind(const Mechanism& m, int joint, const std::array<double, 3>& offset) {
-    if (joint < -1 || joint >= static_cast<int>(m.joints.size()))
-        throw std::invalid_argument("no such joint: " + std::to_string(joint));
-    return {m, joint, {offset[0], offset[1], offset[2]}, m.external};
+// Points behind joints, at offsets (P, 3) in their axes.
+MovedPoints points_behind(const Mechanism& m, const std::vector<int>& joints, const In<2>& offsets) {
+    expect(offsets.shape(0), joints.size(), "offsets");
+    expect(offsets.shape(1), 3, "offsets");
+    std::vector<Point> points;
+    for (std::size_t i = 0; i < joints.size(); ++i) {
+        if (joints[i] < -1 || joints[i] >= static_cast<int>(m.joints.size()))
+            throw std::invalid_argument("no such joint: " + std::to_string(joints[i]));
+        const double* at = offsets.data() + 3 * i;
+        points.push_back({joints[i], {at[0], at[1], at[2]}});
+    }
+    return {m, points, m.external};
 }
 
-Out point_places(const Mechanism& m, const In<2>& q, int joint, const std::array<double, 3>& offset) {
-    const std::size_t n = m.n_variables();
-    expect(q.shape(1), n, "q");
-    MovedPoint point = point_behind(m, joint, offset);
-    Out out = new_array({q.shape(0), 3});
+Vec3<double> vector_at(const double* at) { return {at[0], at[1], at[2]}; }
+
+Out point_places(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets) {
+    expect(q.shape(1), m.n_variables(), "q");
+    MovedPoints points = points_behind(m, joints, offsets);
+    Out out = new_array({q.shape(0), joints.size(), 3});
+    double* to = out.data();
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        point.place_at(to_internal(m, q.data() + k * n).data());
-        const auto [x, y, z] = point.position();
-        const double row[3] = {x, y, z};
-        std::copy(row, row + 3, out.data() + 3 * k);
+        points.place_at(q.data() + k * m.n_variables());
+        for (std::size_t i = 0; i < joints.size(); ++i) {
+            const auto [x, y, z] = points.position(i);
+            for (const double each : {x, y, z}) *to++ = each;
+        }
     }
     return out;
 }
 
-Out point_jacobians(const Mechanism& m, const In<2>& q, int joint, const std::array<double, 3>& offset) {
-    const std::size_t n = m.n_variables();
+Out point_slopes(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets,
+                 const std::vector<int>& of, const In<3>& along) {
+    const std::size_t n = m.n_variables(), rows = of.size();
     expect(q.shape(1), n, "q");
-    MovedPoint point = point_behind(m, joint, offset);
-    Out out = new_array({q.shape(0), 3, n});
+    if (along.shape(0) != 1) expect(along.shape(0), q.shape(0), "along");
+    expect(along.shape(1), rows, "along");
+    expect(along.shape(2), 3, "along");
+    for (const int point : of)
+        if (point < 0 || point >= static_cast<int>(joints.size())) throw std::invalid_argument("of: no such point");
+    MovedPoints points = points_behind(m, joints, offsets);
+    Out out = new_array({q.shape(0), rows, n});
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        point.place_at(to_internal(m, q.data() + k * n).data());
-        point.jacobian(out.data() + 3 * n * k);
+        points.place_at(q.data() + k * n);
+        const double* at = along.data() + (along.shape(0) == 1 ? 0 : 3 * rows * k);
+        for (std::size_t i = 0; i < rows; ++i)
+            points.slope(of[i], vector_at(at + 3 * i), out.data() + (k * rows + i) * n);
     }
     return out;
 }
 
-Out point_bent(const Mechanism& m, const In<2>& q, int joint, const std::array<double, 3>& offset, const In<2>& force) {
-    const std::size_t n = m.n_variables();
+Out point_bent(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets,
+               const In<3>& force, const In<2>& weight) {
+    const std::size_t n = m.n_variables(), count = joints.size();
     expect(q.shape(1), n, "q");
-    expect(force.shape(0), q.shape(0), "force");
-    expect(force.shape(1), 3, "force");
-    MovedPoint point = point_behind(m, joint, offset);
-    Out out = new_array({q.shape(0), n, n});
+    for (const std::size_t given : {force.shape(0), weight.shape(0)}) expect(given, q.shape(0), "force and weight");
+    for (const std::size_t given : {force.shape(1), weight.shape(1)}) expect(given, count, "force and weight");
+    expect(force.shape(2), 3, "force");
+    MovedPoints points = points_behind(m, joints, offsets);
+    Out out = zeros({q.shape(0), n, n});
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        const double* f = force.data() + 3 * k;
-        point.place_at(to_internal(m, q.data() + k * n).data());
-        point.bent({f[0], f[1], f[2]}, out.data() + n * n * k);
+        points.place_at(q.data() + k * n);
+        for (std::size_t i = 0; i < count; ++i) {
+            const std::size_t at = k * count + i;
+            points.add_bent(i, vector_at(force.data() + 3 * at), weight.data()[at], out.data() + n * n * k);
+        }
     }
     return out;
 }
@@ -131,12 +155,13 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
             "mu"_a, "q"_a, "v"_a, "u"_a, "dq"_a, "dv"_a, "du"_a, "parts"_a,
             "Derivatives of forces by [q; v; u] along a direction, without joint damping and joint forces, which are "
             "linear: gradients (nq, n) and the Hessian (n * n,) of mu.f.")
-        .def("point_places", &point_places, "q"_a, "joint"_a, "offset"_a,
-             "Where a point behind a joint is (-1: of the world) at q (N, nq), (N, 3).")
-        .def("point_jacobians", &point_jacobians, "q"_a, "joint"_a, "offset"_a,
-             "Its derivatives (N, 3, nq) by the configuration.")
-        .def("point_bent", &point_bent, "q"_a, "joint"_a, "offset"_a, "force"_a,
-             "Its second derivatives along forces (N, 3), (N, nq, nq).");
+        .def("point_places", &point_places, "q"_a, "joints"_a, "offsets"_a,
+             "Where P points behind joints are (-1: of the world) at q (N, nq), (N, P, 3).")
+        .def("point_slopes", &point_slopes, "q"_a, "joints"_a, "offsets"_a, "of"_a, "along"_a,
+             "How they move along R vectors (N, R, 3), or (1, R, 3), each of one point, by q: (N, R, nq).")
+        .def("point_bent", &point_bent, "q"_a, "joints"_a, "offsets"_a, "force"_a, "weight"_a,
+             "The sum of their second derivatives along forces (N, P, 3) and of weights (N, P) times the products of their "
+             "first ones, (N, nq, nq).");
 }
 
 }  // namespace leastaction

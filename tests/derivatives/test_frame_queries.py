@@ -36,7 +36,7 @@ from leastaction.mechanics import (
     universal,
     var,
 )
-from leastaction.mechanics.mechanism.queries.moved_point import MovedPoint
+from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 
 AXIS, POINT = (0.3, -1.2, 0.7), (0.2, 0.5, -0.4)
 TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
@@ -144,16 +144,22 @@ def test_frame_velocities_and_jacobians_against_automatic_differentiation(mechan
 def test_points_move_and_bend_as_their_frames_say(mechanism):
     """Places, first and contracted second derivatives, against those of frames, which are held to JAX above."""
     rng = np.random.default_rng(13)
-    q, force = rng.uniform(-1.5, 1.5, (3, mechanism.nq)), rng.normal(size=(3, 3))
-    offset = np.array([0.3, -0.4, 0.2])
-    for name in ("tip", "world"):
-        point = MovedPoint.of(mechanism, name, offset)
+    q, force, weight = rng.uniform(-1.5, 1.5, (3, mechanism.nq)), rng.normal(size=(3, 3, 3)), rng.normal(size=(3, 3))
+    names = "tip", "end" if "end" in mechanism.frames else "head", "world"
+    offsets = np.array([[0.3, -0.4, 0.2], [1.0, 0.5, -0.7], [-0.2, 0.1, 0.6]])
+    points = MovedPoints.of(mechanism, names, offsets)
+    bent = np.zeros((3, mechanism.nq, mechanism.nq))
+    for i, (name, offset) in enumerate(zip(names, offsets, strict=True)):
         pose = mechanism.frame_pose(q, name)
-        np.testing.assert_allclose(point.places(q), pose[:, :3, :3] @ offset + pose[:, :3, 3], atol=1e-13)
-        J = mechanism.frame_jacobian(q, name, point=offset)
-        np.testing.assert_allclose(point.jacobian(q), J[:, :3], atol=1e-13)
+        np.testing.assert_allclose(points.places(q)[:, i], pose[:, :3, :3] @ offset + pose[:, :3, 3], atol=1e-13)
+        J = mechanism.frame_jacobian(q, name, point=offset)[:, :3]
+        np.testing.assert_allclose(points.jacobian(q)[:, i], J, atol=1e-13)
+        slopes = points.slopes(q, [i], force[:, i : i + 1])
+        np.testing.assert_allclose(slopes[:, 0], np.einsum("na,nai->ni", force[:, i], J), atol=1e-13)
         dJ = mechanism.frame_jacobian_derivative(q, name, point=offset)
-        np.testing.assert_allclose(point.bent(q, force), np.einsum("na,naij->nij", force, dJ[:, :3]), atol=1e-12)
+        bent += np.einsum("na,naij->nij", force[:, i], dJ[:, :3])
+        bent += np.einsum("n,nai,naj->nij", weight[:, i], J, J)
+    np.testing.assert_allclose(points.bent(q, force, weight), bent, atol=1e-12)
 
 
 def along(function, directions):

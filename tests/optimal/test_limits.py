@@ -717,11 +717,14 @@ def test_matrices_of_steps_are_summed_by_their_places(
         weights.clear()
         dense = np.zeros((5, 5, 5))
         for _ in range(2):
-            H = rng.normal(size=(len(k), len(at), len(at)))
-            H += H.transpose(0, 2, 1)
-            weights.add(k, at, H)
-            dense[np.ix_(k, at, at)] += H
-        np.testing.assert_array_equal(weights.matrices, dense[:, few[:, None], few])
+            bent = rng.normal(size=(len(k), len(at), len(at)))
+            bent += bent.transpose(0, 2, 1)
+            J, sigma = rng.normal(size=(len(k), 3, len(at))), rng.uniform(size=(len(k), 3))
+            J[:, 1, 0] = 0.0
+            weights.add(k, at, J, sigma, bent)
+            weights.add(k, at, J, sigma, None)
+            dense[np.ix_(k, at, at)] += 2.0 * np.einsum("kmi,km,kmj->kij", J, sigma, J) - bent
+        np.testing.assert_allclose(weights.matrices, dense[:, few[:, None], few], atol=1e-13)
 
 
 @pytest.mark.parametrize("name", ["push", "rate"])

@@ -92,6 +92,18 @@ class Quantity(ABC):
         """A quantity with the same signs, for bounds at zero; a simpler one, if there is one."""
         return self
 
+    def joined(self, others: Sequence[Quantity]) -> Quantity | None:  # noqa: ARG002 - overridden
+        """Return this and others of its type as one quantity, with the functions of all, if that is less work.
+
+        None by default.
+        """
+        return None
+
+
+def names_of(quantities: Sequence[Quantity]) -> tuple[str, ...]:
+    """Return the names of all functions of some quantities."""
+    return tuple(name for each in quantities for name in each.names)
+
 
 class Entries(Quantity):
     """Entries of state or input, times factors.

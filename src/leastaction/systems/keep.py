@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.moved_point import MovedPoint
+from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.optimal.collocation.limits import Points
@@ -20,6 +21,7 @@ from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.regions import Outside, Region
 from leastaction.systems.regions.apart import apart
+from leastaction.systems.regions.balls import Balls, balls_of
 
 
 class _PlaceOfFrame(Quantity):
@@ -33,8 +35,10 @@ class _PlaceOfFrame(Quantity):
         place = keep.frame if keep.origin is None else f"{keep.frame} from {keep.origin}"
         self.names = tuple(f"{place} {name}" for name in self.region.names)
         # Names of frames are looked up here, and not at the first step.
-        points = [MovedPoint.of(mechanism, keep.frame, self.point)]
-        self._points = points if keep.origin is None else [*points, MovedPoint.of(mechanism, keep.origin)]
+        frames, points = [keep.frame], [self.point]
+        if keep.origin is not None:
+            frames, points = [*frames, keep.origin], [*points, np.zeros(3)]
+        self._points = MovedPoints.of(mechanism, frames, points)
 
     def values(self, at: Samples) -> Array:
         return self.region.values(self._places(self._q(at)), at.k)
@@ -49,15 +53,20 @@ class _PlaceOfFrame(Quantity):
     def curvature(self, at: Samples, y: Array) -> Array:
         q = self._q(at)
         p = self._places(q)
-        pull = np.ascontiguousarray((y[:, None, :] @ self.region.gradient(p, at.k))[:, 0])
-        H = self._points[0].bent(q, pull)
-        if self.origin is not None:
-            H -= self._points[1].bent(q, pull)
+        pull = (y[:, None, :] @ self.region.gradient(p, at.k))[:, 0]
+        H = self._points.bent(q, np.stack([pull] if self.origin is None else [pull, -pull], axis=1))
         hessian = self.region.hessian(p, at.k)
         if hessian is not None:
             J = self._velocities(q)
             H += J.transpose(0, 2, 1) @ np.einsum("nm,nmab->nab", y, hessian) @ J
         return H
+
+    def joined(self, others: Sequence[Quantity]) -> Quantity | None:
+        places = [self, *(other for other in others if isinstance(other, _PlaceOfFrame))]
+        regions = balls_of([place.region for place in places])
+        if regions is None or any(place.origin is not None for place in places):
+            return None
+        return _PlacesOfFrames(self.mechanism, [(place.frame, place.point) for place in places], regions)
 
     def apart(self, other: Quantity, k: Instants) -> Array | None:
         if not isinstance(other, _PlaceOfFrame) or self.mechanism is not other.mechanism:
@@ -71,12 +80,54 @@ class _PlaceOfFrame(Quantity):
         return np.ascontiguousarray(at.x[:, : self.mechanism.nq])
 
     def _places(self, q: Array) -> Array:
-        place, *origin = (point.places(q) for point in self._points)
-        return place - origin[0] if origin else place
+        return _way(self._points.places(q))
 
     def _velocities(self, q: Array) -> Array:
-        J, *of_origin = (point.jacobian(q) for point in self._points)
-        return J - of_origin[0] if of_origin else J
+        return _way(self._points.jacobian(q))
+
+
+def _way(of_points: Array) -> Array:
+    """Return what is of a point (n, 1, ...), or that less what is of another (n, 2, ...)."""
+    return of_points[:, 0] if of_points.shape[1] == 1 else of_points[:, 0] - of_points[:, 1]
+
+
+class _PlacesOfFrames(Quantity):
+    """How far points of frames are inside of balls, or outside: of many balls at once.
+
+    ``points``: frame and point in its axes (3,) of each ball, of which several may be of the same one.
+    """
+
+    of_state = says_all = True
+
+    def __init__(self, mechanism: Mechanism, points: Sequence[tuple[str, Array]], balls: Balls) -> None:
+        self.mechanism, self.balls, self.names = mechanism, balls, balls.names
+        keys = [(frame, *point.tolist()) for frame, point in points]
+        distinct = list(dict.fromkeys(keys))
+        self._of = [distinct.index(key) for key in keys]
+        self._points = MovedPoints.of(mechanism, [key[0] for key in distinct], [key[1:] for key in distinct])
+        self._owned = np.eye(len(distinct))[self._of]
+
+    def values(self, at: Samples) -> Array:
+        return self.balls.values(self._places(self._q(at)), at.k)
+
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
+        return np.arange(self.mechanism.nq)
+
+    def jacobian(self, at: Samples) -> Array:
+        q = self._q(at)
+        return self._points.slopes(q, self._of, self.balls.gradient(self._places(q), at.k))
+
+    def curvature(self, at: Samples, y: Array) -> Array:
+        q = self._q(at)
+        pulls = y[:, :, None] * self.balls.gradient(self._places(q), at.k)
+        force = np.ascontiguousarray((pulls.transpose(0, 2, 1) @ self._owned).transpose(0, 2, 1))
+        return self._points.bent(q, force, (y * self.balls.bend) @ self._owned)
+
+    def _q(self, at: Samples) -> Array:
+        return np.ascontiguousarray(at.x[:, : self.mechanism.nq])
+
+    def _places(self, q: Array) -> Array:
+        return self._points.places(q)[:, self._of]
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,11 @@ from leastaction.optimal.limits.duals import Duals, Side
 from leastaction.optimal.limits.entries import EntryRows
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.limits.sides import Layout, Sided
+from leastaction.optimal.limits.together import together
 from leastaction.optimal.quantity import Entries
 
-Jacobians = dict[int, Array]
-"""Derivatives of some rows, by their index."""
+Jacobians = list[Array]
+"""Derivatives of the rows that are no entries, of those that are taken together."""
 
 
 class LimitedCost:
@@ -48,8 +49,9 @@ class LimitedCost:
         self.of_states = EntryRows(self.rows, self.layout, of_state=True, width=nx)
         self.of_inputs = EntryRows(self.rows, self.layout, of_state=False, width=nu)
         self.spare: dict[bool, Weights] = {}  # memory that is used again, of whole and of convex ones
-        self.others = [i for i, each in enumerate(self.rows) if not isinstance(each.quantity, Entries)]
-        weighed = [np.empty(0, dtype=np.intp), *(self.rows[i].weighs(nx, nu) for i in self.others)]
+        others = [i for i, each in enumerate(self.rows) if not isinstance(each.quantity, Entries)]
+        self.others = together(self.rows, others, self.layout, nx, nu)
+        weighed = [np.empty(0, dtype=np.intp), *(each.rows.weighs(nx, nu) for each in self.others)]
         self.columns = np.unique(np.concatenate(weighed))
 
     @property
@@ -68,15 +70,15 @@ class LimitedCost:
         found = self.layout.empty()
         self.of_states.values(x, found)
         self.of_inputs.values(u, found)
-        for i in self.others:
-            found[i] = self.rows[i].values(x, u)
+        for each in self.others:
+            found.flat[each.at] = each.rows.values(x, u)
         return found
 
     # ---- Derivatives ------------------------------------------------------------------------------
 
     def jacobians(self, x: Array, u: Array) -> Jacobians:
-        """Return the derivatives of the rows that are no entries, by their index."""
-        return {i: self.rows[i].jacobian(x, u) for i in self.others}
+        """Return the derivatives of the rows that are no entries."""
+        return [each.rows.jacobian(x, u) for each in self.others]
 
     def with_duals(self, gradient: CostGradient, duals: Sided, jacobians: Jacobians) -> CostGradient:
         """Return the gradient of the cost less the duals times the limits, given that of the cost."""
@@ -85,8 +87,8 @@ class LimitedCost:
         q[:-1], q[-1] = gradient.q, gradient.q_final
         self.of_states.add_gradient(duals, q)
         self.of_inputs.add_gradient(duals, r)
-        for i, jacobian in jacobians.items():
-            self.rows[i].add_gradient(jacobian, duals[i], q, r)
+        for each, jacobian in zip(self.others, jacobians, strict=True):
+            each.rows.add_gradient(jacobian, each.of(duals), q, r)
         return CostGradient(q[:-1], r, q[-1])
 
     def hessian(
@@ -127,9 +129,9 @@ class LimitedCost:
             self.spare[convex] = Weights(N, self.columns)
         weights = self.spare[convex]
         weights.clear()
-        for i, jacobian in jacobians.items():
-            duals = np.zeros_like(self.duals.y[i]) if convex else self.duals.y[i]
-            self.rows[i].add_hessian(x, u, jacobian, duals, sigmas[i], weights, dynamics)
+        for each, jacobian in zip(self.others, jacobians, strict=True):
+            duals = None if convex else each.of(self.duals.y)
+            each.rows.add_hessian(x, u, jacobian, duals, each.of(sigmas), weights, dynamics)
         here = self.columns < nx
         final = np.array(matrix_of(Q_final))
         final[np.ix_(self.columns[here], self.columns[here])] += weights.matrices[-1][np.ix_(here, here)]
@@ -137,7 +139,7 @@ class LimitedCost:
 
     def bends(self, x: Array, u: Array, convex: CostHessian, whole: CostHessian) -> bool:
         """Whether the convex part of the second derivatives is another than all of them, given those of the cost."""
-        if any(self.rows[i].bends(x, u) for i in self.others):
+        if any(each.rows.bends(x, u) for each in self.others):
             return True
         pairs = zip(convex, whole, strict=True)
         return any(a is not b and (a is None or b is None or not np.array_equal(a, b)) for a, b in pairs)
@@ -147,8 +149,8 @@ class LimitedCost:
         found = self.layout.empty()
         self.of_states.along(dx, found)
         self.of_inputs.along(du, found)
-        for i, jacobian in jacobians.items():
-            found[i] = self.rows[i].along(jacobian, dx, du)
+        for each, jacobian in zip(self.others, jacobians, strict=True):
+            found.flat[each.at] = each.rows.along(jacobian, dx, du)
         return found
 
 

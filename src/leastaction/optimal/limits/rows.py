@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.quantity import Instants, Quantity, Samples
-
-_MANY_RUNS = 64  # of entries that follow each other, from which on they are added one by one
 
 _OFF = 1e-6  # of what is large for it a limit may be off at a fixed initial state
 
@@ -36,10 +35,10 @@ class Weights:
         """Begin another sum."""
         self.matrices.fill(0.0)
 
-    def add(self, k: Instants, columns: Instants, H: Array) -> None:
-        """Add matrices (n, c, c) by some of the columns, at instants."""
+    def add(self, k: Instants, columns: Instants, jacobian: Array, sigma: Array, bent: Array | None) -> None:
+        """Add ``J' sigma J - bent`` (n, c, c) by some of the columns, at instants; J (n, m, c), sigma (n, m)."""
         places = np.searchsorted(self.columns, columns)
-        _add(self.matrices, k, places, places, H)
+        _core.add_limit_rows(np.ascontiguousarray(jacobian), sigma, bent, k, places, self.matrices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +177,7 @@ class Rows:
         """Subtract ``y . dc`` from the gradients q (N+1, nx), r (N, nu)."""
         nx, nu = q.shape[1], r.shape[1]
         pull = np.einsum("kmi,km->ki", jacobian, self.sign * y)
-        columns, nz = self._columns(nx, nu), nx + nu
+        columns, nz = self.columns(nx, nu), nx + nu
         at, after = self._part, self._part_after
         for target, k, low, high in ((q, at, 0, nx), (r, at, nx, nz), (q, after, nz, nz + nx)):
             here = (columns >= low) & (columns < high)
@@ -190,7 +189,7 @@ class Rows:
                     target[index] -= pull[:, here]
 
     def add_hessian(
-        self, x: Array, u: Array, jacobian: Array, y: Array, sigma: Array, to: Weights, dynamics: Array | None
+        self, x: Array, u: Array, jacobian: Array, y: Array | None, sigma: Array, to: Weights, dynamics: Array | None
     ) -> None:
         """Add ``dc' sigma dc - y . d2c``.
 
@@ -199,31 +198,31 @@ class Rows:
         x, u : ndarray
         jacobian : ndarray
             Of the quantity along them.
-        y, sigma : ndarray (n, m)
-            Duals and stiffness.
+        y : ndarray (n, m) or None
+            Duals; None to leave out what bends.
+        sigma : ndarray (n, m)
+            Stiffness.
         to : Weights
         dynamics : ndarray (N, nx, nx+nu) or None
             ``[A B]``, for what looks ahead.
         """
-        quantity, nx = self.quantity, x.shape[1]
-        columns, nz = self._columns(nx, u.shape[1]), nx + u.shape[1]
-        H = (jacobian * sigma[:, :, None]).transpose(0, 2, 1) @ jacobian
-        bent = quantity.curvature(self._at(x, u), self.sign * y) if y.any() else None
-        if bent is not None:
-            H -= bent
+        nx, nz = x.shape[1], x.shape[1] + u.shape[1]
+        columns = self.columns(nx, u.shape[1])
+        bent = None if y is None else self.quantity.curvature(self._at(x, u), self.sign * y)
         ahead = columns >= nz
         if ahead.any():
             assert dynamics is not None
-            J = np.zeros((len(self.k), len(columns), nz))
-            J[:, np.flatnonzero(~ahead), columns[~ahead]] = 1.0
-            J[:, ahead] = dynamics[self.k][:, columns[ahead] - nz]
-            H, columns = J.transpose(0, 2, 1) @ (H @ J), np.arange(nz)
-        to.add(self.k, columns, H)
+            moves = np.zeros((len(self.k), len(columns), nz))
+            moves[:, np.flatnonzero(~ahead), columns[~ahead]] = 1.0
+            moves[:, ahead] = dynamics[self.k][:, columns[ahead] - nz]
+            jacobian, columns = jacobian @ moves, np.arange(nz)
+            bent = None if bent is None else moves.transpose(0, 2, 1) @ bent @ moves
+        to.add(self.k, columns, jacobian, sigma, bent)
 
     def along(self, jacobian: Array, dx: Array, du: Array) -> Array:
         """Return ``dc (n, m)`` along a direction."""
         nx, nu, at, after = dx.shape[1], du.shape[1], self._part, self._part_after
-        columns, nz = self._columns(nx, nu), nx + nu
+        columns, nz = self.columns(nx, nu), nx + nu
         moved = np.empty((len(self.k), len(columns)))
         for source, k, low, high in ((dx, at, 0, nx), (du, at, nx, nz), (dx, after, nz, nz + nx)):
             here = (columns >= low) & (columns < high)
@@ -233,10 +232,10 @@ class Rows:
 
     def weighs(self, nx: int, nu: int) -> Instants:
         """Return the places in (x, u) by which it adds to second derivatives: all of them where it looks ahead."""
-        columns = self._columns(nx, nu)
+        columns = self.columns(nx, nu)
         return np.arange(nx + nu) if (columns >= nx + nu).any() else columns
 
-    def _columns(self, nx: int, nu: int) -> Instants:
+    def columns(self, nx: int, nu: int) -> Instants:
         """Return the places in (x, u, x_next) in which derivatives are given."""
         columns = self.quantity.columns(nx, nu)
         if columns is not None:
@@ -262,19 +261,6 @@ class Rows:
         """The instants after them."""
         at = self._part
         return slice(at.start + 1, at.stop + 1) if isinstance(at, slice) else at + 1
-
-
-def _add(to: Array, k: Instants, rows: Instants, columns: Instants, H: Array) -> None:
-    """Add matrices to some rows and columns of those of instants, each of which is given once."""
-    at = _runs(k)
-    down, across = _runs(rows), _runs(columns)
-    if len(at) > 1 or len(down) * len(across) > _MANY_RUNS:
-        to[np.ix_(k, rows, columns)] += H
-        return
-    for here, there in at:
-        for own_row, row in down:
-            for own, column in across:
-                to[there, row, column] += H[here, own_row, own]
 
 
 def _index(k: Instants | slice, columns: Instants) -> Any:

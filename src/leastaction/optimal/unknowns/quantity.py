@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,20 @@ class ExtendedQuantity(QuantityView):
         whole[:, :n, n:], whole[:, n:, :n] = mixed[:, :n], mixed[:, :n].transpose(0, 2, 1)
         whole[:, n:, n:] = 0.5 * (mixed[:, n:] + mixed[:, n:].transpose(0, 2, 1))
         return np.asarray(moves.T @ whole @ moves)
+
+    def joined(self, others: Sequence[Quantity]) -> Quantity | None:
+        parts = [self, *(other for other in others if isinstance(other, ExtendedQuantity))]
+
+        def joint(wholes: Sequence[Quantity]) -> Quantity | None:
+            first, *rest = wholes
+            return first.joined(rest) if all(type(each) is type(first) for each in rest) else None
+
+        own = joint([part.whole for part in parts])
+        if own is None or any(part.fixed != self.fixed for part in parts):
+            return None
+        if self.fixed:
+            return ExtendedQuantity(self.system, own, lambda system: own)  # noqa: ARG005
+        return ExtendedQuantity(self.system, own, lambda system: joint([part.of(system) for part in parts]) or own)
 
     def _jacobian(self, own: Samples, values: Array) -> Array:
         """Return the derivatives by the system's own entries, and by the parameters."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.moved_point import MovedPoint
+from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_number, read_only
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
 from leastaction.systems.midpoint import MidpointSystem
@@ -91,7 +91,7 @@ class PlaceCost(AddedCost):
     def _away(self, q: Array, name: str, start: int) -> tuple[Array, Array]:
         """Return how far a frame is from its place (n, 3), and the weights (n, 3)."""
         rows = slice(start, start + len(q))
-        place = MovedPoint.of(self._mechanism, name).places(q)
+        place = MovedPoints.of(self._mechanism, [name]).places(q)[:, 0]
         return place - self._wanted[name][rows], self._weights[name][rows]
 
     def _values(self, x: Array, start: int) -> Array:
@@ -107,8 +107,7 @@ class PlaceCost(AddedCost):
         total = np.zeros_like(q)
         for name in self._wanted:
             away, weight = self._away(q, name, 0)
-            J = MovedPoint.of(self._mechanism, name).jacobian(q)
-            total += ((weight * away)[:, None, :] @ J)[:, 0]
+            total += MovedPoints.of(self._mechanism, [name]).slopes(q, [0], (weight * away)[:, None, :])[:, 0]
         return total
 
     def _curved(self, x: Array, *, bent: bool) -> Array:
@@ -116,10 +115,10 @@ class PlaceCost(AddedCost):
         q = np.ascontiguousarray(x[:, : self._mechanism.nq])
         total = np.zeros((len(q), q.shape[1], q.shape[1]))
         for name in self._wanted:
-            point = MovedPoint.of(self._mechanism, name)
-            J = point.jacobian(q)
+            point = MovedPoints.of(self._mechanism, [name])
+            J = point.jacobian(q)[:, 0]
             away, weight = self._away(q, name, 0)
             total += J.swapaxes(1, 2) @ (weight[:, :, None] * J)
             if bent:
-                total += point.bent(q, weight * away)
+                total += point.bent(q, (weight * away)[:, None, :])
         return total

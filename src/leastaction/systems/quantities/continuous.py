@@ -10,7 +10,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
+from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, names_of
 from leastaction.systems.quantities.strings import Strings
 
 KINDS = ("input", "variable", "rate", "acceleration", "multiplier", "tension", "state")
@@ -85,8 +85,7 @@ class Solved(Quantity):
 
     def curvature(self, at: Samples, y: Array) -> Array:
         m = self.dynamics.mechanism
-        weights = np.zeros((len(y), m.nq + m.nc))
-        weights[:, self.rows] = y * self._factor(at)
+        weights = (y * self._factor(at)) @ np.eye(m.nq + m.nc)[self.rows]  # one may be asked for twice
         z_a, z_lam = np.ascontiguousarray(weights[:, : m.nd]), np.ascontiguousarray(weights[:, m.nq :])
         result = np.array(self.dynamics.curvature(*self._points(at), self._times(at), z_a=z_a, z_lam=z_lam))
         if self.slope.any():
@@ -96,6 +95,15 @@ class Solved(Quantity):
                 result[:, place, :] += cross
                 result[:, :, place] += cross
         return result
+
+    def joined(self, others: Sequence[Quantity]) -> Solved:
+        parts = [self, *(other for other in others if isinstance(other, Solved))]
+        each = [(part.rows, part.constant, part.slope, part.places) for part in parts]
+        rows, constant, slope, places = (np.concatenate(of_parts) for of_parts in zip(*each, strict=True))
+        return Solved(
+            self.dynamics, self.t, names_of(parts), rows, kind=self.kind, unit=self.unit,
+            constant=constant, slope=slope, places=places,
+        )  # fmt: skip
 
     def select(self, rows: Sequence[int]) -> Quantity:
         """Return some of them; of prescribed variables their accelerations are inputs."""

@@ -9,7 +9,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
+from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, names_of
 from leastaction.systems.quantities.strings import Strings
 
 KINDS = ("input", "variable", "rate", "acceleration", "momentum", "multiplier", "tension", "state")
@@ -74,6 +74,10 @@ class Rates(Quantity):
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
 
+    def joined(self, others: Sequence[Quantity]) -> Rates:
+        parts = [self, *(other for other in others if isinstance(other, Rates))]
+        return Rates(names_of(parts), np.concatenate([part._places for part in parts]), self.dt)
+
     def select(self, rows: Sequence[int]) -> Rates:
         return Rates([self.names[row] for row in rows], self._places[list(rows)], self.dt)
 
@@ -104,6 +108,11 @@ class Accelerations(Quantity):
 
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
+
+    def joined(self, others: Sequence[Quantity]) -> Accelerations | None:
+        which = np.concatenate([self.which, *(other.which for other in others if isinstance(other, Accelerations))])
+        # Places come once.
+        return Accelerations(self.mechanism, which, self.dt) if len(np.unique(which)) == len(which) else None
 
     def select(self, rows: Sequence[int]) -> Accelerations:
         return Accelerations(self.mechanism, self.which[list(rows)], self.dt)
@@ -163,6 +172,12 @@ class Tensions(Quantity):
                 result[:, lam, place] += slope
                 result[:, place, lam] += slope
         return result
+
+    def joined(self, others: Sequence[Quantity]) -> Tensions:
+        parts = [self, *(other for other in others if isinstance(other, Tensions))]
+        each = [(part._lam, part._length, part._rate, part._constant, part._slope) for part in parts]
+        lam, length, rate, constant, slope = (np.concatenate(of_parts) for of_parts in zip(*each, strict=True))
+        return Tensions(names_of(parts), lam, length, rate, constant, slope, self.dt)
 
     def select(self, rows: Sequence[int]) -> Tensions:
         i = list(rows)

@@ -175,16 +175,16 @@ class Ball(Region):
         return (f"within {self.radius:.4g} m of {center}",)
 
     def shape(self, k: Instants) -> Shape:
-        center = -self._from_center(np.zeros((len(k), 3)), k)
+        center = np.broadcast_to(self.center_at(k), (len(k), 3))
         return Solid(center, center, self.radius)
 
     def values(self, p: Array, k: Instants) -> Array:
         """Return ``(radius^2 - d^2) / (2 radius)``, which is the distance near the surface and smooth at the centre."""
-        d = self._from_center(p, k)
+        d = p - self.center_at(k)
         return np.asarray((self.radius**2 - np.sum(d**2, axis=1))[:, None] / (2.0 * self.radius))
 
     def gradient(self, p: Array, k: Instants) -> Array:
-        return np.asarray(-self._from_center(p, k)[:, None, :] / self.radius)
+        return np.asarray(-(p - self.center_at(k))[:, None, :] / self.radius)
 
     def hessian(self, p: Array, k: Instants) -> Array:  # noqa: ARG002
         return np.broadcast_to(-np.eye(3) / self.radius, (len(p), 1, 3, 3))
@@ -197,9 +197,10 @@ class Ball(Region):
         places = np.stack([as_array(center(float(when)), "Ball: center at a time", (3,)) for when in t])
         return _Moving(places, self.radius)
 
-    def _from_center(self, p: Array, k: Instants) -> Array:  # noqa: ARG002
+    def center_at(self, k: Instants) -> Array:  # noqa: ARG002
+        """Return its centre at instants (n,), (n, 3); or (1, 3) where it stays."""
         assert not callable(self.center)
-        return np.asarray(p - np.asarray(self.center, dtype=np.float64))
+        return np.asarray(self.center, dtype=np.float64)[None]
 
 
 @dataclass(frozen=True)
@@ -213,8 +214,8 @@ class _Moving(Ball):
     def names(self) -> tuple[str, ...]:
         return (f"within {self.radius:.4g} m of a moving point",)
 
-    def _from_center(self, p: Array, k: Instants) -> Array:
-        return np.asarray(p - np.asarray(self.center)[k])
+    def center_at(self, k: Instants) -> Array:
+        return np.asarray(np.asarray(self.center)[k])
 
 
 @dataclass(frozen=True)

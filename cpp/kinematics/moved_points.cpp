@@ -1,0 +1,65 @@
+#include "kinematics/moved_points.hpp"
+
+#include <algorithm>
+
+namespace leastaction {
+
+MovedPoints::MovedPoints(const Constants& constants, const std::vector<Point>& points, const std::vector<int>& external)
+    : external_(external), q_(external.size()), at_(constants) {
+    for (const Point& point : points) {
+        Moved moved{point.offset, point.offset, {}, {}};
+        for (int j = point.joint; j >= 0; j = constants.joints[j].parent) moved.way.push_back(j);
+        std::reverse(moved.way.begin(), moved.way.end());
+        moved.l.resize(moved.way.size());
+        for (const int j : moved.way)
+            if (std::find(joints_.begin(), joints_.end(), j) == joints_.end()) joints_.push_back(j);
+        points_.push_back(std::move(moved));
+    }
+}
+
+void MovedPoints::place_at(const double* q) {
+    for (std::size_t i = 0; i < q_.size(); ++i) q_[i] = q[external_[i]];
+    place(joints_, q_.data(), at_);
+    for (Moved& point : points_) {
+        if (point.way.empty()) continue;
+        const Pose<double>& pose = at_.pose[point.way.back()];
+        point.p = pose.R * point.offset + pose.p;
+        for (std::size_t i = 0; i < point.way.size(); ++i) {
+            const auto& [v, w] = at_.twist[point.way[i]];
+            point.l[i] = v + cross(w, point.p);
+        }
+    }
+}
+
+void MovedPoints::slope(std::size_t point, const Vec3<double>& g, double* out) const {
+    std::fill_n(out, n_variables(), 0.0);
+    const auto& [offset, p, way, l] = points_[point];
+    for (std::size_t i = 0; i < way.size(); ++i) {
+        const double value = dot(g, l[i]);
+        at_.joints()[way[i]].each_term(
+            [&](int variable, double factor) { out[external_[variable]] += factor * value; });
+    }
+}
+
+void MovedPoints::add_bent(std::size_t point, const Vec3<double>& f, double w, double* out) const {
+    const std::vector<Joint>& joints = at_.joints();
+    const auto& [offset, p, way, l] = points_[point];
+    const std::size_t n = n_variables();
+    const auto add = [&](int i, int j, double value) {
+        joints[i].each_term([&](int a, double of_i) {
+            joints[j].each_term(
+                [&](int b, double of_j) { out[external_[a] * n + external_[b]] += of_i * of_j * value; });
+        });
+    };
+    for (std::size_t i = 0; i < way.size(); ++i) {
+        const Vec3<double> turned = cross(f, at_.twist[way[i]].w) + w * l[i];
+        add(way[i], way[i], dot(turned, l[i]));
+        for (std::size_t j = i + 1; j < way.size(); ++j) {
+            const double value = dot(turned, l[j]);
+            add(way[i], way[j], value);
+            add(way[j], way[i], value);
+        }
+    }
+}
+
+}  // namespace leastaction
