@@ -302,7 +302,7 @@ def test_the_shortest_time_around_an_obstacle(aside: float, radius: float) -> No
     cost = nothing_wanted(system, Q=np.zeros(4), R=[1e-5, 1e-5])
     unknowns = [FinalTime(0.1, 50.0, price=1.0)]
     result = optimize(system, cost, initial=rest(system), unknowns=unknowns, limits=limits)
-    assert result.status in (Status.CONVERGED, Status.STALLED), result.message
+    assert result.status is Status.CONVERGED, result.message
     assert result.unknowns["final time"] == pytest.approx(2.0, rel=1e-5)
     assert result.limits is not None
     assert result.limits.excess < 1e-8

@@ -133,9 +133,10 @@ class Duals:
         """Return the duals of the barriers themselves, ``mu / s``."""
         return Sided(self.mu / room.part.slack, self.layout)
 
-    def stiffnesses(self, room: Room) -> Sided:
-        """Return ``-dy/dc`` of the primal-dual model."""
-        return Sided(stiffness(room.part, self.prices, self.y.flat), self.layout)
+    def stiffnesses(self, room: Room, most: float = np.inf) -> Sided:
+        """Return ``-dy/dc`` of the primal-dual model, at most so much of the largest that may be, ``rho^2 / mu``."""
+        sigma = stiffness(room.part, self.prices, self.y.flat)
+        return Sided(sigma if most == np.inf else np.minimum(sigma, most / self.mu * self.prices**2), self.layout)
 
     def moved(self, room: Room, dc: Sided, after: Room) -> Sided:
         """Return the duals moved along their own direction, after a step along dc from one place to another."""

@@ -39,6 +39,7 @@ _DEARER, _DEARER_AGAIN = 20.0, 10.0
 _SHORTER = 0.7  # of what it lasts is what a step of the search takes off at most
 _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
+_SOFTER = (1e-2, 1e-4, 1e-6, 1e-8)  # of the largest stiffness of limits: what a model knows of where rounding drowns it
 _SAME = 1e-6  # of a cost that was found, by which it differs where it is another cost
 _AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
 _SOON = 30  # iterations that the minimum without limits may take where a run begins again from there
@@ -407,6 +408,25 @@ class LimitedProblem(ShootingProblem):
             # Beside stiff limits the rest of the curvature is lost in rounding: this is no saddle.
             self.tells_saddles = False
         return model
+
+    def left_beside_rounding(self) -> float:
+        """Return a decrease that is no smaller than what is left, by Newton's model with softer limits.
+
+        That lies below the model itself: it has a minimum only where this has one, and expects no less. Its linear part
+        is that of the duals; those of the barriers are off by the rounding of the little room that is left.
+        """
+        if self.is_open or not (self._begun and self.has_curvature):
+            return np.inf
+        gradient = self._with_duals(self.duals.y)
+        curvature = self._curvature_along(gradient)
+        for softness in _SOFTER:
+            hessian = self._weights(self.duals.stiffnesses(self._room(), softness), convex=False)
+            with self.clock("lq"):
+                model = minimise_model("newton", self._linearize(), gradient, hessian, curvature, self.free)
+            model = self._with_start(model)
+            if model.definite:
+                return -2.0 * least_of(model, self._start_step(model))
+        return np.inf
 
     def direction(
         self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0

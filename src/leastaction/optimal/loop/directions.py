@@ -117,9 +117,14 @@ class Directions:
     # ---- Whether it is a minimum ----------------------------------------------------------------
 
     def _end_drowned(self) -> None:
-        """Raise `Found` where the last step expected next to nothing, and no model is left to tell of the next."""
+        """Raise `Found` where rounding has left no model, and next to nothing is expected."""
         run = self.run
-        if run.problem.is_drowned and run.history.iterations > 0:
+        if not run.problem.is_drowned:
+            return
+        left = run.problem.left_beside_rounding()
+        if left <= run.asked:
+            raise Found(Outcome(Status.CONVERGED, expected=left))
+        if run.history.iterations > 0:
             expected = run.history.expected_decreases[-1]  # in an earlier stage, perhaps
             if expected <= _STALLED_CLOSE * abs(run.problem.value):
                 raise Found(Outcome(Status.STALLED, expected=expected))

@@ -7,6 +7,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
@@ -265,6 +267,10 @@ class Problem(ABC, Generic[M, D, I]):
         The model with this part of the curvature has a minimum.
         """
         return None
+
+    def left_beside_rounding(self) -> float:
+        """Return a decrease no smaller than what is left, where rounding drowns models; infinity if nothing tells."""
+        return np.inf
 
     def refined(self, direction: D, *, holds: bool) -> D:  # noqa: ARG002
         """Return what to follow in the place of a direction, by more of the same model.

@@ -61,11 +61,14 @@ class Run:
         return self.settings.method == "auto"
 
     @property
+    def asked(self) -> float:
+        """The expected decrease that is small enough in the end."""
+        return self.settings.tolerance * abs(self.problem.magnitude) + self.settings.absolute_tolerance
+
+    @property
     def goal(self) -> float:
-        """The expected decrease that is small enough."""
-        settings = self.settings
-        goal = settings.tolerance * abs(self.problem.magnitude) + settings.absolute_tolerance
-        return self.problem.tolerated(goal)
+        """The expected decrease that is small enough at this stage."""
+        return self.problem.tolerated(self.asked)
 
     @property
     def trusts_its_start(self) -> bool:
