@@ -100,6 +100,12 @@ class Quantity(ABC):
         return None
 
 
+def as_slice(places: Instants) -> Instants | slice:
+    """Return places as a slice, which copies nothing, where they follow each other."""
+    follow = len(places) > 0 and bool((np.diff(places) == 1).all())
+    return slice(int(places[0]), int(places[-1]) + 1) if follow else places
+
+
 def names_of(quantities: Sequence[Quantity]) -> tuple[str, ...]:
     """Return the names of all functions of some quantities."""
     return tuple(name for each in quantities for name in each.names)

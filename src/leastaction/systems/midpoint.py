@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from typing import Self
 
 import numpy as np
@@ -20,7 +19,7 @@ from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
-from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.frozen import changed, restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
@@ -102,21 +101,20 @@ class MidpointSystem(DiscreteSystem):
         chosen = list(range(m.nx)) if free is None else [i for i in self.free_entries(free) if i < m.nx]
         variables = [i for i in chosen if i < m.nq]
         momenta = [i for i in chosen if m.nq <= i < m.nq + m.nd]
+        if not m.nc:
+            return np.eye(self.nx)[:, [*(i for i in chosen if i >= m.nq + m.nd), *variables, *momenta]]
         blocks = [np.eye(self.nx)[:, [i for i in chosen if i >= m.nq + m.nd]]]
         whole = np.zeros((self.nx, len(variables)))
         whole[variables, np.arange(len(variables))] = 1.0
         q = np.ascontiguousarray(x[: m.nq])
-        Dh = m.constraint_jacobian(q) if m.nc else np.zeros((0, m.nq))
+        Dh = m.constraint_jacobian(q)
         blocks.append(whole @ NullSpace.of(Dh[:, variables]).basis)
         # A momentum that constraints take up at once moves nothing: M times the velocities that they allow is left.
         moving = np.zeros((self.nx, m.nd))
         moving[m.nq : m.nq + m.nd] = np.eye(m.nd)
-        if m.nc:
-            moving = moving @ m.mass_matrix(q)[: m.nd, : m.nd] @ NullSpace.of(Dh[:, : m.nd]).basis
-            held = [i for i in range(m.nq, m.nq + m.nd) if i not in momenta]
-            moving = moving @ NullSpace.of(moving[held]).basis
-        else:
-            moving = moving[:, [i - m.nq for i in momenta]]
+        moving = moving @ m.mass_matrix(q)[: m.nd, : m.nd] @ NullSpace.of(Dh[:, : m.nd]).basis
+        held = [i for i in range(m.nq, m.nq + m.nd) if i not in momenta]
+        moving = moving @ NullSpace.of(moving[held]).basis
         return np.hstack([*blocks, moving])
 
     def idle_directions(self, x: Array) -> Array:
@@ -349,10 +347,7 @@ class MidpointSystem(DiscreteSystem):
 
         A subclass that holds more than those, such as values by step, overrides it.
         """
-        other = copy(self)
-        other.integrator, other.t, other.N = integrator, t, len(t) - 1
-        other.first_share = first_share
-        return other
+        return changed(self, integrator=integrator, t=t, N=len(t) - 1, first_share=first_share)
 
     def _share(self, k: int) -> float:
         """Return the part of step k for which forces at the instants act at its start."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
-from leastaction.optimal.quantity import Instants, Quantity, Samples
+from leastaction.optimal.quantity import Instants, Quantity, Samples, as_slice
 
 _OFF = 1e-6  # of what is large for it a limit may be off at a fixed initial state
 
@@ -252,9 +252,8 @@ class Rows:
 
     @cached_property
     def _part(self) -> Instants | slice:
-        """The instants; as a slice, which copies nothing, where they follow each other."""
-        runs = _runs(self.k)
-        return runs[0][1] if len(runs) == 1 else self.k
+        """The instants."""
+        return as_slice(self.k)
 
     @cached_property
     def _part_after(self) -> Instants | slice:
@@ -266,16 +265,6 @@ class Rows:
 def _index(k: Instants | slice, columns: Instants) -> Any:
     """Return the index of some columns at instants."""
     return (k, columns) if isinstance(k, slice) else np.ix_(k, columns)
-
-
-def _runs(places: Instants) -> list[tuple[slice, slice]]:
-    """Return where places follow each other: the slice of them, and that of what they are places in."""
-    ends = [0, *(np.flatnonzero(np.diff(places) != 1) + 1), len(places)]
-    return [
-        (slice(low, high), slice(int(places[low]), int(places[low]) + high - low))
-        for low, high in itertools.pairwise(ends)
-        if high > low
-    ]
 
 
 def _said(rows: Rows) -> str:

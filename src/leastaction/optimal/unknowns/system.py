@@ -13,11 +13,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, linearized
-from leastaction.optimal.quantity import Entries, Quantity
+from leastaction.optimal.quantity import Entries, Quantity, as_slice
 from leastaction.optimal.system import Linearization
 
 _PART = 1e-3  # of a parameter, by which it is moved for differences
@@ -45,6 +46,15 @@ class ExtendedSystem(DiscreteSystem):
         self.at_copies = self.n_own + len(self.names)
         self.nx = self.at_copies + len(self.copied)
         self.has_curvature = system.has_curvature
+        # As a slice, which copies nothing, where they follow each other.
+        self._kept: Any = as_slice(self.copied)
+        free = [] if free_start is False else range(self.n_own)
+        if not isinstance(free_start, bool):
+            free = system.free_entries(free_start)
+        self._told = np.isin(np.arange(self.n_own), np.intersect1d(self.copied, free))  # by equations, of the start
+        # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
+        inputs = self.at_copies + np.arange(self.nu)
+        self._places = np.concatenate([np.arange(self.at_copies), self.copied, inputs])
 
     @property
     def final_time(self) -> int | None:
@@ -66,22 +76,24 @@ class ExtendedSystem(DiscreteSystem):
     def own(self, x: Array) -> Array:
         """Return the system's own states of such of the extended system."""
         own = x[..., : self.n_own].copy()
-        own[..., self.copied] += x[..., self.at_copies :]
+        if len(self.copied):
+            own[..., self._kept] += x[..., self.at_copies :]
         return own
 
     def extended(self, x: Array, values: Array) -> Array:
         """Return states (nx,) or (N+1, nx) for such of the system, with values of the parameters (P,)."""
-        first = x[..., self.copied] if x.ndim == 1 else np.broadcast_to(x[0, self.copied], (len(x), len(self.copied)))
-        constants = np.broadcast_to(values, (*x.shape[:-1], len(values)))
-        whole = np.concatenate([x, constants, first], axis=-1)
-        whole[..., self.copied] -= first
+        first = (x if x.ndim == 1 else x[0])[self._kept]
+        whole = np.empty((*x.shape[:-1], self.nx))
+        whole[..., : self.n_own], whole[..., self.n_own : self.at_copies] = x, values
+        whole[..., self.at_copies :] = first
+        whole[..., self._kept] -= first
         return whole
 
     # ---- Steps ------------------------------------------------------------------------------------
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         own = self.at(self.values(x)).f(self.own(x), u, k)
-        own[self.copied] -= x[self.at_copies :]
+        own[self._kept] -= x[self.at_copies :]
         return np.concatenate([own, x[self.n_own :]])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
@@ -116,11 +128,12 @@ class ExtendedSystem(DiscreteSystem):
         part = slice(start, stop)
         # Constants stay, so their feedback is known beforehand.
         u, gain = ubar.copy(), K[part, :, n:].copy()
-        gain[:, :, len(self.names) :] -= K[part][:, :, self.copied]
+        gain[:, :, len(self.names) :] -= K[part][:, :, self._kept]
         u[part] -= np.einsum("kij,kj->ki", gain, constants - xbar[part, n:])
         out = system.rollout(self.own(x0), self.own(xbar), u, K[:, :, :n], start, stop)
-        x = np.hstack([out.x, np.broadcast_to(constants, (len(out.x), len(constants)))])
-        x[:, self.copied] -= x[:, self.at_copies :]
+        x = np.empty((len(out.x), self.nx))
+        x[:, :n], x[:, n:] = out.x, constants
+        x[:, self._kept] -= x0[self.at_copies :]
         return Rollout(x, out.u, out.steps_done, out.failure, out.worst_step, out.worst_at)
 
     # ---- Derivatives ------------------------------------------------------------------------------
@@ -143,7 +156,18 @@ class ExtendedSystem(DiscreteSystem):
             exact = self._by_parameters(system, own, u, weights)
             return self._second(lin.curvature(weights), by_time, values, along, weights, exact)
 
-        return Linearization(A, B, second, lin)
+        return Linearization(A, B, second, lin, self._pattern(lin, out))
+
+    def _pattern(self, own: Linearization, last: Linearization | None) -> npt.NDArray[np.bool_] | None:
+        """Return which entries of ``[A B]`` may differ from zero, given the system's own, and the last one of this."""
+        if own.pattern is None:
+            return None
+        if last is not None and isinstance(last.memory, Linearization) and last.memory.pattern is own.pattern:
+            return last.pattern
+        n, ones = self.n_own, np.ones((1, self.n_own, len(self.names)))
+        A, B = self._extended(own.pattern[None, :, :n].astype(float), own.pattern[None, :, n:].astype(float), ones)
+        A[0, :n, self.at_copies :] = own.pattern[:, self.copied] | np.eye(n, dtype=bool)[:, self.copied]
+        return np.asarray(np.concatenate([A[0], B[0]], axis=1) != 0.0)
 
     def _by_parameters(self, system: DiscreteSystem, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
         """Return what the system has of second derivatives of steps by the parameters."""
@@ -151,12 +175,13 @@ class ExtendedSystem(DiscreteSystem):
 
     def _extended(self, A: Array, B: Array, by: Array) -> tuple[Array, Array]:
         """Return A and B of steps of the system, and their derivatives by parameters, as those of extended states."""
-        n, constant = self.n_own, np.arange(self.n_own, self.nx)
+        n, end = self.n_own, self.at_copies
         whole, inputs = np.zeros((len(A), self.nx, self.nx)), np.zeros((len(A), self.nx, self.nu))
-        whole[:, :n, :n], whole[:, :n, n : self.at_copies] = A, by
-        whole[:, :n, self.at_copies :] = A[:, :, self.copied] - np.eye(n)[:, self.copied]
-        whole[:, constant, constant] = 1.0
-        inputs[:, :n] = B
+        whole[:, :n, :n], whole[:, :n, n:end], inputs[:, :n] = A, by, B
+        np.einsum("kii->ki", whole)[:, n:] = 1.0
+        if len(self.copied):
+            whole[:, :n, end:] = A[:, :, self._kept]
+            whole[:, self.copied, np.arange(end, self.nx)] -= 1.0
         return whole, inputs
 
     def _second(
@@ -174,17 +199,27 @@ class ExtendedSystem(DiscreteSystem):
         that. ``along``: returns the system's A, B and derivatives by parameters at values of these. ``z`` (n, nx of the
         system). ``exact``: all that is by parameters, (n, P, nx of the system + nu + P), where the system has it.
         """
-        n, count = self.n_own, len(self.names)
-        # By [x; p; u], and from that by [y; u]: c moves what is kept.
-        by = np.zeros((len(H), n + count + self.nu, n + count + self.nu))
-        own, parameters = np.r_[0:n, n + count : n + count + self.nu], np.arange(n, n + count)
-        by[:, own[:, None], own] = H
+        by = self._by_all(H, by_time, values, along, z, exact) if self.names else H
+        # By [x; p; u], and from that by [y; u].
+        return by[:, self._places[:, None], self._places] if len(self.copied) else by
+
+    def _by_all(
+        self,
+        H: Array,
+        by_time: Array | None,
+        values: Array,
+        along: Callable[[Array], tuple[Array, Array, Array]],
+        z: Array,
+        exact: Array | None,
+    ) -> Array:
+        """Return ``z . D2f`` of steps by ``[x; p; u]``, given what `_second` is."""
+        n, count, end = self.n_own, len(self.names), self.at_copies
 
         def slope(moved: Array) -> Array:
             return np.concatenate([np.einsum("ki,kij->kj", z, part) for part in along(moved)], axis=1)
 
-        mixed = np.zeros((len(H), len(own) + count, count))
-        once, twice = mixed[:, : len(own)], mixed[:, len(own) :]
+        mixed = np.zeros((len(H), n + self.nu + count, count))
+        once, twice = mixed[:, :-count], mixed[:, -count:]
         known = [] if by_time is None else [self.names.index(FINAL_TIME)]
         if exact is not None:
             mixed[:] = exact.transpose(0, 2, 1)
@@ -196,11 +231,14 @@ class ExtendedSystem(DiscreteSystem):
             # With the other parameters by their differences.
             once[:, :, j], twice[:, :, j] = by_time[:, :-1], twice[:, j]
             twice[:, j, j] = by_time[:, -1]
-        by[:, own[:, None], parameters] = once
-        by[:, parameters[:, None], own] = once.transpose(0, 2, 1)
-        by[:, parameters[:, None], parameters] = 0.5 * (twice + twice.transpose(0, 2, 1))
-        places = np.r_[0 : n + count, self.copied, n + count : n + count + self.nu]
-        return by if not len(self.copied) else by[:, places[:, None], places]
+        by = np.empty((len(H), end + self.nu, end + self.nu))
+        by[:, :n, :n], by[:, :n, end:], by[:, end:, :n], by[:, end:, end:] = (
+            H[:, :n, :n], H[:, :n, n:], H[:, n:, :n], H[:, n:, n:]
+        )  # fmt: skip
+        by[:, :n, n:end], by[:, end:, n:end] = once[:, :n], once[:, n:]
+        by[:, n:end, :n], by[:, n:end, end:] = once[:, :n].transpose(0, 2, 1), once[:, n:].transpose(0, 2, 1)
+        by[:, n:end, n:end] = 0.5 * (twice + twice.transpose(0, 2, 1))
+        return by
 
     # ---- Its start --------------------------------------------------------------------------------
 
@@ -214,9 +252,8 @@ class ExtendedSystem(DiscreteSystem):
             names = None if isinstance(self.free_start, bool) else self.free_start
             Z = self.system.start_directions(own, names)
             # What only the equations tell of, if they do.
-            idle = self.system.idle_directions(own)
-            entries = np.arange(n) if names is None else self.system.free_entries(names)
-            if np.isin(np.flatnonzero(idle.any(axis=1)), np.intersect1d(self.copied, entries)).all():
+            idle = self.system.idle_directions(own) if self._told.any() else np.zeros((n, 0))
+            if idle.shape[1] and self._told[idle.any(axis=1)].all():
                 Z = np.hstack([Z, idle])
         whole = np.zeros((self.nx, Z.shape[1] + count))
         whole[:n, : Z.shape[1]] = Z
@@ -224,8 +261,8 @@ class ExtendedSystem(DiscreteSystem):
             system = self.at(self.values(x))
             whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
             whole[n : self.at_copies, Z.shape[1] :] = np.eye(count)
-        whole[self.at_copies :] = whole[self.copied]
-        whole[self.copied] = 0.0
+        whole[self.at_copies :] = whole[self._kept]
+        whole[self._kept] = 0.0
         return whole
 
     def moved_start(self, x: Array, dx: Array) -> Array:
