@@ -107,13 +107,14 @@ class ConstraintProjection:
         return q
 
     def _h(self, s: Array) -> Array:
-        return self.mechanism.constraint_values(self._configuration(s))
+        return self.mechanism.core.constraints(self._configuration(s))
 
     def _at(self, s: Array) -> tuple[Array, Array, Array]:
         """Return h, its Jacobian by s, and the scale of each h_i."""
         q = self._configuration(s)
-        full = self.mechanism.constraint_jacobian(q)
-        return self.mechanism.constraint_values(q), full[:, self.free] / self.root, row_scales(full)
+        # What has been checked once is not looked at again, and a point out of range ends the search by its values.
+        full = self.mechanism.core.constraint_jacobian(q).reshape(self.mechanism.nc, self.mechanism.nq)
+        return self.mechanism.core.constraints(q), full[:, self.free] / self.root, row_scales(full)
 
     def _directions(self, s: Array, h: Array, jacobian: Array, *, loose: bool) -> tuple[Array, Array, Array]:
         """Return the restoring part of the step, the part along the constraints, and the multiplier."""

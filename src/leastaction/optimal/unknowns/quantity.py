@@ -23,13 +23,20 @@ class ExtendedQuantity(QuantityView):
         self.system, self.of = system, of
         # One that is always the same object depends on nothing else.
         self.fixed = not system.names or of(system.system) is own
+        n, nu = system.n_own, system.nu
+        places = self._own_places(n, nu)
+        # How the system's own entries and the parameters follow from entries of the extended system.
+        count = 0 if self.fixed else len(system.names)
+        kept = (places[:, None] == system.copied) | (places[:, None] == n + nu + system.copied)
+        moved = np.flatnonzero(kept.any(axis=0))
+        kept = np.vstack([kept[:, moved], np.zeros((count, len(moved)))])
+        self._moves = np.hstack([np.eye(len(places) + count), kept]) if len(moved) else None
+        own_places = np.where(places < n, places, places + system.nx - n)
+        self._columns = np.concatenate([own_places, n + np.arange(count), system.at_copies + moved])
 
-    def columns(self, nx: int, nu: int) -> Instants:
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the extended system
         """Return the places of the system's own entries, of the parameters, and of what is kept of the first state."""
-        n, places = self.system.n_own, self._places(nu)
-        parameters = np.arange(n, n if self.fixed else self.system.at_copies)
-        kept = np.arange(self.system.at_copies, nx)
-        return np.concatenate([np.where(places < n, places, places + nx - n), parameters, kept])
+        return self._columns
 
     def values(self, at: Samples) -> Array:
         own, values = self._split(at)
@@ -37,13 +44,14 @@ class ExtendedQuantity(QuantityView):
 
     def jacobian(self, at: Samples) -> Array:
         own, values = self._split(at)
-        return np.asarray(self._jacobian(own, values) @ self._moves(at.u.shape[1]))
+        J = self._jacobian(own, values)
+        return J if self._moves is None else np.asarray(J @ self._moves)
 
     def curvature(self, at: Samples, y: Array) -> Array | None:
         own, values = self._split(at)
-        H, moves = self._at(values).curvature(own, y), self._moves(at.u.shape[1])
+        H = self._at(values).curvature(own, y)
         if self.fixed:
-            return None if H is None else np.asarray(moves.T @ H @ moves)
+            return None if H is None else self._moved(H)
 
         def slope(moved: Array) -> Array:
             return np.asarray(np.einsum("kmi,km->ki", self._jacobian(own, moved), y))
@@ -55,7 +63,7 @@ class ExtendedQuantity(QuantityView):
             whole[:, :n, :n] = H
         whole[:, :n, n:], whole[:, n:, :n] = mixed[:, :n], mixed[:, :n].transpose(0, 2, 1)
         whole[:, n:, n:] = 0.5 * (mixed[:, n:] + mixed[:, n:].transpose(0, 2, 1))
-        return np.asarray(moves.T @ whole @ moves)
+        return self._moved(whole)
 
     def joined(self, others: Sequence[Quantity]) -> Quantity | None:
         parts = [self, *(other for other in others if isinstance(other, ExtendedQuantity))]
@@ -78,20 +86,15 @@ class ExtendedQuantity(QuantityView):
         by = [by_differences(lambda p: self._at(p).values(own), values, j)[:, :, None] for j in range(count)]
         return np.concatenate([at.jacobian(own), *by], axis=2)
 
-    def _places(self, nu: int) -> Instants:
+    def _moved(self, H: Array) -> Array:
+        return H if self._moves is None else np.asarray(self._moves.T @ H @ self._moves)
+
+    def _own_places(self, n: int, nu: int) -> Instants:
         """Return the places in the system's own ``(x, u, x_next)`` in which the quantity gives its derivatives."""
-        n = self.system.n_own
         places = self.whole.columns(n, nu)
         if places is not None:
             return places
         return np.arange(n if self.of_state else 2 * n + nu if self.looks_ahead else n + nu)
-
-    def _moves(self, nu: int) -> Array:
-        """Return how the system's own entries and the parameters follow from entries of the extended system."""
-        n, places = self.system.n_own, self._places(nu)
-        count = 0 if self.fixed else len(self.system.names)
-        kept = (places[:, None] == self.system.copied) | (places[:, None] == n + nu + self.system.copied)
-        return np.hstack([np.eye(len(places) + count), np.vstack([kept, np.zeros((count, kept.shape[1]))])])
 
     def _split(self, at: Samples) -> tuple[Samples, Array]:
         """Return what the system's own quantity is given, and the parameters (P,)."""

@@ -137,6 +137,8 @@ class Tensions(Quantity):
     ) -> None:  # fmt: skip
         self.names, self.dt = tuple(names), dt
         self._lam, self._length, self._rate, self._constant, self._slope = lam, length, rate, constant, slope
+        self._columns = np.unique(np.concatenate([lam, length, rate]))
+        self._at = [np.searchsorted(self._columns, each) for each in (lam, length, rate)]
 
     @classmethod
     def of(cls, mechanism: Mechanism, dt: Array) -> Tensions:
@@ -149,25 +151,23 @@ class Tensions(Quantity):
         return np.asarray(at.x[:, self._lam] * self._factor(at))
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.unique(np.concatenate([self._lam, self._length, self._rate]))
+        return self._columns
 
     def jacobian(self, at: Samples) -> Array:
-        columns, lam = self.columns(0, 0), at.x[:, self._lam]
-        result = np.zeros((len(at.k), len(self.names), len(columns)))
-        rows = np.arange(len(self.names))
-        result[:, rows, np.searchsorted(columns, self._lam)] = self._factor(at)
-        result[:, rows, np.searchsorted(columns, self._length)] += self._slope * lam / self._dt(at)
-        result[:, rows, np.searchsorted(columns, self._rate)] -= self._slope * lam
+        result = np.zeros((len(at.k), len(self.names), len(self._columns)))
+        by, rows, (lam, length, rate) = self._slope * at.x[:, self._lam], np.arange(len(self.names)), self._at
+        result[:, rows, lam] = self._factor(at)
+        result[:, rows, length] += by / self._dt(at)
+        result[:, rows, rate] -= by
         return result
 
     def curvature(self, at: Samples, y: Array) -> Array | None:
         """Return the second derivative, of products of a multiplier with a length and its rate."""
         if not self._slope.any():
             return None
-        columns, pull, dt = self.columns(0, 0), y * self._slope, self._dt(at)
-        result = np.zeros((len(at.k), len(columns), len(columns)))
-        where = (np.searchsorted(columns, each) for each in (self._lam, self._length, self._rate))
-        for j, (lam, length, rate) in enumerate(zip(*where, strict=True)):
+        pull, dt = y * self._slope, self._dt(at)
+        result = np.zeros((len(at.k), len(self._columns), len(self._columns)))
+        for j, (lam, length, rate) in enumerate(zip(*self._at, strict=True)):
             for place, slope in ((length, pull[:, j] / dt[:, 0]), (rate, -pull[:, j])):
                 result[:, lam, place] += slope
                 result[:, place, lam] += slope
