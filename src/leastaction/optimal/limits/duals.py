@@ -96,9 +96,13 @@ class Duals:
         self.sides, self.layout = tuple(sides), layout
         self.begun = False
         self.mu = np.nan
-        self.scale: list[Array] = []
-        self.rho: list[Array] = []
+        # One for each column of every side.
+        self.scale, self.rho = layout.columns.empty(), layout.columns.empty()
         self.y = layout.empty()
+        self._size = layout.columns.filled([side.size for side in self.sides]).flat
+        self._equal = layout.columns.filled([float(side.equal) for side in self.sides]).flat > 0.0
+        self._in_equations = layout.spread(self._equal)
+        self._other = self._other_sides()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
         self.dearest, self.cheapest = 0.0, np.inf  # prices of an excess of a limit's scale
         self.leeway = Leeway([side.size.size for side in self.sides])
@@ -108,12 +112,13 @@ class Duals:
 
         ``price``: of an excess of a limit's scale; of equations, and of limits at a single instant, times ``dearer``.
         """
-        self.mu, self.begun, self.scale = mu, bool(self.sides), []
-        for side, values in zip(self.sides, c, strict=True):
-            seen = np.maximum(np.abs(values).max(axis=0), 1e-6 * (1.0 + side.size))
-            self.scale.append(np.where(side.scale > 0.0, side.scale, seen))
-        single = [side.equal or len(values) == 1 for side, values in zip(self.sides, c, strict=True)]
-        self.rho = [price * (dearer if alone else 1.0) / scale for alone, scale in zip(single, self.scale, strict=True)]
+        self.mu, self.begun, columns = mu, bool(self.sides), self.layout.columns
+        seen = np.maximum(self.layout.largest(np.abs(c.flat)), 1e-6 * (1.0 + self._size))
+        known = columns.filled([side.scale for side in self.sides]).flat
+        self.scale = Sided(np.where(known > 0.0, known, seen), columns)
+        alone = [side.equal or len(values) == 1 for side, values in zip(self.sides, c, strict=True)]
+        prices = columns.filled([price * (dearer if single else 1.0) for single in alone]).flat
+        self.rho = Sided(prices / self.scale.flat, columns)
         self.settle_prices()
         self._begin_duals(c)
 
@@ -160,8 +165,8 @@ class Duals:
 
     def settle_prices(self) -> None:
         """Take the prices and scales of all sides as they are now."""
-        self.prices, self.scales = self.layout.filled(self.rho).flat, self.layout.filled(self.scale).flat
-        prices = _joined(rho * scale for rho, scale in zip(self.rho, self.scale, strict=True))
+        self.prices, self.scales = self.layout.spread(self.rho.flat), self.layout.spread(self.scale.flat)
+        prices = self.rho.flat * self.scale.flat
         self.dearest, self.cheapest = float(prices.max(initial=0.0)), float(prices.min(initial=np.inf))
 
     def settled(self, duals: Sided, room: Room) -> Sided:
@@ -186,33 +191,33 @@ class Duals:
 
     def level(self, c: Sided, price: float) -> None:
         """Make an excess of its scale as dear for each limit, and begin with the duals of the barriers."""
-        self.rho = [price / scale for scale in self.scale]
+        self.rho = Sided(price / self.scale.flat, self.layout.columns)
         self.settle_prices()
         self.mu = _GUIDING * self.cost_of_excess(c) / len(c.flat)
         self._begin_duals(c)
 
-    def net(self) -> list[Array]:
-        """Return the duals, of both sides of an equation their difference."""
-        net = list(self.y)
+    def _other_sides(self) -> Instants:
+        """Return where the other side is of every entry of an equation; of others, where they are themselves."""
+        other = np.arange(self.layout.ends[-1])
         for i, side in enumerate(self.sides):
             if side.equal and side.first:
-                net[i], net[i + 1] = self.y[i] - self.y[i + 1], self.y[i + 1] - self.y[i]
-        return net
+                first, second, end = self.layout.ends[i : i + 3]
+                other[first:end] = np.concatenate([np.arange(second, end), np.arange(first, second)])
+        return other
+
+    def net(self) -> Array:
+        """Return the duals of all entries, of both sides of an equation their difference."""
+        y = self.y.flat
+        return np.where(self._in_equations, y - y[self._other], y)
 
     def hopeless(self) -> bool:
         """Whether some limit is not enforced though its price is the dearest there is."""
-        return any(
-            bool((np.max(np.abs(net), axis=0, initial=0.0) > _BINDING * rho).any())
-            for net, rho in zip(self.net(), self.rho, strict=True)
-        )
+        return bool((self.layout.largest(np.abs(self.net())) > _BINDING * self.rho.flat).any())
 
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
-        parts = (
-            digits * float(np.max(y * (scale + side.size), initial=0.0))
-            for side, y, scale in zip(self.sides, self.y, self.scale, strict=True)
-        )
-        return max(parts, default=0.0)
+        largest = self.layout.largest(self.y.flat)
+        return digits * float((largest * (self.scale.flat + self._size)).max(initial=0.0))
 
     def price(self, c: Sided, dearest: float, *, met: float | None = None) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
@@ -220,29 +225,24 @@ class Duals:
         ``c``: at the minimum at these prices and this mu. ``dearest``: what an excess of a limit's scale may cost at
         most. ``met``: what is off by more of its scale needs a higher price, whatever its dual, a rough one perhaps.
         """
-        unmet = False
-        for i, (net, side) in enumerate(zip(self.net(), self.sides, strict=True)):
-            rho, most = self.rho[i], dearest / self.scale[i]
-            binding = np.max(np.abs(net), axis=0, initial=0.0) > _BINDING * rho
-            off = np.zeros_like(binding)
-            if met is not None:
-                off = np.min(c[i], axis=0, initial=0.0) < -met * self.scale[i]
-            binding = (binding | off) & (rho < most)
-            new = np.where(
-                binding,
-                np.minimum(_DEARER * rho, most),
-                # Equations are met the better the dearer they are, and what is off has no dual yet to go by.
-                np.where(off | side.equal, rho, _between(_CHEAPER * rho, _DEAR * np.max(net, axis=0), rho)),
-            )
-            unmet = unmet or bool(binding.any())
-            self.rho[i] = new
-            if side.equal:
-                self.y[i] = 0.5 * (new + _between(-0.9 * new, net, 0.9 * new))
-            else:
-                lower = np.minimum(self.y[i], 0.9 * new)
-                self.y[i] = np.where(binding & (c[i] < 0.0), first_duals(lower, new), lower)
+        layout, net, rho = self.layout, self.net(), self.rho.flat
+        scale, most = self.scale.flat, dearest / self.scale.flat
+        binding, off = layout.largest(np.abs(net)) > _BINDING * rho, np.zeros(len(rho), dtype=np.bool_)
+        if met is not None:
+            off = layout.largest(-c.flat) > met * scale
+        binding = (binding | off) & (rho < most)
+        new = np.where(
+            binding,
+            np.minimum(_DEARER * rho, most),
+            # Equations are met the better the dearer they are, and what is off has no dual yet to go by.
+            np.where(off | self._equal, rho, _between(_CHEAPER * rho, _DEAR * layout.largest(net), rho)),
+        )
+        self.rho = Sided(new, layout.columns)
         self.settle_prices()
-        return unmet
+        new, lower = self.prices, np.minimum(self.y.flat, 0.9 * self.prices)
+        y = np.where(layout.spread(binding) & (c.flat < 0.0), first_duals(lower, new), lower)
+        self.y = Sided(np.where(self._in_equations, 0.5 * (new + _between(-0.9 * new, net, 0.9 * new)), y), layout)
+        return bool(binding.any())
 
     # ---- Reports --------------------------------------------------------------------------------
 
@@ -272,10 +272,10 @@ class Duals:
     def restore(self, mu: float, barrier: Barrier) -> None:
         """Go on exactly where an optimisation with the same limits was."""
         self.mu, self.y = mu, Sided(barrier.duals.copy(), self.layout)
-        ends = np.cumsum([len(scale) for scale in self.scale])[:-1]
-        self.scale, self.rho = np.split(barrier.scale.copy(), ends), np.split(barrier.prices.copy(), ends)
+        columns = self.layout.columns
+        self.scale, self.rho = Sided(barrier.scale.copy(), columns), Sided(barrier.prices.copy(), columns)
         if barrier.part > 0.0:
-            self.leeway.restore(np.split(barrier.leeway.copy(), ends), barrier.part)
+            self.leeway.restore(list(Sided(barrier.leeway.copy(), columns)), barrier.part)
         else:
             self.leeway.give_all_back()
         self.settle_prices()
@@ -373,8 +373,8 @@ class Stages:
             first_mu=self.first_mu,
             last_mu=self.last,
             duals=read_only(own.y.flat.copy()),
-            scale=_joined(own.scale),
-            prices=_joined(own.rho),
+            scale=read_only(own.scale.flat.copy()),
+            prices=read_only(own.rho.flat.copy()),
             leeway=_joined(own.leeway.whole),
             part=own.leeway.part,
         )

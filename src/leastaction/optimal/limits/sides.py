@@ -6,12 +6,18 @@ There may be many sides, and they may be short: elementwise mathematics takes al
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from itertools import accumulate
 from math import prod
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array
+
+Entry = TypeVar("Entry", bound=np.generic)
+Indices = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 
 class Layout:
@@ -31,6 +37,38 @@ class Layout:
         for i, value in enumerate(values):
             result[i] = value
         return result
+
+    # ---- Columns of sides (n, m): what has one value for each of them is of the layout `columns` ---
+
+    @cached_property
+    def columns(self) -> Layout:
+        """That of one value for each column (m,) of every side."""
+        return Layout([shape[1:] for shape in self.shapes])
+
+    def spread(self, values: NDArray[Entry]) -> NDArray[Entry]:
+        """Return values of all columns, one after the other, for each of their entries."""
+        return np.asarray(values[self._column])
+
+    def largest(self, values: Array) -> Array:
+        """Return the largest of the entries of every column, and of zero."""
+        found = np.zeros(self.columns.ends[-1])
+        order, filled, begins = self._by_column
+        if len(filled):
+            found[filled] = np.maximum(np.maximum.reduceat(values if order is None else values[order], begins), 0.0)
+        return found
+
+    @cached_property
+    def _column(self) -> Indices:
+        """The column of every entry."""
+        each = [np.broadcast_to(np.arange(*self.columns.ends[i : i + 2]), s).ravel() for i, s in enumerate(self.shapes)]
+        return np.concatenate([np.empty(0, dtype=np.intp), *each])
+
+    @cached_property
+    def _by_column(self) -> tuple[Indices | None, Indices, Indices]:
+        """The entries in the order of their columns, None where they stand so; which columns have some, and where."""
+        order = np.argsort(self._column, kind="stable")
+        filled, begins = np.unique(self._column[order], return_index=True)
+        return None if (np.diff(order) == 1).all() else order, filled, begins
 
 
 class Sided:
