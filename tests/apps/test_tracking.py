@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from leastaction.apps.marionette.tracking import (
     load_run,
     load_unfinished,
     motors,
+    pace,
     plan,
     save_run,
     save_search,
@@ -268,23 +270,25 @@ def test_a_motion_farther_off_than_a_puppet_that_hangs_still_is_no_start(
     assert any("hangs still" in line for line in said) == (far > 0.0)
 
 
-@pytest.mark.parametrize("how", ["stuck", "creeps"])
+@pytest.mark.parametrize("how", ["stuck", "creeps", "is seen to creep"])
 def test_where_a_search_is_stuck_or_creeps_another_begins_elsewhere(
     how: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """With a motion that grew, or a puppet that hangs still where that is stuck too."""
+    """With a motion that grew, or a puppet that hangs still where that is stuck too, or creeps on."""
     optimize = tracker.optimize
     begun: list[Any] = []
 
     def stuck_at_first(*problem: Any, **options: Any) -> OptimizationResult:
         begun.append(options["initial"])
-        if len(begun) > 2:
+        if len(begun) > 2 or how == "is seen to creep":
             return optimize(*problem, **options)
         found = optimize(*problem, **options | {"max_iterations": 0})
         return replace(found, status=Status.LINE_SEARCH_FAILED if how == "stuck" else Status.ITERATION_LIMIT)
 
     monkeypatch.setattr(tracker, "optimize", stuck_at_first)
+    if how == "is seen to creep":
+        monkeypatch.setattr(tracker.Pace, "creeps", lambda *_: len(begun) == 1)
     wanted = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
     at_rest = wanted.hung()
     monkeypatch.setattr(beginning, "grown", lambda *_: at_rest)
@@ -294,6 +298,35 @@ def test_where_a_search_is_stuck_or_creeps_another_begins_elsewhere(
     assert any("larger parts" in each for each in said)
     assert any("hangs still" in each for each in said) is (how == "creeps")
     assert run.result.success
+
+
+def creeping_from(
+    begin: int, *, share: float = 1.0, fall: float = 1e-4, mu: Callable[[int], float] = lambda _: 1.0
+) -> int | None:
+    """Return the iteration at which a search is seen to creep, or None.
+
+    ``begin``: from which on it expects ``share`` times as much from iteration to iteration, and gains ``fall`` of its
+    cost in each. ``mu``: its barrier.
+    """
+    its = pace.Pace()
+    for k in range(121):
+        barrier = SimpleNamespace(limits=SimpleNamespace(mu=mu(k)))
+        record = SimpleNamespace(
+            cost=100.0 * (1.0 - fall) ** k,
+            expected_decrease=share ** max(k - begin, 0) * 0.5 ** min(k, begin),
+            snapshot=lambda barrier=barrier: barrier,
+        )
+        if its.creeps(record):  # type: ignore[arg-type]
+            return k
+    return None
+
+
+def test_a_search_creeps_that_expects_as_much_from_each_iteration_as_long_before_and_gains_little() -> None:
+    assert creeping_from(20) == creeping_from(5, share=1.01) == 60
+    assert creeping_from(50) == 80
+    assert creeping_from(0, share=0.95) is None  # it converges
+    assert creeping_from(0, fall=1e-3) is None  # it gains 2 % in 20 iterations
+    assert creeping_from(0, mu=lambda k: 0.1 ** (k // 15)) is None  # it goes on to other barriers
 
 
 def test_a_puppet_that_hangs_and_creeps_is_planned_by_tensions(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,8 +8,11 @@ import pytest
 from leastaction import MidpointSystem, MidpointVI, optimize
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
-from leastaction.optimal import QuadraticCost, check_derivatives
+from leastaction.optimal import Bound, QuadraticCost, check_derivatives
 from leastaction.optimal.discrete.cost import CostGradient, CostHessian, convex
+from leastaction.optimal.discrete.model_hessian import ModelHessian, between
+from leastaction.optimal.limits.cost import LimitedCost
+from leastaction.systems import PlaceCost
 from optimal.systems import CartPendulum
 
 N, NX, NU = 9, 4, 1
@@ -175,3 +178,20 @@ def test_a_cost_that_bends_downwards_is_no_reason_for_steepest_descent():
     assert found.success
     assert "steepest" not in found.history.method
     assert found.iterations < 60
+
+
+def test_weights_of_all_stages_stand_stage_after_stage_in_memory():
+    """Recursions read them so: others are copied before each."""
+    one, each = np.eye(NX), np.tile(2.0 * np.eye(NX), (N, 1, 1))
+    for low, high in ((one, each), (each, one)):
+        made = between(ModelHessian(low, one, None, one), ModelHessian(high, one, None, one), 0.5).Q
+        np.testing.assert_array_equal(made, 0.75 * each)
+        assert made.flags.c_contiguous
+    system = MidpointSystem(MidpointVI(cart_pendulum()), 0.1 * np.arange(N + 1))
+    x, u = np.zeros((N + 1, NX)), np.zeros((N, NU))
+    cost = PlaceCost(QuadraticCost(x, u, Q=np.ones(NX), R=[1.0]), system, {"bob": np.zeros(3)}, {"bob": 1.0})
+    assert cost.hessian(x, u).Q.flags.c_contiguous
+    whole = LimitedCost(QuadraticCost(x, u, Q=np.eye(NX), R=[1.0]), Bound("theta", min=-1.0).rows(system, 1), NX, NU)
+    whole.duals.begin(whole.asked(x, u), 1.0, 1.0)
+    sigmas = whole.duals.stiffnesses(whole.duals.room(whole.asked(x, u)))
+    assert whole.hessian(x, u, sigmas, {}, plain=whole.cost.hessian(x, u)).Q.flags.c_contiguous

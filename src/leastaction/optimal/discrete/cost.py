@@ -298,7 +298,8 @@ class AddedCost(Cost):
         """Return second derivatives with more by the first entries of the states, ``bent`` (N+1, n, n)."""
         Q, R, S, Q_final = other
         n, nx = bent.shape[1], x.shape[1]
-        stages = np.array(np.broadcast_to(matrix_of(Q), (len(bent) - 1, nx, nx)))
+        # Stage after stage in memory: by itself a copy of one matrix for all has the stages innermost.
+        stages = np.array(np.broadcast_to(matrix_of(Q), (len(bent) - 1, nx, nx)), order="C")
         stages[:, :n, :n] += bent[:-1]
         last = np.array(matrix_of(Q_final))
         last[:n, :n] += bent[-1]

@@ -58,7 +58,8 @@ def _between(low: Array, high: Array, share: float) -> Array:
     if is_diagonal(low) and low.ndim == high.ndim and is_diagonal(high):
         return np.asarray(low + share * (high - low))
     low, high = matrix_of(low), matrix_of(high)
-    part = np.array(np.broadcast_to(high, np.broadcast_shapes(low.shape, high.shape)))
+    # Stage after stage in memory: by itself a copy of one matrix for all has the stages innermost.
+    part = np.array(np.broadcast_to(high, np.broadcast_shapes(low.shape, high.shape)), order="C")
     part -= low
     part *= share
     part += low

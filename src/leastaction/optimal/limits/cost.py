@@ -160,7 +160,7 @@ def _with(weight: Array, diagonal: Array) -> Array:
         of_stages: Array = (weight if weight.ndim == 1 else weight[:, :, 0]) + diagonal
         return of_stages[:, :, None]
     n = weight.shape[-1]
-    full = np.array(np.broadcast_to(weight, (len(diagonal), n, n)))
+    full = np.array(np.broadcast_to(weight, (len(diagonal), n, n)), order="C")  # stage after stage
     full[:, np.arange(n), np.arange(n)] += diagonal
     return full
 

@@ -14,6 +14,7 @@ from leastaction.apps.marionette.tracking.checkpoints import Checkpoints
 from leastaction.apps.marionette.tracking.found import CUT_SHORT, STUCK, Effort, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.motors import SEARCH_STAGES
+from leastaction.apps.marionette.tracking.pace import Pace
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.apps.marionette.tracking.weights import FORCED, TrackingWeights
@@ -35,6 +36,7 @@ AGAIN: Final = "the motion found with longer steps cannot be followed: the searc
 
 _GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
 _PLAN_PATIENCE = 150  # iterations of a plan, that then begins elsewhere
+_CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
 _STOPPED = "Ctrl-C ended the search for another way: this is the best motion found before."
 
 Curve = tuple[Array, Array]
@@ -71,6 +73,8 @@ class Tracker:
     others: list[tuple[str, Callable[[], Curve]]] = field(default_factory=list)
     most: float = np.inf  # that a motion may cost to begin with, or it is lost
     lost: bool = False
+    pace: Pace = field(default_factory=Pace)  # of the optimisation under way
+    creeps: bool = False  # and so it is left behind
     patience: int = PATIENCE
 
     def problem_with(self, weights: TrackingWeights) -> TrackingProblem:
@@ -171,7 +175,8 @@ class Tracker:
         tolerance = self.tolerance
         if tolerance is None:
             tolerance = 1e-6 if plan is None else 1e-2
-        return optimize(
+        self.pace, self.creeps = Pace(), False
+        result = optimize(
             system,
             cost,
             initial=self.start,
@@ -184,6 +189,7 @@ class Tracker:
             tolerance=tolerance,
             callback=self._watch,
         )
+        return replace(result, status=Status.ITERATION_LIMIT, message=_CREPT) if self.creeps else result
 
     def _snapshot(self, record: IterationRecord) -> TrackingRun:
         return self.run_of(record.snapshot(), counted=False)
@@ -202,7 +208,10 @@ class Tracker:
             return True
         varies = self.plan is not None and self.plan.varies
         self.kept(lambda: self._as_search(record.snapshot()) if varies else self._snapshot(record))
-        return self.callback(record) if self.callback is not None else None
+        if self.callback is not None and self.callback(record):
+            return True
+        self.creeps = self.plan is not None and bool(self.others) and self.pace.creeps(record)
+        return self.creeps
 
     def _count(self, result: OptimizationResult) -> None:
         before = 0 if self.earlier is None else self.earlier.iterations
