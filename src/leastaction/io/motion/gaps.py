@@ -176,7 +176,7 @@ def _spikes(values: Array, joint: _Channels, known_lost: Mask, *, longest: int, 
 
 def _apart(joint: _Channels, a: Array, b: Array) -> Array:
     """Return by which angle (degrees) rotations a of a joint, one a row, are turned from rotations b."""
-    if not joint.rotations:
+    if not (joint.rotations and len(a)):  # of no rotations at all SciPy makes none before 1.14
         return np.zeros(len(a))
     if len(joint.rotations) == 3 and len(set(joint.order)) == 3:
         turns = (Rotation.from_euler(joint.order, each, degrees=True) for each in (a, b))
