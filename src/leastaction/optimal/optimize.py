@@ -254,6 +254,8 @@ def optimize(
             resume = None if resume is None else extension.resume(resume)
             initial = None if initial is None else extension.start(initial)
             callback = extension.callback(callback)
+        if resume is not None:
+            _check_unknowns(resume, extension)
         if isinstance(initial, OptimizationResult) and not isinstance(problem, LimitedProblem):
             initial = initial.x, initial.u
     else:
@@ -271,6 +273,7 @@ def optimize(
     # such a matrix was factored in 73 ms instead of 1.
     with threadpool_limits(1, user_api="blas") if isinstance(problem, CollocationProblem) else nullcontext():
         if resume is not None:
+            _check_resumed(problem, resume)
             problem.resume(resume)
         else:
             problem.start(initial)
@@ -322,6 +325,28 @@ def _continuous_problem(
     if limits or free is not False or collocate:
         return CollocationProblem(system, cost, limits, settings, accuracy, horizon, free)
     return ContinuousProblem(system, cost, settings, accuracy, horizon)
+
+
+def _check_unknowns(resume: OptimizationResult, extension: Extension | None) -> None:
+    names = () if extension is None else extension.system.names
+    others = [name for name in resume.unknowns if name not in names]
+    if others:
+        raise ArgumentError(
+            f"resume: got a result with the unknown {others[0]!r}, expected those of this call. Name it among the "
+            "unknowns, or give initial=result and system.with_parameters(result.unknowns)"
+        )
+
+
+def _check_resumed(problem: Problem[Any, Any, Any], resume: OptimizationResult) -> None:
+    """Check that there are limits in a run that goes on if there were any before."""
+    if isinstance(problem, CollocationProblem):
+        return  # It says so itself.
+    had, has = resume.limits is not None, isinstance(problem, LimitedProblem)
+    if had != has:
+        raise ArgumentError(
+            f"resume: got a result {'with' if had else 'without'} limits, expected those of this call"
+            f"{'' if has else ', none'}. Give initial=result to start from its trajectory"
+        )
 
 
 def _checked_start(free: bool | Sequence[str], system: DiscreteSystem | ContinuousSystem) -> bool | tuple[str, ...]:

@@ -87,6 +87,13 @@ class Quantity(ABC):
         """
         return None
 
+    def is_like(self, other: Quantity) -> bool:
+        """Return whether another quantity, stated alike of a system with other parameters, is the same function.
+
+        False where that is not known.
+        """
+        return other is self
+
     @property
     def sign(self) -> Quantity:
         """A quantity with the same signs, for bounds at zero; a simpler one, if there is one."""
@@ -220,6 +227,9 @@ class _Selected(QuantityView):
         weights = np.zeros((len(y), len(self.whole.names)))
         weights[:, self.rows] = y
         return self.whole.curvature(at, weights)
+
+    def is_like(self, other: Quantity) -> bool:
+        return isinstance(other, _Selected) and self.rows == other.rows and self.whole.is_like(other.whole)
 
 
 class Later(QuantityView):

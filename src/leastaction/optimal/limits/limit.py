@@ -284,11 +284,13 @@ def _instants(system: Horizon, quantity: Quantity, at: When, first: int, what: s
         if one == "end":
             k = last
         elif one == "start":
-            k = start
+            k = max(system.span(of_state=quantity.of_state)[0], quantity.first)
         elif isinstance(one, (str, bool)):
             raise ArgumentError(f"{what}: got at={one!r}, expected 'end', 'start', an index or a time (s)")
         elif isinstance(one, (int, np.integer)) and system.numbered:
             k = int(one) + (system.span(of_state=True)[1] + 1 if one < 0 else 0)
+        elif not np.isfinite(float(one)):
+            raise ArgumentError(f"{what}: got at={one!r}, expected 'end', 'start', an index or a time (s)")
         else:
             k = system.instant(float(one), what)
         if not start <= k <= last:
@@ -324,9 +326,8 @@ def _values(system: Horizon, value: Any, k: Any, m: int, what: str, fixed: bool)
         return whole[1:], whole[0]
     if array.ndim > 2 or (array.ndim and array.shape not in ((n, m), (n, 1), (1, m))):
         counts = f"({n + 1},) over the instants, ({n},) from the second on" if fixed else f"({n},) over the instants"
-        raise ArgumentError(
-            f"{what}: got shape {np.shape(value)}, expected a number, {counts}, or ({n}, {m}) for each of the names too"
-        )
+        counts = f"({m},) for each of the names" if n == 1 else f"{counts}, or ({n}, {m}) for each of the names too"
+        raise ArgumentError(f"{what}: got shape {np.shape(value)}, expected a number, a function of the time, {counts}")
     bounds = np.array(np.broadcast_to(array, (n, m)))
     constant = array.ndim == 0 or (n > 1 and len(array) == 1)
     return bounds, bounds[0].copy() if fixed and constant else None

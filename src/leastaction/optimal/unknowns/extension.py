@@ -22,7 +22,7 @@ from leastaction.optimal.quantity import Entries
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.unknowns.cost import ExtendedCost
 from leastaction.optimal.unknowns.periodic import Periodic
-from leastaction.optimal.unknowns.quantity import ExtendedQuantity
+from leastaction.optimal.unknowns.quantity import ExtendedQuantity, changing_parameters
 from leastaction.optimal.unknowns.system import ExtendedSystem
 from leastaction.optimal.unknowns.unknown import Unknown
 
@@ -99,7 +99,8 @@ class Extension:
         own = row.quantity
         if isinstance(own, Entries) and not (own.of_state and np.isin(own.places, self.system.copied).any()):
             return row  # They stand where they stood.
-        quantity = ExtendedQuantity(self.system, own, lambda system: limit.rows(system, self.first)[i].quantity)
+        of = lambda system: limit.rows(system, self.first)[i].quantity  # noqa: E731
+        quantity = ExtendedQuantity(self.system, own, of, changing_parameters(self.system, of, self.guess))
         # What a parameter moves is not known of the start yet.
         return replace(row, quantity=quantity, start=row.start if quantity.fixed else None)
 

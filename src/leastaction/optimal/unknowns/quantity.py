@@ -9,30 +9,39 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples
-from leastaction.optimal.unknowns.system import ExtendedSystem, by_differences
+from leastaction.optimal.unknowns.system import ExtendedSystem, by_differences, stepped
+
+Of = Callable[[Any], Quantity]
+
+
+def changing_parameters(system: ExtendedSystem, of: Of, values: Array) -> Instants:
+    """Return which parameters change the quantity ``of`` a system, as seen by a step from their values (P,)."""
+    plain = of(system.at(values))
+    found = [j for j in range(len(values)) if not plain.is_like(of(system.at(stepped(values, j, 1))))]
+    return np.array(found, dtype=np.intp)
 
 
 class ExtendedQuantity(QuantityView):
     """A quantity of the system's own states, at the parameters of the extended state.
 
     Derivatives by the parameters are differences of fourth order. ``of``: returns the quantity of a system.
+    ``changing``: which parameters change it (see `changing_parameters`).
     """
 
-    def __init__(self, system: ExtendedSystem, own: Quantity, of: Callable[[Any], Quantity]) -> None:
+    def __init__(self, system: ExtendedSystem, own: Quantity, of: Of, changing: Instants) -> None:
         super().__init__(own)
-        self.system, self.of = system, of
-        # One that is always the same object depends on nothing else.
-        self.fixed = not system.names or of(system.system) is own
+        self.system, self.of, self.changing = system, of, changing
+        self.fixed = not len(changing)
         n, nu = system.n_own, system.nu
         places = self._own_places(n, nu)
         # How the system's own entries and the parameters follow from entries of the extended system.
-        count = 0 if self.fixed else len(system.names)
+        count = len(self.changing)
         kept = (places[:, None] == system.copied) | (places[:, None] == n + nu + system.copied)
         moved = np.flatnonzero(kept.any(axis=0))
         kept = np.vstack([kept[:, moved], np.zeros((count, len(moved)))])
         self._moves = np.hstack([np.eye(len(places) + count), kept]) if len(moved) else None
         own_places = np.where(places < n, places, places + system.nx - n)
-        self._columns = np.concatenate([own_places, n + np.arange(count), system.at_copies + moved])
+        self._columns = np.concatenate([own_places, n + self.changing, system.at_copies + moved])
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the extended system
         """Return the places of the system's own entries, of the parameters, and of what is kept of the first state."""
@@ -53,11 +62,11 @@ class ExtendedQuantity(QuantityView):
         if self.fixed:
             return None if H is None else self._moved(H)
 
-        def slope(moved: Array) -> Array:
-            return np.asarray(np.einsum("kmi,km->ki", self._jacobian(own, moved), y))
+        def slope(at_values: Array) -> Array:
+            return np.asarray(np.einsum("kmi,km->ki", self._jacobian(own, at_values), y))
 
-        mixed = np.stack([by_differences(slope, values, j) for j in range(len(values))], axis=2)
-        n = mixed.shape[1] - len(values)
+        mixed = np.stack([by_differences(slope, values, j) for j in self.changing.tolist()], axis=2)
+        n = mixed.shape[1] - len(self.changing)
         whole = np.zeros((len(y), mixed.shape[1], mixed.shape[1]))
         if H is not None:
             whole[:, :n, :n] = H
@@ -73,17 +82,17 @@ class ExtendedQuantity(QuantityView):
             return first.joined(rest) if all(type(each) is type(first) for each in rest) else None
 
         own = joint([part.whole for part in parts])
-        if own is None or any(part.fixed != self.fixed for part in parts):
+        if own is None or not all(np.array_equal(part.changing, self.changing) for part in parts):
             return None
         if self.fixed:
-            return ExtendedQuantity(self.system, own, lambda system: own)  # noqa: ARG005
-        return ExtendedQuantity(self.system, own, lambda system: joint([part.of(system) for part in parts]) or own)
+            return ExtendedQuantity(self.system, own, lambda system: own, self.changing)  # noqa: ARG005
+        of = lambda system: joint([part.of(system) for part in parts]) or own  # noqa: E731
+        return ExtendedQuantity(self.system, own, of, self.changing)
 
     def _jacobian(self, own: Samples, values: Array) -> Array:
         """Return the derivatives by the system's own entries, and by the parameters."""
         at = self._at(values)
-        count = 0 if self.fixed else len(values)
-        by = [by_differences(lambda p: self._at(p).values(own), values, j)[:, :, None] for j in range(count)]
+        by = [by_differences(lambda p: self._at(p).values(own), values, j)[:, :, None] for j in self.changing.tolist()]
         return np.concatenate([at.jacobian(own), *by], axis=2)
 
     def _moved(self, H: Array) -> Array:

@@ -297,13 +297,21 @@ class ExtendedSystem(DiscreteSystem):
         return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
 
 
+def stepped(at: Array, j: int, steps: int) -> Array:
+    """Return an argument (P,) with entry j moved by steps of `by_differences`."""
+    other = at.copy()
+    other[j] += steps * _step(at, j)
+    return other
+
+
 def by_differences(function: Callable[[Array], Any], at: Array, j: int) -> Array:
     """Return the derivative of a smooth function by entry j of its argument (P,): differences of fourth order."""
-    h = _PART * (abs(float(at[j])) or 1.0)
 
-    def moved(steps: int) -> Array:
-        other = at.copy()
-        other[j] += steps * h
-        return np.asarray(function(other))
+    def value(steps: int) -> Array:
+        return np.asarray(function(stepped(at, j, steps)))
 
-    return np.asarray((8.0 * (moved(1) - moved(-1)) - (moved(2) - moved(-2))) / (12.0 * h))
+    return np.asarray((8.0 * (value(1) - value(-1)) - (value(2) - value(-2))) / (12.0 * _step(at, j)))
+
+
+def _step(at: Array, j: int) -> float:
+    return _PART * (abs(float(at[j])) or 1.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import to_momentum
@@ -23,6 +22,8 @@ _STEPS, _CLOSE, _THERE, _NEARER, _DAMPING = 100, 1e-8, 1e-7, 1e-3, 1e-6
 
 def through(t: Array, values: Array) -> Array:
     """Return values (N+1,) or (N+1, n), smooth curves through the known in the place of NaN where anything is known."""
+    from scipy.interpolate import PchipInterpolator  # slow to import, and not needed by most
+
     columns = values.reshape(len(t), -1).copy()
     for column in columns.T:
         known = np.flatnonzero(~np.isnan(column))

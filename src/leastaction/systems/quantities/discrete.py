@@ -81,6 +81,9 @@ class Rates(Quantity):
     def select(self, rows: Sequence[int]) -> Rates:
         return Rates([self.names[row] for row in rows], self._places[list(rows)], self.dt)
 
+    def is_like(self, other: Quantity) -> bool:
+        return isinstance(other, Rates) and np.array_equal(self.dt, other.dt)
+
 
 class Accelerations(Quantity):
     """Accelerations of kinematic variables over steps, ``((rho_next - rho) / dt - v_rho) / dt``."""
@@ -116,6 +119,9 @@ class Accelerations(Quantity):
 
     def select(self, rows: Sequence[int]) -> Accelerations:
         return Accelerations(self.mechanism, self.which[list(rows)], self.dt)
+
+    def is_like(self, other: Quantity) -> bool:
+        return isinstance(other, Accelerations) and np.array_equal(self.dt, other.dt)
 
 
 class Tensions(Quantity):
@@ -183,6 +189,12 @@ class Tensions(Quantity):
         i = list(rows)
         names, places = [self.names[row] for row in rows], (self._lam[i], self._length[i], self._rate[i])
         return Tensions(names, *places, self._constant[i], self._slope[i], self.dt)
+
+    def is_like(self, other: Quantity) -> bool:
+        if not isinstance(other, Tensions):
+            return False
+        own, others = (np.concatenate([each._constant, each._slope, each.dt]) for each in (self, other))
+        return np.array_equal(own, others)
 
     @property
     def sign(self) -> Quantity:
