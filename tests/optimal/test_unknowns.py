@@ -28,7 +28,7 @@ from leastaction.optimal import (
 from leastaction.optimal.quantity import Samples
 from leastaction.optimal.unknowns.extension import Extension
 from leastaction.optimal.unknowns.system import ExtendedSystem
-from leastaction.systems import Ball, Keep, MidpointSystem
+from leastaction.systems import Ball, Box, Keep, MidpointSystem
 from optimal.systems import swinging_double_pendulum
 
 
@@ -541,7 +541,7 @@ def test_limits_follow_the_parameters(rng: np.random.Generator) -> None:
                 )
                 np.testing.assert_allclose(H[:, j], bent, atol=1e-7)
     places = [np.intersect1d([4, 5], each.quantity.columns(6, 1)).tolist() for each in extension.rows()]
-    assert places == [[4, 5], [5], []]  # of the length and the time
+    assert places == [[4], [5], []]  # of the length and the time
 
 
 def _along(system: MidpointSystem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -691,18 +691,24 @@ def test_numbers_and_the_start_are_found_in_a_motion_that_nothing_drives(limits:
 
 
 def test_what_parameters_change_a_quantity_is_seen() -> None:
-    """Rates and tensions are not differentiated by masses: that took most of the time."""
+    """Rates, tensions and places are not differentiated by masses: that took most of the time."""
     hung = la.Mechanism(
-        [la.ty("y"), [la.tz("z", mass=1.0, name="bob")]],
+        [la.ty("y"), [la.tz("z", mass=1.0, name="bob"), [la.tx(0.1, name="tip")]]],
         [la.Gravity(), la.JointForce("y", "push"), la.Distance("world", "bob", 1.0, name="string")],
     )
     system = MidpointSystem(la.MidpointVI(hung), np.linspace(0.0, 1.0, 11), multipliers=True)
     cost = QuadraticCost(np.zeros((11, system.nx)), np.zeros((10, 1)), Q=np.ones(system.nx), R=[1.0])
-    limits = [Bound("y", -1.0, 1.0, of="rate"), Bound("string", min=0.5, max=9.0, of="tension")]
-    unknowns = [Parameter("bob.mass"), Parameter("string.length"), FinalTime(price=1.0)]
-    extension = Extension(system, cost, unknowns, limits, False)
-    changing = {row.quantity.names[0]: list(row.quantity.changing) for row in extension.rows()}
-    assert changing == {"y": [2], "string": [1, 2]}
+    unknowns = [Parameter("bob.mass"), Parameter("string.length"), FinalTime(price=1.0), Parameter("tip.value")]
+    for limit, changing in (
+        (Bound("y", max=1.0, of="rate"), [2]),
+        (Bound("string", max=9.0, of="tension"), [1, 2]),
+        (Keep("tip", outside=Ball((1.0, 0.0, 0.0), 0.1)), [3]),
+        (Keep("tip", outside=Ball(lambda t: (1.0 + t, 0.0, 0.0), 0.1)), [2, 3]),
+        (Keep("bob", inside=Box((-9.0, -9.0, -9.0), (9.0, 9.0, 9.0))), [3]),  # of any frame of the tree
+        (Within(FunctionQuantity("y", lambda x: x[:, 0]), max=1.0), []),
+    ):
+        for row in Extension(system, cost, unknowns, [limit], False).rows():
+            assert row.quantity.changing.tolist() == changing, limit
 
 
 def test_a_run_goes_on_with_the_unknowns_and_limits_that_it_had() -> None:

@@ -31,6 +31,7 @@ class _PlaceOfFrame(Quantity):
 
     def __init__(self, mechanism: Mechanism, t: Array, keep: Keep, region: Region) -> None:
         self.mechanism, self.region = mechanism, region.over(t)
+        self.keep, self.t = keep, t
         self.frame, self.point, self.origin = keep.frame, np.asarray(keep.point, dtype=np.float64), keep.origin
         place = keep.frame if keep.origin is None else f"{keep.frame} from {keep.origin}"
         self.names = tuple(f"{place} {name}" for name in self.region.names)
@@ -67,6 +68,13 @@ class _PlaceOfFrame(Quantity):
         if regions is None or any(place.origin is not None for place in places):
             return None
         return _PlacesOfFrames(self.mechanism, [(place.frame, place.point) for place in places], regions)
+
+    def is_like(self, other: Quantity) -> bool:
+        if not isinstance(other, _PlaceOfFrame) or self.keep is not other.keep:
+            return False
+        region = self.keep.inside or self.keep.outside
+        stands = region is not None and region.over(self.t) is region
+        return (stands or np.array_equal(self.t, other.t)) and _places_alike(self.mechanism, other.mechanism)
 
     def apart(self, other: Quantity, k: Instants) -> Array | None:
         if not isinstance(other, _PlaceOfFrame) or self.mechanism is not other.mechanism:
@@ -128,6 +136,18 @@ class _PlacesOfFrames(Quantity):
 
     def _places(self, q: Array) -> Array:
         return self._points.places(q)[:, self._of]
+
+
+def _places_alike(one: Mechanism, other: Mechanism) -> bool:
+    """Return whether the frames of a mechanism are where they are with other parameters."""
+    if one.tree is other.tree:
+        return True
+    joints = zip(one.tree.joints, other.tree.joints, strict=True)
+    for a, b in joints:
+        if a.coordinate != b.coordinate or not (np.array_equal(a.pose, b.pose) and np.array_equal(a.twist, b.twist)):
+            return False
+    frames = zip(one.tree.frames, other.tree.frames, strict=True)
+    return all(np.array_equal(a.pose, b.pose) for a, b in frames)
 
 
 @dataclass(frozen=True)
