@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 
 from leastaction.numerics.arrays import Array
@@ -14,7 +16,7 @@ from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 class CollocationCost(Cost):
     """The integral of a cost's rate by the quadrature of the mesh; what a piece costs, its last state does.
 
-    As fit for several threads as the cost is.
+    The base of two ways to it: see `collocation_cost`. As fit for several threads as the cost is.
     """
 
     def __init__(self, cost: ContinuousCost, mesh: RadauMesh, layout: Layout) -> None:
@@ -35,8 +37,15 @@ class CollocationCost(Cost):
         last = float(self._pieces(x[None, :], self.mesh.N - 1)[0])
         return last + self.cost.final_value(x[: self.layout.nx], self.tf)
 
+    @abstractmethod
     def _pieces(self, z: Array, first: int) -> Array:
         """Return what pieces cost, from this one on."""
+
+
+class AnyCollocationCost(CollocationCost):
+    """That of any cost. As fit for several threads as the cost is."""
+
+    def _pieces(self, z: Array, first: int) -> Array:
         if not len(z):
             return np.empty(0)
         states, inputs = self.layout.points(z)
@@ -75,10 +84,11 @@ class CollocationCost(Cost):
         return states.reshape(count, -1), inputs.reshape(count, -1), self.mesh.t.ravel()
 
 
-class _QuadraticCollocationCost(CollocationCost):
+class QuadraticCollocationCost(CollocationCost):
     """That of a quadratic cost whose weights are diagonals: what does not depend on the motion is looked up once.
 
-    ``wanted``, ``weight`` (N, nz): of the states of the discrete system after every piece.
+    Any number of threads may share one. ``wanted``, ``weight`` (N, nz): of the states of the discrete system after
+    every piece.
     """
 
     def __init__(self, cost: ContinuousQuadraticCost, mesh: RadauMesh, layout: Layout) -> None:
@@ -116,5 +126,5 @@ def collocation_cost(cost: ContinuousCost, mesh: RadauMesh, layout: Layout) -> C
     if type(cost) is ContinuousQuadraticCost:
         t = float(mesh.breaks[0])
         if cost.Q.at(t).ndim == cost.R.at(t).ndim == 1:
-            return _QuadraticCollocationCost(cost, mesh, layout)
-    return CollocationCost(cost, mesh, layout)
+            return QuadraticCollocationCost(cost, mesh, layout)
+    return AnyCollocationCost(cost, mesh, layout)

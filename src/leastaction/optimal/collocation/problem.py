@@ -11,7 +11,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
-from leastaction.optimal.collocation.cost import CollocationCost, collocation_cost
+from leastaction.optimal.collocation.cost import AnyCollocationCost, collocation_cost
 from leastaction.optimal.collocation.limits import Stated, stated, told
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
@@ -23,6 +23,7 @@ from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResu
 from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic
 from leastaction.optimal.limit_report import LimitReport
+from leastaction.optimal.limits.barrier_problem import BarrierProblem
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows
@@ -42,7 +43,7 @@ _ROUGH = 1e-3  # of the states' size may a first mesh miss the curve that it beg
 _AGAIN = 1e-4  # of the barrier's first parameter, on a finer mesh
 
 
-class CollocationProblem(LimitedProblem):
+class CollocationProblem(BarrierProblem):
     """A continuous system, its cost and its limits, on a mesh that is made finer where the motion asks for it.
 
     Where the minimum on one mesh is found and its pieces are too long for the motion, the next stage has shorter ones
@@ -128,7 +129,7 @@ class CollocationProblem(LimitedProblem):
         """Begin on a mesh, at the motion on it that follows a curve."""
         self._set(mesh)
         x, u = self._nodes(curve)
-        LimitedProblem.start(self, (x, u))
+        BarrierProblem.start(self, (x, u))
         self._carry()
         self.moved = self.rounds == 0
 
@@ -146,6 +147,9 @@ class CollocationProblem(LimitedProblem):
         clock, rollouts = getattr(self, "clock", own.clock), self.rollouts
         super().__init__(system, cost, list(_rows(self.sides)), self.settings, self.free_start)
         self.clock, self.rollouts = clock, rollouts
+
+    def _with(self, rows: list[Rows], settings: Settings) -> LimitedProblem:
+        return LimitedProblem(self.system, self.cost, rows, settings, self.free_start)
 
     def _nodes(self, curve: DenseTrajectory) -> tuple[Array, Array]:
         """Return states and inputs of the discrete system along a curve."""
@@ -297,7 +301,7 @@ class CollocationProblem(LimitedProblem):
         nx, nu = own.system.nx, own.system.nu
         even = ContinuousQuadraticCost(np.zeros(nx), np.zeros(nu), Q=np.ones(nx), R=np.ones(nu), Q_final=np.ones(nx))
         for cost in (own.cost, even):
-            Q, R, S, Q_final = CollocationCost(cost, mesh, self.layout).hessian(self.x, self.u)
+            Q, R, S, Q_final = AnyCollocationCost(cost, mesh, self.layout).hessian(self.x, self.u)
             solution = solve_linear_quadratic(*self._linearize(), Q=Q, R=R, S=S, Q_final=Q_final, keep_P=True)
             if solution.definite:
                 break

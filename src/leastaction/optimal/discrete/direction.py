@@ -20,6 +20,19 @@ class Iterate(NamedTuple):
     worst_step: StepQuality | None = None
 
 
+class AmongCurves(NamedTuple):
+    """What a direction among curves with gaps says besides.
+
+    ``costates`` (N+1, nx): multipliers of the dynamics at the model's minimum. ``fall``: derivative of the cost alone.
+    ``least``: the model's change of it at its minimum. ``base``: the method of its model, without how that was changed.
+    """
+
+    costates: Array
+    fall: float
+    least: float
+    base: str
+
+
 @dataclass(frozen=True)
 class DiscreteDirection(Direction):
     """A descent direction, and the projection along which it is followed.
@@ -32,7 +45,7 @@ class DiscreteDirection(Direction):
     the direction, if the projection has gains of its own. ``dx0`` (nx,): that of the initial state, if it is free.
     ``limited`` (n,): change of the values of all limits along it, if there are some. ``duals`` (n,): theirs at its end,
     if these are known. ``promise``, ``reach``: by how much a step of a length lowers cost and barriers where these are
-    themselves in the model; NaN where that is not known.
+    themselves in the model; NaN where that is not known. ``among``: of a direction among curves with gaps.
     """
 
     gain: Array = field(kw_only=True)
@@ -44,6 +57,7 @@ class DiscreteDirection(Direction):
     duals: Array | None = None
     promise: float = np.nan
     reach: float = np.nan
+    among: AmongCurves | None = None
 
     @property
     def K(self) -> Array:

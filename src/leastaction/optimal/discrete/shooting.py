@@ -17,7 +17,7 @@ there that a minimum is certified.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -27,7 +27,7 @@ from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
-from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
+from leastaction.optimal.discrete.direction import AmongCurves, DiscreteDirection, Iterate
 from leastaction.optimal.discrete.gap_filter import Curve, Filter
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
 from leastaction.optimal.discrete.model_hessian import shifted
@@ -55,20 +55,6 @@ _LOOSE = 1e-6
 
 # Further steps that close the gaps which a full step opens, and what each may leave of them.
 _CORRECTIONS, _LEFT = 4, 0.99
-
-
-@dataclass(frozen=True)
-class ShootingDirection(DiscreteDirection):
-    """A direction among curves.
-
-    ``costates`` (N+1, nx): multipliers of the dynamics at the model's minimum. ``fall``: derivative of the cost alone.
-    ``least``: the model's change of it at its minimum. ``base``: the method of its model, without how that was changed.
-    """
-
-    costates: Array = field(kw_only=True)
-    fall: float = field(kw_only=True)
-    least: float = field(kw_only=True)
-    base: str = field(kw_only=True)
 
 
 class ShootingProblem(DiscreteProblem):
@@ -428,9 +414,9 @@ class ShootingProblem(DiscreteProblem):
             self.value = self.open_curve.cost + self.penalty * theta
         slope = min(2.0 * (least - self.penalty * theta), -np.finfo(np.float64).tiny)
         base = method.removesuffix("-shifted").removesuffix("-damped")
-        return ShootingDirection(
+        return DiscreteDirection(
             method, slope, scale, shift, gain=model.K, C=model.C, dx=dx, du=du, dx0=dx0,
-            fall=fall, least=least, costates=costates, base=base,
+            among=AmongCurves(costates, fall, least, base),
         )  # fmt: skip
 
     # ---- Steps ----------------------------------------------------------------------------------
@@ -443,23 +429,23 @@ class ShootingProblem(DiscreteProblem):
         """Return the curve at a step along the direction, its new gaps closed if need be, or why it is refused."""
         if self.open_curve is None:
             return super().simulate(direction, length, bound)
-        assert isinstance(direction, ShootingDirection)
-        curve = self.open_curve
+        curve, among = self.open_curve, direction.among
+        assert among is not None
         assert direction.dx is not None
         assert direction.du is not None
         trial = self._moved(direction.dx, direction.du, length)
-        outcome = self._judge(direction.fall, length, trial)
+        outcome = self._judge(among.fall, length, trial)
         if isinstance(outcome, Trial) or isinstance(trial, Refusal) or length < 1.0 or trial.theta < curve.theta:
             return outcome
         missed = curve.gaps
         for _ in range(_CORRECTIONS):
             # The full step missed by this much more than the linear dynamics say.
             missed, before = missed + trial.gaps, trial.theta
-            model = self._solve(direction.base, self.spare, direction.curvature_scale, direction.shift, missed)
+            model = self._solve(among.base, self.spare, direction.curvature_scale, direction.shift, missed)
             trial = self._moved(*self._sweep(model, direction.dx0, gaps=missed), 1.0)
             if isinstance(trial, Refusal):
                 break
-            corrected = self._judge(direction.fall, 1.0, trial)
+            corrected = self._judge(among.fall, 1.0, trial)
             if isinstance(corrected, Trial):
                 return corrected
             if trial.theta > _LEFT * before:
@@ -492,13 +478,14 @@ class ShootingProblem(DiscreteProblem):
         if self.open_curve is None:
             super().accept(direction, trial)
             return
-        assert isinstance(direction, ShootingDirection)
+        among = direction.among
+        assert among is not None
         old, new = self.open_curve, cast(Curve, trial.iterate)
-        self.filter.follow(old, new, direction.fall, self.noise)
+        self.filter.follow(old, new, among.fall, self.noise)
         if self.costates is None:
-            self.costates = direction.costates
+            self.costates = among.costates
         else:
-            self.costates = self.costates + new.length * (direction.costates - self.costates)
+            self.costates = self.costates + new.length * (among.costates - self.costates)
         self.gain = direction.gain
         if direction.gain is self.free.K:
             self.free, self.held = self.held, self.free

@@ -100,12 +100,15 @@ class _Function(Kind):
         return f"{type(value).__name__} in Python"
 
 
+_OBJECT = _Function()
+
+
 @dataclass(frozen=True)
-class _Along(_Function):
+class _Along(Kind):
     """What a force acts along: such an object, or the name of a variable."""
 
     def read(self, value: Any, what: str) -> Any:
-        return check_name(value, f"{what}, a variable") if isinstance(value, str) else super().read(value, what)
+        return check_name(value, f"{what}, a variable") if isinstance(value, str) else _OBJECT.read(value, what)
 
     def uses(self, value: Any) -> Uses:
         return Uses(variables=(value,)) if isinstance(value, str) else Uses()
@@ -114,7 +117,7 @@ class _Along(_Function):
         return self.uses(value).variables
 
     def show(self, value: Any) -> str:
-        return value if isinstance(value, str) else super().show(value)
+        return value if isinstance(value, str) else _OBJECT.show(value)
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,7 @@ class _Directions(Kind):
         return tuple(frame for frame, _ in value)
 
 
-_FUNCTION: Metadata = {"kind": _Function()}
+_FUNCTION: Metadata = {"kind": _OBJECT}
 _DIRECTIONS: Metadata = {"kind": _Directions()}
 _VARIABLES: Metadata = {"kind": Names("variables")}
 

@@ -13,12 +13,14 @@ from leastaction.mechanics.elements.base import Potential
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.fields import END, VECTOR, not_zero
-from leastaction.mechanics.elements.kinds import Names
+from leastaction.mechanics.elements.kinds import Kind, Names, Uses
 from leastaction.mechanics.expressions.tapes import TapeWriter, dot
+
+_FRAMES = Names("frames")
 
 
 @dataclass(frozen=True)
-class _Heavy(Names):
+class _Heavy(Kind):
     """Frames with a mass, each once."""
 
     def read(self, value: object, what: str) -> tuple[str, ...]:
@@ -26,10 +28,16 @@ class _Heavy(Names):
             raise DescriptionError(
                 f"{what}: expected a list of frames, got {value!r}; leave it out for gravity on every mass"
             )
-        names = super().read(value, what)
+        names = _FRAMES.read(value, what)
         if len(set(names)) < len(names):
             raise DescriptionError(f"{what}: {list(names)} names a frame twice")
         return names
+
+    def uses(self, value: tuple[str, ...]) -> Uses:
+        return _FRAMES.uses(value)
+
+    def acts_on(self, value: tuple[str, ...]) -> tuple[str, ...]:
+        return _FRAMES.acts_on(value)
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,7 @@ class Gravity(Potential):
     """
 
     vector: Sequence[float] = field(default=(0.0, 0.0, -9.81), metadata=VECTOR)
-    frames: Sequence[str] | None = field(default=None, metadata={"kind": _Heavy("frames")})
+    frames: Sequence[str] | None = field(default=None, metadata={"kind": _Heavy()})
 
     called = "gravity"
     reads = "{vector} m/s^2"

@@ -1,0 +1,43 @@
+"""Classes are final or abstract: what others build upon is not made itself."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Iterator
+
+import leastaction
+
+# What users extend with steps, costs or results of their own, and so does the package.
+OPEN = {"MidpointSystem", "OptimizationResult"}
+
+
+def modules() -> Iterator[object]:
+    for info in pkgutil.walk_packages(leastaction.__path__, "leastaction."):
+        if not info.name.startswith("leastaction._core.") and not info.name.endswith("__main__"):
+            yield importlib.import_module(info.name)
+
+
+def made(module: object) -> Iterator[type]:
+    """Return the classes that a module calls by their names."""
+    for node in ast.walk(ast.parse(inspect.getsource(module))):  # type: ignore[arg-type]
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            called = getattr(module, node.func.id, None)
+            if inspect.isclass(called):
+                yield called
+
+
+def own(kind: type) -> bool:
+    return kind.__module__.startswith("leastaction.")
+
+
+def test_no_class_is_both_made_and_built_upon() -> None:
+    every = list(modules())  # all of them first, so that all subclasses are there
+    bases = set()
+    for module in every:
+        for called in made(module):
+            if own(called) and not issubclass(called, Exception) and any(map(own, called.__subclasses__())):
+                bases.add(called.__name__)
+    assert bases == OPEN
