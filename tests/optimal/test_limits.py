@@ -49,10 +49,11 @@ from leastaction.optimal.limits.barrier import (
     split,
     stiffness,
 )
-from leastaction.optimal.limits.duals import Duals, Side, Stages
+from leastaction.optimal.limits.duals import Duals, Side
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.limits.sides import Layout
+from leastaction.optimal.limits.stages import Stages
 from leastaction.optimal.line_search import Step, Trial
 from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run

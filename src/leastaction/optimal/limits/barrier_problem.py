@@ -22,11 +22,12 @@ from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
-from leastaction.optimal.limits.duals import Room, Stages
+from leastaction.optimal.limits.duals import Room
 from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
 from leastaction.optimal.limits.refinement import Solved, promising, refined
 from leastaction.optimal.limits.rows import Rows, check_agreement
 from leastaction.optimal.limits.sides import Sided
+from leastaction.optimal.limits.stages import Stages
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Place

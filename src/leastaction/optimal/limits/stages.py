@@ -1,0 +1,225 @@
+"""The stages of a barrier that falls: the same in discrete and in continuous time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.limit_report import Barrier, LimitReport
+from leastaction.optimal.limits.duals import Duals
+from leastaction.optimal.limits.sides import Sided
+from leastaction.optimal.quantity import Instants
+
+_DEARER = 10.0  # by which prices rise at most
+# The barrier's parameter: the first, in the cost by the number of rows; how it falls from one stage to the next.
+_FIRST, _LESS, _POWER = 0.1, 0.1, 1.5
+_FIRST_AGAIN = 1e-4  # where duals are known
+_LAST = 0.1  # of the tolerated change of the cost is the barriers' part in the end
+# Times mu: the expected decrease with which a stage but the last is over; of more rows than these, by the root more.
+_LOOSE, _MANY = 10.0, 100.0
+_LITTLE, _NOTHING = 1e-6, 1e-12  # a start that costs less than the first, and that part of doing nothing, costs nothing
+_ROUGH = 1e-4  # a tolerance from which on duals need not be exact
+_DEAREST = 1e6  # costs of the start for an excess of a limit's scale
+# Of its scale a limit may be off where the problem cannot be met otherwise, and that part of a rough tolerance.
+_MET, _MET_ROUGHLY = 1e-6, 1e-2
+_EXACTLY = 1e-3  # of what it may be off a limit is off that no price would enforce any better
+# Where limits are off by more than the first part of their scale though some price was raised to the second, in costs
+# of the start, and little but that counts, all excess is made as dear: what is left then is the least that they can be
+# off, to the third part. What the cost that was asked for comes to there at most, and the barriers in the end.
+_FAR, _TELLING, _NEARLY = 1e-2, 1e3, 1e-4
+_LITTLE_BESIDE, _TRACES = 0.1, 1e-4
+# Times a rough tolerance, where limits are not met: what they are off by costs less than that often, and is a matter of
+# some more steps, where dearer excess would only bend the way to the minimum.
+_CLOSER = 1e-2
+
+
+class Stages:
+    """The stages of an optimisation with limits: one barrier problem after the other.
+
+    ``tolerance``: of the optimisation. ``digits``: of a limit's size is the least room that is told from none.
+    ``dearer``: than others are at first equations and what is asked at a single instant.
+    """
+
+    def __init__(self, duals: Duals, tolerance: float, digits: float, dearer: float = 1.0) -> None:
+        self.duals, self.tolerance, self.digits, self.dearer = duals, tolerance, digits, dearer
+        self.count = duals.layout.ends[-1]
+        self.size = self.first_mu = self.last = np.nan
+
+    def begin(self, value: float, c: Sided, otherwise: Callable[[], float]) -> None:
+        """Begin at a trajectory, given its cost and the values of its limits.
+
+        ``otherwise``: gives the cost of doing nothing. Beside that the cost of a start which is all that is wanted is a
+        matter of rounding: prices in proportion to it would enforce no limit.
+        """
+        self.size = abs(value)
+        if self.size < _LITTLE:
+            idle = abs(otherwise())
+            if self.size <= _NOTHING * idle or self.size == 0.0:
+                self.size = idle if 0.0 < idle < np.inf else 1.0
+        self.first_mu = _FIRST * self.size / max(self.count, 1)
+        self.last = self._last(self.size)
+        self.duals.begin(c, self.first_mu, self.size, self.dearer)
+
+    def take(self, given: LimitReport | None, *, resumed: bool) -> None:
+        """Go on with the duals of an earlier run, if it had these limits.
+
+        Raises
+        ------
+        ArgumentError
+            If it is resumed and had others.
+        """
+        duals = self.duals
+        if given is None:
+            return
+        if duals.takes(given):
+            barrier = given.barrier
+            if resumed and barrier is not None:
+                self.size, self.first_mu = barrier.size, barrier.first_mu
+                # Another tolerance than before has another end.
+                self.last = barrier.last_mu if self.tolerance == barrier.tolerance else self._last(self.size)
+                duals.restore(given.mu, barrier)
+                return
+            duals.mu = max(_FIRST_AGAIN * self.first_mu, self.last)
+            duals.take(given)
+        elif resumed:
+            raise ArgumentError(
+                f"resume: got a result with the limits {', '.join(given.labels[:4])} ..., expected those of this "
+                "call. Give initial=result to start from its trajectory with others"
+            )
+
+    def report(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> LimitReport:
+        """Return what is told of the limits, given their instants, values and duals, and the cost without barriers."""
+        own = self.duals
+        barrier = Barrier(
+            size=self.size,
+            tolerance=self.tolerance,
+            first_mu=self.first_mu,
+            last_mu=self.last,
+            duals=read_only(own.y.flat.copy()),
+            scale=read_only(own.scale.flat.copy()),
+            prices=read_only(own.rho.flat.copy()),
+            leeway=_joined(own.leeway.whole),
+            part=own.leeway.part,
+        )
+        return LimitReport(own.states(k, c, duals, cost), own.mu, own.excess(c), barrier)
+
+    @property
+    def _rough(self) -> bool:
+        """Whether few digits are asked for."""
+        return self.tolerance >= _ROUGH
+
+    @property
+    def met(self) -> float:
+        """Of its scale a limit may be off."""
+        return max(_MET, _MET_ROUGHLY * self.tolerance)
+
+    @property
+    def is_last(self) -> bool:
+        """Whether the barrier does not get smaller any more, or there is none."""
+        return not self.duals.sides or (self.duals.mu <= self.last and not self.duals.leeway.is_lent)
+
+    @property
+    def is_near_end(self) -> bool:
+        """Whether the next stage is the last, or this: few steps are left for the duals to settle in."""
+        return not self.duals.sides or self._following <= self.last
+
+    def tolerated(self, goal: float, noise: float, c: Sided) -> float:
+        """Return the expected decrease that is small enough at this stage, given the values of all limits."""
+        mu = self.duals.mu
+        if self._asks_for_the_least(c):
+            return max(goal, _NEARLY * self.duals.cost_of_excess(c))
+        if mu > self.last:
+            many = 1.0 if self.is_near_end else float(np.sqrt(max(1.0, self.count / _MANY)))
+            return max(goal, _LOOSE * many * mu)
+        if self._rough:
+            return max(goal if self.are_met(c) else _CLOSER * goal, 10.0 * noise)
+        # The duals are worth no more than the motion is near the barrier's minimum.
+        return max(min(goal, _LOOSE * mu), 10.0 * noise)
+
+    def advance(self, cost: float, c: Sided, *, moved: bool = True) -> bool:
+        """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more.
+
+        ``moved``: whether the last stage made a step. Where it made none, and there are equations only, the next is
+        left out too: a barrier that falls slowly is for finding which limits are active.
+        """
+        duals = self.duals
+        if duals.leeway.is_lent:
+            if not duals.price(c, _DEAREST * self.size):
+                duals.leeway.give_back()
+            return True
+        was_last = self.is_last
+        # The cost of the start may be far from that of the end.
+        last = max(self._last(abs(cost)), duals.least_mu(self.digits))
+        if was_last and duals.excess(c) <= _EXACTLY * self.met:
+            # All is met; where rounding ended the search, its duals are no reason to set out with other prices.
+            return False
+        if self._asks_for_the_least(c):
+            return self._closer_to_the_least(c)
+        dearer = duals.price(c, _DEAREST * self.size, met=self.met if self._rough else None)
+        if not dearer and (was_last or duals.hopeless()):
+            return False
+        self.last = last  # where nothing follows, what was the last stage still is
+        if dearer and self._is_telling(c) and abs(cost) <= _LITTLE_BESIDE * duals.cost_of_excess(c):
+            duals.level(c, duals.dearest)
+            return True
+        # Who asks for few digits need not see what a price comes to before the next barrier.
+        if not dearer or (self._rough and not was_last):
+            skips = not moved and all(side.equal for side in duals.sides)
+            following = self._after(self._following) if skips else self._following
+            duals.mu = min(duals.mu, max(self.last, following))
+        return True
+
+    def look_for_the_least(self, c: Sided) -> bool:
+        """Go on towards the least that limits can be off, where a stage led nowhere; whether they are off by much.
+
+        Once: who looks for it already goes nowhere else.
+        """
+        if self._rough or self.duals.excess(c) <= _FAR or self._asks_for_the_least(c):
+            return False
+        self.duals.level(c, max(self.duals.dearest, _TELLING * self.size))
+        return True
+
+    def _is_telling(self, c: Sided) -> bool:
+        """Whether limits are far from being met, though prices are high: they may contradict each other."""
+        return not self._rough and self.duals.dearest >= _TELLING * self.size and self.duals.excess(c) > _FAR
+
+    def _asks_for_the_least(self, c: Sided) -> bool:
+        """Whether this stage looks for the least that limits can be off."""
+        return self._is_telling(c) and self.duals.is_level
+
+    def _closer_to_the_least(self, c: Sided) -> bool:
+        """Go on with less of what leads away from the least that limits can be off; whether there is any."""
+        duals, dearest = self.duals, _DEAREST * self.size
+        if duals.dearest < (1.0 - 1e-9) * dearest:
+            duals.level(c, min(_DEARER * duals.dearest, dearest))
+        elif duals.mu * self.count > _TRACES * duals.cost_of_excess(c):
+            duals.mu *= _LESS
+        else:
+            return False
+        return True
+
+    @property
+    def _following(self) -> float:
+        """The barrier's parameter of the next stage, if that is not the last."""
+        return self._after(self.duals.mu)
+
+    def _after(self, mu: float) -> float:
+        """Return the parameter that follows another."""
+        unit = self.first_mu / _FIRST
+        part = mu / unit
+        return float(unit * min(_LESS * part, part**_POWER))
+
+    def are_met(self, c: Sided) -> bool:
+        """Whether all limits are met, as well as can be asked."""
+        return self.duals.excess(c) <= self.met
+
+    def _last(self, cost: float) -> float:
+        """Return the parameter of a barrier that matters no more at a cost."""
+        return _LAST * self.tolerance * max(cost, 1e-9 * self.size) / max(self.count, 1)
+
+
+def _joined(values: Iterable[Array]) -> Array:
+    return read_only(np.concatenate([np.empty(0), *values]))
