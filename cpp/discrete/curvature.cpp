@@ -197,9 +197,11 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, const Midpo
                                  double* out) {
     using Vector = Eigen::VectorXd;
     const Mechanism& m = mechanism_;
-    const int ny = nd_ + nc_, at_u = nq_ + nd_;
-    Vector v(nq_), e = Vector::Zero(nq_), g = Vector::Zero(nq_), by_u = Vector::Zero(nu_);
-    Vector by_q = Vector::Zero(nq_), T_vv_v = Vector::Zero(nq_), L_vv_g = Vector::Zero(nq_);
+    const int ny = nd_ + nc_;
+    by_instants_.begin(nq_, nu_);
+    auto& [e, c, by_q1, by_q2, by_u] = by_instants_;
+    Vector &v = at_v_, &g = g_, &by_q = by_q_, &by_v = by_v_, &T_vv_v = T_vv_v_, &L_vv_g = L_vv_g_;
+    for (Vector* a : {&v, &g, &by_q, &T_vv_v, &L_vv_g}) a->setZero(nq_);
     for (int i = 0; i < nq_; ++i) v[i] = (q2[i] - q1[i]) / dt;
     for (int i = 0; i < nd_; ++i) {
         e[i] = 0.5 * (mu_[i] + w_p[i]);
@@ -223,11 +225,10 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, const Midpo
     const ForcePoint<double> middle = step.middle();
     for_each_entry(m.potentials, middle.at, middle.q, local_,
                    [&](int i, int j, double bend) { by_q[i] -= bend * e[j]; });
-    Vector by_v = -(T_vv_v + L_vv_g) / dt;
-    double twice = v.dot(T_vv_v + 2.0 * L_vv_g) / (dt * dt);
+    by_v = -(T_vv_v + L_vv_g) / dt;
+    double twice = (v.dot(T_vv_v) + 2.0 * v.dot(L_vv_g)) / (dt * dt);
 
     const double km = kappa_minus(split_, dt) / dt, kp = kappa_plus(split_, dt) / dt;
-    Vector c = Vector::Zero(nq_);
     for (int i = 0; i < nd_; ++i) c[i] = km * mu_[i] + kp * w_p[i];
     for (const auto& [i, input] : m.joint_forces) by_u[input] += c[i];
     for_each_entry(
@@ -250,8 +251,8 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, const Midpo
         }
     }
 
-    const Vector by_q2 = 0.5 * by_q + by_v / dt;
-    Vector by_q1 = 0.5 * by_q - by_v / dt;
+    by_q2 = 0.5 * by_q + by_v / dt;
+    by_q1 = 0.5 * by_q - by_v / dt;
     const double grows = share / dt;
     for (const auto& [i, input] : m.instant_joint_forces) by_u[input] += grows * mu_[i];
     for_each_entry(
@@ -262,18 +263,21 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, const Midpo
         [&](int i, int input, double f_u) {
             if (i < nd_) by_u[input] += grows * mu_[i] * f_u;
         });
-    Vector by_y = Vector::Zero(ny);
-    by_y.head(nd_) = by_q2.head(nd_);
+    by_y_.setZero(ny, 1);
+    by_y_.col(0).head(nd_) = by_q2.head(nd_);
     const Eigen::Map<const Vector> Y_t(Y_dt, ny);
-    const Vector bent = W_yy_ * Y_t;
+    bent_.noalias() = W_yy_ * Y_t;
     Eigen::Map<Vector> by_theta(out, n_theta_);
     by_theta.setZero();
     by_theta.head(nq_) = by_q1;
-    by_theta.segment(at_u, nu_) = by_u;
+    by_theta.segment(nq_ + nd_, nu_) = by_u;
     by_theta.tail(nq_ - nd_) = by_q2.tail(nq_ - nd_);
-    const Eigen::Map<const NewtonMatrix::Matrix> Y(first.Y.data(), ny, first.ld);
-    by_theta += Y.leftCols(n_theta_).transpose() * (by_y + bent) + W_yth_.transpose() * Y_t;
-    return twice + Y_t.dot(2.0 * by_y + bent);
+    for (int i = 0; i < ny; ++i) {
+        const double whole = by_y_(i, 0) + bent_(i, 0), own = Y_t[i], *row = &first.Y[i * first.ld];
+        for (int j = 0; j < n_theta_; ++j) by_theta[j] += whole * row[j] + own * W_yth_(i, j);
+        twice += own * (2.0 * by_y_(i, 0) + bent_(i, 0));
+    }
+    return twice;
 }
 
 void SecondOrder::add_products(const FirstOrder& first) {

@@ -54,8 +54,7 @@ public:
     // After hessian(): second derivatives by numbers of elements, in directions of their space (with none of gravity), and
     // by th, rows of n_theta of `out`, and by two of them, `twice`. slopes: of the step by these directions.
     void by_numbers(double dt, const FirstOrder& first, const MidpointStep& step,
-                    const std::vector<Parameter>& directions, const ParameterSlopes& slopes, double* out,
-                    double* twice);
+                    const std::vector<Parameter>& directions, ParameterSlopes& slopes, double* out, double* twice);
 
 private:
     void set_multipliers(const FirstOrder& first);
@@ -105,6 +104,19 @@ private:
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
     std::unique_ptr<Placement<Dual<double>>> along_v_, along_mu_;  // for forces; null where there are none
     std::vector<Dual<double>> q_along_v_, q_along_mu_;
+
+    // Weights of dt L_q and of forces by variable, and derivatives by what a step begins and ends with.
+    struct AtInstants {
+        Eigen::VectorXd e, c, q1, q2, u;
+        void begin(int nq, int nu) {
+            for (auto* a : {&e, &c, &q1, &q2}) a->setZero(nq);
+            u.setZero(nu);
+        }
+    };
+    AtInstants by_instants_;
+    Eigen::VectorXd g_, at_v_, by_q_, by_v_, T_vv_v_, L_vv_g_;
+    Eigen::MatrixXd by_y_, bent_;
+    std::vector<double> moved_;
 };
 
 }  // namespace leastaction

@@ -6,6 +6,7 @@
 #include "discrete/curvature.hpp"
 #include "discrete/differentiate.hpp"
 #include "discrete/newton_step.hpp"
+#include "discrete/parameters.hpp"
 #include "numerics/pool.hpp"
 
 namespace leastaction {
@@ -26,7 +27,13 @@ public:
         return *second_;
     }
 
+    ParameterSlopes& slopes() {
+        if (!slopes_) slopes_ = std::make_unique<ParameterSlopes>(step.mechanism());
+        return *slopes_;
+    }
+
 private:
+    std::unique_ptr<ParameterSlopes> slopes_;
     std::unique_ptr<FirstOrder> first_;
     std::unique_ptr<SecondOrder> second_;
 };

@@ -185,7 +185,10 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
         FirstOrder& first = workspace.first();
         const double share = at.share(k, dt, first_share);
         if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
-        const auto [ld, Y, P2] = differentiate_by(step, first, dt, parameters);
+        ParameterSlopes& slopes = workspace.slopes();
+        slopes.differentiate(step, first, dt, parameters);
+        const int ld = slopes.ld;
+        const AlignedVector &Y = slopes.Y, &P2 = slopes.P2;
         double *x = by_x + k * at.nx * count, *lam = by_lam + k * at.nc * count;
         std::fill_n(x, at.nx * count, 0.0);
         for (int i = 0; i < at.nd; ++i) {
@@ -224,8 +227,8 @@ int curvature_by_time_step(const Midpoint& integrator, int steps, const double* 
                            const double* W, int weights, double first_share, int threads, double* out) {
     const Layout at(integrator.mechanism());
     const int n = at.nx + at.nu;
-    Parameter length;
-    length.time_step = true;
+    std::vector<Parameter> lengths(1);
+    lengths[0].time_step = true;
     return for_each_step(integrator, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
         const double *now = X + k * at.nx, *W_k = W + k * weights;
@@ -234,7 +237,8 @@ int curvature_by_time_step(const Midpoint& integrator, int steps, const double* 
         SecondOrder& second = workspace.second();
         const double share = at.share(k, dt, first_share);
         if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
-        const ParameterSlopes slopes = differentiate_by(step, first, dt, {length});
+        ParameterSlopes& slopes = workspace.slopes();
+        slopes.differentiate(step, first, dt, lengths);
         load_second(at, step, W_k, weights, share, second);
         std::vector<double> row(at.theta), Y_dt(at.nd + at.nc);
         for (int i = 0; i < at.nd + at.nc; ++i) Y_dt[i] = slopes.Y[i * slopes.ld];
@@ -266,7 +270,8 @@ int curvature_by_numbers(const Midpoint& integrator, int steps, const double* t,
         SecondOrder& second = workspace.second();
         const double share = at.share(k, dt, first_share);
         if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
-        const ParameterSlopes slopes = differentiate_by(step, first, dt, directions);
+        ParameterSlopes& slopes = workspace.slopes();
+        slopes.differentiate(step, first, dt, directions);
         load_second(at, step, W + k * weights, weights, share, second);
         second.hessian(dt, first);
         std::vector<double> by_theta(static_cast<std::size_t>(count) * at.theta), twice(count * count);

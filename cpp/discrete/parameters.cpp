@@ -1,111 +1,119 @@
 #include "discrete/parameters.hpp"
 
+#include <algorithm>
+
 namespace leastaction {
 
-namespace {
+NumberDuals::NumberDuals(const Mechanism& m)
+    : start(m), end(m), middle(m), m_(m), still_(m.n_variables()) {}
 
-// Products of second derivatives at the midpoint with its velocity, by variable: L_qv v, L_vv v, f_v v, and the force f.
-struct AlongVelocity {
-    std::vector<double> L_qv, L_vv, f_v, f;
-};
-
-AlongVelocity along_velocity(const MidpointStep& step) {
-    const Mechanism& m = step.mechanism();
-    const std::vector<double> none(m.n_variables());
-    AlongVelocity out{none, none, none, none};
+void NumberDuals::place_at(const MidpointStep& step) {
     const ForcePoint<double> at = step.middle();
-    const PairDerivatives& d = step.lagrangian().pairs;
-    each_pair(m, d.stride, [&](int i, int j, std::size_t pair, auto weight, bool mirrored) {
-        out.L_qv[i] += weight * (d.q_v[pair] * at.v[j]);
-        out.L_vv[i] += weight * (d.vv[pair] * at.v[j]);
-        if (!mirrored) return;
-        out.L_qv[j] += weight * (d.v_q[pair] * at.v[i]);
-        out.L_vv[j] += weight * (d.vv[pair] * at.v[i]);
-    });
-    for (const auto& [i, slot] : m.damping) {
-        out.f[i] -= m.numbers[slot] * at.v[i];
-        out.f_v[i] -= m.numbers[slot] * at.v[i];
-    }
-    for (const auto& [i, input] : m.joint_forces) out.f[i] += at.u[input];
-    LocalForce<double> local;
-    for_each_entry(m.forces, at, local, [&](int i, double f) { out.f[i] += f; });
-    for_each_entry(
-        m.forces, at, local, [&](int i, int j, double, double f_v) { out.f_v[i] += f_v * at.v[j]; },
-        [](int, int, double) {});
-    return out;
+    Q1.assign(step.q1.begin(), step.q1.end());
+    Q2.assign(step.q2.begin(), step.q2.end());
+    Q.assign(at.q, at.q + m_.n_variables());
+    V.assign(at.v, at.v + m_.n_variables());
+    U_.assign(at.u, at.u + m_.n_inputs);
+    place(m_.constraint_joints, Q1.data(), start);
+    place(m_.instant_joints, Q1.data(), start);
+    place(m_.constraint_joints, Q2.data(), end);
+    place(m_.element_joints, Q.data(), middle);
 }
 
-}  // namespace
+void NumberDuals::look(const double* numbers, const double* direction) {
+    for (auto* at : {&start, &end, &middle}) {
+        at->numbers = numbers;
+        at->number_slopes = direction;
+    }
+}
 
-ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, double dt,
-                                 const std::vector<Parameter>& parameters) {
-    const Mechanism& m = step.mechanism();
-    const int nd = m.n_dynamic, nq = m.n_variables(), nc = m.n_constraints(), ny = nd + nc;
-    const int count = static_cast<int>(parameters.size());
-    const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
-    const int ld = (count + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes;
-    ParameterSlopes out{ld, AlignedVector(static_cast<std::size_t>(ny) * ld),
-                        AlignedVector(static_cast<std::size_t>(nd) * ld)};
+ParameterSlopes::ParameterSlopes(const Mechanism& mechanism) : duals(mechanism), m_(mechanism) {
+    for (auto* a : {&L_q_, &L_v_, &f_, &kick_, &L_qv_v_, &L_vv_v_, &f_v_v_, &force_}) a->resize(m_.n_variables());
+}
+
+void ParameterSlopes::set_along_velocity(const MidpointStep& step) {
+    for (auto* a : {&L_qv_v_, &L_vv_v_, &f_v_v_, &force_}) std::fill(a->begin(), a->end(), 0.0);
     const ForcePoint<double> at = step.middle();
-    Placement<Dual<double>> start(m), end(m), middle(m);
-    const auto still = [](const double* q, int n) { return std::vector<Dual<double>>(q, q + n); };
-    const auto Q1 = still(step.q1.data(), nq), Q2 = still(step.q2.data(), nq), Q = still(at.q, nq), V = still(at.v, nq);
-    const auto U = still(at.u, m.n_inputs);
-    const std::vector<Dual<double>> none(nq);
-    place(m.constraint_joints, Q1.data(), start);
-    place(m.instant_joints, Q1.data(), start);
-    place(m.constraint_joints, Q2.data(), end);
-    place(m.element_joints, Q.data(), middle);
-    LocalTaylor<Dual<double>> local;
-    LocalForce<Dual<double>> force_taylor;
-    LocalForce<double> instant_taylor;
-    std::vector<double> L_q(nq), L_v(nq), f(nq), kick(nq);
+    const PairDerivatives& d = step.lagrangian().pairs;
+    each_pair(m_, d.stride, [&](int i, int j, std::size_t pair, auto weight, bool mirrored) {
+        L_qv_v_[i] += weight * (d.q_v[pair] * at.v[j]);
+        L_vv_v_[i] += weight * (d.vv[pair] * at.v[j]);
+        if (!mirrored) return;
+        L_qv_v_[j] += weight * (d.v_q[pair] * at.v[i]);
+        L_vv_v_[j] += weight * (d.vv[pair] * at.v[i]);
+    });
+    for (const auto& [i, slot] : m_.damping) {
+        force_[i] -= m_.numbers[slot] * at.v[i];
+        f_v_v_[i] -= m_.numbers[slot] * at.v[i];
+    }
+    for (const auto& [i, input] : m_.joint_forces) force_[i] += at.u[input];
+    for_each_entry(m_.forces, at, local_, [&](int i, double f) { force_[i] += f; });
+    for_each_entry(
+        m_.forces, at, local_, [&](int i, int j, double, double f_v) { f_v_v_[i] += f_v * at.v[j]; },
+        [](int, int, double) {});
+}
+
+void ParameterSlopes::add_time_step(MidpointStep& step, double dt) {
+    set_along_velocity(step);
+    for (int i = 0; i < m_.n_dynamic; ++i) {
+        L_q_[i] += (step.lagrangian().L_q[i] - L_qv_v_[i]) / dt;
+        L_v_[i] -= L_vv_v_[i] / dt;
+        f_[i] += (force_[i] - f_v_v_[i]) / dt;
+    }
+    const double grows = step.share / dt;
+    for (const auto& [i, input] : m_.instant_joint_forces) kick_[i] += grows * step.middle().u[input];
+    for_each_entry(m_.instant_forces, step.instant(), local_, [&](int i, double force) { kick_[i] += grows * force; });
+}
+
+void ParameterSlopes::add_numbers(const Parameter& parameter, const MidpointStep& step, int column) {
+    const double* direction = parameter.numbers.data();
+    duals.look(m_.numbers.data(), direction);
+    for (const auto& [i, slot] : m_.damping) f_[i] -= direction[slot] * step.middle().v[i];
+    for_each_entry(m_.potentials, duals.middle, duals.Q.data(), duals.local,
+                   [&](int i, const Dual<double>& slope) { L_q_[i] -= slope.d; });
+    for_each_entry(m_.forces, duals.at_middle(), duals.force,
+                   [&](int i, const Dual<double>& force) { f_[i] += force.d; });
+    for_each_entry(m_.instant_forces, duals.at_start(), duals.force,
+                   [&](int i, const Dual<double>& force) { kick_[i] += step.share * force.d; });
+    const int nd = m_.n_dynamic;
+    for (int c = 0; c < m_.n_constraints(); ++c) {
+        for_each_entry(*m_.constraints[c], duals.start, duals.Q1.data(), duals.local,
+                       [&](int i, const Dual<double>& slope) {
+                           if (i < nd) Y[i * ld + column] += step.lam[c] * slope.d;
+                       });
+        m_.constraints[c]->evaluate(duals.end, duals.Q2.data(), Order::value, duals.local);
+        Y[(nd + c) * ld + column] = -duals.local.value.d;
+    }
+}
+
+void ParameterSlopes::differentiate(MidpointStep& step, const FirstOrder& first, double dt,
+                                    const std::vector<Parameter>& parameters) {
+    const int nd = m_.n_dynamic, ny = nd + m_.n_constraints(), count = static_cast<int>(parameters.size());
+    const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
+    ld = (count + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes;
+    Y.assign(static_cast<std::size_t>(ny) * ld, 0.0);
+    P2.assign(static_cast<std::size_t>(nd) * ld, 0.0);
+    if (std::any_of(parameters.begin(), parameters.end(), [](const Parameter& p) { return !p.numbers.empty(); }))
+        duals.place_at(step);
     for (int k = 0; k < count; ++k) {
         const Parameter& parameter = parameters[k];
-        for (auto* a : {&L_q, &L_v, &f, &kick}) std::fill(a->begin(), a->end(), 0.0);
-        const auto y = [&](int row) -> double& { return out.Y[row * ld + k]; };
+        for (auto* a : {&L_q_, &L_v_, &f_, &kick_}) std::fill(a->begin(), a->end(), 0.0);
         for (const auto& [joint, inertia] : parameter.inertias)
-            step.lagrangian().add_inertia_slope(joint, inertia, L_q, L_v);
+            step.lagrangian().add_inertia_slope(joint, inertia, L_q_, L_v_);
         if (!parameter.numbers.empty()) {
-            const double* g = parameter.numbers.data() + m.gravity_slot;
-            if (m.gravity_slot >= 0) step.lagrangian().add_gravity_slope({g[0], g[1], g[2]}, L_q);
-            start.number_slopes = end.number_slopes = middle.number_slopes = parameter.numbers.data();
-            for (const auto& [i, slot] : m.damping) f[i] -= parameter.numbers[slot] * at.v[i];
-            for_each_entry(m.potentials, middle, Q.data(), local,
-                           [&](int i, const Dual<double>& slope) { L_q[i] -= slope.d; });
-            for_each_entry(m.forces, ForcePoint<Dual<double>>{middle, Q.data(), V.data(), U.data()}, force_taylor,
-                           [&](int i, const Dual<double>& force) { f[i] += force.d; });
-            for_each_entry(m.instant_forces, ForcePoint<Dual<double>>{start, Q1.data(), none.data(), U.data()},
-                           force_taylor, [&](int i, const Dual<double>& force) { kick[i] += step.share * force.d; });
-            for (int c = 0; c < nc; ++c) {
-                for_each_entry(*m.constraints[c], start, Q1.data(), local, [&](int i, const Dual<double>& slope) {
-                    if (i < nd) y(i) += step.lam[c] * slope.d;
-                });
-                m.constraints[c]->evaluate(end, Q2.data(), Order::value, local);
-                y(nd + c) = -local.value.d;
-            }
+            const double* g = parameter.numbers.data() + m_.gravity_slot;
+            if (m_.gravity_slot >= 0) step.lagrangian().add_gravity_slope({g[0], g[1], g[2]}, L_q_);
+            add_numbers(parameter, step, k);
         }
-        if (parameter.time_step) {
-            const AlongVelocity along = along_velocity(step);
-            for (int i = 0; i < nd; ++i) {
-                L_q[i] += (step.lagrangian().L_q[i] - along.L_qv[i]) / dt;
-                L_v[i] -= along.L_vv[i] / dt;
-                f[i] += (along.f[i] - along.f_v[i]) / dt;
-            }
-            const double grows = step.share / dt;
-            for (const auto& [i, input] : m.instant_joint_forces) kick[i] += grows * at.u[input];
-            for_each_entry(m.instant_forces, step.instant(), instant_taylor,
-                           [&](int i, double force) { kick[i] += grows * force; });
-        }
+        if (parameter.time_step) add_time_step(step, dt);
         for (int i = 0; i < nd; ++i) {
-            y(i) -= 0.5 * dt * L_q[i] - L_v[i] + km * f[i] + kick[i];
-            out.P2[i * ld + k] = 0.5 * dt * L_q[i] + L_v[i] + kp * f[i];
+            Y[i * ld + k] -= 0.5 * dt * L_q_[i] - L_v_[i] + km * f_[i] + kick_[i];
+            P2[i * ld + k] = 0.5 * dt * L_q_[i] + L_v_[i] + kp * f_[i];
         }
     }
-    step.newton().solve(out.Y.data(), out.Y.data() + nd * ld, count, ld);
-    Eigen::Map<NewtonMatrix::Matrix> p2(out.P2.data(), nd, ld);
-    p2.noalias() += first.G_y * Eigen::Map<NewtonMatrix::Matrix>(out.Y.data(), nd, ld);
-    return out;
+    step.newton().solve(Y.data(), Y.data() + nd * ld, count, ld);
+    Eigen::Map<NewtonMatrix::Matrix> p2(P2.data(), nd, ld);
+    p2.noalias() += first.G_y * Eigen::Map<NewtonMatrix::Matrix>(Y.data(), nd, ld);
 }
 
 }  // namespace leastaction

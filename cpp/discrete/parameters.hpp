@@ -25,13 +25,47 @@ struct Parameter {
     bool time_step = false;
 };
 
-struct ParameterSlopes {
-    int ld;               // of the rows: the parameters, padded
-    AlignedVector Y, P2;  // of (q2; lam) and p2, rows of ld
+// The elements of a step on duals in the space of the mechanism's numbers: at the start for its constraints and forces at
+// the instants, at its end for constraints, and at its middle.
+class NumberDuals {
+public:
+    explicit NumberDuals(const Mechanism& m);
+    void place_at(const MidpointStep& step);
+    // Takes other numbers than the mechanism's, and the direction along which they are differentiated.
+    void look(const double* numbers, const double* direction);
+    ForcePoint<Dual<double>> at_start() const { return {start, Q1.data(), still_.data(), U_.data()}; }
+    ForcePoint<Dual<double>> at_middle() const { return {middle, Q.data(), V.data(), U_.data()}; }
+
+    Placement<Dual<double>> start, end, middle;
+    std::vector<Dual<double>> Q1, Q2, Q, V;
+    LocalTaylor<Dual<double>> local;
+    LocalForce<Dual<double>> force;
+
+private:
+    const Mechanism& m_;
+    std::vector<Dual<double>> U_, still_;
 };
 
-// Of a step that was differentiated; allocates.
-ParameterSlopes differentiate_by(MidpointStep& step, const FirstOrder& first, double dt,
-                                 const std::vector<Parameter>& parameters);
+class ParameterSlopes {
+public:
+    explicit ParameterSlopes(const Mechanism& mechanism);
+    // Of a step that was differentiated.
+    void differentiate(MidpointStep& step, const FirstOrder& first, double dt, const std::vector<Parameter>& parameters);
+
+    int ld = 0;           // of the rows: the parameters, padded
+    AlignedVector Y, P2;  // of (q2; lam) and p2, rows of ld
+    NumberDuals duals;    // at the last step, if some parameter was a direction of numbers
+
+private:
+    void add_numbers(const Parameter& parameter, const MidpointStep& step, int column);
+    void add_time_step(MidpointStep& step, double dt);
+    void set_along_velocity(const MidpointStep& step);
+
+    const Mechanism& m_;
+    std::vector<double> L_q_, L_v_, f_, kick_;
+    // Products of second derivatives at the midpoint with its velocity, by variable: L_qv v, L_vv v, f_v v, and the force f.
+    std::vector<double> L_qv_v_, L_vv_v_, f_v_v_, force_;
+    LocalForce<double> local_;
+};
 
 }  // namespace leastaction
