@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
+from functools import cache
 from typing import Any, Literal, cast, get_args, overload
 
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import as_choice, require_instance
@@ -271,7 +272,7 @@ def optimize(
             initial = initial.trajectory
     # Threads of BLAS gain nothing on many matrices of a few hundred rows, and wait for each other on a busy machine:
     # such a matrix was factored in 73 ms instead of 1.
-    with threadpool_limits(1, user_api="blas") if isinstance(problem, CollocationProblem) else nullcontext():
+    with _libraries().limit(limits=1, user_api="blas") if isinstance(problem, CollocationProblem) else nullcontext():
         if resume is not None:
             _check_resumed(problem, resume)
             problem.resume(resume)
@@ -279,6 +280,14 @@ def optimize(
             problem.start(initial)
         result = Loop(problem, settings, callback, resume).run()
     return result if extension is None else extension.result(result)
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Return the libraries with threads of their own: to look for them takes as long as an iteration or two."""
+    import scipy.linalg.lapack  # noqa: F401 - which has a BLAS of its own
+
+    return ThreadpoolController()
 
 
 def _discrete_problem(

@@ -36,6 +36,14 @@ class Layout:
     def __init__(self, nx: int, nu: int) -> None:
         self.nx, self.nu = nx, nu
         self.nz = STAGES * (nx + nu)
+        # Which entries of [A B] may differ from zero: inputs are copied, and the rest depends on the end before.
+        self.pattern = np.zeros((self.nz, self.nz + STAGES * nu), dtype=np.bool_)
+        self.pattern[: STAGES * nx, :nx] = self.pattern[: STAGES * nx, self.nz :] = True
+        self.pattern[STAGES * nx :, self.nz :] = np.eye(STAGES * nu, dtype=np.bool_)
+        self.pattern.setflags(write=False)
+        # The entries of [z; u] that it has columns of, and those of a matrix by them that are packed.
+        self.used = np.concatenate([np.arange(nx), self.nz + np.arange(STAGES * nu)])
+        self.lower = np.tril_indices(len(self.used))
 
     def places(self, stage: int) -> Instants:
         """Return where state and input of a point are in z, (nx + nu,)."""
@@ -229,12 +237,26 @@ class CollocationSystem(DiscreteSystem):
         ordered = J[:, _ORDER].reshape(N, size, -1)
         A_all[:, :size, :nx], B_all[:, :size] = ordered[:, :, :nx], ordered[:, :, nx:]
         B_all[:, size:] = np.eye(STAGES * nu)
-        return Linearization(A_all, B_all, partial(self._second, matrices, J, flat, along))
+        bent = partial(self._bent, matrices, J, flat, along)
+        layout = self.layout
 
-    def _second(
+        def second(z: Array) -> Array:
+            whole = np.zeros((N, self.nx + self.nu, self.nx + self.nu))
+            whole[:, layout.used[:, None], layout.used] = bent(z)
+            return whole
+
+        def packed(z: Array) -> Array:
+            return np.asarray(bent(z)[:, *layout.lower])
+
+        return Linearization(A_all, B_all, second, pattern=layout.pattern, packed=packed)
+
+    def _bent(
         self, matrices: Array, J: Array, flat: tuple[Array, Array, Array], along: Linearization, z: Array
     ) -> Array:
-        """Return ``z . D2f``: the dynamics' curvature at the points, weighed by the pieces' own adjoint."""
+        """Return ``z . D2f`` by the end of the piece before and the inputs.
+
+        It is the dynamics' curvature at the points, weighed by the pieces' own adjoint.
+        """
         N, nx, nu = self.N, self.system.nx, self.system.nu
         weights = z[:, : STAGES * nx].reshape(N, STAGES, nx)[:, _PLACE].reshape(N, -1)
         costate = _solved_each(matrices.transpose(0, 2, 1), weights[:, :, None]).reshape(N, STAGES, nx)
@@ -247,11 +269,7 @@ class CollocationSystem(DiscreteSystem):
         for stage in range(STAGES):
             moves[:, stage, nx:, nx + stage * nu : nx + (stage + 1) * nu] = np.eye(nu)
         flat_moves = moves.reshape(N * STAGES, nx + nu, n)
-        H = (flat_moves.transpose(0, 2, 1) @ bent @ flat_moves).reshape(N, STAGES, n, n).sum(axis=1)
-        whole = np.zeros((N, self.nx + self.nu, self.nx + self.nu))
-        places = np.concatenate([np.arange(nx), self.nx + np.arange(self.nu)])
-        whole[:, places[:, None], places] = H
-        return whole
+        return np.asarray((flat_moves.transpose(0, 2, 1) @ bent @ flat_moves).reshape(N, STAGES, n, n).sum(axis=1))
 
 
 def _newton_matrix(h: Array | float, A: Array) -> Array:

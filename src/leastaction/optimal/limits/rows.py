@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
-from leastaction.optimal.quantity import Instants, Quantity, Samples, as_slice
+from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, as_slice
 
 _OFF = 1e-6  # of what is large for it a limit may be off at a fixed initial state
 
@@ -287,7 +287,9 @@ def check_agreement(rows: Sequence[Rows], when: Callable[[int], str]) -> None:
     ArgumentError
         If there are some.
     """
-    for one, other in itertools.combinations([row for row in rows if _is_positive(row)], 2):
+    # Of entries nothing is known of the kind.
+    kinds = [row for row in rows if _is_positive(row) and not isinstance(row.quantity, Entries)]
+    for one, other in itertools.combinations(kinds, 2):
         common = np.intersect1d(one.k, other.k)
         apart = one.quantity.apart(other.quantity, common)
         if apart is not None and (apart > _OFF).any():
