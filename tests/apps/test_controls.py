@@ -30,6 +30,7 @@ from leastaction.apps.marionette import (
 from leastaction.apps.marionette.tracking import TrackingSearch, files, load_unfinished, save_search, settle, tying
 from leastaction.apps.marionette.tracking.files import _mechanism
 from leastaction.apps.marionette.tracking.limits import pelvis_of
+from leastaction.apps.marionette.tracking.pace import Pace
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.priced_limits import PricedLimit, PricedLimits
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
@@ -54,7 +55,14 @@ from leastaction.models.marionette import (
     tied_strings,
 )
 from leastaction.models.puppet_controls import ends_of
-from leastaction.optimal import Bound, CostGradient, OptimizationResult, QuadraticCost, Status, check_derivatives
+from leastaction.optimal import (
+    Bound,
+    CostGradient,
+    OptimizationResult,
+    QuadraticCost,
+    Status,
+    check_derivatives,
+)
 from leastaction.optimal.quantity import Samples
 
 _LEAST = 0.5  # N
@@ -354,6 +362,25 @@ def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
     again = track(run.mechanism, run.motion, resume=run)
     assert again.tension.min() >= _LEAST
     assert again.held_error < run.held_error
+
+
+def test_what_is_still_to_be_tied_need_not_be_a_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that creeps while strings are tied loosely goes on to tie them, where it stands."""
+    tied: list[OptimizationResult] = []
+
+    def tie(tracker: Tracker, result: OptimizationResult) -> None:
+        tied.append(result)
+        whole(tracker, result)
+
+    whole = tying.tie
+    monkeypatch.setattr(tying, "tie", tie)
+    monkeypatch.setattr(Pace, "creeps", lambda *_: len(tied) < 2)
+    said: list[str] = []
+    run = track(marionette(strings="cross"), walk_in_place(0.4, 0.02), progress=said.append)
+    assert [result.iterations for result in tied[:2]] == [0, 0]
+    assert all(result.status is Status.ITERATION_LIMIT for result in tied[:2])
+    assert not any("larger parts" in line or "hangs still" in line for line in said)
+    assert run.result.success
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from leastaction.apps.marionette.tracking.motors import SEARCH_STAGES
 from leastaction.apps.marionette.tracking.pace import Pace
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
+from leastaction.apps.marionette.tracking.ties import FIXED_FROM
 from leastaction.apps.marionette.tracking.weights import FORCED, TrackingWeights
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
@@ -118,7 +119,9 @@ class Tracker:
                 best, self.earlier = result.cost, None
                 self.start = self.plan.inside(result.x, result.u, result.cost)
                 continue
-            creeps = self.plan is not None and result.status is Status.ITERATION_LIMIT and self.left > 0
+            # What is still to be tied need not be a minimum.
+            creeps = self.plan is not None and not self.plan.varies and result.status is Status.ITERATION_LIMIT
+            creeps = creeps and self.left > 0
             if (stuck or creeps) and self.others:
                 if left_behind is None or result.cost < left_behind[0].cost:
                     left_behind = result, self.kinds
@@ -201,6 +204,14 @@ class Tracker:
             return max(self.patience, 1)
         return _PLAN_PATIENCE if self.others else self.left
 
+    @property
+    def _leads_on(self) -> bool:
+        """Whether there is something to go on with where an optimisation creeps."""
+        plan = self.plan
+        if plan is None or plan.ties is None:
+            return plan is not None and bool(self.others)
+        return bool(self.others) or plan.ties.weight < FIXED_FROM
+
     def _watch(self, record: IterationRecord) -> object:
         """Stop a motion that is lost; else keep the run now and then, and tell the user's callback."""
         if record.iteration == 0 and record.cost > self.most:
@@ -210,7 +221,7 @@ class Tracker:
         self.kept(lambda: self._as_search(record.snapshot()) if varies else self._snapshot(record))
         if self.callback is not None and self.callback(record):
             return True
-        self.creeps = self.plan is not None and bool(self.others) and self.pace.creeps(record)
+        self.creeps = self._leads_on and self.pace.creeps(record)
         return self.creeps
 
     def _count(self, result: OptimizationResult) -> None:
