@@ -9,10 +9,16 @@ import numpy as np
 import pytest
 
 from leastaction import (
+    Ball,
     Bound,
+    Box,
+    Damping,
+    Distance,
+    Equal,
     Gravity,
     IterationTable,
     JointForce,
+    Keep,
     Mechanism,
     MechanismSystem,
     MidpointSystem,
@@ -20,8 +26,10 @@ from leastaction import (
     QuadraticCost,
     Status,
     optimize,
+    project_configuration,
     rx,
     tz,
+    world,
 )
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
@@ -422,3 +430,45 @@ def test_a_run_with_gaps_and_limits_goes_on_as_if_never_stopped(bounded, stop, t
     np.testing.assert_array_equal(rest.history.cost, whole.history.cost)
     np.testing.assert_array_equal(rest.x, whole.x)
     np.testing.assert_array_equal(rest.limits.sides[0].dual, whole.limits.sides[0].dual)
+
+
+def delta() -> Mechanism:
+    """A robot of three arms, whose platform hangs on three rods."""
+    tree, elements = world(), [Gravity(), Damping(0.01)]
+    platform = tree.tx("x").ty("y").tz("z", name="platform", mass=0.3)
+    for i in range(3):
+        c, s = np.cos(2.0 * np.pi * i / 3.0), np.sin(2.0 * np.pi * i / 3.0)
+        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        arm = tree.pose(translation=(0.15 * c, 0.15 * s, 0.0), rotation=turned).ry(f"arm{i}")
+        arm.tx(0.1, mass=0.2, inertia=(1e-4, 5e-4, 5e-4))
+        arm.tx(0.2, name=f"elbow{i}", mass=0.05)
+        platform.pose(translation=(0.05 * c, 0.05 * s, 0.0), name=f"joint{i}")
+        elements += [Distance(f"elbow{i}", f"joint{i}", 0.45), JointForce(f"arm{i}", input=f"motor{i}")]
+    return Mechanism(tree, elements)
+
+
+def test_where_a_state_alone_leads_nowhere_it_is_held_with_gaps() -> None:
+    """Without torques the platform falls and its arms turn over: no search within limits comes back from there."""
+    m = delta()
+    arms = {f"arm{i}": 0.2 for i in range(3)}
+    q = project_configuration(m, m.configuration({"z": -0.4, **arms}), hold=["x", "y", "z"]).q
+    system = MidpointSystem(MidpointVI(m, threads=1), np.linspace(0.0, 0.5, 101))
+    wanted = np.tile(system.integrator.start(q).x, (101, 1))
+    goal = [0.15, 0.1, -0.4]
+    start, wanted[:, :3] = (wanted[0].copy(), np.zeros((100, 3))), goal
+    weights = np.r_[1.0, 1.0, 1.0, np.zeros(9)]
+    cost = QuadraticCost(wanted, np.zeros((100, 3)), Q=weights, R=[1e-3] * 3, Q_final=1e4 * weights)
+    limits = [
+        Bound("motor*", -3.0, 3.0), Bound("arm*", -0.6, 1.3), Bound("x", max=0.05, at=[0.2, 0.25]),
+        Keep("platform", outside=Ball((0.075, 0.05, -0.4), 0.06)),
+        Keep("platform", inside=Box((-0.3, -0.3, -0.55), (0.3, 0.3, -0.3))),
+        Equal(["x", "y", "z"], goal), Equal(list(arms), 0.0, of="rate"),
+    ]  # fmt: skip
+    alone = optimize(system, cost, initial=start, limits=limits, shooting="single")
+    assert not alone.success
+    records = []
+    result = optimize(system, cost, initial=start, limits=limits, callback=records.append)
+    assert result.status is Status.CONVERGED, result.message
+    assert any("began again, with gaps" in record.note for record in records)
+    assert result.limits.excess < 1e-8
+    assert result.cost == pytest.approx(0.5481465, rel=1e-6)  # what Ipopt finds from the straight line to the goal

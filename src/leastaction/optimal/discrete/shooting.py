@@ -64,6 +64,9 @@ class ShootingProblem(DiscreteProblem):
     without.
     """
 
+    # Whether gaps that begin later begin at the initial state, held still, where that alone was given.
+    holds_state = False
+
     def __init__(
         self,
         system: DiscreteSystem,
@@ -121,7 +124,7 @@ class ShootingProblem(DiscreteProblem):
             return False
         now, value = self._place(), self.value
         try:
-            refused = self._open(self.given) is not None
+            refused = self._open(self.given, still=self.holds_state) is not None
         except BaseException as error:  # an interruption too leaves it where it stood
             self.open_curve = None
             self.x, self.u, self.gain, self.worst_step, self.value = now.x, now.u, now.gain, now.worst_step, value
@@ -136,11 +139,16 @@ class ShootingProblem(DiscreteProblem):
         self.longest = _LONGEST_INSTEAD
         return True
 
-    def _open(self, start: Start) -> Refusal | None:
-        """Stand at a curve with its gaps, or return why that is not possible."""
+    def _open(self, start: Start, *, still: bool = False) -> Refusal | None:
+        """Stand at a curve with its gaps, or return why that is not possible.
+
+        ``still``: whether an initial state alone is held, and not the motion that it leads to.
+        """
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         x, u = start.x, start.u
-        if x.ndim == 1:
+        if x.ndim == 1 and still:
+            x = np.tile(x, (N + 1, 1))
+        elif x.ndim == 1:
             run = self.system.rollout(x, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)), 0, N)
             self.rollouts += 1
             # What leads to a step that cannot be made is too violent to begin with: it stands still instead.

@@ -47,6 +47,8 @@ class LimitedProblem(BarrierProblem):
         a search ends so.
     """
 
+    holds_state = True
+
     def __init__(
         self,
         system: DiscreteSystem,
@@ -88,8 +90,7 @@ class LimitedProblem(BarrierProblem):
 
     def begin_with_gaps(self, *, brief: bool) -> bool:
         """Begin again with gaps from the given start, once, and with other duals; return whether that can be done."""
-        lost = self.given is not None and self.given.is_lost
-        if self.final_time is not None or (brief and not lost) or not super().begin_with_gaps(brief=brief):
+        if self.final_time is not None or not super().begin_with_gaps(brief=brief):
             return False
         self._begin()
         return True
