@@ -40,6 +40,7 @@ from leastaction.optimal import (
     optimize,
 )
 from leastaction.optimal.discrete.problem import DiscreteProblem
+from leastaction.optimal.limit_report import LimitReport, LimitState
 from leastaction.optimal.limits.barrier import (
     Point,
     advanced,
@@ -475,6 +476,24 @@ def test_limits_that_contradict_each_other_are_named(cart: MidpointSystem, cost:
     assert "Not met: 'x = 2' by" in result.message
     assert "t = 0.4 s" in result.message
     assert "'x-force <= 3'" in result.message
+
+
+def test_what_is_off_by_next_to_nothing_is_not_said_not_to_be_met() -> None:
+    """All duals are those of the highest price, 10."""
+
+    def side(label: str, value: float, dual: float, *, equation: bool) -> LimitState:
+        each = np.array([[value]]), np.array([[dual]])
+        return LimitState(label, (label,), equation, np.array([4]), *each, np.array([10.0]), np.array([[True]]))
+
+    off, met = side("x = 2", -0.1, 10.0, equation=True), side("y = 1", 1e-6, 10.0, equation=True)
+    push = side("push <= 1", 1e-9, 3.0, equation=False)
+
+    def told(*sides: LimitState) -> str:
+        return LimitReport(sides, 1e-9, 0.1).contradiction(lambda k: f"step {k}")
+
+    least = "Not met: 'x = 2' by 0.1 at step 4. Against that stand "
+    assert told(off, met, push) == least + "'push <= 1' (most at step 4)."
+    assert told(off, met) == least + "'y = 1' (most at step 4)."
 
 
 def test_what_cannot_be_met_is_off_by_the_least_that_is_possible() -> None:

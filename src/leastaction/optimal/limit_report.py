@@ -149,14 +149,19 @@ class LimitReport:
 
     def contradiction(self, when: Callable[[int], str], most: int = 3) -> str:
         """Return which limits are not met and where, and which ones stand against them."""
-        broken, against = _Worst(), _Worst()
-        for side, j, i, value in self._worst():
-            if side.broken(j):
-                broken.add(side, j, -side.price[j] * value, f" by {max(-value, 0.0):.3g} at {when(int(side.k[i]))}")
-            elif side.active[:, j].any():
+        broken, against, met = _Worst(), _Worst(), _Worst()
+        worst = [(side, j, i, -side.price[j] * value) for side, j, i, value in self._worst()]
+        least = _LITTLE * max((price for side, j, _, price in worst if side.broken(j)), default=0.0)
+        for side, j, i, price in worst:
+            if side.broken(j) and price >= least:
+                off = max(float(price / side.price[j]), 0.0)
+                broken.add(side, j, price, f" by {off:.3g} at {when(int(side.k[i]))}")
+            elif side.broken(j) or side.active[:, j].any():
+                # Off by next to nothing, at the highest price, is met at the expense of others.
                 i = int(np.argmax(np.abs(side.dual[:, j])))
-                against.add(side, j, abs(float(side.dual[i, j])), f" (most at {when(int(side.k[i]))})")
-        stands = against.text(most)
+                text = f" (most at {when(int(side.k[i]))})"
+                (met if side.broken(j) else against).add(side, j, abs(float(side.dual[i, j])), text)
+        stands = against.text(most) or met.text(most)
         return f"Not met: {broken.text(most)}." + (f" Against that stand {stands}." if stands else "")
 
     def _worst(self) -> Iterator[tuple[LimitState, int, int, float]]:
