@@ -657,3 +657,12 @@ class Banked(QuadraticCost):
 
     def __init__(self):
         super().__init__(np.zeros((3, 1)), np.zeros((2, 1)), Q=[1.0], R=[1.0])
+
+
+def test_an_end_is_not_foretold_where_models_near_it_had_no_minimum():
+    """The steps before were full ones of Newton's method, and led to a saddle: the minimum is a quarter lower."""
+    given = next(problem for problem in drawn(38) if problem.name.endswith("38028")).build()
+    result = optimize(given.system, given.cost, initial=(given.x, given.u))
+    assert result.status is Status.CONVERGED
+    assert certify(given, result.x, result.u).minimum
+    assert result.cost == pytest.approx(3.24167008, rel=1e-7)

@@ -69,6 +69,8 @@ class NewtonSchedule:
         How much easier the problem of this stage is than the one that was asked for.
     spent : int
         Iterations in this stage.
+    wary : bool
+        Whether a model of Newton's had no minimum though little was left to be gained: the end may be a saddle.
     """
 
     wait: int = 1
@@ -87,6 +89,7 @@ class NewtonSchedule:
     newton: bool = False
     ease: float = 1.0
     spent: int = 0
+    wary: bool = False
 
     def after_failure(self) -> NewtonSchedule:
         """Return the schedule after a Newton direction that could not be followed."""
@@ -95,9 +98,9 @@ class NewtonSchedule:
         scale = max(self.scale, _LEAST_SCALE)
         return changed(self, wait=wait, failures=self.failures + 1, scale=scale)
 
-    def after_indefinite(self, scale: float) -> NewtonSchedule:
+    def after_indefinite(self, scale: float, *, wary: bool = False) -> NewtonSchedule:
         """Return the schedule after a Newton model that had no minimum; this part is tried next."""
-        return changed(self, scale=scale, growth=max(self.growth**0.5, _LEAST_GROWTH))
+        return changed(self, scale=scale, growth=max(self.growth**0.5, _LEAST_GROWTH), wary=wary or self.wary)
 
     def after_step(
         self, method: str, curvature_scale: float, length: float, agreement: float, expected: float, value: float

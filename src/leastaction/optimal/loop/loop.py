@@ -120,7 +120,7 @@ class Loop:
         run.note_step(direction, step, decrease, agreement, trial.cost)
         run.note_model(share)
         foretold = None
-        if not run.stalled and step.length == 1.0 and direction.method == "newton":
+        if not (run.stalled or before.wary) and step.length == 1.0 and direction.method == "newton":
             foretold = self.directions.foretold(before, expected, share)
         problem.accept(direction, trial)
         if foretold is not None:

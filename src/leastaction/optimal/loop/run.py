@@ -17,6 +17,9 @@ _FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
 # Where less than this part of the cost is expected to be gained, a run creeps towards its end: it is not lost.
 _CREEPING = 1e-4
 
+# Where the last step was to gain less than this part of the cost, a model without a minimum may be that of a saddle.
+_LITTLE = 1e-2
+
 # A model holds that is off by less than this part of the decrease.
 _HOLDS = 0.1
 
@@ -114,7 +117,8 @@ class Run:
 
     def note_indefinite(self, scale: float) -> None:
         """Remember that a Newton model had no minimum; this part of the curvature is tried next."""
-        self.schedule = self.schedule.after_indefinite(scale)
+        wary = self.schedule.expected <= _LITTLE * abs(self.problem.magnitude)
+        self.schedule = self.schedule.after_indefinite(scale, wary=wary)
 
     def set_shift(self, shift: float) -> None:
         """Take a shift of the weights for that of the iterations to come."""
