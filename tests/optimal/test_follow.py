@@ -318,6 +318,13 @@ def test_wrong_arguments_are_named() -> None:
             follow(ARM, *arguments, **options)  # type: ignore[arg-type]
 
 
+def test_a_weight_without_a_place_is_named() -> None:
+    system = MidpointSystem(MidpointVI(ARM), T)
+    plain = QuadraticCost(np.zeros((101, 4)), np.zeros((100, 2)), Q=np.ones(4), R=np.ones(2))
+    with pytest.raises(ArgumentError, match=r"weights: 'hant' has no place that is wanted; did you mean 'hand'"):
+        PlaceCost(plain, system, {"hand": CIRCLE}, {"hant": 1.0})
+
+
 def test_a_start_that_is_no_state_is_named() -> None:
     with pytest.raises(ArgumentError, match=r"start: got .*ndarray.*expected a State; MidpointVI\(mechanism\).start"):
         follow(ARM, {"hand": np.zeros((101, 3))}, t=T, start=np.zeros(2))

@@ -598,7 +598,7 @@ def test_limits_that_no_value_can_meet_are_told_at_once(
         ([Equal(["x", "theta"], [1.0, 2.0, 3.0])], ("(3,)", "(2,)", "a function of the time")),
         ([Bound("x", 0.0, at=1.234567)], ("1.23457", "1.24")),
         ([Bound("x", 0.0, at="middle")], ("'middle'", "'end'")),
-        ([Bound("string", min=0.0, of="tension")], ("tension", "'variable'")),
+        ([Bound("string", min=0.0, of="tension")], ("tension", "'variable'", "multipliers=True")),
         ([3], ("limits[0]", "int")),
         ([Keep("hand", inside=Box((0, 0, 0), (1, 1, 1)))], ("hand",)),
         ([Within(FunctionQuantity("f", lambda x: x))], ("'f'", "(150, 4)", "(150, 1)")),

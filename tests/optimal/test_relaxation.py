@@ -172,6 +172,8 @@ def test_others_take_the_place_of_elements():
 @pytest.mark.parametrize(
     ("changed", "match"),
     [
+        ({"stiffness": (1e5, 10.0)}, "got 100000 first and 10 last, expected springs that get stiffer"),
+        ({"stiffness": 1e5}, "expected the first and the last one"),
         ({"system": CartPendulum(20, 0.02)}, "system: got CartPendulum, expected a MidpointSystem"),
         ({"cost": 3}, "cost: got int"),
         ({"constraints": ["nothing"]}, "constraints: unknown constraint 'nothing'"),

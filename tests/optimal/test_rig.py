@@ -208,6 +208,8 @@ def test_wrong_arguments_are_named(upright: tuple[MidpointSystem, OptimizationRe
         play(system, plan, Rig(factors={"wheel.mass": 2.0}))
     with pytest.raises(ArgumentError, match="MidpointSystem"):
         play(system.integrator, plan)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match=r"start: got ndarray.*MidpointVI\(mechanism\).start"):
+        play(system, plan, start=plan.x[0])  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="plan x"):
         play(system, (plan.x[1:], plan.u))
     with pytest.raises(ArgumentError, match="nothing is called 'wheel'"):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, unknown
+from leastaction.errors import ArgumentError, brief, unknown
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number, require_instance
@@ -96,7 +96,7 @@ def relax(
     _check(system, cost, options)
     m = system.integrator.mechanism
     names = _chosen(m, constraints)
-    least, most = (as_number(each, "stiffness", above=0.0) for each in stiffness)
+    least, most = _range(stiffness)
     limit = as_number(tolerance, "tolerance", above=0.0)
     softer: dict[float, MidpointSystem] = {}
 
@@ -272,6 +272,16 @@ def _chosen(m: Mechanism, names: Sequence[str] | None) -> list[str]:
     if not chosen:
         raise ArgumentError("constraints: no spring can take the place of any of them")
     return chosen
+
+
+def _range(stiffness: tuple[float, float]) -> tuple[float, float]:
+    """Return the first and the last stiffness."""
+    if np.shape(stiffness) != (2,):
+        raise ArgumentError(f"stiffness: got {brief(repr(stiffness))}, expected the first and the last one (N/m)")
+    least, most = (as_number(each, "stiffness", above=0.0) for each in stiffness)
+    if most < least:
+        raise ArgumentError(f"stiffness: got {least:g} first and {most:g} last, expected springs that get stiffer")
+    return least, most
 
 
 def _soft(m: Mechanism, names: Sequence[str], stiffness: float) -> Mechanism:

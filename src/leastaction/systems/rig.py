@@ -214,6 +214,8 @@ def play(
         What is no `MidpointSystem`, wrong shapes, unknown parameters, or a plan along which the model cannot go.
     """
     require_instance(system, "system", MidpointSystem)
+    if start is not None:
+        require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
     rig = Rig() if rig is None else rig
     m, N, t = system.integrator.mechanism, system.N, system.t
     x, u = (plan.x, plan.u) if isinstance(plan, OptimizationResult) else both(plan)

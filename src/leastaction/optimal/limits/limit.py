@@ -202,7 +202,13 @@ def selected(system: Horizon, names: str | Sequence[str], of: str | None, what: 
     """Return a quantity of the system, of the functions whose names match."""
     kinds = system.quantities
     if of is not None and of not in kinds:
-        raise ArgumentError(f"{what}: got of={of!r}, expected one of {', '.join(map(repr, kinds))}")
+        expected = f"expected one of {', '.join(map(repr, kinds))}"
+        try:
+            system.quantity(of)
+        except ArgumentError as error:
+            if str(error).startswith(f"{of}: "):  # the system knows why it has none
+                expected += f"; {error}"
+        raise ArgumentError(f"{what}: got of={of!r}, {expected}")
     patterns = [names] if isinstance(names, str) else list(names)
     if not patterns:
         raise ArgumentError(f"{what}: got no names")

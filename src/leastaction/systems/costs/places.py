@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_number, read_only
@@ -41,6 +41,10 @@ class PlaceCost(AddedCost):
         self, cost: Cost, system: MidpointSystem, places: Mapping[str, ArrayLike], weights: Mapping[str, float]
     ) -> None:
         m, N = system.integrator.mechanism, system.N
+        for name in weights:
+            if name not in places:
+                known = closest(name, list(places), what="names of places")
+                raise ArgumentError(f"weights: {name!r} has no place that is wanted; {known}")
         super().__init__(cost, "places", (N, system.nx, system.nu))
         self.system = system
         wanted, weighed = {}, {}

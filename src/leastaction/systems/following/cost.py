@@ -61,7 +61,7 @@ def following_cost(
     cost: Cost = QuadraticCost(goal, u, Q=each, R=R, Q_final=Q * counts[-1])
     places = {name: values for name, values in wanted.items() if values.ndim == 2}
     if places:
-        cost = PlaceCost(cost, system, places, value)
+        cost = PlaceCost(cost, system, places, {name: value[name] for name in places})
     if m.nrho:
         cost = SmoothCost(cost, system, {name: value[f"acceleration of {name}"] for name in m.kinematic})
     return cost
