@@ -22,7 +22,9 @@ from leastaction.io.results.record import FORMAT_VERSION
 from leastaction.numerics.files import atomic_write, prepare_output_folder, write_text
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import (
+    ContinuousQuadraticCost,
     FunctionSystem,
+    LinearContinuousSystem,
     OptimizationResult,
     QuadraticCost,
     Status,
@@ -317,6 +319,15 @@ def test_damage_anywhere_is_a_typed_error_or_none(
 
 
 # Writing
+
+
+def test_a_result_in_continuous_time_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    mass = LinearContinuousSystem([[0.0]], [[1.0]])
+    cost = ContinuousQuadraticCost([0.0], [0.0], Q=[1.0], R=[1.0])
+    found = optimize(mass, cost, initial=([1.0], [0.0]), horizon=(0.0, 1.0))
+    with pytest.raises(ArgumentError, match="got one in continuous time, expected one in discrete time"):
+        save_result(tmp_path / "found.npz", found)
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_cannot_be_saved_is_refused_before_writing(result: OptimizationResult, tmp_path: Path) -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from leastaction.errors import ResultFileError
+from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.io.results.record import load_record, save_record
 from leastaction.numerics.arrays import Array, require_instance
-from leastaction.optimal import OptimizationResult
+from leastaction.optimal import ContinuousOptimizationResult, OptimizationResult
 
 
 def save_result(path: str | os.PathLike[str], result: OptimizationResult) -> Path:
@@ -31,11 +31,16 @@ def save_result(path: str | os.PathLike[str], result: OptimizationResult) -> Pat
     Raises
     ------
     ArgumentError
-        What is no result.
+        What is no result, or one in continuous time.
     OutputError
         The file could not be written; an older file of that name is untouched.
     """
     require_instance(result, "result", OptimizationResult, "optimize() returns one")
+    if isinstance(result, ContinuousOptimizationResult):
+        raise ArgumentError(
+            "result: got one in continuous time, expected one in discrete time. Keep it by pickle, or samples of "
+            "result.trajectory by numpy.savez"
+        )
     return save_record(path, result)
 
 
