@@ -63,10 +63,9 @@ class Element(abc.ABC):
             value = getattr(self, name)
             if value is not None or not optional:
                 object.__setattr__(self, name, kind.read(value, f"{self.title}: {name}"))
-        if len(self._ends) == 2 and self._ends[0] == self._ends[1]:
-            raise DescriptionError(
-                f"{self.label}: both ends are the frame {self._ends[0]!r}; give two different frames"
-            )
+        ends = self._ends
+        if len(ends) == 2 and ends[0] == ends[1]:
+            raise DescriptionError(f"{self.label}: both ends are the frame {ends[0]!r}; give two different frames")
 
     def _held(self) -> Iterator[tuple[str, Kind, Any]]:
         """Name, kind and value of every declared field that is not left out."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -298,22 +297,24 @@ def check_agreement(rows: Sequence[Rows], when: Callable[[int], str]) -> None:
                 f"limits: {_said(one)} and {_said(other)} exclude each other at {when(int(common[at]))}: what they ask "
                 f"for is {apart[at]:.4g} apart; expected limits that can be met together"
             )
-    found: dict[tuple[str, str, bool], list[tuple[Rows, int]]] = defaultdict(list)
-    for row in rows:
-        if not row.is_own:  # what users have may share a name
-            for j, name in enumerate(row.quantity.names):
-                found[row.quantity.kind, name, row.quantity.of_state].append((row, j))
-    for (_, name, _), each in found.items():
-        for (low, i), (high, j) in itertools.product(each, each):
-            if not low.sign > 0.0 > high.sign:
-                continue
+    stated = [row for row in rows if not row.is_own]  # what users have may share a name
+    lows, highs = ([row for row in stated if sign * row.sign > 0.0] for sign in (1.0, -1.0))
+    for low, high in itertools.product(lows, highs):
+        below, above = low.quantity, high.quantity
+        names = [name for name in below.names if name in above.names]
+        if not names or (below.kind, below.of_state) != (above.kind, above.of_state) or low.bounds is high.bounds:
+            continue
+        of_low: Any = slice(None)
+        of_high: Any = slice(None)
+        if not np.array_equal(low.k, high.k):
             _, of_low, of_high = np.intersect1d(low.k, high.k, return_indices=True)
-            least, most = low.bounds[of_low, i], high.bounds[of_high, j]
-            crossed = np.flatnonzero(least > most + _OFF * (1.0 + np.abs(most)))
-            if crossed.size:
-                at = crossed[0]
-                raise ArgumentError(
-                    f"limits: {low.limit} asks for {name!r} of {least[at]:.6g} or more at "
-                    f"{when(int(low.k[of_low[at]]))}, and {high.limit} for {most[at]:.6g} or less; expected limits "
-                    "that can be met together"
-                )
+        least = low.bounds[of_low][:, [below.names.index(name) for name in names]]
+        most = high.bounds[of_high][:, [above.names.index(name) for name in names]]
+        crossed = np.argwhere(least > most + _OFF * (1.0 + np.abs(most)))
+        if crossed.size:
+            at, j = crossed[0]
+            raise ArgumentError(
+                f"limits: {low.limit} asks for {names[j]!r} of {least[at, j]:.6g} or more at "
+                f"{when(int(low.k[of_low][at]))}, and {high.limit} for {most[at, j]:.6g} or less; expected limits "
+                "that can be met together"
+            )

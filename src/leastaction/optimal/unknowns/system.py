@@ -48,10 +48,11 @@ class ExtendedSystem(DiscreteSystem):
         self.has_curvature = system.has_curvature
         # As a slice, which copies nothing, where they follow each other.
         self._kept: Any = as_slice(self.copied)
-        free = [] if free_start is False else range(self.n_own)
+        free = set(range(self.n_own if free_start is True else 0))
         if not isinstance(free_start, bool):
-            free = system.free_entries(free_start)
-        self._told = np.isin(np.arange(self.n_own), np.intersect1d(self.copied, free))  # by equations, of the start
+            free = set(system.free_entries(free_start))
+        told = free.intersection(self.copied.tolist())
+        self._told = np.array([i in told for i in range(self.n_own)], dtype=np.bool_)  # by equations, of the start
         # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
         inputs = self.at_copies + np.arange(self.nu)
         self._places = np.concatenate([np.arange(self.at_copies), self.copied, inputs])
