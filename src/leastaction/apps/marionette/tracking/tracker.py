@@ -17,7 +17,7 @@ from leastaction.apps.marionette.tracking.motors import SEARCH_STAGES
 from leastaction.apps.marionette.tracking.pace import Pace
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
-from leastaction.apps.marionette.tracking.ties import FIXED_FROM
+from leastaction.apps.marionette.tracking.ties import WEIGHTS
 from leastaction.apps.marionette.tracking.weights import FORCED, TrackingWeights
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
@@ -210,7 +210,7 @@ class Tracker:
         plan = self.plan
         if plan is None or plan.ties is None:
             return plan is not None and bool(self.others)
-        return bool(self.others) or plan.ties.weight < FIXED_FROM
+        return bool(self.others) or plan.ties.weight < WEIGHTS[-1]
 
     def _watch(self, record: IterationRecord) -> object:
         """Stop a motion that is lost; else keep the run now and then, and tell the user's callback."""
