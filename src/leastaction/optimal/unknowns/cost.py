@@ -70,12 +70,16 @@ class ExtendedCost(Cost):
 
     def _moved(self, rows: Array) -> Array:
         """Return derivatives (..., nx) by the extended state of those (..., n) by the system's own."""
-        count = self.system.at_copies - self.n_own
-        zeros = np.zeros((*rows.shape[:-1], count))
-        return np.concatenate([rows, zeros, rows[..., self.system.copied]], axis=-1)
+        n, end = self.n_own, self.system.at_copies
+        whole = np.empty((*rows.shape[:-1], self.nx))
+        whole[..., :n], whole[..., n:end], whole[..., end:] = rows, 0.0, rows[..., self.system.kept]
+        return whole
 
     def _padded(self, weight: Array) -> Array:
         """Return a weight of any of the shapes of a `CostHessian` as one of the extended state."""
+        if weight.ndim == 1 and len(self.system.copied):
+            moves = self.system.moves
+            return np.asarray((moves.T * weight) @ moves)
         if is_diagonal(weight):
             diagonal = weight if weight.ndim == 1 else weight[:, :, 0]
             if not len(self.system.copied):

@@ -47,7 +47,10 @@ class ExtendedSystem(DiscreteSystem):
         self.nx = self.at_copies + len(self.copied)
         self.has_curvature = system.has_curvature
         # As a slice, which copies nothing, where they follow each other.
-        self._kept: Any = as_slice(self.copied)
+        self.kept: Any = as_slice(self.copied)
+        # How the system's own state follows from the extended one.
+        own = np.eye(self.n_own)
+        self.moves = np.hstack([own, np.zeros((self.n_own, len(self.names))), own[:, self.copied]])
         free = set(range(self.n_own if free_start is True else 0))
         if not isinstance(free_start, bool):
             free = set(system.free_entries(free_start))
@@ -78,23 +81,23 @@ class ExtendedSystem(DiscreteSystem):
         """Return the system's own states of such of the extended system."""
         own = x[..., : self.n_own].copy()
         if len(self.copied):
-            own[..., self._kept] += x[..., self.at_copies :]
+            own[..., self.kept] += x[..., self.at_copies :]
         return own
 
     def extended(self, x: Array, values: Array) -> Array:
         """Return states (nx,) or (N+1, nx) for such of the system, with values of the parameters (P,)."""
-        first = (x if x.ndim == 1 else x[0])[self._kept]
+        first = (x if x.ndim == 1 else x[0])[self.kept]
         whole = np.empty((*x.shape[:-1], self.nx))
         whole[..., : self.n_own], whole[..., self.n_own : self.at_copies] = x, values
         whole[..., self.at_copies :] = first
-        whole[..., self._kept] -= first
+        whole[..., self.kept] -= first
         return whole
 
     # ---- Steps ------------------------------------------------------------------------------------
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         own = self.at(self.values(x)).f(self.own(x), u, k)
-        own[self._kept] -= x[self.at_copies :]
+        own[self.kept] -= x[self.at_copies :]
         return np.concatenate([own, x[self.n_own :]])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
@@ -129,12 +132,12 @@ class ExtendedSystem(DiscreteSystem):
         part = slice(start, stop)
         # Constants stay, so their feedback is known beforehand.
         u, gain = ubar.copy(), K[part, :, n:].copy()
-        gain[:, :, len(self.names) :] -= K[part][:, :, self._kept]
+        gain[:, :, len(self.names) :] -= K[part][:, :, self.kept]
         u[part] -= np.einsum("kij,kj->ki", gain, constants - xbar[part, n:])
         out = system.rollout(self.own(x0), self.own(xbar), u, K[:, :, :n], start, stop)
         x = np.empty((len(out.x), self.nx))
         x[:, :n], x[:, n:] = out.x, constants
-        x[:, self._kept] -= x0[self.at_copies :]
+        x[:, self.kept] -= x0[self.at_copies :]
         return Rollout(x, out.u, out.steps_done, out.failure, out.worst_step, out.worst_at)
 
     # ---- Derivatives ------------------------------------------------------------------------------
@@ -181,7 +184,7 @@ class ExtendedSystem(DiscreteSystem):
         whole[:, :n, :n], whole[:, :n, n:end], inputs[:, :n] = A, by, B
         np.einsum("kii->ki", whole)[:, n:] = 1.0
         if len(self.copied):
-            whole[:, :n, end:] = A[:, :, self._kept]
+            whole[:, :n, end:] = A[:, :, self.kept]
             whole[:, self.copied, np.arange(end, self.nx)] -= 1.0
         return whole, inputs
 
@@ -262,8 +265,8 @@ class ExtendedSystem(DiscreteSystem):
             system = self.at(self.values(x))
             whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
             whole[n : self.at_copies, Z.shape[1] :] = np.eye(count)
-        whole[self.at_copies :] = whole[self._kept]
-        whole[self._kept] = 0.0
+        whole[self.at_copies :] = whole[self.kept]
+        whole[self.kept] = 0.0
         return whole
 
     def moved_start(self, x: Array, dx: Array) -> Array:
