@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,8 @@ from leastaction.io import Motion
 from leastaction.mechanics import State
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.puppet_arm import hang, puppet_arm
-from leastaction.optimal import check_derivatives
-from leastaction.systems.following.ways import rank
+from leastaction.optimal import OptimizationResult, check_derivatives
+from leastaction.systems.following.ways import Ways, rank
 
 T = np.linspace(0.0, 2.0, 101)
 ARM = Mechanism(
@@ -298,6 +299,32 @@ def test_what_is_wrong_with_limits_is_told_at_once(monkeypatch: pytest.MonkeyPat
 def test_what_is_wrong_with_every_way_is_told_as_it_is() -> None:
     with pytest.raises(ArgumentError, match=r"^Bound\('elbow'\): .*the initial state is fixed"):
         follow(ARM, {"elbow": np.full(101, 0.5)}, t=T, limits=[Bound("elbow", max=0.2)])
+
+
+def test_what_had_not_arrived_without_limits_goes_on_before_its_limits_are_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As rounding has it, the search without limits takes more than a round, and from its way there limits lose it."""
+    system = MidpointSystem(MidpointVI(ARM), T)
+    cost = QuadraticCost(np.zeros((101, 4)), np.zeros((100, 2)), Q=np.ones(4), R=np.ones(2))
+    start = np.zeros((101, 4)), np.zeros((100, 2))
+    plain = optimize(system, cost, initial=start, max_iterations=0)
+    calls: list[tuple[str, int]] = []
+
+    def scripted(*_: Any, max_iterations: int, initial: Any = None, limits: Any = (), **resume: Any) -> Any:
+        calls.append(("limited" if limits else "free", max_iterations))
+        if not limits:
+            return replace(plain, status=Status.CONVERGED if "resume" in resume else Status.ITERATION_LIMIT, cost=1.0)
+        if isinstance(initial, OptimizationResult) and initial.success:
+            return replace(plain, status=Status.CONVERGED, cost=2.0)
+        return replace(plain, status=Status.LINE_SEARCH_FAILED, cost=3.0)
+
+    monkeypatch.setattr("leastaction.systems.following.ways.optimize", scripted)
+    ways = Ways(system, cost, [Bound("turn", -1.0, 1.0)], [start, start], {}, None)
+    way, found = ways.search(1000)
+    assert (way, found.cost) == ("from what is found without limits", 2.0)
+    first = [("limited", 60), ("limited", 60), ("free", 60), ("free", 60), ("limited", 60)]
+    assert calls == [*first, ("free", 300), ("free", 300), ("limited", 300)]
 
 
 def test_wrong_arguments_are_named() -> None:

@@ -17,6 +17,7 @@ from leastaction.systems.midpoint import MidpointSystem
 
 _ROUNDS = 60, 300  # iterations that each way has had in the end of a round; all that are allowed in the last
 _ENDED = Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK
+_FREELY = "from what is found without limits"
 _MET = 1e-3  # of their scale limits may be off in a result that is better than one that is cheaper
 
 Start = tuple[Array, Array]
@@ -46,6 +47,7 @@ class Ways:
                 limit.rows(system, first)
         self.progress = progress
         self.found: dict[str, OptimizationResult] = {}
+        self.free: list[OptimizationResult] = []  # from each start, without limits
         self.failed: dict[str, LeastActionError] = {}
 
     def search(self, max_iterations: int) -> tuple[str, OptimizationResult]:
@@ -61,7 +63,7 @@ class Ways:
             "from holding still where it begins": lambda most: self._optimize(self.starts[1], most),
         }
         if self.limits:
-            ways["from what is found without limits"] = self._without_limits
+            ways[_FREELY] = self._without_limits
         for most in (*(each for each in _ROUNDS if each < max_iterations), max_iterations):
             for way, begin in ways.items():
                 if self._go_on(way, begin, most):
@@ -80,22 +82,29 @@ class Ways:
     def _go_on(self, way: str, begin: Callable[[int], OptimizationResult], most: int) -> bool:
         """Go on with a way until it has had so many iterations; return whether it is the one to take."""
         earlier = self.found.get(way)
-        if way in self.failed or (earlier is not None and earlier.status is not Status.ITERATION_LIMIT):
+        if way in self.failed:
             return False
         if earlier is None and self.progress is not None:
             self.progress(f"looking for a motion {way}")
+        anew = False
         try:
             if earlier is None:
                 result = begin(most)
-            else:
+            elif way == _FREELY and self._goes_on_freely(most):
+                result, anew = begin(most), True
+            elif earlier.status is Status.ITERATION_LIMIT:
                 limits, left = self.limits, most - earlier.iterations
                 result = optimize(
                     self.system, self.cost, resume=earlier, limits=limits, max_iterations=left, **self.options
                 )
+            else:
+                return False
         except LeastActionError as error:
-            self.failed[way] = error
+            if earlier is None:
+                self.failed[way] = error
             return False
-        self.found[way] = result
+        if earlier is None or not anew or result.success or rank(result) < rank(earlier):
+            self.found[way] = result
         return result.success or result.status in _ENDED
 
     def _optimize(self, start: Start, most: int) -> OptimizationResult:
@@ -103,12 +112,25 @@ class Ways:
 
     def _without_limits(self, most: int) -> OptimizationResult:
         """Look for a motion from the cheaper of those that are found without limits."""
-        free = [
-            optimize(self.system, self.cost, initial=start, max_iterations=most, **self.options)
-            for start in self.starts
-        ]
-        best = min(free, key=rank)
+        if not self.free:
+            self.free = [self._freely(most, initial=start) for start in self.starts]
+        best = min(self.free, key=rank)
         return optimize(self.system, self.cost, initial=best, limits=self.limits, max_iterations=most, **self.options)
+
+    def _goes_on_freely(self, most: int) -> bool:
+        """Go on without limits where that had not arrived; return whether it has now.
+
+        From there limits are met sooner than from where it was on its way, whatever that led to.
+        """
+        before, self.free = self.free, [
+            self._freely(most - each.iterations, resume=each) if each.status is Status.ITERATION_LIMIT else each
+            for each in self.free
+        ]  # fmt: skip
+        best = min(self.free, key=rank)
+        return best.success and not any(best is each for each in before)
+
+    def _freely(self, most: int, **begin: Any) -> OptimizationResult:
+        return optimize(self.system, self.cost, max_iterations=most, **begin, **self.options)
 
     def _with_help(self, most: int) -> OptimizationResult:
         start, options = self.starts[0], self.options
