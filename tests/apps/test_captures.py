@@ -339,6 +339,16 @@ def test_speeds_are_tried_until_one_is_slow_enough() -> None:
     assert tried[-1].error == 5.0
     # Where none is, the best is last.
     assert fastest(follow, motion_at, 1.0, speeds=(0.5, 0.2, 0.4))[-1].speed == 0.2  # type: ignore[arg-type]
+    # Where slower is no better, strings are what is missing.
+    errors = {1.0: 9.0, 0.8: 7.0, 0.65: 7.5, 0.5: 6.5, 0.4: 6.4, 0.3: 6.45, 0.2: 0.1}
+
+    def flat(_: Motion) -> object:
+        return SimpleNamespace(off=errors[asked[-1]], ended_early=False)
+
+    asked.clear()
+    tried = fastest(flat, motion_at, 5.0)  # type: ignore[arg-type]
+    assert asked == [1.0, 0.8, 0.65, 0.5, 0.4, 0.3]
+    assert tried[-1].speed == 0.4
     with pytest.raises(ArgumentError, match=r"error: got 0\.0, expected a number > 0"):
         fastest(follow, motion_at, 0.0)  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="speeds: got none"):

@@ -65,7 +65,7 @@ class MotionOptions:
         Part of the capture to use: from and to, s.
     speed
         Speed of the motion relative to the capture: 0.5 is half as fast. auto: as fast as the error allows; other
-        speeds are tried, the fastest first, and their errors are shown.
+        speeds are tried, the fastest first, until slower is no better, and their errors are shown.
     error
         With --speed auto: largest root mean square error of the joints that strings hold, degrees; of the markers, mm,
         where these are followed.

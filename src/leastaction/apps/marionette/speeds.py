@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 SPEEDS: Final = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2)
 """Speeds that are tried, relative to the capture, the fastest first."""
 
+_SLOWER: Final = 2  # speeds in a row that bring next to nothing are enough to tell that slower ones do not either
+_LESS = 0.97  # times the error before is what they would have to bring
+
 
 @dataclass(frozen=True, kw_only=True)
 class AtSpeed:
@@ -51,6 +54,9 @@ def fastest(
 ) -> list[AtSpeed]:
     """Follow a motion ever more slowly, until the joints that strings hold, or the markers, stay within an error.
 
+    Two slower speeds in a row that do not make the error less by 3 % end it too: what is missing then are strings, not
+    time.
+
     Parameters
     ----------
     follow : callable
@@ -65,8 +71,8 @@ def fastest(
     Returns
     -------
     list of AtSpeed
-        All that was tried. The last is within the error; if not even the slowest is, the one with the least error is
-        last. A run that was interrupted, or stopped by a callback, is the last one too.
+        All that was tried. The last is within the error; if none is, the one with the least error is last. A run that
+        was interrupted, or stopped by a callback, is the last one too.
 
     Raises
     ------
@@ -80,6 +86,8 @@ def fastest(
         tried.append(AtSpeed(speed=speed, error=run.off, run=run))
         if run.off <= error or run.ended_early:
             return tried
+        if len(tried) > _SLOWER and all(each.error > _LESS * tried[-1 - _SLOWER].error for each in tried[-_SLOWER:]):
+            break
     if not tried:
         raise ArgumentError("speeds: got none, expected at least one to try")
     return sorted(tried, key=lambda each: -each.error)
