@@ -33,9 +33,10 @@ public:
         for_each_entry(m_.instant_forces, at_.at_start(), at_.force,
                        [&](int i, const Dual<double>& f) { sum += i < nd ? step_.share * mu_[i] * f.d : 0.0; });
         for (int c = 0; c < m_.n_constraints(); ++c) {
-            for_each_entry(*m_.constraints[c], at_.start, at_.Q1.data(), at_.local, [&](int i, const Dual<double>& slope) {
-                if (i < nd) sum -= step_.lam[c] * mu_[i] * slope.d;
-            });
+            for_each_entry(*m_.constraints[c], at_.start, at_.Q1.data(), at_.local,
+                           [&](int i, const Dual<double>& slope) {
+                               if (i < nd) sum -= step_.lam[c] * mu_[i] * slope.d;
+                           });
             m_.constraints[c]->evaluate(at_.end, at_.Q2.data(), Order::value, at_.local);
             sum += mu_[nd + c] * at_.local.value.d;
         }
@@ -69,9 +70,10 @@ public:
             });
         for (int c = 0; c < m_.n_constraints(); ++c) {
             const auto& support = m_.constraints[c]->support();
-            for_each_entry(*m_.constraints[c], at_.start, at_.Q1.data(), at_.local, [&](int i, int j, const Dual<double>& bend) {
-                if (i < nd) by_q1[j] -= step_.lam[c] * mu_[i] * bend.d;
-            });
+            for_each_entry(*m_.constraints[c], at_.start, at_.Q1.data(), at_.local,
+                           [&](int i, int j, const Dual<double>& bend) {
+                               if (i < nd) by_q1[j] -= step_.lam[c] * mu_[i] * bend.d;
+                           });
             for (std::size_t k = 0; k < support.size(); ++k)
                 if (support[k] < nd) by_lam[c] -= mu_[support[k]] * at_.local.gradient[k].d;
             for_each_entry(*m_.constraints[c], at_.end, at_.Q2.data(), at_.local,

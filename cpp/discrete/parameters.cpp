@@ -4,8 +4,7 @@
 
 namespace leastaction {
 
-NumberDuals::NumberDuals(const Mechanism& m)
-    : start(m), end(m), middle(m), m_(m), still_(m.n_variables()) {}
+NumberDuals::NumberDuals(const Mechanism& m) : start(m), end(m), middle(m), m_(m), still_(m.n_variables()) {}
 
 void NumberDuals::place_at(const MidpointStep& step) {
     const ForcePoint<double> at = step.middle();

@@ -50,7 +50,8 @@ class ParameterSlopes {
 public:
     explicit ParameterSlopes(const Mechanism& mechanism);
     // Of a step that was differentiated.
-    void differentiate(MidpointStep& step, const FirstOrder& first, double dt, const std::vector<Parameter>& parameters);
+    void differentiate(MidpointStep& step, const FirstOrder& first, double dt,
+                       const std::vector<Parameter>& parameters);
 
     int ld = 0;           // of the rows: the parameters, padded
     AlignedVector Y, P2;  // of (q2; lam) and p2, rows of ld

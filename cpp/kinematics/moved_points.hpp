@@ -31,7 +31,7 @@ public:
 private:
     struct Moved {
         Vec3<double> offset, p;
-        std::vector<int> way;          // joints, from the world outwards
+        std::vector<int> way;         // joints, from the world outwards
         std::vector<Vec3<double>> l;  // by the joints of the way
     };
     const std::vector<int>& external_;
