@@ -121,7 +121,8 @@ void SecondOrder::by_numbers(double dt, const FirstOrder& first, const MidpointS
         by.q1.setZero();
         by.q2.setZero();
         by.u.setZero();
-        point.gradient(directions[a].numbers.data(), by.q1.data(), by.q2.data(), by.u.data(), &by_y_(nd_, a));
+        point.gradient(directions[a].numbers.data(), by.q1.data(), by.q2.data(), by.u.data(),
+                       by_y_.col(a).data() + nd_);
         by_y_.col(a).head(nd_) = by.q2.head(nd_);
         Eigen::Map<Vector> by_theta(out + static_cast<std::ptrdiff_t>(a) * n_theta_, n_theta_);
         by_theta.setZero();
