@@ -60,7 +60,7 @@ def test_a_loop_that_is_open_at_the_start_is_closed_by_springs(name, parts):
     x0[1:] = 0.0
     assert np.abs(m.constraint_values(x0[: m.nq])).max() > 0.3
     for shooting in ("single", "multiple"):
-        with pytest.raises(ArgumentError, match="roll-out failed after 0 of"):
+        with pytest.raises(ArgumentError, match=r"does not satisfy the constraints: .* `relax`"):
             optimize(system, cost, initial=(x0, u), shooting=shooting)
     seen = []
     found = relax(system, cost, initial=(x0, u), callback=seen.append)
@@ -104,7 +104,7 @@ def test_strings_are_found_by_their_tensions(capsys):
     """Nothing has to be known of their lengths, with which the motion cannot even be begun."""
     given = arm(2.0)
     system, m = given.system, given.system.integrator.mechanism
-    with pytest.raises(ArgumentError, match="roll-out failed"):
+    with pytest.raises(ArgumentError, match="cannot satisfy the constraints"):
         optimize(system, given.cost, initial=(given.x, given.u))
     found = by_tensions(system, given.cost, initial=(given.x, given.u), least=0.0, callback=StageTable())
     assert found.status is StartStatus.COMPLETED

@@ -27,6 +27,7 @@ from leastaction import (
     continuation,
     embed,
     optimize,
+    project_configuration,
     receding_horizon,
     rz,
     tx,
@@ -914,3 +915,8 @@ def test_a_start_off_the_constraints_is_named_as_such() -> None:
     cost = QuadraticCost(np.zeros((51, 4)), np.zeros((50, 1)), Q=np.ones(4), R=[1.0])
     with pytest.raises(ProjectionError, match=r"'distance\(A, B\)' is off by 0.669. Use project_configuration"):
         optimize(system, cost, initial=([0.0, 1.0, 0.0, 0.0], np.zeros((50, 1))))
+    # Also where the first step would lead onto them: the motion would begin with a leap.
+    near = project_configuration(m, [0.0, 0.5]).q + np.array([0.0, 1e-3])
+    with pytest.raises(ProjectionError, match="first state, which is fixed, is no state of the mechanism"):
+        optimize(system, cost, initial=([*near, 0.0, 0.0], np.zeros((50, 1))))
+    assert optimize(system, cost, initial=([*near, 0.0, 0.0], np.zeros((50, 1))), free_start=True).success

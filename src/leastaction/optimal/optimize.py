@@ -14,6 +14,7 @@ from contextlib import nullcontext
 from functools import cache
 from typing import Any, Literal, cast, get_args, overload
 
+import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import ThreadpoolController
 
@@ -29,7 +30,7 @@ from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResu
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.shooting import Gapped
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.loop import Callback, Loop, Problem
@@ -248,6 +249,8 @@ def optimize(
                 )
         stages, unknowns = cast(Cost, cost), checked_unknowns(unknowns)
         stages.check_shapes(system.N, system.nx, system.nu)
+        if free is False and initial is not None and not isinstance(initial, OptimizationResult):
+            system.check_start(np.atleast_2d(given_start(system, initial)[0])[0])
         if unknowns or any(isinstance(limit, Periodic) for limit in limits):
             extension = Extension(system, stages, unknowns, limits, free)
         problem = _discrete_problem(system, stages, limits, free, extension, settings, shooting)

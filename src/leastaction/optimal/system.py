@@ -176,6 +176,9 @@ class System(ABC):
             places.update(found)
         return sorted(places)
 
+    def check_start(self, x: Array) -> None:  # noqa: B027 - there may be nothing to hold it to
+        """Raise a `ProjectionError` for an initial state that is fixed and none of the system."""
+
     def moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved by dx along its directions, brought back to where it may be."""
         return x + dx

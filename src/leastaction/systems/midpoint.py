@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction._core import StepStatus
-from leastaction.errors import ArgumentError
-from leastaction.mechanics.configuration.assembly import project_configuration
+from leastaction.errors import ArgumentError, InconsistentStartError, ProjectionError
+from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.discrete.linearization import StepDerivatives, step_pattern
 from leastaction.mechanics.discrete.midpoint import MidpointVI
@@ -25,6 +25,8 @@ from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Roll
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities.discrete import KINDS, quantity_of
+
+_OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
 
 
 class MidpointSystem(DiscreteSystem):
@@ -127,6 +129,17 @@ class MidpointSystem(DiscreteSystem):
             whole = np.zeros((self.nx, taken_up.shape[1]))
             whole[m.nq : m.nq + m.nd] = taken_up
         return whole
+
+    def check_start(self, x: Array) -> None:
+        m = self.integrator.mechanism
+        if m.nc:
+            try:
+                check_consistent(m, np.ascontiguousarray(x[: m.nq]), tolerance=_OFF)
+            except InconsistentStartError as error:
+                raise ProjectionError(
+                    f"initial x: the first state, which is fixed, is no state of the mechanism: {error}. Or begin with "
+                    "free_start=True, or with `relax`"
+                ) from None
 
     def moved_start(self, x: Array, dx: Array) -> Array:
         m = self.integrator.mechanism
