@@ -47,16 +47,16 @@ class PlaceCost(AddedCost):
                 raise ArgumentError(f"weights: {name!r} has no place that is wanted; {known}")
         super().__init__(cost, "places", (N, system.nx, system.nu))
         self.system = system
-        wanted, weighed = {}, {}
-        for name, given in places.items():
+        self._frames = tuple(places)
+        wanted, weighed = np.zeros((2, N + 1, len(places), 3))
+        for i, (name, given) in enumerate(places.items()):
             m.frame_pose(np.zeros(m.nq), name)  # an unknown name is an error here, not at the first step
             place = np.asarray(given, dtype=np.float64)
             if place.shape not in ((3,), (N + 1, 3)):
                 raise ArgumentError(f"places: {name!r}: got shape {place.shape}, expected ({N + 1}, 3) or (3,)")
             weight = as_number(weights.get(name, 1.0), f"weights: {name!r}", least=0.0)
-            wanted[name] = read_only(np.nan_to_num(np.broadcast_to(place, (N + 1, 3))))
-            weighed[name] = read_only(weight * np.broadcast_to(~np.isnan(place), (N + 1, 3)))
-        self._wanted, self._weights = wanted, weighed
+            wanted[:, i], weighed[:, i] = np.nan_to_num(place), weight * ~np.isnan(place)
+        self._wanted, self._weights = read_only(wanted), read_only(weighed)
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         return np.asarray(self.cost.stage_values(x, u, start) + self._values(x, start))
@@ -84,45 +84,38 @@ class PlaceCost(AddedCost):
         assert isinstance(system, MidpointSystem)
         other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
         other.system = system
-        other._wanted = {name: each[start : stop + 1] for name, each in self._wanted.items()}
-        other._weights = {name: each[start : stop + 1] for name, each in self._weights.items()}
+        other._wanted, other._weights = self._wanted[start : stop + 1], self._weights[start : stop + 1]
         return other
+
+    @property
+    def _points(self) -> MovedPoints:
+        return MovedPoints.of(self._mechanism, self._frames)
 
     @property
     def _mechanism(self) -> Mechanism:
         return self.system.integrator.mechanism
 
-    def _away(self, q: Array, name: str, start: int) -> tuple[Array, Array]:
-        """Return how far a frame is from its place (n, 3), and the weights (n, 3)."""
-        rows = slice(start, start + len(q))
-        place = MovedPoints.of(self._mechanism, [name]).places(q)[:, 0]
-        return place - self._wanted[name][rows], self._weights[name][rows]
+    def _configurations(self, x: Array) -> Array:
+        return np.ascontiguousarray(x[:, : self._mechanism.nq])
+
+    def _pulls(self, q: Array) -> Array:
+        """Return the derivatives by the places along a whole motion (N+1, P, 3)."""
+        return self._weights * (self._points.places(q) - self._wanted)
 
     def _values(self, x: Array, start: int) -> Array:
-        q = np.ascontiguousarray(x[:, : self._mechanism.nq])
-        total = np.zeros(len(x))
-        for name in self._wanted:
-            away, weight = self._away(q, name, start)
-            total += 0.5 * np.sum(weight * away**2, axis=1)
-        return total
+        rows = slice(start, start + len(x))
+        away = self._points.places(self._configurations(x)) - self._wanted[rows]
+        return np.asarray(0.5 * np.sum(self._weights[rows] * away**2, axis=(1, 2)))
 
     def _slopes(self, x: Array) -> Array:
-        q = np.ascontiguousarray(x[:, : self._mechanism.nq])
-        total = np.zeros_like(q)
-        for name in self._wanted:
-            away, weight = self._away(q, name, 0)
-            total += MovedPoints.of(self._mechanism, [name]).slopes(q, [0], (weight * away)[:, None, :])[:, 0]
-        return total
+        q = self._configurations(x)
+        return np.asarray(self._points.slopes(q, range(len(self._frames)), self._pulls(q)).sum(axis=1))
 
     def _curved(self, x: Array, *, bent: bool) -> Array:
         """Return the second derivatives (n, nq, nq); ``bent``: with what comes from places that are not linear."""
-        q = np.ascontiguousarray(x[:, : self._mechanism.nq])
-        total = np.zeros((len(q), q.shape[1], q.shape[1]))
-        for name in self._wanted:
-            point = MovedPoints.of(self._mechanism, [name])
-            J = point.jacobian(q)[:, 0]
-            away, weight = self._away(q, name, 0)
-            total += J.swapaxes(1, 2) @ (weight[:, :, None] * J)
-            if bent:
-                total += point.bent(q, (weight * away)[:, None, :])
-        return total
+        q = self._configurations(x)
+        J = self._points.jacobian(q).reshape(len(q), -1, q.shape[1])
+        total = J.swapaxes(1, 2) @ (self._weights.reshape(len(q), -1, 1) * J)
+        if bent:
+            total += self._points.bent(q, self._pulls(q))
+        return np.asarray(total)

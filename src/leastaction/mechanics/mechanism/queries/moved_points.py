@@ -44,7 +44,7 @@ class MovedPoints:
         """Return the derivatives (N, P, 3, nq) of their places."""
         P = len(self.joints)
         slopes = self.slopes(q, np.repeat(np.arange(P), 3).tolist(), np.tile(np.eye(3), (P, 1))[None])
-        return slopes.reshape(len(q), P, 3, -1)
+        return slopes.reshape(len(q), P, 3, q.shape[1])
 
     def bent(self, q: Array, force: Array, weight: Array | None = None) -> Array:
         """Return second derivatives (N, nq, nq), summed over the points.
