@@ -160,9 +160,8 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
         .def("point_slopes", &point_slopes, "q"_a, "joints"_a, "offsets"_a, "of"_a, "along"_a,
              "How they move along R vectors (N, R, 3), or (1, R, 3), each of one point, by q: (N, R, nq).")
         .def("point_bent", &point_bent, "q"_a, "joints"_a, "offsets"_a, "force"_a, "weight"_a,
-             "The sum of their second derivatives along forces (N, P, 3) and of weights (N, P) times the products of "
-             "their "
-             "first ones, (N, nq, nq).");
+             "The sum of their second derivatives along forces (N, P, 3), and of weights (N, P) times the products of "
+             "their first ones, (N, nq, nq).");
 }
 
 }  // namespace leastaction

@@ -159,9 +159,10 @@ private:
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;
     std::vector<double> correction_, q2_kept_, lam_kept_, first_scale_;
-    // For find(): the velocity that the step probably has; |angle| moved by a variable; pivots of the Newton matrix of the last step found, times dt; and the
-    // solution at a part of the time step, by its velocity and how that changes with the part.
-    std::vector<double> expected_v_;  // of the last step found, or of its limit for dt -> 0
+    // For find(): the velocity of the last step found, or of this one for dt -> 0, as it may go on.
+    std::vector<double> expected_v_;
+    // And |angle| moved by a variable; pivots of the Newton matrix of the last step found, times dt; and the solution at a
+    // part of the time step, by its velocity and how that changes with the part.
     std::vector<double> turn_, mobility_, pivots_, path_v_, path_slope_, rho2_, residual_kept_;
     double path_s_ = 1;
     bool s_is_by_constraints_ = false;  // its sign is not that of M's part

@@ -63,13 +63,11 @@ int MidpointStep::most_turned() const {
 }
 
 bool MidpointStep::turns_as_expected(double dt) const {
-    double turn = 0, change = 0;
-    for (int i = 0; i < nq_; ++i) {
-        const double moved = q2[i] - q1[i];
-        turn = std::max(turn, turn_[i] * std::abs(moved));
-        change = std::max(change, turn_[i] * std::abs(moved - dt * expected_v_[i]));
-    }
-    return turn <= small_turn || (turn <= medium_turn && change <= turn_change);
+    const double turn = largest_turn();
+    if (turn <= small_turn) return true;
+    double change = 0;
+    for (int i = 0; i < nq_; ++i) change = std::max(change, turn_[i] * std::abs(q2[i] - q1[i] - dt * expected_v_[i]));
+    return turn <= medium_turn && change <= turn_change;
 }
 
 bool MidpointStep::keeps_constraint_directions() const {

@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import importlib
 import inspect
-import pkgutil
 from collections.abc import Iterator
 from functools import cached_property
 
 import pytest
 
-import leastaction
-
-MODULES = [
-    info.name
-    for info in pkgutil.walk_packages(leastaction.__path__, "leastaction.")
-    if not info.name.startswith("leastaction._core") and not info.name.endswith("__main__")
-]
+from api.modules import MODULES
 
 
 def offered(owner: type, module: str) -> Iterator[tuple[str, object]]:

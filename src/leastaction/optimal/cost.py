@@ -101,6 +101,14 @@ def matrix_of(weight: Array) -> Array:
     return np.diag(weight) if weight.ndim == 1 else weight * np.eye(weight.shape[1])
 
 
+def own_matrices(weight: Array, shape: tuple[int, ...]) -> Array:
+    """Return a copy of matrices (n, n) or (N, n, n), for every stage of a shape.
+
+    Stage after stage in memory: by itself a copy of one matrix for all of them has the stages innermost.
+    """
+    return np.array(np.broadcast_to(weight, shape), order="C")
+
+
 def final_of(weight: Array) -> Array:
     """Return the last of a weight's stages (or the weight, if it is constant)."""
     if weight.ndim < 3:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,6 +105,10 @@ class Quantity(ABC):
         None by default.
         """
         return None
+
+    def among(self, others: Sequence[Quantity]) -> list[Self]:
+        """Return this and those others that are of its type, for `joined`."""
+        return [self, *(other for other in others if isinstance(other, type(self)))]
 
 
 def as_slice(places: Instants) -> Instants | slice:

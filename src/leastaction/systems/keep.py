@@ -63,7 +63,7 @@ class _PlaceOfFrame(Quantity):
         return H
 
     def joined(self, others: Sequence[Quantity]) -> Quantity | None:
-        places = [self, *(other for other in others if isinstance(other, _PlaceOfFrame))]
+        places = self.among(others)
         regions = balls_of([place.region for place in places])
         if regions is None or any(place.origin is not None for place in places):
             return None

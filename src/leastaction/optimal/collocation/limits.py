@@ -135,7 +135,7 @@ class AtStage(QuantityView):
         return Samples(self.instants(at.k), np.ascontiguousarray(both[:, :n]), inputs, nothing)
 
     def joined(self, others: Sequence[Quantity]) -> Quantity | None:
-        parts = [other for other in others if isinstance(other, AtStage)]
+        _, *parts = self.among(others)
         alike = all(part.stage == self.stage and type(part.whole) is type(self.whole) for part in parts)
         whole = self.whole.joined([part.whole for part in parts]) if alike else None
         return None if whole is None else AtStage(whole, self.layout, self.stage)

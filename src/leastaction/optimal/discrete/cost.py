@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.optimal.cost import as_weight, clipped, final_of, matrix_of, owned, weigh
+from leastaction.optimal.cost import as_weight, clipped, final_of, matrix_of, own_matrices, owned, weigh
 from leastaction.optimal.discrete.system import check_window
 from leastaction.optimal.system import difference
 
@@ -298,8 +298,7 @@ class AddedCost(Cost):
         """Return second derivatives with more by the first entries of the states, ``bent`` (N+1, n, n)."""
         Q, R, S, Q_final = other
         n, nx = bent.shape[1], x.shape[1]
-        # Stage after stage in memory: by itself a copy of one matrix for all has the stages innermost.
-        stages = np.array(np.broadcast_to(matrix_of(Q), (len(bent) - 1, nx, nx)), order="C")
+        stages = own_matrices(matrix_of(Q), (len(bent) - 1, nx, nx))
         stages[:, :n, :n] += bent[:-1]
         last = np.array(matrix_of(Q_final))
         last[:n, :n] += bent[-1]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.cost import is_diagonal, matrix_of
+from leastaction.optimal.cost import is_diagonal, matrix_of, own_matrices
 from leastaction.optimal.discrete.cost import CostHessian
 
 
@@ -58,8 +58,7 @@ def _between(low: Array, high: Array, share: float) -> Array:
     if is_diagonal(low) and low.ndim == high.ndim and is_diagonal(high):
         return np.asarray(low + share * (high - low))
     low, high = matrix_of(low), matrix_of(high)
-    # Stage after stage in memory: by itself a copy of one matrix for all has the stages innermost.
-    part = np.array(np.broadcast_to(high, np.broadcast_shapes(low.shape, high.shape)), order="C")
+    part = own_matrices(high, np.broadcast_shapes(low.shape, high.shape))
     part -= low
     part *= share
     part += low

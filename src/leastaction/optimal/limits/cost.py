@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.cost import is_diagonal, matrix_of
+from leastaction.optimal.cost import is_diagonal, matrix_of, own_matrices
 from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
 from leastaction.optimal.discrete.model_hessian import HessianPart, ModelHessian
 from leastaction.optimal.limits.duals import Duals, Side
@@ -160,7 +160,7 @@ def _with(weight: Array, diagonal: Array) -> Array:
         of_stages: Array = (weight if weight.ndim == 1 else weight[:, :, 0]) + diagonal
         return of_stages[:, :, None]
     n = weight.shape[-1]
-    full = np.array(np.broadcast_to(weight, (len(diagonal), n, n)), order="C")  # stage after stage
+    full = own_matrices(weight, (len(diagonal), n, n))
     full[:, np.arange(n), np.arange(n)] += diagonal
     return full
 

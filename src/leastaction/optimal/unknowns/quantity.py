@@ -75,7 +75,7 @@ class ExtendedQuantity(QuantityView):
         return self._moved(whole)
 
     def joined(self, others: Sequence[Quantity]) -> Quantity | None:
-        parts = [self, *(other for other in others if isinstance(other, ExtendedQuantity))]
+        parts = self.among(others)
 
         def joint(wholes: Sequence[Quantity]) -> Quantity | None:
             first, *rest = wholes
@@ -84,9 +84,10 @@ class ExtendedQuantity(QuantityView):
         own = joint([part.whole for part in parts])
         if own is None or not all(np.array_equal(part.changing, self.changing) for part in parts):
             return None
-        if self.fixed:
-            return ExtendedQuantity(self.system, own, lambda system: own, self.changing)  # noqa: ARG005
-        of = lambda system: joint([part.of(system) for part in parts]) or own  # noqa: E731
+
+        def of(system: Any) -> Quantity:
+            return joint([part.of(system) for part in parts]) or own
+
         return ExtendedQuantity(self.system, own, of, self.changing)
 
     def _jacobian(self, own: Samples, values: Array) -> Array:

@@ -203,20 +203,8 @@ class ExtendedSystem(DiscreteSystem):
         that. ``along``: returns the system's A, B and derivatives by parameters at values of these. ``z`` (n, nx of the
         system). ``exact``: all that is by parameters, (n, P, nx of the system + nu + P), where the system has it.
         """
-        by = self._by_all(H, by_time, values, along, z, exact) if self.names else H
-        # By [x; p; u], and from that by [y; u].
-        return by[:, self._places[:, None], self._places] if len(self.copied) else by
-
-    def _by_all(
-        self,
-        H: Array,
-        by_time: Array | None,
-        values: Array,
-        along: Callable[[Array], tuple[Array, Array, Array]],
-        z: Array,
-        exact: Array | None,
-    ) -> Array:
-        """Return ``z . D2f`` of steps by ``[x; p; u]``, given what `_second` is."""
+        if not self.names:
+            return self._by_extended(H)
         n, count, end = self.n_own, len(self.names), self.at_copies
 
         def slope(moved: Array) -> Array:
@@ -242,7 +230,11 @@ class ExtendedSystem(DiscreteSystem):
         by[:, :n, n:end], by[:, end:, n:end] = once[:, :n], once[:, n:]
         by[:, n:end, :n], by[:, n:end, end:] = once[:, :n].transpose(0, 2, 1), once[:, n:].transpose(0, 2, 1)
         by[:, n:end, n:end] = 0.5 * (twice + twice.transpose(0, 2, 1))
-        return by
+        return self._by_extended(by)
+
+    def _by_extended(self, H: Array) -> Array:
+        """Return second derivatives by ``[y; u]``, given those by ``[x; p; u]``."""
+        return H[:, self._places[:, None], self._places] if len(self.copied) else H
 
     # ---- Its start --------------------------------------------------------------------------------
 

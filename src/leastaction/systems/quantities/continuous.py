@@ -97,7 +97,7 @@ class Solved(Quantity):
         return result
 
     def joined(self, others: Sequence[Quantity]) -> Solved:
-        parts = [self, *(other for other in others if isinstance(other, Solved))]
+        parts = self.among(others)
         each = [(part.rows, part.constant, part.slope, part.places) for part in parts]
         rows, constant, slope, places = (np.concatenate(of_parts) for of_parts in zip(*each, strict=True))
         return Solved(

@@ -75,7 +75,7 @@ class Rates(Quantity):
         """Return None: they are linear."""
 
     def joined(self, others: Sequence[Quantity]) -> Rates:
-        parts = [self, *(other for other in others if isinstance(other, Rates))]
+        parts = self.among(others)
         return Rates(names_of(parts), np.concatenate([part._places for part in parts]), self.dt)
 
     def select(self, rows: Sequence[int]) -> Rates:
@@ -113,7 +113,7 @@ class Accelerations(Quantity):
         """Return None: they are linear."""
 
     def joined(self, others: Sequence[Quantity]) -> Accelerations | None:
-        which = np.concatenate([self.which, *(other.which for other in others if isinstance(other, Accelerations))])
+        which = np.concatenate([part.which for part in self.among(others)])
         # Places come once.
         return Accelerations(self.mechanism, which, self.dt) if len(np.unique(which)) == len(which) else None
 
@@ -180,7 +180,7 @@ class Tensions(Quantity):
         return result
 
     def joined(self, others: Sequence[Quantity]) -> Tensions:
-        parts = [self, *(other for other in others if isinstance(other, Tensions))]
+        parts = self.among(others)
         each = [(part._lam, part._length, part._rate, part._constant, part._slope) for part in parts]
         lam, length, rate, constant, slope = (np.concatenate(of_parts) for of_parts in zip(*each, strict=True))
         return Tensions(names_of(parts), lam, length, rate, constant, slope, self.dt)
