@@ -118,7 +118,10 @@ class BarrierProblem(ShootingProblem):
             self.values = None
             self.duals.leeway.lend(self.limited.rows, [(self.x, self.u), *self._ahead()])
         self.stages.begin(
-            self.shown, self._limits(), lambda: self.cost.value(np.zeros_like(self.x), np.zeros_like(self.u))
+            self.shown,
+            self._limits(),
+            lambda: self.cost.value(np.zeros_like(self.x), np.zeros_like(self.u)),
+            self._depths(),
         )
         for rows in self.limited.rows:
             rows.check(self.x, self.u)
@@ -128,6 +131,19 @@ class BarrierProblem(ShootingProblem):
         self.stages.take(known, resumed=resumed)
         self.values = None  # they may have been lent other leeway
         self._set_out()
+
+    def _depths(self) -> Array:
+        """Return how deep obstacles are whose size is not known; infinity of other columns.
+
+        What is seen far away from an obstacle is no measure of it: to leap through it would cost too little.
+        """
+        found = [
+            rows.depths(values, self.x, self.u)
+            if not rows.scale.any() and may_be_obstacle(rows, self.x, self.u)
+            else np.full(rows.scale.shape, np.inf)
+            for rows, values in zip(self.limited.rows, self._asked(), strict=True)
+        ]
+        return np.concatenate([np.empty(0), *found])
 
     def _ahead(self) -> list[tuple[Array, Array]]:
         """Return where a few iterations without obstacles lead from a start that does not say how to pass them."""

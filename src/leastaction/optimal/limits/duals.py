@@ -85,13 +85,15 @@ class Duals:
         self.dearest, self.cheapest = 0.0, np.inf  # prices of an excess of a limit's scale
         self.leeway = Leeway([side.size.size for side in self.sides])
 
-    def begin(self, c: Sided, mu: float, price: float, dearer: float = 1.0) -> None:
+    def begin(self, c: Sided, mu: float, price: float, dearer: float = 1.0, depths: Array | float = np.inf) -> None:
         """Choose scales, prices and duals from where the optimisation starts.
 
         ``price``: of an excess of a limit's scale; of equations, and of limits at a single instant, times ``dearer``.
+        ``depths``: of all columns, what an excess of it may be at most, which is large for it then.
         """
         self.mu, self.begun, columns = mu, bool(self.sides), self.layout.columns
-        seen = np.maximum(self.layout.largest(np.abs(c.flat)), 1e-6 * (1.0 + self._size))
+        seen = np.minimum(self.layout.largest(np.abs(c.flat)), depths)
+        seen = np.maximum(seen, 1e-6 * (1.0 + self._size))
         known = columns.filled([side.scale for side in self.sides]).flat
         self.scale = Sided(np.where(known > 0.0, known, seen), columns)
         alone = [side.equal or len(values) == 1 for side, values in zip(self.sides, c, strict=True)]

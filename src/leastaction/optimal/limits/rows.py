@@ -168,6 +168,23 @@ class Rows:
             found[j] = bent is not None and np.trace(bent[0]) > 0.0
         return found
 
+    def depths(self, c: Array, x: Array, u: Array) -> Array:
+        """Return how deep columns (m,) are that bend upwards where their values c (n, m) are least; infinity of others.
+
+        Along its gradient, to second order: of a ball that is twice what its middle violates, its radius.
+        """
+        found = np.full(c.shape[1], np.inf)
+        for j, at in enumerate(np.argmin(c, axis=0)):
+            k, *values = self._at(x, u)
+            here = Samples(k[at : at + 1], *(each[at : at + 1] for each in values))
+            bent = self.quantity.curvature(here, self.sign * np.eye(c.shape[1])[j : j + 1])
+            g = self.quantity.jacobian(here)[0, j]
+            bend = 0.0 if bent is None else float(g @ bent[0] @ g)
+            if bend > 0.0:
+                depth = float(g @ g) ** 2 / bend - 2.0 * float(c[at, j])
+                found[j] = depth if depth > 0.0 else np.inf
+        return found
+
     def jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives of the quantity along a trajectory (n, m, ...), without the sign."""
         return self.quantity.jacobian(self._at(x, u))

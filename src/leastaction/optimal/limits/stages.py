@@ -48,8 +48,10 @@ class Stages:
         self.count = duals.layout.ends[-1]
         self.size = self.first_mu = self.last = np.nan
 
-    def begin(self, value: float, c: Sided, otherwise: Callable[[], float]) -> None:
-        """Begin at a trajectory, given its cost and the values of its limits.
+    def begin(
+        self, value: float, c: Sided, otherwise: Callable[[], float], depths: Array | float = np.inf
+    ) -> None:
+        """Begin at a trajectory, given its cost, the values of its limits, and how deep these are (see `Duals.begin`).
 
         ``otherwise``: gives the cost of doing nothing. Beside that the cost of a start which is all that is wanted is a
         matter of rounding: prices in proportion to it would enforce no limit.
@@ -61,7 +63,7 @@ class Stages:
                 self.size = idle if 0.0 < idle < np.inf else 1.0
         self.first_mu = _FIRST * self.size / max(self.count, 1)
         self.last = self._last(self.size)
-        self.duals.begin(c, self.first_mu, self.size, self.dearer)
+        self.duals.begin(c, self.first_mu, self.size, self.dearer, depths)
 
     def take(self, given: LimitReport | None, *, resumed: bool) -> None:
         """Go on with the duals of an earlier run, if it had these limits.
