@@ -68,7 +68,7 @@ class Memory(Frozen):
     where it stood before it began again. ``sound``: where the last stage ended that ended well. ``start``: what it
     began with, until another way is looked for from there. ``first``: the trajectory that it began with, until
     Newton's method alone is tried from there. ``here``: where it stands, if what is returned is `earlier`. ``gaps``:
-    None of a trajectory.
+    None of a trajectory. ``wanted``: what gaps are tried from once more.
     """
 
     stride: float = 1.0
@@ -79,3 +79,4 @@ class Memory(Frozen):
     first: Start | None = None
     here: Place | None = None
     gaps: Gaps | None = None
+    wanted: Start | None = None

@@ -313,7 +313,8 @@ def _discrete_problem(
         rows, free, final_time = extension.rows(), True, extension.system.final_time
         system, cost = extension.system, extension.cost
     if rows:
-        return LimitedProblem(system, cost, rows, settings, free, gapped, final_time)
+        stated = () if extension is not None else limits
+        return LimitedProblem(system, cost, rows, settings, free, gapped, final_time, stated)
     return EasedProblem(system, cost, settings, free, gapped)
 
 

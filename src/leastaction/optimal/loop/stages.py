@@ -88,7 +88,7 @@ class Stages:
             return False
         again = NewtonSchedule(again=run.schedule.again, finer=run.schedule.finer)
         run.set_out(again, "the gaps did not close, back to where it stood")
-        if run.was_violent:
+        if run.was_violent and run.problem.tells_violence:
             self._begin_again()
         return True
 

@@ -1,0 +1,124 @@
+"""Problems with limits from which a search gets stuck: the ways in which it begins again, and what is stated anew."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from leastaction.io.results import load_result, save_result
+from leastaction.mechanics import Distance, Gravity, JointForce, Mechanism, MidpointVI, tx, world
+from leastaction.optimal import Bound, Equal, FunctionQuantity, OptimizationResult, QuadraticCost, Within, optimize
+from leastaction.optimal.limits.limit import FromSecond, Limit
+from leastaction.systems import HalfSpace, Keep, MidpointSystem
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from benchmarks.robustness_drawn import drawn
+
+
+def beginnings(notes: list[str]) -> list[str]:
+    return [part for note in notes for part in note.split("; ") if part.startswith("began again")]
+
+
+@pytest.mark.parametrize(
+    ("most", "way"), [(29.8, "where searches would lead nowhere"), (29.9, "from a minimum with half the steps of time")]
+)
+def test_what_is_stuck_within_limits_begins_again(most: float, way: str) -> None:
+    """A four-bar linkage with 70 % of the drive that its minimum without limits uses: once stuck at 1e4 to 1e6."""
+    given, notes = drawn(40, 32)[31].build(), list[str]()
+    result = optimize(
+        given.system, given.cost, initial=(given.x, given.u), limits=[Bound("drive", -most, most)],
+        callback=lambda record: notes.append(record.note),
+    )  # fmt: skip
+    assert result.success, result.message
+    assert result.cost < 40.0  # in one of three minima
+    assert result.limits is not None
+    assert min(side.value.min() for side in result.limits.sides) >= -1e-6 * most
+    assert beginnings(notes) == [f"began again, {way}"]
+
+
+def gymnast(**options: object) -> OptimizationResult:
+    """Raise the legs of a gymnast who hangs on rings: of steps that are too coarse for how he would throw them."""
+    tree = world()
+    hand = tree.ty("hy").tz("hz", name="hand", mass=0.3)
+    arm = hand.rx("arm")
+    arm.tz(-0.3, mass=8.0)
+    shoulder = arm.tz(-0.6).rx("shoulder")
+    shoulder.tz(-0.3, mass=35.0, inertia=(1.5, 1.5, 0.1))
+    hip = shoulder.tz(-0.6).rx("hip")
+    hip.tz(-0.45, mass=20.0, inertia=(1.0, 1.0, 0.1))
+    hip.tz(-0.9, name="feet")
+    motors = [JointForce("shoulder", input="us"), JointForce("hip", input="uh")]
+    m = Mechanism(tree, [Gravity(), Distance("world", "hand", 3.0, name="rings"), *motors])
+    system = MidpointSystem(MidpointVI(m), np.linspace(0.0, 2.0, 101), multipliers=True)
+    hanging, Q = np.zeros(system.nx), np.zeros(system.nx)
+    hanging[: m.nq] = m.configuration({"hz": -3.0})
+    wanted = np.tile(hanging, (101, 1))
+    wanted[50:, m.variables.index("arm")] = 0.6 * np.pi
+    Q[[m.variables.index(name) for name in ("arm", "shoulder", "hip")]] = 50.0, 1.0, 1.0
+    cost = QuadraticCost(wanted, np.zeros((100, 2)), Q=Q, R=[1e-4, 1e-4])
+    limits: list[Limit] = [
+        Bound("us", -250.0, 250.0), Bound("uh", -200.0, 200.0), Bound("rings", min=50.0, of="tension"),
+        Bound("shoulder", -0.5, 3.0), Bound("hip", -0.3, 2.2), Bound("hy", -1.0, 1.0),
+        Keep("feet", inside=HalfSpace((0.0, 0.0, 1.0), -5.15)),
+    ]  # fmt: skip
+    if "resume" not in options:
+        options["initial"] = hanging, np.zeros((100, 2))
+    return optimize(system, cost, limits=limits, **options)  # type: ignore[call-overload,no-any-return]
+
+
+def test_gaps_are_tried_from_the_wanted_motion_where_they_do_not_close_from_the_start(tmp_path: Path) -> None:
+    """It had ended stuck, at 3081 after the motion that is held still."""
+    notes: list[str] = []
+    whole = gymnast(callback=lambda record: notes.append(record.note))
+    assert whole.success, whole.message
+    assert whole.cost < 400.0  # 310 to 328, by the variant of the core
+    assert [way for way in beginnings(notes) if "gaps" in way] == ["began again, with gaps between the steps"] * 2
+    for stop in (40, 90):  # with gaps from the start, and from the wanted motion
+        part = gymnast(max_iterations=stop)
+        rest = gymnast(resume=load_result(save_result(tmp_path / f"{stop}.npz", part)))
+        np.testing.assert_array_equal(rest.x, whole.x)
+        assert rest.iterations == whole.iterations
+
+
+def test_limits_are_stated_for_finer_steps() -> None:
+    """By the same rows that they would have if they were stated for these."""
+    m = Mechanism([tx("x", mass=1.0)], [JointForce("x", input="f")])
+    coarse = MidpointSystem(MidpointVI(m), np.linspace(0.0, 1.0, 5))
+    fine = coarse.refined(2)
+    assert fine is not None
+    ramp = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    own = FunctionQuantity("x squared", lambda x: x[:, 0] ** 2)
+    pairs: list[tuple[Limit, Limit]] = [
+        (Bound("f", -1.0, 1.0), Bound("f", -1.0, 1.0)),
+        (Bound("x", max=ramp), Bound("x", max=np.linspace(0.0, 4.0, 9))),
+        (Bound("x", max=ramp[1:]), Bound("x", max=np.repeat(ramp[1:], 2))),
+        (Bound("f", np.arange(4.0), 9.0), Bound("f", np.repeat(np.arange(4.0), 2), 9.0)),
+        (Bound("x", max=1.0, at=[1, -1]), Bound("x", max=1.0, at=[2, 8])),
+        (Bound("x", max=lambda t: 1.0 + t, at=[0.25, 1.0]), Bound("x", max=lambda t: 1.0 + t, at=[2, 8])),
+        (Bound("x", max=[1.0, 2.0], at=[1, 2]), Bound("x", max=[1.0, 2.0], at=[2, 4])),
+        (Bound("x", ramp - np.inf, ramp), Bound("x", max=np.linspace(0.0, 4.0, 9))),
+        (Equal("x", 1.0, at=3), Equal("x", 1.0, at=6)),
+        (Equal("*", [1.0, 2.0], of="state"), Equal("*", [1.0, 2.0], of="state")),
+        (Within(own, max=ramp), Within(own, max=np.linspace(0.0, 4.0, 9))),
+        (FromSecond(Bound("x", max=2.0)), FromSecond(Bound("x", max=2.0))),
+        (
+            Keep("tx(x)", inside=HalfSpace((1.0, 0.0, 0.0), -9.0), at=2),
+            Keep("tx(x)", inside=HalfSpace((1.0, 0.0, 0.0), -9.0), at=4),
+        ),
+    ]
+    for limit, expected in pairs:
+        restated = limit.refined(2, 4)
+        assert restated is not None
+        found, wanted = restated.rows(fine, 1), expected.rows(fine, 1)
+        assert len(found) == len(wanted)
+        for one, other in zip(found, wanted, strict=True):
+            np.testing.assert_array_equal(one.k, other.k)
+            np.testing.assert_allclose(one.bounds, other.bounds, atol=1e-15)
+            assert (one.start is None) == (other.start is None)
+    indexed = FunctionQuantity("of an instant", lambda x, k: x[:, 0] - k, indexed=True)
+    assert Within(indexed).refined(2, 4) is None
+    assert Equal(indexed, 0.0).refined(2, 4) is None
+    assert FromSecond(Within(indexed)).refined(2, 4) is None
