@@ -369,7 +369,7 @@ def test_a_start_far_outside_of_the_limits_will_do(cart: MidpointSystem, cost: Q
 # ---- Going on --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stop", [2, 5])
+@pytest.mark.parametrize("stop", [2, 4])
 @pytest.mark.parametrize("name", ["push", "on the way"])
 def test_a_run_that_was_stopped_goes_on_as_if_it_had_not_been(
     name: str, stop: int, cart: MidpointSystem, cost: QuadraticCost, tmp_path: Path
@@ -864,6 +864,67 @@ def test_further_steps_of_a_model_lead_to_where_it_is_least(free_start: bool) ->
     problem.accept(direction, trial)
     following = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
     assert -following.slope < 0.3 * gained[1]
+
+
+@pytest.mark.parametrize(("most", "bends"), [(0.5, True), (2.0, True), (5.0, False)])
+def test_a_full_step_goes_on_within_the_model_where_barriers_bend_along_it(most: float, bends: bool) -> None:
+    """From the minimum of one barrier to that of a smaller one: limits that are far away are as their model is."""
+    rng = np.random.default_rng(2)
+    N, nx, nu = 20, 3, 2
+    system = LinearSystem(rng.normal(size=(N, nx, nx)) / 2.0, rng.normal(size=(N, nx, nu)))
+    cost = QuadraticCost(rng.normal(size=(N + 1, nx)), np.zeros((N, nu)), Q=np.ones(nx), R=[0.1, 0.2])
+    start = np.zeros((N + 1, nx)), np.zeros((N, nu))
+    settings = optimize(system, cost, initial=start, max_iterations=0).settings
+    problem = LimitedProblem(system, cost, Bound("*", -most, most, of="input").rows(system, 1), settings, False)
+    problem.start(start)
+
+    def direction(*, holds: bool):
+        model = problem.minimise_model("quasi-newton", 0.0)
+        return problem.refined(problem.direction("quasi-newton", model, 0.0), holds=holds)
+
+    for _ in range(8):
+        found = direction(holds=True)
+        trial = problem.simulate(found, problem.first_step(found, 1.0), np.inf)
+        assert isinstance(trial, Trial)
+        problem.accept(found, trial)
+    problem.duals.mu *= 0.03
+    problem._set_out()
+    first = direction(holds=False)
+    assert first.reach == 1.0
+    more = direction(holds=True).promise / first.promise
+    assert more > 1.1 if bends else more == 1.0
+
+
+def test_a_stage_ends_sooner_where_its_duals_are_near_those_of_the_barrier() -> None:
+    """From elsewhere a much smaller barrier leads close to limits whose duals are still those of others."""
+    side = Side("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
+    stages = Stages(Duals([side], Layout([(50, 1)])), 1e-9, 1e-12)
+    c = stages.duals.layout.empty()
+    c.flat[:] = 1.0
+    stages.begin(1.0, c, lambda: 1.0)
+    duals = stages.duals
+    assert duals.are_central(duals.room(c))
+    duals.y.flat[7] *= 100.0
+    assert not duals.are_central(duals.room(c))
+    loose, tight = (stages.tolerated(0.0, 0.0, c, central=central) for central in (True, False))
+    assert loose == pytest.approx(10.0 * tight)
+    assert stages.tolerated(2.0 * loose, 0.0, c) == 2.0 * loose
+
+
+def test_duals_of_equations_stay_as_they_are_where_prices_do() -> None:
+    """To the last bit: what was computed with them is not computed again for rounding."""
+    sides = [Side("equal", ("c = 0",), True, first, np.ones(1), np.zeros(1)) for first in (True, False)]
+    duals = Duals(sides, Layout([(5, 1), (5, 1)]))
+    c = duals.layout.empty()
+    c.flat[:] = np.r_[np.linspace(-1e-3, 1e-3, 5), np.linspace(1e-3, -1e-3, 5)]
+    duals.begin(c, 1e-3, 1.0)
+    duals.price(c, 1e6)
+    before = duals.y.flat.copy()
+    duals.y.flat[:] *= 1.0 + 2.0**-52 * np.arange(10)
+    kept = duals.y.flat.copy()
+    duals.price(c, 1e6)
+    np.testing.assert_array_equal(duals.y.flat, kept)
+    assert (before != kept).any()
 
 
 def test_where_the_model_holds_a_run_takes_few_roll_outs() -> None:

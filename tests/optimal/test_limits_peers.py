@@ -89,8 +89,10 @@ def test_obstacles_strings_reactions_and_gaits_agree_with_ipopt(name: str) -> No
     from benchmarks import limits_further  # asks for CasADi
 
     case = next(case for case in limits_further.CASES if case.name == name)
-    # Between obstacles there are many minima, by which instants touch them: there both go on from each other's.
-    row = limits_further.compare(case, rounds=1, compiled=False, tolerance=1e-9, meet="obstacles" in name)
+    row = limits_further.compare(case, rounds=1, compiled=False, tolerance=1e-9)
+    if "obstacles" in name and not abs(row.better) < 1e-7:
+        # There are many minima, by which instants touch them: then both go on from each other's.
+        row = limits_further.compare(case, rounds=1, compiled=False, tolerance=1e-9, meet=True)
     assert row.our_status == "CONVERGED"
     assert row.ipopt_status == "Solve_Succeeded"
     assert abs(row.better) < 1e-7

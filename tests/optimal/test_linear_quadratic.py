@@ -9,7 +9,11 @@ import scipy.linalg
 from leastaction.errors import ArgumentError
 from leastaction.optimal import adjoint, regulate, solve_linear_quadratic, sweep_forward
 from leastaction.optimal.cost import matrix_of
+from leastaction.optimal.discrete.cost import CostGradient
+from leastaction.optimal.discrete.descent import minimise_model
+from leastaction.optimal.discrete.linear_quadratic import Workspace
 from leastaction.optimal.discrete.model_hessian import HessianPart, ModelHessian, between, shifted
+from leastaction.optimal.system import Linearization
 
 
 def _with_drift(rng, N, nx, nu):
@@ -780,3 +784,22 @@ def test_models_with_a_part_are_mixed_and_shifted_as_whole_matrices(share):
         amount = more[0, 0, 0]
         assert amount > 0.1 * np.abs(mixed.part.matrices).max(initial=0.0) / (4.0 * nx)
         np.testing.assert_allclose(more, np.broadcast_to(amount * np.eye(nx + nu), more.shape), atol=1e-14)
+
+
+def test_a_model_takes_weights_that_are_no_arrays_of_the_core_and_names_those_of_a_wrong_shape() -> None:
+    """Costs of users give them: single precision, lists, Fortran's order."""
+    rng = np.random.default_rng(8)
+    N, nx, nu = 6, 3, 2
+    linearization = Linearization(rng.normal(size=(N, nx, nx)), rng.normal(size=(N, nx, nu)))
+    gradient = CostGradient(rng.normal(size=(N, nx)), rng.normal(size=(N, nu)), rng.normal(size=nx))
+    M = rng.normal(size=(N, nx, nx))
+    Q = np.round(M @ M.transpose(0, 2, 1), 3).astype(np.float32)
+    expected = None
+    for given in (Q.astype(float), Q, Q.tolist(), np.asfortranarray(Q)):
+        hessian = ModelHessian(given, np.ones(nu), None, np.eye(nx))
+        model = minimise_model("quasi-newton", linearization, gradient, hessian, None, Workspace(N, nx, nu))
+        expected = model.K if expected is None else expected
+        np.testing.assert_array_equal(model.K, expected)
+    wrong = ModelHessian(np.ones(nx + 1), np.ones(nu), None, np.eye(nx))
+    with pytest.raises(ArgumentError, match=r"Q: got .*shape \(4,\)"):
+        minimise_model("quasi-newton", linearization, gradient, wrong, None, Workspace(N, nx, nu))

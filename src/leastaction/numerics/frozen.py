@@ -19,6 +19,16 @@ from leastaction.numerics.arrays import read_only
 Record = TypeVar("Record")
 
 
+def made(kind: type[Record], **values: Any) -> Record:
+    """Return a frozen dataclass of these values, as calling it does, in a fraction of the time; see `changed`.
+
+    Fields that are left out have their defaults.
+    """
+    record = object.__new__(kind)
+    vars(record).update(values)
+    return record
+
+
 def changed(record: Record, **values: Any) -> Record:
     """Return a frozen dataclass with other values, as `dataclasses.replace` does, in a fraction of the time.
 

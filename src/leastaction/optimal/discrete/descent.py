@@ -24,6 +24,7 @@ be followed far, and took up to twice the iterations and three times the roll-ou
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
+    recursion,
     solve_linear_quadratic,
     sweep_forward,
     unpacked,
@@ -64,24 +66,26 @@ def minimise_model(
     if method == "steepest":
         nx, nu = B.shape[1:]
         hessian = ModelHessian(np.ones(nx), np.ones(nu), None, np.ones(nx))
-    return solve_linear_quadratic(
-        A,
-        B,
-        Q=hessian.Q,
-        R=hessian.R,
-        S=hessian.S,
-        part=hessian.part,
-        H=curvature if method == "newton" else None,
-        H_scale=scale,
-        q=q,
-        r=r,
-        Q_final=hessian.Q_final,
-        q_final=q_final,
-        c=gaps,
-        pattern=linearization.pattern,
-        keep_P=gaps is not None,
-        workspace=workspace,
-    )
+    problem: dict[str, Any] = {
+        "Q": hessian.Q,
+        "R": hessian.R,
+        "S": hessian.S,
+        "part": hessian.part,
+        "H": curvature if method == "newton" else None,
+        "H_scale": scale,
+        "q": q,
+        "r": r,
+        "Q_final": hessian.Q_final,
+        "q_final": q_final,
+        "c": gaps,
+        "pattern": linearization.pattern,
+        "keep_P": gaps is not None,
+    }
+    try:
+        return recursion(A, B, workspace, **problem)
+    except (AttributeError, TypeError, ValueError):
+        # A cost of the user's may give what the core does not take: that is made an array, or told.
+        return solve_linear_quadratic(A, B, workspace=workspace, **problem)
 
 
 def escape(

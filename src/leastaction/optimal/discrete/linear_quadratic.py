@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_finite
+from leastaction.numerics.frozen import made
 from leastaction.optimal.cost import final_of
 
 Regularize = Literal["none", "stage"]
@@ -165,29 +166,68 @@ def solve_linear_quadratic(
     as_choice(regularize, "regularize", get_args(Regularize))
     A, B = _dynamics(A, B)
     N, nx, nu = B.shape
-    Q, Q_diagonal = _weight(Q, "Q", N, nx)
-    R, R_diagonal = _weight(R, "R", N, nu)
-    final, final_diagonal = _weight(Q_final, "Q_final", N, nx, per_stage=False)
-    if final is not None and not final_diagonal:
-        final = np.ascontiguousarray(final)
-    entries = _pattern(pattern, (nx, nx + nu)) if use_structure else None
     if workspace is None:
         workspace = Workspace(N, nx, nu)
     elif workspace.K.shape != (N, nu, nx):
         raise ArgumentError(f"workspace: got one for K of shape {workspace.K.shape}, expected {(N, nu, nx)}.")
+    entries = _pattern(pattern, (nx, nx + nu)) if use_structure else None
+    return recursion(
+        A,
+        B,
+        workspace,
+        Q=_weight(Q, "Q", N, nx),
+        R=_weight(R, "R", N, nu),
+        S=_optional(S, "S", (nx, nu), (N, nx, nu)),
+        H=_hessians(H, (N, nx + nu, nx + nu), entries),
+        H_scale=as_number(H_scale, "H_scale", above=-np.inf),
+        part=_part(part, N, nx + nu),
+        q=_optional(q, "q", (N, nx)),
+        r=_optional(r, "r", (N, nu)),
+        c=_optional(c, "c", (N, nx)),
+        Q_final=_weight(Q_final, "Q_final", N, nx, per_stage=False),
+        q_final=_optional(q_final, "q_final", (nx,)),
+        regularize=regularize == "stage",
+        use_structure=use_structure,
+        pattern=entries,
+        keep_P=keep_P,
+    )
+
+
+def recursion(
+    A: Array,
+    B: Array,
+    workspace: Workspace,
+    *,
+    Q: Array | None,
+    R: Array | None,
+    S: Array | None,
+    q: Array | None,
+    r: Array | None,
+    Q_final: Array | None,
+    q_final: Array | None,
+    H: Array | None = None,
+    H_scale: float = 1.0,
+    part: tuple[Any, Array] | None = None,
+    c: Array | None = None,
+    regularize: bool = False,
+    use_structure: bool = True,
+    pattern: npt.NDArray[np.bool_] | None = None,
+    keep_P: bool = False,
+) -> LinearQuadraticSolution:
+    """Return what `solve_linear_quadratic` does, of arrays that are looked through already; for short iterations.
+
+    Raises
+    ------
+    TypeError, ValueError
+        What is no array of numbers, or a wrong shape, in the words of the core.
+    ArgumentError
+        A value that is not finite.
+    """
     K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
-    P = np.empty((N + 1, nx, nx)) if keep_P else None
-    columns, matrices = _part(part, N, nx + nu)
-    small = {
-        "Q": Q,
-        "R": R,
-        "S": _optional(S, "S", (nx, nu), (N, nx, nu)),
-        "q": _optional(q, "q", (N, nx)),
-        "r": _optional(r, "r", (N, nu)),
-        "c": _optional(c, "c", (N, nx)),
-        "Q_final": final,
-        "q_final": _optional(q_final, "q_final", (nx,)),
-    }
+    P = np.empty((len(b), *P0.shape)) if keep_P else None
+    (Q, Q_diagonal), (R, R_diagonal) = _block(Q), _block(R)
+    small = {"Q": Q, "R": R, "S": S, "q": q, "r": r, "c": c, "Q_final": Q_final, "q_final": q_final}
+    columns, matrices = (None, None) if part is None else part
     report = _core.solve_linear_quadratic(
         A,
         B,
@@ -198,13 +238,13 @@ def solve_linear_quadratic(
         P,
         Q_diagonal=Q_diagonal,
         R_diagonal=R_diagonal,
-        H=_hessians(H, (N, nx + nu, nx + nu), entries),
-        H_scale=as_number(H_scale, "H_scale", above=-np.inf),
+        H=H,
+        H_scale=H_scale,
         part_columns=columns,
         part=matrices,
-        regularize=regularize == "stage",
+        regularize=regularize,
         use_structure=use_structure,
-        pattern=entries,
+        pattern=pattern,
         **small,
     )
     status = _core.LinearQuadraticStatus
@@ -214,7 +254,7 @@ def solve_linear_quadratic(
                 require_finite(array, name)
         raise ArgumentError(
             f"A, B, H, Q, R or S: got a value that is not finite, met at stage {report.stage} "
-            f"(of 0 .. {N - 1}). Look at A[{report.stage}], B[{report.stage}] and that stage's cost."
+            f"(of 0 .. {len(A) - 1}). Look at A[{report.stage}], B[{report.stage}] and that stage's cost."
         )
     definite = report.status == status.solved
     if not definite:
@@ -222,7 +262,8 @@ def solve_linear_quadratic(
             unread.fill(np.nan)
         if P is not None:
             P[: report.stage + 1].fill(np.nan)
-    return LinearQuadraticSolution(
+    return made(
+        LinearQuadraticSolution,
         K=K,
         C=C,
         b=b,
@@ -362,14 +403,14 @@ def _shaped(value: ArrayLike, name: str, *shapes: tuple[int, ...]) -> Array:
     return np.ascontiguousarray(value)
 
 
-def _part(part: tuple[Any, Any] | None, N: int, n: int) -> tuple[np.ndarray | None, Array | None]:
+def _part(part: tuple[Any, Any] | None, N: int, n: int) -> tuple[Any, Array] | None:
     """Return the places and matrices of a part in the layout of the core."""
     if part is None:
-        return None, None
+        return None
     columns, matrices = np.ascontiguousarray(part[0], dtype=np.int64), part[1]
     if columns.ndim != 1 or (np.diff(columns) <= 0).any() or (columns.size and not 0 <= columns[0] <= columns[-1] < n):
         raise ArgumentError(f"part: got the places {columns.tolist()}, expected ascending ones of 0 .. {n - 1}.")
-    return columns, _optional(matrices, "part", (N, len(columns), len(columns)))
+    return columns, _shaped(matrices, "part", (N, len(columns), len(columns)))
 
 
 def used(pattern: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
@@ -407,16 +448,20 @@ def _pattern(value: ArrayLike | None, shape: tuple[int, int]) -> npt.NDArray[np.
     return pattern
 
 
-def _weight(value: ArrayLike | None, name: str, N: int, n: int, *, per_stage: bool = True) -> tuple[Array | None, bool]:
-    """Return a weight in the layout of the core and whether it is a diagonal."""
-    if value is None:
-        return None, False
-    shapes = [(n,), (n, n)]
+def _weight(value: ArrayLike | None, name: str, N: int, n: int, *, per_stage: bool = True) -> Array | None:
+    """Return a weight: a diagonal or a matrix, perhaps one per stage."""
+    shapes: list[tuple[int, ...]] = [(n,), (n, n)]
     if per_stage:
         shapes += [(N, n, 1), (N, n, n)]
-    weight = _shaped(value, name, *shapes)
+    return _optional(value, name, *shapes)
+
+
+def _block(weight: Array | None) -> tuple[Array | None, bool]:
+    """Return a weight in the layout of the core, and whether it is a diagonal."""
+    if weight is None:
+        return None, False
     if weight.ndim == 3 and weight.shape[2] == 1:
-        return weight.reshape(N, n), True
+        return weight.reshape(weight.shape[:2]), True
     return weight, weight.ndim == 1
 
 

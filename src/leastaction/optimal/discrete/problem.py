@@ -221,8 +221,13 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         """Return the change of the initial state at the model's minimum (dissertation 6.3.2.1); None if it is fixed."""
         if self.free_start is False:
             return None
+        from scipy.linalg.lapack import dposv  # slow to import, and not needed by most
+
         Z = self._directions_of_start()
-        return np.asarray(-Z @ np.linalg.solve(Z.T @ model.P0 @ Z, Z.T @ model.b[0]))
+        if not Z.size:
+            return np.zeros(len(Z))
+        _, step, _ = dposv(Z.T @ model.P0 @ Z, Z.T @ model.b[0])
+        return np.asarray(-Z @ step)
 
     def _with_start(self, model: LinearQuadraticSolution) -> LinearQuadraticSolution:
         """Return the model, without a minimum if it has none over the initial state."""
@@ -233,10 +238,11 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         bend = Z.T @ model.P0 @ Z
         if not len(bend):
             return model
-        values, vectors = np.linalg.eigh(bend)
-        least, little = float(values[0]), _FLAT * float(np.abs(bend).max())
-        if least > little:
+        little = _FLAT * float(np.abs(bend).max())
+        if _is_definite(bend, little):
             return model
+        values, vectors = np.linalg.eigh(bend)
+        least = float(values[0])
         if least >= -little:
             self._flat = self.system.unknowns_along(np.abs(Z @ vectors[:, values <= little]).max(axis=1))
         message = f"P is not positive definite over the free initial state (smallest eigenvalue {least:.3g})."
@@ -428,3 +434,12 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 def least_of(model: LinearQuadraticSolution, dx0: Array | None) -> float:
     """Return the value of a model at its minimum: that for ``dx_0 = 0``, and what its dx_0 adds, where that is free."""
     return model.constant if dx0 is None else model.constant + 0.5 * float(model.b[0] @ dx0)
+
+
+def _is_definite(matrix: Array, least: float) -> bool:
+    """Whether all eigenvalues of a symmetric matrix are larger than some number."""
+    from scipy.linalg.lapack import dpotrf  # slow to import, and not needed by most
+
+    lowered = matrix.copy()
+    lowered.flat[:: len(matrix) + 1] -= least
+    return int(dpotrf(lowered)[1]) == 0

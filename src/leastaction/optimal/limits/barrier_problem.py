@@ -95,6 +95,7 @@ class BarrierProblem(ShootingProblem):
         self.room: Room | None = None
         # Of both and the duals; None: not yet.
         self.gradient: CostGradient | None = None  # with the barriers
+        self.central: bool | None = None  # whether the duals are near those of the barrier
         self.newton_change: Sided | None = None  # of the limits, along Newton's undamped direction
         self.are_settled = False  # whether no step of the duals is needed any more
 
@@ -215,7 +216,11 @@ class BarrierProblem(ShootingProblem):
         return self.shown
 
     def tolerated(self, goal: float) -> float:
-        return super().tolerated(self.stages.tolerated(goal, self.noise, self._limits()) if self._begun else goal)
+        if self._begun:
+            if self.central is None:
+                self.central = self.duals.are_central(self._room())
+            goal = self.stages.tolerated(goal, self.noise, self._limits(), central=self.central)
+        return super().tolerated(goal)
 
     def next_stage(self, *, moved: bool = True) -> bool:
         """Go on without gaps, or with dearer excess, where a limit needs it, or else with a smaller barrier."""
@@ -349,7 +354,7 @@ class BarrierProblem(ShootingProblem):
 
     def _forget_cost(self) -> None:
         super()._forget_cost()
-        self.gradient = self.newton_change = None
+        self.gradient = self.newton_change = self.central = None
         self.are_settled = False
 
     def _curvature_along(self, gradient: CostGradient) -> Array:

@@ -34,6 +34,8 @@ _SETTLED = 2.3  # natural logarithm of the factor by which duals may be off thos
 # scale may be what was seen at a start far away, so that tells whether a limit is active anywhere; and the part of its
 # largest dual, where.
 _ACTIVE, _HARDLY = 100.0, 1e-5
+_CENTRAL = 20.0  # times that of the barrier are the largest duals from which a much smaller barrier can be followed
+_ROUNDING = 1e-13  # of its price is what a dual may be off by rounding
 _GUIDING = 0.1  # of what excess costs, where all is as dear, is that of the barriers at first
 
 
@@ -149,6 +151,10 @@ class Duals:
         prices = self.rho.flat * self.scale.flat
         self.dearest, self.cheapest = float(prices.max(initial=0.0)), float(prices.min(initial=np.inf))
 
+    def are_central(self, room: Room) -> bool:
+        """Whether none is much larger than that of the barrier: from there a much smaller barrier can be followed."""
+        return bool((self.y.flat * room.part.slack).max(initial=0.0) <= _CENTRAL * self.mu)
+
     def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
         y, barrier = duals.flat, self.of_barrier(room).flat
@@ -221,7 +227,10 @@ class Duals:
         self.settle_prices()
         new, lower = self.prices, np.minimum(self.y.flat, 0.9 * self.prices)
         y = np.where(layout.spread(binding) & (c.flat < 0.0), first_duals(lower, new), lower)
-        self.y = Sided(np.where(self._in_equations, 0.5 * (new + _between(-0.9 * new, net, 0.9 * new)), y), layout)
+        halved = 0.5 * (new + _between(-0.9 * new, net, 0.9 * new))
+        # What differs by rounding only stays as it is, and with it what was computed with these duals.
+        other = self._in_equations & (np.abs(halved - self.y.flat) > _ROUNDING * new)
+        self.y = Sided(np.where(other, halved, np.where(self._in_equations, self.y.flat, y)), layout)
         return bool(binding.any())
 
     # ---- Reports --------------------------------------------------------------------------------

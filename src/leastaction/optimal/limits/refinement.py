@@ -28,8 +28,8 @@ from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
 
 _MOST = 8  # further steps
-_LONG = 0.9  # is a first step after which there are none
-_ENOUGH = 0.3  # of all that was gained is what the last of them gains
+_LONG, _AGREES = 0.9, 0.1  # is a first step after which there are none, if it gains what its model says but for a part
+_ENOUGH = 0.1  # of all that was gained is what the last of them gains
 
 
 class Solved(NamedTuple):
@@ -88,7 +88,7 @@ def refined(
     sweep: Callable[[DiscreteDirection], tuple[Array, Array]],
     solve: Callable[[DiscreteDirection, Sided, Sided], Solved | None],
 ) -> DiscreteDirection:
-    """Return the direction to where further steps of the model lead, if the first is a short one.
+    """Return the direction to where further steps of the model lead, if the first is short or barriers bend along it.
 
     ``sweep``: returns the motion (dx, du) of a direction. ``solve``: the minimum of the linear-quadratic problem of a
     direction with duals w and stiffness sigma; None where there is none.
@@ -96,7 +96,8 @@ def refined(
     model = _Model(duals, room)
     direction, at, cost = _promising(model, direction)
     gained = direction.promise
-    if direction.reach > _LONG or not gained > 0.0:
+    agrees = abs(gained + 0.5 * direction.slope) <= _AGREES * gained
+    if (direction.reach > _LONG and agrees) or not gained > 0.0:
         return direction
     dx, du = (direction.reach * part for part in sweep(direction))
     found = None

@@ -18,8 +18,9 @@ _DEARER = 10.0  # by which prices rise at most
 _FIRST, _LESS, _POWER = 0.1, 0.1, 1.5
 _FIRST_AGAIN = 1e-4  # where duals are known
 _LAST = 0.1  # of the tolerated change of the cost is the barriers' part in the end
-# Times mu: the expected decrease with which a stage but the last is over; of more rows than these, by the root more.
-_LOOSE, _MANY = 10.0, 100.0
+# Times mu: the expected decrease with which a stage is over where its duals are near those of the barrier; elsewhere,
+# and in the last stage, whose duals are told. Of more rows than these it is by the root more in all but the last.
+_LOOSE, _TIGHT, _MANY = 100.0, 10.0, 100.0
 _LITTLE, _NOTHING = 1e-6, 1e-12  # a start that costs less than the first, and that part of doing nothing, costs nothing
 _ROUGH = 1e-4  # a tolerance from which on duals need not be exact
 _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
@@ -126,18 +127,21 @@ class Stages:
         """Whether the next stage is the last, or this: few steps are left for the duals to settle in."""
         return not self.duals.sides or self._following <= self.last
 
-    def tolerated(self, goal: float, noise: float, c: Sided) -> float:
-        """Return the expected decrease that is small enough at this stage, given the values of all limits."""
+    def tolerated(self, goal: float, noise: float, c: Sided, *, central: bool = False) -> float:
+        """Return the expected decrease that is small enough at this stage, given the values of all limits.
+
+        ``central``: whether the duals are near those of the barrier.
+        """
         mu = self.duals.mu
         if self._asks_for_the_least(c):
             return max(goal, _NEARLY * self.duals.cost_of_excess(c))
         if mu > self.last:
             many = 1.0 if self.is_near_end else float(np.sqrt(max(1.0, self.count / _MANY)))
-            return max(goal, _LOOSE * many * mu)
+            return max(goal, (_LOOSE if central else _TIGHT) * many * mu)
         if self._rough:
             return max(goal if self.are_met(c) else _CLOSER * goal, 10.0 * noise)
         # The duals are worth no more than the motion is near the barrier's minimum.
-        return max(min(goal, _LOOSE * mu), 10.0 * noise)
+        return max(min(goal, _TIGHT * mu), 10.0 * noise)
 
     def advance(self, cost: float, c: Sided, *, moved: bool = True) -> bool:
         """Go on with dearer excess, where a limit needs it, or else with a smaller barrier; whether there is more.

@@ -23,7 +23,8 @@ _LITTLE = 1e-2
 # A model holds that is off by less than this part of the decrease.
 _HOLDS = 0.1
 
-# The decrease that is expected is at most this part of what it was before a Newton step that was all but full.
+# The decrease that is expected is at most this part of what it was before a step that was all but full, of Newton's
+# method or of another without damping whose model holds.
 _AFTER, _FULL = 0.1, 0.9
 
 
@@ -98,7 +99,7 @@ class Run:
         """Whether the next direction would end a stage that only leads to another: it need not be found."""
         last = self.schedule
         return (
-            last.method == "newton"
+            (last.method == "newton" or (last.method == "quasi-newton" and last.holds))
             and last.length >= _FULL
             and _AFTER * last.expected <= self.goal
             and self.problem.is_passing
