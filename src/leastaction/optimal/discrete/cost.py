@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.optimal.cost import as_weight, clipped, final_of, matrix_of, own_matrices, owned, weigh
+from leastaction.optimal.cost import as_weight, clipped, final_of, matrix_of, owned, weigh
 from leastaction.optimal.discrete.system import check_window
 from leastaction.optimal.system import difference
 
@@ -306,16 +306,6 @@ class AddedCost(Cost):
         """Return the other cost eased, with the same price; see `Cost`."""
         found = self.cost.eased(ease)
         return None if found is None else (self._beside(found[0]), found[1])
-
-    def _added(self, other: CostHessian, x: Array, bent: Array) -> CostHessian:
-        """Return second derivatives with more by the first entries of the states, ``bent`` (N+1, n, n)."""
-        Q, R, S, Q_final = other
-        n, nx = bent.shape[1], x.shape[1]
-        stages = own_matrices(matrix_of(Q), (len(bent) - 1, nx, nx))
-        stages[:, :n, :n] += bent[:-1]
-        last = np.array(matrix_of(Q_final))
-        last[:n, :n] += bent[-1]
-        return CostHessian(stages, R, S, last)
 
     def _beside(self, cost: Cost, N: int | None = None) -> Self:
         """Return the same price beside another cost, of N steps where it is of others."""

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_number, read_only
-from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import Cost
+from leastaction.systems.costs.configurations import CostOfConfigurations
 from leastaction.systems.midpoint import MidpointSystem
 
 
-class PlaceCost(AddedCost):
+class PlaceCost(CostOfConfigurations):
     """Another cost and half the weighted squares of the distances of frames from wanted places.
 
     With exact second derivatives. As fit for several threads as the other cost.
@@ -45,7 +45,7 @@ class PlaceCost(AddedCost):
             if name not in places:
                 known = closest(name, list(places), what="names of places")
                 raise ArgumentError(f"weights: {name!r} has no place that is wanted; {known}")
-        super().__init__(cost, "places", (N, system.nx, system.nu))
+        super().__init__(cost, "places", system)
         self.system = system
         self._frames = tuple(places)
         wanted, weighed = np.zeros((2, N + 1, len(places), 3))
@@ -58,27 +58,6 @@ class PlaceCost(AddedCost):
             wanted[:, i], weighed[:, i] = np.nan_to_num(place), weight * ~np.isnan(place)
         self._wanted, self._weights = read_only(wanted), read_only(weighed)
 
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        return np.asarray(self.cost.stage_values(x, u, start) + self._values(x, start))
-
-    def final_value(self, x: Array) -> float:
-        return super().final_value(x) + float(self._values(x[None, :], self.system.N)[0])
-
-    def gradient(self, x: Array, u: Array) -> CostGradient:
-        q, r, q_final = self.cost.gradient(x, u)
-        slopes = self._slopes(x)
-        q, q_final = q.copy(), q_final.copy()
-        q[:, : slopes.shape[1]] += slopes[:-1]
-        q_final[: slopes.shape[1]] += slopes[-1]
-        return CostGradient(q, r, q_final)
-
-    def hessian(self, x: Array, u: Array) -> CostHessian:
-        return self._added(self.cost.hessian(x, u), x, self._curved(x, bent=True))
-
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return those of Gauss and Newton, as if places were linear in the configuration; see `Cost`."""
-        return self._added(self.cost.convex_hessian(x, u), x, self._curved(x, bent=False))
-
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         system = self.system.window(start, stop)
         assert isinstance(system, MidpointSystem)
@@ -89,33 +68,23 @@ class PlaceCost(AddedCost):
 
     @property
     def _points(self) -> MovedPoints:
-        return MovedPoints.of(self._mechanism, self._frames)
+        return MovedPoints.of(self.system.integrator.mechanism, self._frames)
 
-    @property
-    def _mechanism(self) -> Mechanism:
-        return self.system.integrator.mechanism
+    def _prices(self, q: Array, start: int) -> Array:
+        rows = slice(start, start + len(q))
+        away = self._points.places(q) - self._wanted[rows]
+        return np.asarray(0.5 * np.sum(self._weights[rows] * away**2, axis=(1, 2)))
 
-    def _configurations(self, x: Array) -> Array:
-        return np.ascontiguousarray(x[:, : self._mechanism.nq])
+    def _slopes(self, q: Array) -> Array:
+        return np.asarray(self._points.slopes(q, range(len(self._frames)), self._pulls(q)).sum(axis=1))
+
+    def _bends(self, q: Array, *, exact: bool) -> Array:
+        J = self._points.jacobian(q).reshape(len(q), -1, q.shape[1])
+        total = J.swapaxes(1, 2) @ (self._weights.reshape(len(q), -1, 1) * J)
+        if exact:
+            total += self._points.bent(q, self._pulls(q))
+        return np.asarray(total)
 
     def _pulls(self, q: Array) -> Array:
         """Return the derivatives by the places along a whole motion (N+1, P, 3)."""
         return self._weights * (self._points.places(q) - self._wanted)
-
-    def _values(self, x: Array, start: int) -> Array:
-        rows = slice(start, start + len(x))
-        away = self._points.places(self._configurations(x)) - self._wanted[rows]
-        return np.asarray(0.5 * np.sum(self._weights[rows] * away**2, axis=(1, 2)))
-
-    def _slopes(self, x: Array) -> Array:
-        q = self._configurations(x)
-        return np.asarray(self._points.slopes(q, range(len(self._frames)), self._pulls(q)).sum(axis=1))
-
-    def _curved(self, x: Array, *, bent: bool) -> Array:
-        """Return the second derivatives (n, nq, nq); ``bent``: with what comes from places that are not linear."""
-        q = self._configurations(x)
-        J = self._points.jacobian(q).reshape(len(q), -1, q.shape[1])
-        total = J.swapaxes(1, 2) @ (self._weights.reshape(len(q), -1, 1) * J)
-        if bent:
-            total += self._points.bent(q, self._pulls(q))
-        return np.asarray(total)

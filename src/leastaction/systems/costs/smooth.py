@@ -59,13 +59,13 @@ class CostOfAccelerations(AddedCost):
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the second derivatives: matrices, one for each stage where steps are not all as long."""
-        return self._added(self.cost.hessian(x, u), x, u)
+        return self._with_price(self.cost.hessian(x, u), x, u)
 
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the other cost's, with the price, which is convex; see `Cost`."""
-        return self._added(self.cost.convex_hessian(x, u), x, u)
+        return self._with_price(self.cost.convex_hessian(x, u), x, u)
 
-    def _added(self, other: CostHessian, x: Array, u: Array) -> CostHessian:
+    def _with_price(self, other: CostHessian, x: Array, u: Array) -> CostHessian:
         dt = self.dt[:, None]
         if np.ptp(dt) < 1e-9 * dt.max():
             dt = dt.mean(keepdims=True)

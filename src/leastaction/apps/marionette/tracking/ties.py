@@ -19,8 +19,8 @@ from leastaction.mechanics import Distance, Mechanism
 from leastaction.models.marionette import tied_strings
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal import Cost
-from leastaction.optimal.discrete.cost import AddedCost, CostGradient, CostHessian
 from leastaction.systems import MidpointSystem
+from leastaction.systems.costs.configurations import CostOfConfigurations
 
 LEAST_WEIGHT: Final = 1.0
 """Of a length that is off (1/m^2), with which a plan begins."""
@@ -67,76 +67,43 @@ class Ties:
         return np.asarray(J / (2.0 * self.lengths[:, None]))
 
 
-class TiedCost(AddedCost):
-    """Another cost, and that of strings being longer or shorter than they are tied.
-
-    With exact second derivatives. As fit for several threads as the other cost.
+class TiedCost(CostOfConfigurations):
+    """Another cost, and that of strings being longer or shorter than they are tied; as fit for several threads.
 
     ``measured``: a mechanism whose constraints are the distances of the strings' ends from 1 m. ``lengths`` (m,),
     ``weight``: see the module.
     """
 
     def __init__(
-        self,
-        cost: Cost,
-        system: MidpointSystem,
-        measured: Mechanism,
-        *,
-        lengths: Array,
-        weight: float,
+        self, cost: Cost, system: MidpointSystem, measured: Mechanism, *, lengths: Array, weight: float
     ) -> None:
-        super().__init__(cost, "lengths of strings", (system.N, system.nx, system.nu))
-        self.nonnegative = cost.nonnegative
+        super().__init__(cost, "lengths of strings", system)
         self._measured, self._weight = measured, weight
         self._lengths = read_only(lengths.copy())
-
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        return np.asarray(self.cost.stage_values(x, u, start) + self._values(x))
-
-    def final_value(self, x: Array) -> float:
-        return super().final_value(x) + float(self._values(x[None, :])[0])
-
-    def gradient(self, x: Array, u: Array) -> CostGradient:
-        q, r, q_final = self.cost.gradient(x, u)
-        m, pull = self._measured, self._pull(x)
-        slopes = np.array([force @ m.core.constraint_jacobian(at) for at, force in zip(self._q(x), pull, strict=True)])
-        q, q_final = q.copy(), q_final.copy()
-        q[:, : m.nq] += slopes[:-1]
-        q_final[: m.nq] += slopes[-1]
-        return CostGradient(q, r, q_final)
-
-    def hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return the second derivatives: a matrix for each stage."""
-        m, q, bent = self._measured, self._q(x), self._stiff(x)
-        for k, pull in enumerate(self._pull(x)):
-            bent[k] += m.core.constraint_hessian(q[k], pull)
-        return self._added(self.cost.hessian(x, u), x, bent)
-
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return those of Gauss and Newton, as if lengths were linear in the configuration; see `Cost`."""
-        return self._added(self.cost.convex_hessian(x, u), x, self._stiff(x))
 
     def eased(self, ease: float) -> None:  # noqa: ARG002
         """Return None: as of `TrackingCost`, it leads to motions in which strings are far from tied."""
         return
 
-    def _q(self, x: Array) -> Array:
-        return np.ascontiguousarray(x[:, : self._measured.nq])
+    def _prices(self, q: Array, start: int) -> Array:  # noqa: ARG002 - strings are tied all along
+        return np.asarray(0.5 * self._weight * np.sum(_off(self._measured, q, self._lengths) ** 2, axis=1))
 
-    def _off(self, x: Array) -> Array:
-        return _off(self._measured, x, self._lengths)
+    def _slopes(self, q: Array) -> Array:
+        m = self._measured
+        return np.array([pull @ m.core.constraint_jacobian(at) for at, pull in zip(q, self._pulls(q), strict=True)])
 
-    def _values(self, x: Array) -> Array:
-        return np.asarray(0.5 * self._weight * np.sum(self._off(x) ** 2, axis=1))
-
-    def _pull(self, x: Array) -> Array:
-        """Return the slopes of the cost by the squared distances (n, m)."""
-        return np.ascontiguousarray(self._weight * self._off(x) / (2.0 * self._lengths))
-
-    def _stiff(self, x: Array) -> Array:
+    def _bends(self, q: Array, *, exact: bool) -> Array:
         m, share = self._measured, self._weight / (4.0 * self._lengths[:, None] ** 2)
-        J = np.array([m.core.constraint_jacobian(q) for q in self._q(x)])
-        return np.asarray(J.transpose(0, 2, 1) @ (share * J))
+        J = np.array([m.core.constraint_jacobian(at) for at in q])
+        bends = np.asarray(J.transpose(0, 2, 1) @ (share * J))
+        if exact:
+            for k, pull in enumerate(self._pulls(q)):
+                bends[k] += m.core.constraint_hessian(q[k], pull)
+        return bends
+
+    def _pulls(self, q: Array) -> Array:
+        """Return the slopes of the cost by the squared distances (n, m)."""
+        return np.ascontiguousarray(self._weight * _off(self._measured, q, self._lengths) / (2.0 * self._lengths))
 
 
 def _off(measured: Mechanism, x: Array, lengths: Array) -> Array:
