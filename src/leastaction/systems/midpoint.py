@@ -336,6 +336,20 @@ class MidpointSystem(DiscreteSystem):
         lam = self._linearize(self.t, x, u, self.first_share).lam
         return self.integrator.trajectory(self.t, x, u, lam)
 
+    def states_along(self, q: Array, p: Array, v_rho: Array | None = None) -> Array:
+        """Return the states (N+1, nx) of a motion with these configurations and momenta, without multipliers.
+
+        ``q`` (N+1, nq), ``p`` (N+1, nd). ``v_rho`` (nrho,): first rates of the prescribed variables, zero if not given;
+        the others follow from q.
+        """
+        m = self.integrator.mechanism
+        x = np.zeros((self.N + 1, self.nx))
+        x[:, : m.nq], x[:, m.nq : m.nq + m.nd] = q, p
+        if v_rho is not None:
+            x[0, m.nq + m.nd : m.nx] = v_rho
+        x[1:, m.nq + m.nd : m.nx] = np.diff(q[:, m.nd :], axis=0) / np.diff(self.t)[:, None]
+        return x
+
     def _failure(self, status: StepStatus, worst: StepQuality | None, k: int) -> str:
         """Return why step k could not be made."""
         failure = f"{self.when(k)} could not be solved"

@@ -82,7 +82,6 @@ def warm_start(
     q, v = _motion(old, x, t)
     lam = x[:, old.nx :] / np.append(t[1] - t[0], np.diff(t))[:, None] if from_system.multipliers else None
 
-    result = np.zeros((to_system.N + 1, to_system.nx))
     first = np.zeros(new.nq) if start is None else as_array(start.q, "start.q", (new.nq,), names=new.variables)
     configurations = np.tile(first, (len(times), 1))
     velocities = np.zeros((len(times), new.nq))
@@ -94,11 +93,8 @@ def warm_start(
             velocities[:, i] = np.where(outside, 0.0, np.interp(times, t, v[:, column]))
     configurations_onto_constraints(new, configurations, np.array(known), start)
     velocities_onto_constraints(new, configurations, velocities, np.array(known))
-    steps = np.diff(times)
-    result[:, : new.nq] = configurations
-    result[:, new.nq : new.nq + new.nd] = to_momentum(new, configurations, velocities)
-    result[0, new.nq + new.nd : new.nx] = velocities[0, new.nd :]
-    result[1:, new.nq + new.nd : new.nx] = np.diff(configurations[:, new.nd :], axis=0) / steps[:, None]
+    steps, momenta = np.diff(times), to_momentum(new, configurations, velocities)
+    result = to_system.states_along(configurations, momenta, velocities[0, new.nd :])
     if start is not None:
         result[0, : new.nx] = start.x
     if to_system.multipliers and lam is not None:

@@ -57,10 +57,7 @@ def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: Sta
         known[: m.nd] = True
     v[:, ~known] = 0.0
     velocities_onto_constraints(m, q, v, known)
-    x = np.zeros((len(t), system.nx))
-    x[:, : m.nq] = q
-    x[:, m.nq : m.nq + m.nd] = to_momentum(m, q, v)
-    x[1:, m.nq + m.nd : m.nx] = np.diff(q[:, m.nd :], axis=0) / np.diff(t)[:, None]
+    x = system.states_along(q, to_momentum(m, q, v))
     x[0, : m.nx] = (system.integrator.start(q[0]) if start is None else start).x
     return x, np.hstack([np.zeros((system.N, m.n_inputs)), q[1:, m.nd :]])
 

@@ -53,10 +53,7 @@ def _said_by_lengths(plan: Plan, x: Array, u: Array) -> tuple[Array, Array]:
     q[:, plan.columns] = x[:, : m.nq]
     lengths = string_lengths(whole, q)
     q[:, nd + plan.lengths] = lengths[:, plan.held]
-    made = np.zeros((N + 1, plan.problem.system.nx))
-    made[:, :nq] = q
-    made[:, nq : nq + nd] = x[:, m.nq : m.nq + m.nd]
-    made[1:, nq + nd : whole.nx] = np.diff(q[:, nd:], axis=0) / plan.dt
+    made = plan.problem.system.states_along(q, x[:, m.nq : m.nq + m.nd])
     share = np.full((N, 1), plan.dt)
     share[0] *= 0.5
     made[1:, whole.nx :] = share * u[:, : len(plan.strings)] / (2.0 * lengths[:-1])
@@ -95,10 +92,7 @@ def _qualified(plan: Plan, result: OptimizationResult, x: Array, u: Array) -> Op
 def by_tensions(plan: Plan, trajectory: Trajectory, tension: Array, result: OptimizationResult) -> OptimizationResult:
     """Return a motion on strings of prescribed lengths, and its result, as one of this system: the same motion."""
     m = plan.mechanism
-    x = np.zeros((len(plan.t), m.nx))
-    x[:, : m.nq] = trajectory.q[:, plan.columns]
-    x[:, m.nq : m.nq + m.nd] = trajectory.p
-    x[1:, m.nq + m.nd :] = np.diff(x[:, m.nd : m.nq], axis=0) / plan.dt
+    x = plan.system.states_along(trajectory.q[:, plan.columns], trajectory.p)
     u = np.hstack([tension, x[1:, m.nd : m.nq]])
     K = next(plan.regulators(x, u), np.zeros((plan.system.N, plan.system.nu, plan.system.nx)))
     return replace(result, x=x, u=u, K=K, projection_gain=K, limits=None)

@@ -23,7 +23,7 @@ from leastaction.apps.marionette.tracking.ties import Ties
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import LeastActionError, StepError
 from leastaction.io.motion.motion import Motion
-from leastaction.mechanics import JointForce, MidpointVI
+from leastaction.mechanics import JointForce, MidpointVI, to_momentum
 from leastaction.models.marionette import (
     held_strings,
     marionette,
@@ -135,13 +135,7 @@ class Plan:
 
     def states(self, q: Array) -> Array:
         """Return the states (N+1, nx) of a motion q (N+1, nq), whose momenta are those of its slope."""
-        m = self.mechanism
-        rates = np.gradient(q, self.t, axis=0)
-        x = np.zeros((len(q), m.nx))
-        x[:, : m.nq] = q
-        x[:, m.nq : m.nq + m.nd] = [m.momentum(a, b)[: m.nd] for a, b in zip(q, rates, strict=True)]
-        x[1:, m.nq + m.nd :] = np.diff(q[:, m.nd :], axis=0) / self.dt
-        return x
+        return self.system.states_along(q, to_momentum(self.mechanism, q, np.gradient(q, self.t, axis=0)))
 
     def finer(self, coarse: Plan, x: Array, u: Array) -> tuple[Array, Array]:
         """Return a trajectory of a plan with longer steps between its instants, as a curve to start from."""

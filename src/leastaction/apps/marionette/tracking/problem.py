@@ -13,7 +13,7 @@ from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
 from leastaction.io.motion.motion import Motion
-from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus
+from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus, to_momentum
 from leastaction.models.marionette import (
     PLANE_HEIGHT,
     STRINGS,
@@ -153,16 +153,13 @@ class TrackingProblem:
 
     def _refer(self) -> None:
         """Set the reference configurations and states, with strings that go with the body's motion."""
-        m, N = self.mechanism, len(self.t) - 1
-        q = np.zeros((N + 1, m.nq))
+        m = self.mechanism
+        q = np.zeros((len(self.t), m.nq))
         q[:, : m.nd] = self.body
         self.reference = hang_strings(m, q)
         self.pelvis = pelvis_of(m, self.reference)
-        v = np.gradient(self.reference, self.t, axis=0)
-        x = np.zeros((N + 1, self.system.nx))
-        x[:, : m.nq] = self.reference
-        x[:, m.nq : m.nq + m.nd] = [m.momentum(a, b)[: m.nd] for a, b in zip(self.reference, v, strict=True)]
-        x[1:, m.nq + m.nd : m.nx] = np.diff(self.reference[:, m.nd :], axis=0) / self.dt
+        p = to_momentum(m, self.reference, np.gradient(self.reference, self.t, axis=0))
+        x = self.system.states_along(self.reference, p)
         # At rest to begin with.
         x[0, m.nq : m.nx] = 0.0
         x[:, m.nx :] = self._tension_at_rest()
