@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.differences import central_differences, complex_step
 
 Derivatives = Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["complex-step", "finite-differences"]
 Curvature = Callable[[Array, Array, Any, Array], Any] | Literal["differences"]
@@ -47,13 +49,10 @@ class Functions:
             nx, nu = self.nx, self.nu
             return _sized("A", A, (nx, nx)), _sized("B", B, (nx, nu))
         y = np.concatenate([x, u])
-        columns = [
-            self._complex_step(y, when, i)
-            if self._derivatives == "complex-step"
-            else self._central_difference(y, when, i)
-            for i in range(y.size)
-        ]
-        G = np.stack(columns, axis=1)
+        if self._derivatives == "complex-step":
+            G = complex_step(partial(self._complex_value, when=when), y)
+        else:
+            G = central_differences(lambda y: self.f(y[: self.nx], y[self.nx :], when), y)
         return G[:, : self.nx], G[:, self.nx :]
 
     def curvature(self, x: Array, u: Array, when: Any, z: Array) -> Array:
@@ -61,42 +60,23 @@ class Functions:
         n = self.nx + self.nu
         if callable(self._curvature):
             return _sized("curvature", self._curvature(x, u, when, z), (n, n))
-        y = np.concatenate([x, u])
-        H = np.empty((n, n))
-        for i in range(n):
-            h = 1e-5 * max(1.0, abs(y[i]))
-            ends = []
-            for step in (h, -h):
-                moved = y.copy()
-                moved[i] += step
-                A, B = self.derivatives(moved[: self.nx], moved[self.nx :], when)
-                ends.append(z @ np.hstack((A, B)))
-            H[i] = (ends[0] - ends[1]) / (2 * h)
-        result: Array = 0.5 * (H + H.T)
-        return result
 
-    def _complex_step(self, y: Array, when: Any, i: int) -> Array:
-        h = 1e-30
-        moved = y.astype(complex)
-        moved[i] += 1j * h
-        value = np.asarray(self._f(moved[: self.nx], moved[self.nx :], when))
+        def slope(y: Array) -> Array:
+            return np.asarray(z @ np.hstack(self.derivatives(y[: self.nx], y[self.nx :], when)))
+
+        H = central_differences(slope, np.concatenate([x, u]), step=1e-5)
+        return np.asarray(0.5 * (H + H.T))
+
+    def _complex_value(self, y: Any, when: Any) -> Any:
+        value = np.asarray(self._f(y[: self.nx], y[self.nx :], when))
         if not np.iscomplexobj(value):
             raise ArgumentError(
                 "f: got a real result for complex arguments, so the complex step sees no derivative. "
                 "Build the result from the arguments (np.array([...]), np.stack), without float(), "
                 "or give `derivatives`."
             )
-        return _sized("f", value.imag / h, (self.nx,))
-
-    def _central_difference(self, y: Array, when: Any, i: int) -> Array:
-        h = 6e-6 * max(1.0, abs(y[i]))  # cube root of the rounding unit
-        ends = []
-        for step in (h, -h):
-            moved = y.copy()
-            moved[i] += step
-            ends.append(self.f(moved[: self.nx], moved[self.nx :], when))
-        result: Array = (ends[0] - ends[1]) / (2 * h)
-        return result
+        _sized("f", value.real, (self.nx,))
+        return value
 
 
 def _sized(name: str, value: Any, shape: tuple[int, ...]) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.names import matching
 
 Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
@@ -309,15 +310,11 @@ class FunctionQuantity(Quantity):
         if self._curvature is not None:
             given = self._curvature(*self._split(z, at.x.shape[1]), y, *self._instants(at.k))
             return _shaped(given, (n, size, size), "curvature", self.names)
-        H = np.empty((n, size, size))
-        for i in range(size):
-            h = 6e-6 * (1.0 + np.abs(z[:, i]))
-            ends = []
-            for sign in (1.0, -1.0):
-                moved = z.copy()
-                moved[:, i] += sign * h
-                ends.append(np.einsum("kmi,km->ki", self._derivative(at.k, moved, at.x.shape[1]), y))
-            H[:, i] = (ends[0] - ends[1]) / (2.0 * h[:, None])
+
+        def slope(z: Array) -> Array:
+            return np.asarray(np.einsum("kmi,km->ki", self._derivative(at.k, z, at.x.shape[1]), y))
+
+        H = central_differences(slope, z)
         return np.asarray(0.5 * (H + H.transpose(0, 2, 1)))
 
     def _joined(self, at: Samples) -> Array:
@@ -345,18 +342,17 @@ class FunctionQuantity(Quantity):
         if self._jacobian is not None:
             given = self._jacobian(*self._split(z, nx), *self._instants(k))
             return _shaped(given, (n, len(self.names), size), "jacobian", self.names)
-        J = np.empty((n, len(self.names), size))
-        for i in range(size):
-            moved = z.astype(complex)
-            moved[:, i] += 1e-30j
-            value = self._called(k, moved, nx)
-            if not np.iscomplexobj(value):
+
+        def value(moved: Any) -> Any:
+            found = self._called(k, moved, nx)
+            if not np.iscomplexobj(found):
                 raise ArgumentError(
                     f"limit {self.names[0]!r}: got a real result for complex arguments, so the complex step sees no "
                     "derivative. Build it of NumPy functions of the arguments, or give `jacobian`"
                 )
-            J[:, :, i] = value.imag / 1e-30
-        return J
+            return found
+
+        return complex_step(value, z)
 
 
 def _shaped(value: Any, shape: tuple[int, ...], what: str, names: tuple[str, ...]) -> Array:

@@ -19,6 +19,7 @@ from leastaction.mechanics.discrete.step_sensitivity import momentum_by, steps_b
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.differences import fourth_order
 
 _ROUNDING = 1e-9  # of a constraint's derivative, relative to its terms
 _STEP = 1e-3  # of a parameter, relative to its size
@@ -173,14 +174,12 @@ def _rates_by(m: Mechanism, q: Array, v: Array, name: str) -> Array:
     By differences of fourth order; constraints are polynomials in most of their numbers, so it is exact to rounding.
     """
     value = m.parameters[name]
-    step = _STEP * (abs(value) or 1.0)
 
     def rates(by: float) -> Array:
         changed = m.with_parameters({name: value + by})
         return changed.constraint_jacobian(q) @ v
 
-    near, far = rates(step) - rates(-step), rates(2.0 * step) - rates(-2.0 * step)
-    return (8.0 * near - far) / (12.0 * step)
+    return fourth_order(rates, _STEP * (abs(value) or 1.0))
 
 
 def _accumulate(A: Array, added: Array, x: Array) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only, require_instance
-from leastaction.optimal.checks.differences import Errors, central_differences
+from leastaction.numerics.differences import central_differences
+from leastaction.optimal.checks.differences import Errors
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory

@@ -1,27 +1,15 @@
-"""Central differences, by which derivatives are checked."""
+"""Errors of derivatives, found by central differences."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.differences import central_differences
 from leastaction.optimal.system import System
-
-
-def central_differences(f: Callable[..., Array], y: Array) -> Array:
-    """Return the central differences df_i/dy_j of a function of one vector."""
-    columns = []
-    for j in range(y.size):
-        h = 6e-6 * max(1.0, abs(float(y[j])))
-        up, down = y.copy(), y.copy()
-        up[j] += h
-        down[j] -= h
-        columns.append((f(up) - f(down)) / (up[j] - down[j]))
-    return np.stack(columns, axis=1)
 
 
 def relative_error(got: Array, expected: Array) -> float:

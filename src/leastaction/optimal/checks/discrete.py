@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.optimal.checks.differences import Errors, central_differences
+from leastaction.numerics.differences import central_differences
+from leastaction.optimal.checks.differences import Errors
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 

@@ -17,7 +17,7 @@ Of = Callable[[Any], Quantity]
 def changing_parameters(system: ExtendedSystem, of: Of, values: Array) -> Instants:
     """Return which parameters change the quantity ``of`` a system, as seen by a step from their values (P,)."""
     plain = of(system.at(values))
-    found = [j for j in range(len(values)) if not plain.is_like(of(system.at(stepped(values, j, 1))))]
+    found = [j for j in range(len(values)) if not plain.is_like(of(system.at(stepped(values, j))))]
     return np.array(found, dtype=np.intp)
 
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, linearized
 from leastaction.optimal.quantity import Entries, Quantity, as_slice
 from leastaction.optimal.system import Linearization
@@ -293,20 +294,16 @@ class ExtendedSystem(DiscreteSystem):
         return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
 
 
-def stepped(at: Array, j: int, steps: int) -> Array:
-    """Return an argument (P,) with entry j moved by steps of `by_differences`."""
+def stepped(at: Array, j: int, by: float | None = None) -> Array:
+    """Return an argument (P,) with entry j moved, by a step of `by_differences` if not said by how much."""
     other = at.copy()
-    other[j] += steps * _step(at, j)
+    other[j] += _step(at, j) if by is None else by
     return other
 
 
 def by_differences(function: Callable[[Array], Any], at: Array, j: int) -> Array:
     """Return the derivative of a smooth function by entry j of its argument (P,): differences of fourth order."""
-
-    def value(steps: int) -> Array:
-        return np.asarray(function(stepped(at, j, steps)))
-
-    return np.asarray((8.0 * (value(1) - value(-1)) - (value(2) - value(-2))) / (12.0 * _step(at, j)))
+    return fourth_order(lambda by: np.asarray(function(stepped(at, j, by))), _step(at, j))
 
 
 def _step(at: Array, j: int) -> float:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,10 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.elements.custom.python_function import PythonFunction
-from leastaction.numerics.arrays import as_array, as_number
+from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.numerics.differences import central_differences, complex_step
 
-# Nothing cancels in a complex step, so it may be as small as this.
-STEP = 1e-30
 # Central differences, which tell whether a method follows complex z, are good to about 1e-9.
 DIFFERENCE = 1e-5
 ROUGH = 1e-5
@@ -79,9 +80,10 @@ def check_function(
     m = at.size
     tolerance = as_number(tolerance, "check_derivatives: tolerance")
     methods = {"value": (), "gradient": (m,), "hessian": (m, m)}
-    stepped = {name: _complex_step(function, name, at, shape) for name, shape in methods.items()}
-    differences = {name: _differences(function, name, at, shape) for name, shape in methods.items()}
-    given = {name: _call(function, name, at, shape).real for name, shape in methods.items()}
+    calls = {name: partial(_call, function, name, shape) for name, shape in methods.items()}
+    stepped = {name: complex_step(call, at) for name, call in calls.items()}
+    differences = {name: central_differences(partial(_real, call), at, step=DIFFERENCE) for name, call in calls.items()}
+    given = {name: _real(call, at) for name, call in calls.items()}
     hessian = given["hessian"]
     pairs = {
         # A method that does not follow complex z makes the complex step wrong too, so it is named first.
@@ -126,7 +128,11 @@ def _message(function: PythonFunction, name: str, entry: tuple[int, ...], ours: 
     )
 
 
-def _call(function: PythonFunction, name: str, z: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+def _real(call: Callable[[Array], NDArray[Any]], z: Array) -> Array:
+    return np.asarray(call(z).real)
+
+
+def _call(function: PythonFunction, name: str, shape: tuple[int, ...], z: NDArray[Any]) -> NDArray[Any]:
     given = z.copy()
     given.setflags(write=False)
     result = np.asarray(getattr(function, name)(given))
@@ -136,22 +142,3 @@ def _call(function: PythonFunction, name: str, z: NDArray[Any], shape: tuple[int
             f"numbers of shape {shape}"
         )
     return result
-
-
-def _complex_step(
-    function: PythonFunction, name: str, z: NDArray[np.float64], shape: tuple[int, ...]
-) -> NDArray[np.float64]:
-    """Return the derivatives of a method by every entry of z, along the last axis."""
-    columns = [_call(function, name, z + 1j * STEP * direction, shape).imag / STEP for direction in np.eye(z.size)]
-    return np.stack(columns, axis=-1)
-
-
-def _differences(
-    function: PythonFunction, name: str, z: NDArray[np.float64], shape: tuple[int, ...]
-) -> NDArray[np.float64]:
-    columns = []
-    for j, direction in enumerate(np.eye(z.size)):
-        h = DIFFERENCE * max(1.0, abs(float(z[j])))
-        ahead, behind = (_call(function, name, z + s * h * direction, shape).real for s in (1, -1))
-        columns.append((ahead - behind) / (2.0 * h))
-    return np.stack(columns, axis=-1)
