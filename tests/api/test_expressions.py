@@ -14,9 +14,8 @@ import pytest
 import sympy
 
 from leastaction.errors import DescriptionError
+from leastaction.mechanics.expressions.compiled import compile_expression, compile_force
 from leastaction.mechanics.expressions.terms import (
-    compile_expression,
-    compile_force,
     coordinate,
     direction,
     distance,

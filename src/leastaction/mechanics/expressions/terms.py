@@ -29,7 +29,6 @@ from leastaction.numerics.names import check_name
 if TYPE_CHECKING:
     import sympy
 
-    from leastaction.mechanics.expressions.compiled import CompiledExpression, CompiledForce
     from leastaction.mechanics.expressions.symbols import Quantity
 
 UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -167,32 +166,6 @@ def rate(expression: Any) -> sympy.Expr:
 def speed(name: str) -> sympy.Expr:
     """Return the velocity of a configuration variable (m/s or rad/s): ``rate(variable(name))``."""
     return rate(variable(name))
-
-
-def compile_expression(expression: Any, *, what: str = "the expression") -> CompiledExpression:
-    """Compile a scalar of the configuration for the core.
-
-    ``expression``: in points, directions, variables and parameters. ``what``: what it belongs to, for messages. Raises
-    `DescriptionError` if it depends on a rate or an input or on nothing at all, gives a parameter two values, holds a
-    plain symbol, a number that is infinite or not real, or a function that is unknown or not smooth.
-    """
-    symbols()
-    from leastaction.mechanics.expressions import compiled as compiled_expression
-
-    return compiled_expression.compile_expression(expression, what=what)
-
-
-def compile_force(expression: Any, along: Any, *, what: str = "the force") -> CompiledForce:
-    """Compile a force ``f_i = F ds/dq_i`` for the core.
-
-    ``expression``: F, in points, directions, variables, their rates, inputs and parameters. ``along``: the scalar s, or
-    the name of a variable. ``what``: what it belongs to, for messages. Raises `DescriptionError` as
-    `compile_expression`.
-    """
-    symbols()
-    from leastaction.mechanics.expressions import compiled as compiled_expression
-
-    return compiled_expression.compile_force(expression, along, what=what)
 
 
 def symbols() -> ModuleType:

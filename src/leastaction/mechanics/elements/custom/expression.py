@@ -15,12 +15,25 @@ from leastaction.mechanics.elements.base import Constraint, Force, Potential
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.kinds import Uses
-from leastaction.mechanics.expressions.terms import compile_expression, compile_force
+from leastaction.mechanics.expressions.terms import symbols
 
 if TYPE_CHECKING:
     import sympy
 
     from leastaction.mechanics.expressions.compiled import CompiledExpression, CompiledForce
+
+
+def _compiled(element: ExpressionPotential | ExpressionConstraint) -> CompiledExpression:
+    """The expression as the core takes it."""
+    symbols()  # or say that SymPy is needed
+    from leastaction.mechanics.expressions.compiled import compile_expression
+
+    return compile_expression(element.expression, what=element.title)
+
+
+def _uses_of_scalar(element: ExpressionPotential | ExpressionConstraint) -> Uses:
+    """Frames and variables of the expression."""
+    return Uses(frames=element.compiled.frames, variables=element.compiled.variables)
 
 
 @dataclass(frozen=True)
@@ -46,21 +59,14 @@ class ExpressionPotential(Potential):
         super().__post_init__()
         _ = self.compiled  # so that an expression that cannot be compiled is an error here
 
-    @cached_property
-    def compiled(self) -> CompiledExpression:
-        """The expression as the core takes it."""
-        return compile_expression(self.expression, what=self.title)
-
-    @property
-    def uses(self) -> Uses:
-        return Uses(frames=self.compiled.frames, variables=self.compiled.variables)
+    compiled = cached_property(_compiled)
+    uses = property(_uses_of_scalar)
 
     def describe(self) -> str:
         return brief(self.expression)
 
     def add_to(self, core: Compiler) -> None:
-        slots = {name: core.parameter(name, value) for name, value in self.compiled.parameters}
-        core.potential(_coordinate(self.compiled, slots, core))
+        core.potential(_scalar(self.compiled, core))
 
 
 @dataclass(frozen=True)
@@ -87,14 +93,8 @@ class ExpressionConstraint(Constraint):
         super().__post_init__()
         _ = self.compiled  # so that an expression that cannot be compiled is an error here
 
-    @cached_property
-    def compiled(self) -> CompiledExpression:
-        """The expression as the core takes it."""
-        return compile_expression(self.expression, what=self.title)
-
-    @property
-    def uses(self) -> Uses:
-        return Uses(frames=self.compiled.frames, variables=self.compiled.variables)
+    compiled = cached_property(_compiled)
+    uses = property(_uses_of_scalar)
 
     def describe(self) -> str:
         return f"{brief(self.expression)} = 0"
@@ -109,8 +109,7 @@ class ExpressionConstraint(Constraint):
         )
 
     def add_to(self, core: Compiler) -> None:
-        slots = {name: core.parameter(name, value) for name, value in self.compiled.parameters}
-        core.constraint(_coordinate(self.compiled, slots, core))
+        core.constraint(_scalar(self.compiled, core))
 
 
 @dataclass(frozen=True)
@@ -144,6 +143,9 @@ class ExpressionForce(Force):
     @cached_property
     def compiled(self) -> CompiledForce:
         """The force as the core takes it."""
+        symbols()  # or say that SymPy is needed
+        from leastaction.mechanics.expressions.compiled import compile_force
+
         return compile_force(self.expression, self.along, what=self.title)
 
     @property
@@ -176,6 +178,11 @@ class ExpressionForce(Force):
         coordinates = [_coordinate(part, slots, core) for part in force.coordinates]
         own = [slots[name] for name, _ in force.parameters]
         core.tape_force(coordinates, force.inputs, force.code.tape(), own)
+
+
+def _scalar(compiled: CompiledExpression, core: Compiler) -> int:
+    """Add the coordinate that an expression is, with its parameters."""
+    return _coordinate(compiled, {name: core.parameter(name, value) for name, value in compiled.parameters}, core)
 
 
 def _coordinate(compiled: CompiledExpression, slots: Mapping[str, int], core: Compiler) -> int:
