@@ -54,6 +54,7 @@ class IntegrationFailed(LeastActionError):
     """An integration that cannot go on; its message is the reason, and the `March` says how far it came."""
 
 
+@dataclass(eq=False, slots=True)
 class Interpolant:
     """The solution over one step, bent so that it ends where the projection put the step's end.
 
@@ -64,19 +65,11 @@ class Interpolant:
     ``change`` (n,): what is added, and the projection's change at the end; None for none.
     """
 
-    __slots__ = ("change", "end", "shift", "solution", "start")
-
-    def __init__(
-        self,
-        solution: Callable[[Any], Any],
-        start: float,
-        end: float,
-        shift: Array | None = None,
-        change: Array | None = None,
-    ) -> None:
-        self.solution = solution
-        self.start, self.end = start, end
-        self.shift, self.change = shift, change
+    solution: Callable[[Any], Any]
+    start: float
+    end: float
+    shift: Array | None = None
+    change: Array | None = None
 
     def __call__(self, t: Any) -> Array:
         """Return the solution (n,) at a time, or (n, m) at times (m,)."""

@@ -17,24 +17,7 @@ from leastaction.systems.rig import Played, Rig, play
 from leastaction.systems.warm_start import warm_start
 
 __all__ = [
-    "Ball",
-    "Box",
-    "Followed",
-    "HalfSpace",
-    "Keep",
-    "MechanismSystem",
-    "MidpointSystem",
-    "PlaceCost",
-    "Played",
-    "PulledSystem",
-    "Region",
-    "Rig",
-    "SmoothCost",
-    "by_tensions",
-    "check_derivatives",
-    "embed",
-    "follow",
-    "play",
-    "relax",
-    "warm_start",
-]
+    "Ball", "Box", "Followed", "HalfSpace", "Keep", "MechanismSystem", "MidpointSystem", "PlaceCost", "Played",
+    "PulledSystem", "Region", "Rig", "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "play",
+    "relax", "warm_start",
+]  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -147,6 +148,7 @@ def embed(
     return found
 
 
+@dataclass(eq=False)
 class _Helped:
     """The problems with help, and how far each stage has come.
 
@@ -154,18 +156,13 @@ class _Helped:
     ``how``: options of `optimize`.
     """
 
-    def __init__(
-        self,
-        system: MidpointSystem,
-        cost: Cost,
-        columns: NDArray[np.int64],
-        sizes: Array,
-        curve: tuple[Array, Array],
-        how: dict[str, Any],
-    ) -> None:
-        self.system, self.cost, self.columns, self.sizes = system, cost, columns, sizes
-        self.curve, self.how = curve, how
-        self.last: OptimizationResult | None = None  # from which the stage began
+    system: MidpointSystem
+    cost: Cost
+    columns: NDArray[np.int64]
+    sizes: Array
+    curve: tuple[Array, Array]
+    how: dict[str, Any]
+    last: OptimizationResult | None = None  # from which the stage began
 
     def effort(self, result: OptimizationResult) -> float:
         """Return the largest root mean square of any help."""

@@ -13,6 +13,8 @@ diverges as soon as the correction is longer than the radius of curvature. Where
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from leastaction.mechanics.configuration.null_space import (
@@ -36,6 +38,7 @@ _SHORTEST = 1e-5
 _QUIET = np.errstate(over="ignore", invalid="ignore")
 
 
+@dataclass(frozen=True, eq=False)
 class ConstraintProjection:
     """A least-change problem.
 
@@ -43,11 +46,10 @@ class ConstraintProjection:
     that may change. ``root`` (n_free,): square roots of their weights.
     """
 
-    def __init__(self, mechanism: Mechanism, start: Array, free: Indices, root: Array) -> None:
-        self.mechanism = mechanism
-        self.start = start
-        self.free = free
-        self.root = root
+    mechanism: Mechanism
+    start: Array
+    free: Indices
+    root: Array
 
     @_QUIET
     def solve(self, tolerance: float, max_iterations: int, attempts: int = 1) -> tuple[Array, int]:

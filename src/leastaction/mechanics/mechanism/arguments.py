@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,12 +15,15 @@ from leastaction.mechanics.elements import Element, Parts
 from leastaction.numerics.arrays import Array, as_array, shape_of
 
 
-class Compiled(Protocol):
-    """A `Mechanism`, as far as its queries ask it."""
+class Compiled(ABC):
+    """A `Mechanism`, as far as its queries ask it; each field is explained there."""
 
     core: _core.Mechanism
     tree: Tree
     parts: Mapping[str | None, Parts]
+    frames: tuple[str, ...]
+    dynamic: tuple[str, ...]
+    kinematic: tuple[str, ...]
     variables: tuple[str, ...]
     inputs: tuple[str, ...]
     constraints: tuple[str, ...]
@@ -29,8 +32,10 @@ class Compiled(Protocol):
     nq: int
     n_inputs: int
     nc: int
+    nx: int
 
     @property
+    @abstractmethod
     def elements(self) -> Mapping[str, Element]:
         """Its elements by name."""
 

@@ -14,10 +14,10 @@ from leastaction.errors import unknown
 from leastaction.mechanics.description.branch import Branch
 from leastaction.mechanics.description.flattening import flatten
 from leastaction.mechanics.description.masses import check_masses
-from leastaction.mechanics.description.tree import Ball, Tree
+from leastaction.mechanics.description.tree import Ball
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import queries
-from leastaction.mechanics.mechanism.arguments import batch
+from leastaction.mechanics.mechanism.arguments import Compiled, batch
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.parameters import (
@@ -36,7 +36,7 @@ from leastaction.numerics.arrays import Array, as_number, require_mapping
 
 
 @final
-class Mechanism:
+class Mechanism(Compiled):
     """A mechanism: a tree of frames with bodies, and the elements that act on it.
 
     The description is checked and compiled once; after that nothing in a mechanism changes, so threads
@@ -82,21 +82,6 @@ class Mechanism:
     _plan: Plan
     _slots: Mapping[str, int]
     _owners: Mapping[str, tuple[str, str]]
-    parts: Mapping[str | None, Parts]
-    core: _core.Mechanism
-    tree: Tree
-    frames: tuple[str, ...]
-    dynamic: tuple[str, ...]
-    kinematic: tuple[str, ...]
-    variables: tuple[str, ...]
-    inputs: tuple[str, ...]
-    constraints: tuple[str, ...]
-    nd: int
-    nrho: int
-    nq: int
-    n_inputs: int
-    nc: int
-    nx: int
 
     def __init__(
         self,

@@ -10,17 +10,6 @@ from leastaction.apps.marionette.tracking.run import track
 from leastaction.apps.marionette.tracking.weights import FORCED, GENTLE, TrackingWeights
 
 __all__ = [
-    "FORCED",
-    "GENTLE",
-    "Effort",
-    "PuppetLimits",
-    "TrackingCost",
-    "TrackingRun",
-    "TrackingSearch",
-    "TrackingWeights",
-    "load_run",
-    "load_unfinished",
-    "save_run",
-    "save_search",
-    "track",
-]
+    "FORCED", "GENTLE", "Effort", "PuppetLimits", "TrackingCost", "TrackingRun", "TrackingSearch", "TrackingWeights",
+    "load_run", "load_unfinished", "save_run", "save_search", "track",
+]  # fmt: skip
