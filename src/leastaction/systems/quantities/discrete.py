@@ -10,7 +10,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, names_of
-from leastaction.systems.quantities.strings import Strings
+from leastaction.systems.quantities.scaled import Scaled
 
 KINDS = ("input", "variable", "rate", "acceleration", "momentum", "multiplier", "tension", "state")
 
@@ -48,7 +48,7 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     if kind == "acceleration":
         return Accelerations(m, np.arange(m.nrho), dt)
     if kind == "tension":
-        return Tensions.of(m, dt)
+        return Tensions(m, Scaled.tensions(m, 1.0), dt)
     raise ArgumentError(f"quantity: got {kind!r}, expected one of {', '.join(map(repr, KINDS))}")
 
 
@@ -128,30 +128,19 @@ class Tensions(Quantity):
     """Tensions of strings over the steps that led to the states (N), as `Trajectory.tensions` tells them.
 
     ``lam_k (constant + slope (L_k - dt v_L)) / dt`` with the length ``L_k - dt v_L`` at the start of the step, where it
-    is a variable.
-
-    ``lam``, ``length``, ``rate`` (m,): places in the state; where no variable is the length, any with a slope of zero.
-    ``constant``, ``slope`` (m,). ``dt`` (N,).
+    is a variable. ``dt`` (N,).
     """
 
     of_state, first = True, 1
     kind, unit = "tension of", "N"
 
-    def __init__(
-        self, names: Sequence[str], lam: Instants, length: Instants, rate: Instants, constant: Array, slope: Array,
-        dt: Array,
-    ) -> None:  # fmt: skip
-        self.names, self.dt = tuple(names), dt
-        self._lam, self._length, self._rate, self._constant, self._slope = lam, length, rate, constant, slope
-        self._columns = np.unique(np.concatenate([lam, length, rate]))
-        self._at = [np.searchsorted(self._columns, each) for each in (lam, length, rate)]
-
-    @classmethod
-    def of(cls, mechanism: Mechanism, dt: Array) -> Tensions:
-        """Return those of all strings."""
-        m, strings = mechanism, Strings.of(mechanism, 1.0)
-        places = m.nx + strings.rows, strings.lengths, m.nq + strings.lengths
-        return cls(strings.names, *places, strings.constant, strings.slope, dt)
+    def __init__(self, mechanism: Mechanism, strings: Scaled, dt: Array) -> None:
+        self.mechanism, self.strings, self.dt = mechanism, strings, dt
+        self.names = strings.names
+        places = mechanism.nx + strings.rows, strings.places, mechanism.nq + strings.places
+        self._lam, self._length, self._rate = places
+        self._columns = np.unique(np.concatenate(places))
+        self._at = [np.searchsorted(self._columns, each) for each in places]
 
     def values(self, at: Samples) -> Array:
         return np.asarray(at.x[:, self._lam] * self._factor(at))
@@ -161,7 +150,8 @@ class Tensions(Quantity):
 
     def jacobian(self, at: Samples) -> Array:
         result = np.zeros((len(at.k), len(self.names), len(self._columns)))
-        by, rows, (lam, length, rate) = self._slope * at.x[:, self._lam], np.arange(len(self.names)), self._at
+        rows, (lam, length, rate) = np.arange(len(self.names)), self._at
+        by = self.strings.slope * at.x[:, self._lam]
         result[:, rows, lam] = self._factor(at)
         result[:, rows, length] += by / self._dt(at)
         result[:, rows, rate] -= by
@@ -169,9 +159,9 @@ class Tensions(Quantity):
 
     def curvature(self, at: Samples, y: Array) -> Array | None:
         """Return the second derivative, of products of a multiplier with a length and its rate."""
-        if not self._slope.any():
+        if not self.strings.slope.any():
             return None
-        pull, dt = y * self._slope, self._dt(at)
+        pull, dt = y * self.strings.slope, self._dt(at)
         result = np.zeros((len(at.k), len(self._columns), len(self._columns)))
         for j, (lam, length, rate) in enumerate(zip(*self._at, strict=True)):
             for place, slope in ((length, pull[:, j] / dt[:, 0]), (rate, -pull[:, j])):
@@ -180,20 +170,15 @@ class Tensions(Quantity):
         return result
 
     def joined(self, others: Sequence[Quantity]) -> Tensions:
-        parts = self.among(others)
-        each = [(part._lam, part._length, part._rate, part._constant, part._slope) for part in parts]
-        lam, length, rate, constant, slope = (np.concatenate(of_parts) for of_parts in zip(*each, strict=True))
-        return Tensions(names_of(parts), lam, length, rate, constant, slope, self.dt)
+        return Tensions(self.mechanism, Scaled.joined([part.strings for part in self.among(others)]), self.dt)
 
     def select(self, rows: Sequence[int]) -> Tensions:
-        i = list(rows)
-        names, places = [self.names[row] for row in rows], (self._lam[i], self._length[i], self._rate[i])
-        return Tensions(names, *places, self._constant[i], self._slope[i], self.dt)
+        return Tensions(self.mechanism, self.strings.select(rows), self.dt)
 
     def is_like(self, other: Quantity) -> bool:
         if not isinstance(other, Tensions):
             return False
-        own, others = (np.concatenate([each._constant, each._slope, each.dt]) for each in (self, other))
+        own, others = (np.concatenate([each.strings.constant, each.strings.slope, each.dt]) for each in (self, other))
         return np.array_equal(own, others)
 
     @property
@@ -208,5 +193,4 @@ class Tensions(Quantity):
 
     def _factor(self, at: Samples) -> Array:
         dt = self._dt(at)
-        length = at.x[:, self._length] - dt * at.x[:, self._rate]
-        return np.asarray((self._constant + self._slope * length) / dt)
+        return np.asarray(self.strings.factor(at.x[:, self._length] - dt * at.x[:, self._rate]) / dt)
