@@ -105,7 +105,7 @@ def embed(
     require_instance(system, "system", MidpointSystem)
     require_instance(cost, "cost", Cost)
     check_options(options, "the last stage, which starts from the one before")
-    m, N = system.integrator.mechanism, system.N
+    m, N = system.mechanism, system.N
     x, u = given_start(system, initial)
     limit = as_number(tolerance, "tolerance", above=0.0)
 

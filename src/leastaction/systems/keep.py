@@ -196,7 +196,7 @@ class Keep(Limit):
     def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return the rows for a `MidpointSystem`, or for the points of a `MechanismSystem`'s horizon."""
         if isinstance(system, MidpointSystem):
-            mechanism, t = system.integrator.mechanism, system.t
+            mechanism, t = system.mechanism, system.t
         elif isinstance(system, Points) and isinstance(system.system, MechanismSystem):
             mechanism, t = system.system.mechanism, system.t
         else:

@@ -18,6 +18,7 @@ from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
 from leastaction.numerics.frozen import changed, restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
@@ -65,12 +66,17 @@ class MidpointSystem(DiscreteSystem):
         self.first_share = 1.0
         self._pattern = step_pattern(m, multipliers=multipliers)
 
+    @property
+    def mechanism(self) -> Mechanism:
+        """What the integrator steps."""
+        return self.integrator.mechanism
+
     def when(self, k: int) -> str:
         return f"step {k} at t = {self.t[k]:.4g} s"
 
     def input_name(self, i: int) -> str:
         """Return the name of an input, or of the prescribed variable that stands behind the inputs."""
-        m = self.integrator.mechanism
+        m = self.mechanism
         return (*m.inputs, *m.variables[m.nd :])[i]
 
     def window(self, start: int, stop: int) -> DiscreteSystem:
@@ -86,7 +92,7 @@ class MidpointSystem(DiscreteSystem):
     def merged_inputs(self, u: Array, parts: int) -> Array:
         """Return the means of inputs, and what is prescribed for the ends of steps as it is there."""
         merged = super().merged_inputs(u, parts)
-        n = self.integrator.mechanism.n_inputs
+        n = self.mechanism.n_inputs
         merged[:, n:] = u[parts - 1 :: parts, n:]
         return merged
 
@@ -99,7 +105,7 @@ class MidpointSystem(DiscreteSystem):
         Those of the configuration are tangent to the constraints, and so are those of the momenta. The multipliers of
         an initial state mean nothing and stay. Left out, `free` is all variables, momenta, and rates of kinematic ones.
         """
-        m = self.integrator.mechanism
+        m = self.mechanism
         chosen = list(range(m.nx)) if free is None else [i for i in self.free_entries(free) if i < m.nx]
         variables = [i for i in chosen if i < m.nq]
         momenta = [i for i in chosen if m.nq <= i < m.nq + m.nd]
@@ -121,7 +127,7 @@ class MidpointSystem(DiscreteSystem):
 
     def idle_directions(self, x: Array) -> Array:
         """Return the momenta (nx, n) that constraints take up at once; at the end of a step they are what they are."""
-        m = self.integrator.mechanism
+        m = self.mechanism
         whole = np.zeros((self.nx, 0))
         if m.nc:
             Dh = m.constraint_jacobian(np.ascontiguousarray(x[: m.nq]))[:, : m.nd]
@@ -131,7 +137,7 @@ class MidpointSystem(DiscreteSystem):
         return whole
 
     def check_start(self, x: Array) -> None:
-        m = self.integrator.mechanism
+        m = self.mechanism
         if m.nc:
             try:
                 check_consistent(m, np.ascontiguousarray(x[: m.nq]), tolerance=_OFF)
@@ -142,7 +148,7 @@ class MidpointSystem(DiscreteSystem):
                 ) from None
 
     def moved_start(self, x: Array, dx: Array) -> Array:
-        m = self.integrator.mechanism
+        m = self.mechanism
         moved = x + dx
         if m.nc:
             q = np.ascontiguousarray(moved[: m.nq])
@@ -152,12 +158,12 @@ class MidpointSystem(DiscreteSystem):
 
     def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
         """Return the places of entries that are the same again in a periodic motion: not those of multipliers."""
-        return [i for i in self.free_entries(names, what) if i < self.integrator.mechanism.nx]
+        return [i for i in self.free_entries(names, what) if i < self.mechanism.nx]
 
     @property
     def parameters(self) -> Mapping[str, float]:
         """Those of the mechanism, and the final time (s)."""
-        return {**self.integrator.mechanism.parameters, FINAL_TIME: float(self.t[-1])}
+        return {**self.mechanism.parameters, FINAL_TIME: float(self.t[-1])}
 
     def with_parameters(self, values: Mapping[str, float]) -> Self:
         """Return the same system with other values of some parameters; its time steps grow with the final time.
@@ -194,7 +200,7 @@ class MidpointSystem(DiscreteSystem):
         return out
 
     def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array:
-        t, m = self.t[start : start + len(x)], self.integrator.mechanism
+        t, m = self.t[start : start + len(x)], self.mechanism
         vi, share = self.integrator, self._share(start)
         found = vi.core.curvature_by_time_step(t, self._bare(x), u, z, threads=vi.threads, first_share=share)
         growth = np.diff(t)[:, None] / (self.t[-1] - self.t[0])
@@ -207,7 +213,7 @@ class MidpointSystem(DiscreteSystem):
         self, x: Array, u: Array, z: Array, names: Sequence[str], start: int = 0
     ) -> Array | None:
         """Return second derivatives by numbers of elements; None where a name is another number, or the final time."""
-        vi, m = self.integrator, self.integrator.mechanism
+        vi, m = self.integrator, self.mechanism
         if FINAL_TIME in names or type(self).f is not MidpointSystem.f:
             return None
         slots = m.slots_of_elements(names)
@@ -231,7 +237,7 @@ class MidpointSystem(DiscreteSystem):
         ArgumentError
             Where it would have to, and is not free.
         """
-        m = self.integrator.mechanism
+        m = self.mechanism
         out = np.zeros((self.nx, len(names)))
         numbers = [name for name in names if name != FINAL_TIME]
         if m.nc and numbers:
@@ -253,10 +259,10 @@ class MidpointSystem(DiscreteSystem):
         return tuple(kind for kind in KINDS if self.multipliers or kind not in ("multiplier", "tension"))
 
     def quantity(self, kind: str) -> Quantity:
-        return quantity_of(self.integrator.mechanism, kind, self.t, multipliers=self.multipliers)
+        return quantity_of(self.mechanism, kind, self.t, multipliers=self.multipliers)
 
     def f(self, x: Array, u: Array, k: int) -> Array:
-        m = self.integrator.mechanism
+        m = self.mechanism
         full, x = x, np.ascontiguousarray(x[: m.nx])
         out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None, first_share=self._share(k))
         if out.steps < 1:
@@ -273,7 +279,7 @@ class MidpointSystem(DiscreteSystem):
         return np.asarray(self._step(x, u, k).curvature_all(z[None, :])[0])
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
-        m = self.integrator.mechanism
+        m = self.mechanism
         if self.multipliers and np.any(K[start:stop, :, m.nx :]):
             # The core feeds back no multipliers. Nothing depends on them, so no optimal gain is lost with
             # theirs; a gain that does have them takes the slow way.
@@ -311,7 +317,7 @@ class MidpointSystem(DiscreteSystem):
     def step_each(self, x: Array, u: Array) -> Rollout:
         if type(self).f is not MidpointSystem.f:
             return super().step_each(x, u)
-        m = self.integrator.mechanism
+        m = self.mechanism
         out = self.integrator.core.step_each(self.t, self._bare(x), u, self.integrator.threads, self.first_share)
         worst = quality_of(m, out, self.t)
         failure = None if out.steps == self.N else self._failure(out.status, worst, out.steps)
@@ -342,7 +348,7 @@ class MidpointSystem(DiscreteSystem):
         ``q`` (N+1, nq), ``p`` (N+1, nd). ``v_rho`` (nrho,): first rates of the prescribed variables, zero if not given;
         the others follow from q.
         """
-        m = self.integrator.mechanism
+        m = self.mechanism
         x = np.zeros((self.N + 1, self.nx))
         x[:, : m.nq], x[:, m.nq : m.nq + m.nd] = q, p
         if v_rho is not None:
@@ -382,7 +388,7 @@ class MidpointSystem(DiscreteSystem):
 
     def _bare(self, x: Array) -> Array:
         """Return states without multipliers."""
-        return np.ascontiguousarray(x[:, : self.integrator.mechanism.nx])
+        return np.ascontiguousarray(x[:, : self.mechanism.nx])
 
     def _states(self, x: Array, lam: Array, x0: Array) -> Array:
         """Return states of the core with their multipliers behind them, where they belong to the state."""

@@ -94,7 +94,7 @@ def relax(
     Dissertation 6.6.1: internal constraints that are relaxed to a penalty, with an adaptive one.
     """
     _check(system, cost, options)
-    m = system.integrator.mechanism
+    m = system.mechanism
     names = _chosen(m, constraints)
     least, most = _range(stiffness)
     limit = as_number(tolerance, "tolerance", above=0.0)
@@ -184,7 +184,7 @@ def by_tensions(
     _check(system, cost, options)
     if type(cost) is not QuadraticCost:
         raise ArgumentError(f"cost: got {type(cost).__name__}, expected a QuadraticCost: lengths are left out of it")
-    whole = system.integrator.mechanism
+    whole = system.mechanism
     strings = _strings(whole)
     m = whole.with_exchanged({name: [force] for name, force in strings.items()})
     late = [name for name in m.inputs if name not in whole.inputs]

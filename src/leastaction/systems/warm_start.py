@@ -68,7 +68,7 @@ def warm_start(
     """
     for what, system in (("from_system", from_system), ("to_system", to_system)):
         require_instance(system, what, MidpointSystem)
-    old, new = from_system.integrator.mechanism, to_system.integrator.mechanism
+    old, new = from_system.mechanism, to_system.mechanism
     x, u = _arrays(found, from_system)
     names = _names(old, rename)
     variables = [names.get(name, name) for name in old.variables]

@@ -20,7 +20,7 @@ class CostOfConfigurations(AddedCost):
 
     def __init__(self, cost: Cost, what: str, system: MidpointSystem) -> None:
         super().__init__(cost, what, (system.N, system.nx, system.nu))
-        self._nq = system.integrator.mechanism.nq
+        self._nq = system.mechanism.nq
 
     @abstractmethod
     def _prices(self, q: Array, start: int) -> Array:

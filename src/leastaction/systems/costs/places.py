@@ -40,7 +40,7 @@ class PlaceCost(CostOfConfigurations):
     def __init__(
         self, cost: Cost, system: MidpointSystem, places: Mapping[str, ArrayLike], weights: Mapping[str, float]
     ) -> None:
-        m, N = system.integrator.mechanism, system.N
+        m, N = system.mechanism, system.N
         for name in weights:
             if name not in places:
                 known = closest(name, list(places), what="names of places")
@@ -68,7 +68,7 @@ class PlaceCost(CostOfConfigurations):
 
     @property
     def _points(self) -> MovedPoints:
-        return MovedPoints.of(self.system.integrator.mechanism, self._frames)
+        return MovedPoints.of(self.system.mechanism, self._frames)
 
     def _prices(self, q: Array, start: int) -> Array:
         rows = slice(start, start + len(q))

@@ -123,7 +123,7 @@ class SmoothCost(CostOfAccelerations):
 
     def __init__(self, cost: Cost, system: MidpointSystem, accelerations: Mapping[str, float]) -> None:
         require_mapping(accelerations, "accelerations", "{'string-*': 1e-3}")
-        m = system.integrator.mechanism
+        m = system.mechanism
         weights = np.zeros(m.nrho)
         for pattern, value in accelerations.items():
             found = matching(m.kinematic, pattern)

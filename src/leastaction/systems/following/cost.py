@@ -31,7 +31,7 @@ def following_cost(
     ArgumentError
         Unknown names, negative weights, an input without one.
     """
-    m = system.integrator.mechanism
+    m = system.mechanism
     # Where frames are wanted, so is the pose that reaches them, a little: what they leave open is not left to wander.
     reached = any(values.ndim == 2 for values in wanted.values())
     value = {name: _PLACE if name in m.kinematic else _POSE * reached for name in m.variables}

@@ -36,7 +36,7 @@ def through(t: Array, values: Array) -> Array:
 
 def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: State | None) -> tuple[Array, Array]:
     """Return states and inputs of the wanted motion, brought onto the constraints, without inputs."""
-    m, t = system.integrator.mechanism, system.t
+    m, t = system.mechanism, system.t
     q = np.zeros((len(t), m.nq)) if start is None else np.tile(start.q, (len(t), 1))
     known = np.zeros(m.nq, dtype=np.bool_)
     places = {}
@@ -64,7 +64,7 @@ def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: Sta
 
 def held_still(system: MidpointSystem, x: Array) -> tuple[Array, Array]:
     """Return the motion that stays where a curve begins, with the inputs that hold it there as nearly as they can."""
-    m, still = system.integrator.mechanism, np.zeros_like(x)
+    m, still = system.mechanism, np.zeros_like(x)
     still[:, : m.nq] = x[0, : m.nq]
     still[0] = x[0]
     u = np.hstack([np.zeros((system.N, m.n_inputs)), still[1:, m.nd : m.nq]])
@@ -73,7 +73,7 @@ def held_still(system: MidpointSystem, x: Array) -> tuple[Array, Array]:
 
 def with_inputs(system: MidpointSystem, x: Array, u: Array) -> Array:
     """Return inputs with those that make a motion as nearly as inputs can, by inverse dynamics between the instants."""
-    m, dt = system.integrator.mechanism, np.diff(system.t)[:, None]
+    m, dt = system.mechanism, np.diff(system.t)[:, None]
     q = x[:, : m.nq]
     v = np.gradient(q, system.t, axis=0)
     middle, speed, change = 0.5 * (q[1:] + q[:-1]), np.diff(q, axis=0) / dt, np.diff(v, axis=0) / dt

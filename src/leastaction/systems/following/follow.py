@@ -91,7 +91,7 @@ class Followed(Frozen):
     @property
     def errors(self) -> dict[str, float]:
         """Root mean square distance from what was wanted, where anything was, by name (rad or m)."""
-        m = self.system.integrator.mechanism
+        m = self.system.mechanism
         q = np.ascontiguousarray(self.result.x[:, : m.nq])
         found = {}
         for name, goal in self.wanted.items():

@@ -184,7 +184,7 @@ class Tracker:
             cost,
             initial=self.start,
             resume=self.earlier,
-            limits=self.limits.of(system.integrator.mechanism, problem.pelvis, self.kinds),
+            limits=self.limits.of(system.mechanism, problem.pelvis, self.kinds),
             free_start=plan.free_start if plan else False,
             shooting="single",
             method=self.method,
