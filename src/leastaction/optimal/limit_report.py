@@ -12,6 +12,7 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 
+_NAMED = 3  # limits in a sentence at the most, the worst ones
 _LITTLE = 1e-3  # of the dearest violation, below which another is not worth a word
 
 
@@ -137,7 +138,7 @@ class LimitReport:
                 lines.append(f"{label:{width}s}  {share:>14s}  {dual:12.4g}  {room:10.2g}")
         return "\n".join(lines)
 
-    def violated(self, when: Callable[[int], str], most: int = 3) -> str:
+    def violated(self, when: Callable[[int], str]) -> str:
         """Return which limits are violated, by how much and where, the dearest first; not what hardly matters."""
         found = _Worst()
         for side, j, i, value in self._worst():
@@ -145,9 +146,9 @@ class LimitReport:
                 return f"{side.labels[j]!r} is no number at {when(int(side.k[i]))}"
             if value < 0.0:
                 found.add(side, j, -side.price[j] * value, f" by {-value:.3g} at {when(int(side.k[i]))}")
-        return found.text(most, least=_LITTLE)
+        return found.text(least=_LITTLE)
 
-    def contradiction(self, when: Callable[[int], str], most: int = 3) -> str:
+    def contradiction(self, when: Callable[[int], str]) -> str:
         """Return which limits are not met and where, and which ones stand against them."""
         broken, against, met = _Worst(), _Worst(), _Worst()
         worst = [(side, j, i, -side.price[j] * value) for side, j, i, value in self._worst()]
@@ -161,8 +162,8 @@ class LimitReport:
                 i = int(np.argmax(np.abs(side.dual[:, j])))
                 text = f" (most at {when(int(side.k[i]))})"
                 (met if side.broken(j) else against).add(side, j, abs(float(side.dual[i, j])), text)
-        stands = against.text(most) or met.text(most)
-        return f"Not met: {broken.text(most)}." + (f" Against that stand {stands}." if stands else "")
+        stands = against.text() or met.text()
+        return f"Not met: {broken.text()}." + (f" Against that stand {stands}." if stands else "")
 
     def _worst(self) -> Iterator[tuple[LimitState, int, int, float]]:
         """Yield each side, its columns, where each has the least room, and how much that is."""
@@ -183,7 +184,7 @@ class _Worst:
         said = max(float(price), 0.0), f"{label!r}{text}"
         self.found[label] = max(self.found.get(label, said), said)
 
-    def text(self, most: int, least: float = 0.0) -> str:
-        """Return the dearest, no more than so many, but those of less than a part of the dearest's price."""
-        worst = sorted(self.found.values(), reverse=True)[:most]
+    def text(self, least: float = 0.0) -> str:
+        """Return the dearest but those of less than a part of the dearest's price."""
+        worst = sorted(self.found.values(), reverse=True)[:_NAMED]
         return ", ".join(text for price, text in worst if price >= least * worst[0][0])

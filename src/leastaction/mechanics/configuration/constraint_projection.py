@@ -34,6 +34,8 @@ _BLOCKED = 1e-4
 _FORGETFUL, _PERIOD = 40, 50
 # Steps along the search direction that are shorter are left for plain restoration.
 _SHORTEST = 1e-5
+# Steps of the search for where the constraints are violated least.
+_MOST_STEPS = 200
 # Of numbers near the largest double squares overflow; a point where they do is no better than the last.
 _QUIET = np.errstate(over="ignore", invalid="ignore")
 
@@ -202,14 +204,14 @@ class ConstraintProjection:
         return s
 
     @_QUIET
-    def least_residual(self, q: Array, max_iterations: int = 200) -> tuple[Array, Array]:
+    def least_residual(self, q: Array) -> tuple[Array, Array]:
         """Return the point near q where the constraints are violated least, and which of them block there.
 
         Minimises ``sum_i (h_i / scale_i)^2`` by Levenberg's and Marquardt's method. Where that sum is least and
         not zero, the residuals are a combination in the left null space of the Jacobian: the equations with a
         part in it pull against each other.
 
-        ``q`` (nq,): where to start. ``max_iterations``: bound on the steps. Returns ``q`` (nq,): the point that was
+        ``q`` (nq,): where to start. Returns ``q`` (nq,): the point that was
         reached; ``parts`` (nc,): part of the residual of each equation, relative to its scale, that no small motion
         lessens; zero where q is no such point.
         """
@@ -222,7 +224,7 @@ class ConstraintProjection:
 
         h, jacobian = scaled(s)
         damping, eye = 1e-3, np.eye(len(s))
-        for _ in range(max_iterations):
+        for _ in range(_MOST_STEPS):
             slope, normal = jacobian.T @ h, jacobian.T @ jacobian
             if not all_finite(h, jacobian) or np.linalg.norm(slope) <= 1e-14 * np.linalg.norm(h):
                 break
