@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copyreg
 import difflib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 
@@ -197,9 +197,7 @@ def closest(name: object, known: Iterable[str], *, what: str) -> str:
         return f"did you mean {' or '.join(repr(match) for match in near)}?"
     if not names:
         return f"the mechanism has no {what}"
-    shown = ", ".join(repr(known_name) for known_name in names[:12])
-    rest = f" and {len(names) - 12} more" if len(names) > 12 else ""
-    return f"the {what} are {shown}{rest}"
+    return f"the {what} are {some([repr(known_name) for known_name in names])}"
 
 
 def unknown(kind: str, name: object, known: Iterable[str], what: str = "") -> ArgumentError:
@@ -210,6 +208,12 @@ def unknown(kind: str, name: object, known: Iterable[str], what: str = "") -> Ar
     """
     given = f"{what}: " if what else ""
     return ArgumentError(f"{given}unknown {kind} {name!r}; {closest(name, known, what=f'{kind}s')}")
+
+
+def some(names: Sequence[str], most: int = 12) -> str:
+    """Return names in one line, the first of them and how many more there are if there are many."""
+    rest = len(names) - most
+    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def brief(value: object) -> str:

@@ -29,7 +29,7 @@ _BONES = ("metacarpal", "proximal", "middle", "distal")
 _LENGTHS = (0.065, 0.042, 0.026, 0.02)
 _MASSES = (0.03, 0.02, 0.01, 0.006)
 _SCALES = {"thumb": 0.8, "index": 1.0, "middle": 1.08, "ring": 1.0, "little": 0.82}
-_RADIUS = 0.008  # of a bone with its flesh, where tendons run
+RADIUS = 0.008  # of a bone with its flesh, where tendons run
 
 
 def broad_hand(*, tendons: bool = True) -> Mechanism:
@@ -70,6 +70,12 @@ def broad_hand(*, tendons: bool = True) -> Mechanism:
     return Mechanism(description, elements)
 
 
+def bone_body(length: float, mass: float) -> dict[str, Any]:
+    """Return the body of a bone along x, a cylinder with its flesh, as the options of a frame at its start."""
+    across = mass * (length**2 / 12.0 + RADIUS**2 / 4.0)
+    return {"mass": mass, "com": (length / 2.0, 0.0, 0.0), "inertia": [0.5 * mass * RADIUS**2, across, across]}
+
+
 def _passed(tendon: str) -> tuple[str, ...]:
     """The bones that a tendon runs over, the last of which it is fixed to."""
     reach = {"deep": 4, "superficial": 3, "extensor": 4, "radial": 2, "ulnar": 2}
@@ -81,17 +87,12 @@ def _finger(finger: str) -> list[Any]:
     bones: list[Any] = []
     for bone, length, mass in reversed(list(zip(_BONES, _LENGTHS, _MASSES, strict=True))):
         long, heavy = scale * length, scale**3 * mass
-        body: dict[str, Any] = {
-            "mass": heavy,
-            "com": (long / 2.0, 0.0, 0.0),
-            "inertia": [0.5 * heavy * _RADIUS**2, *2 * [heavy * (long**2 / 12.0 + _RADIUS**2 / 4.0)]],
-        }
         end = tx(long, name=f"{finger}.{bone}.end")
         inside = [*_tendon_points(finger, bone, 0.6 * long), end, bones] if bones else [
             *_tendon_points(finger, bone, 0.6 * long), end
         ]  # fmt: skip
         joint = {"metacarpal": "cmc", "proximal": "mcp", "middle": "pip", "distal": "dip"}[bone]
-        frame = ry(f"{finger}.{joint}", name=f"{finger}.{bone}", **body)
+        frame = ry(f"{finger}.{joint}", name=f"{finger}.{bone}", **bone_body(long, heavy))
         bones = [frame, inside]
         if bone == "proximal":
             bones = [rz(f"{finger}.mcp.side", name=f"{finger}.knuckle"), bones]
@@ -99,7 +100,7 @@ def _finger(finger: str) -> list[Any]:
 
 
 def _tendon_points(finger: str, bone: str, x: float) -> list[Any]:
-    r = _RADIUS
+    r = RADIUS
     at = {
         "deep": (x, 0.0, -r),
         "superficial": (x, 0.25 * r, -1.2 * r),

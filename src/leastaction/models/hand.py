@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, exp, sin
+from math import exp
 from typing import Any, Literal
 
 import numpy as np
@@ -24,7 +24,8 @@ from leastaction.mechanics import (
     rz,
     tx,
 )
-from leastaction.models.broad_hand import FINGERS, JOINTS, TENDONS, broad_hand
+from leastaction.mechanics.description.poses import constant_matrix
+from leastaction.models.broad_hand import FINGERS, JOINTS, TENDONS, bone_body, broad_hand
 from leastaction.numerics.arrays import Array
 
 __all__ = ["BONES", "FINGERS", "JOINTS", "TENDONS", "TRAVEL", "hand", "posture", "tendon_frames", "tendon_lengths"]
@@ -56,7 +57,6 @@ _THUMB = (
     _Bone("metacarpal", "cmc", 0.045, 0.03), _Bone("proximal", "mcp", 0.034, 0.02), _Bone("distal", "ip", 0.026, 0.01)
 )  # fmt: skip
 _SCALES = {"thumb": 0.9, "index": 1.0, "middle": 1.08, "ring": 1.0, "little": 0.82}
-_RADIUS = 0.008  # of a bone with its flesh
 _KNUCKLES = {"index": (0.068, 0.024), "middle": (0.07, 0.003), "ring": (0.064, -0.018), "little": (0.057, -0.036)}
 _WRIST = 0.4  # of a knuckle's place sidewards is its tendons' place at the wrist
 _SADDLE = (0.018, 0.026, -0.008)  # of the thumb's joint at the wrist
@@ -201,7 +201,7 @@ def _long_finger(finger: str) -> list[Any]:
 
 def _thumb() -> list[Any]:
     a, b, c = _THUMB_TURN
-    turn = _rotation(2, c) @ _rotation(1, b) @ _rotation(0, a)
+    turn = (constant_matrix("rz", c) @ constant_matrix("ry", b) @ constant_matrix("rx", a))[:3, :3]
     starts = [
         pose(translation=(_THUMB_START, side, -levers[0]), name=f"thumb.wrist.{tendon}")
         for tendon, (levers, side) in _THUMB_LEVERS.items()
@@ -209,15 +209,6 @@ def _thumb() -> list[Any]:
     saddle = rz("thumb.cmc.side", name="thumb.saddle")
     place = pose(rotation=turn, translation=_SADDLE, name="thumb.wrist")
     return [place, [*starts, saddle, _bones("thumb", _THUMB, _THUMB_LEVERS)]]
-
-
-def _rotation(axis: int, angle: float) -> Array:
-    """Return the rotation about a coordinate axis."""
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    R = np.eye(3)
-    R[i, i] = R[j, j] = cos(angle)
-    R[j, i], R[i, j] = sin(angle), -sin(angle)
-    return R
 
 
 def _bones(finger: str, bones: Sequence[_Bone], routes: _Routes) -> list[Any]:
@@ -228,18 +219,13 @@ def _bones(finger: str, bones: Sequence[_Bone], routes: _Routes) -> list[Any]:
         bone = bones[k]
         length, mass = scale * bone.length, scale**3 * bone.mass
         joint = f"{finger}.{bone.joint}"
-        body: dict[str, Any] = {
-            "mass": mass,
-            "com": (length / 2.0, 0.0, 0.0),
-            "inertia": [0.5 * mass * _RADIUS**2, *2 * [mass * (length**2 / 12.0 + _RADIUS**2 / 4.0)]],
-        }
         before, over, after = _pulleys(joint, k, scale, routes)
         end: list[Any] = [tx(length, name=f"{finger}.{bone.name}.end"), *([beyond] if beyond else [])]
         # The thumb's saddle has its tendons' starts behind it, near enough.
         beyond = [
             *(before if k or finger != "thumb" else []),
             ry({joint: 0.5}, name=f"{joint}.hood"), over,
-            ry(joint, name=f"{finger}.{bone.name}", **body), [*after, *end],
+            ry(joint, name=f"{finger}.{bone.name}", **bone_body(length, mass)), [*after, *end],
         ]  # fmt: skip
     return beyond
 

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from leastaction.apps.marionette.retargeting.skeleton import LIMBS, limb_variables
 from leastaction.apps.marionette.tracking.found import TrackingRun
 from leastaction.apps.marionette.tracking.problem import ROOT
 from leastaction.mechanics import Mechanism
@@ -16,20 +17,11 @@ from leastaction.models.marionette import PuppetString, bars_of, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.viz.scene import Bone, Cord, Scene, mechanism_scene
 
-
-def _limb(side: str, name: str, hinge: str) -> tuple[str, ...]:
-    """Names of a limb's four variables."""
-    return (*(f"{side}{name}_{axis}" for axis in ("rz", "ry", "rx")), f"{side}{hinge}_rx")
-
-
 GROUPS: Final[Mapping[str, Sequence[str]]] = MappingProxyType(
     {
         "Torso, position": ROOT,
         "Torso, rotation": ("torso_rz", "torso_ry", "torso_rx"),
-        "Left leg": _limb("l", "hip", "knee"),
-        "Right leg": _limb("r", "hip", "knee"),
-        "Left arm": _limb("l", "shoulder", "elbow"),
-        "Right arm": _limb("r", "shoulder", "elbow"),
+        **{f"{side} {limb}".capitalize(): limb_variables(side, limb) for side, limb in LIMBS},
     }
 )
 """The puppet's variables by part of the body: the rows of a tracking plot."""

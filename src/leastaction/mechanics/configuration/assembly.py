@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, InconsistentStartError, worst_first
+from leastaction.errors import ArgumentError, InconsistentStartError, some, worst_first
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
 from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
 from leastaction.mechanics.configuration.null_space import Indices, free_variables, restoring, row_scales
@@ -260,8 +260,7 @@ def _worst(residuals: Mapping[str, float], limits: Array) -> str:
         if not (np.isfinite(value) and abs(value) <= limit)
     ]
     over.sort(key=lambda item: -abs(item[1]))
-    shown = ", ".join(f"{name!r} is off by {value:.3g}" for name, value in over[:6])
-    return shown + (f" and {len(over) - 6} more" if len(over) > 6 else "")
+    return some([f"{name!r} is off by {value:.3g}" for name, value in over], 6)
 
 
 def _weights(mechanism: Mechanism, weights: Mapping[str, float] | ArrayLike | None) -> Array:

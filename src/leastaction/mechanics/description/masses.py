@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction import _core
-from leastaction.errors import DescriptionError
+from leastaction.errors import DescriptionError, some
 from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.description.tree import WORLD, Tree
 from leastaction.numerics.arrays import Array
@@ -137,4 +137,4 @@ def _frames(tree: Tree, variables: Sequence[str]) -> str:
     moved = [
         repr(tree.frames[joint.frame].name) for joint in tree.joints if not set(variables).isdisjoint(joint.variables)
     ]
-    return ", ".join(moved[:8]) + (f" and {len(moved) - 8} more" if len(moved) > 8 else "")
+    return some(moved, 8)

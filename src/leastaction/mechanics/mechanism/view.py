@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import islice, pairwise
 from typing import Any
 
+from leastaction.errors import some
 from leastaction.mechanics.description.frames import Frame, Group
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.mechanism.compilation import Plan
@@ -83,12 +84,6 @@ def shared_variables(tree: Tree) -> dict[str, tuple[str, ...]]:
         for name in joint.variables:
             moved.setdefault(name, []).append(tree.frames[joint.frame].name)
     return {name: tuple(frames) for name, frames in moved.items() if len(frames) > 1}
-
-
-def some(names: Sequence[str], most: int = 12) -> str:
-    """Return names in one line, the first of them if there are many."""
-    rest = len(names) - most
-    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def element_lines(plan: Plan) -> list[tuple[str, str, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
+from leastaction.errors import some
 from leastaction.mechanics.mechanism.compilation import Plan
 from leastaction.mechanics.mechanism.view import (
     MOST_NAMES,
@@ -11,7 +12,6 @@ from leastaction.mechanics.mechanism.view import (
     element_lines,
     name_lines,
     shared_variables,
-    some,
     tree_rows,
 )
 

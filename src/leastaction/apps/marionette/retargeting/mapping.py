@@ -103,11 +103,8 @@ def map_joints(capture: Capture, names: JointNames | None = None) -> dict[str, i
         file, and what to write into a mapping file.
     """
     given = {role: each for role, each in (names or {}).items() if role in ROLES}
-    prefixes: tuple[str, ...] = tuple(_default_table()["prefixes"])
     exact = {name: index for index, name in enumerate(capture.names)}
-    plain: dict[str, int] = {}
-    for index, name in enumerate(capture.names):
-        plain.setdefault(_plain(name, prefixes), index)
+    plain = _plain_names(capture)
     found: dict[str, int] = {}
     missing: dict[str, tuple[str, ...]] = {}
     for role, candidates in {**default_names(), **given}.items():
@@ -130,12 +127,8 @@ def map_joints(capture: Capture, names: JointNames | None = None) -> dict[str, i
 
 def more_joints(capture: Capture, names: JointNames | None = None) -> dict[str, int]:
     """Return the joints of a capture for `MORE_ROLES`, as far as it has them; ``names`` as of `map_joints`."""
-    table = _default_table()
-    prefixes: tuple[str, ...] = tuple(table["prefixes"])
-    plain: dict[str, int] = {}
-    for index, name in enumerate(capture.names):
-        plain.setdefault(_plain(name, prefixes), index)
-    candidates = {**_checked_names(table["more"], "the built-in joint names"), **(names or {})}
+    plain = _plain_names(capture)
+    candidates = {**_checked_names(_default_table()["more"], "the built-in joint names"), **(names or {})}
     found = {
         role: next((plain[key] for name in candidates[role] if (key := _plain(name, ())) in plain), None)
         for role in MORE_ROLES
@@ -229,6 +222,15 @@ def _plain(name: str, prefixes: tuple[str, ...]) -> str:
     for prefix in prefixes:
         if plain.startswith(prefix) and len(plain) > len(prefix):
             return plain[len(prefix) :]
+    return plain
+
+
+def _plain_names(capture: Capture) -> dict[str, int]:
+    """Return the joints of a capture by their plain names; of several of one name the first."""
+    prefixes = tuple(_default_table()["prefixes"])
+    plain: dict[str, int] = {}
+    for index, name in enumerate(capture.names):
+        plain.setdefault(_plain(name, prefixes), index)
     return plain
 
 

@@ -149,8 +149,7 @@ def retarget(
     first = _calibration_frames(positions, found)
     points = {role: positions[first:, index] for role, index in found.items()}
     frames = {role: rotations[first:, index] for role, index in found.items()}
-    points["pelvis"] = 0.5 * (points["left_hip"] + points["right_hip"])
-    points["spine_top"] = 0.5 * (points["left_shoulder"] + points["right_shoulder"])
+    _add_middles(points)
     _check_bones(capture, found, points, first)
 
     up = up or up_axis(points, _at_rest(capture, found))
@@ -247,9 +246,14 @@ def _at_rest(capture: Capture, found: Mapping[str, int]) -> dict[str, Array]:
     for joint in capture.joints:
         places.append(np.array(joint.offset) + (places[joint.parent] if joint.parent >= 0 else 0.0))
     points = {role: places[index][None, :] for role, index in found.items()}
+    _add_middles(points)
+    return points
+
+
+def _add_middles(points: dict[str, Array]) -> None:
+    """Add what is between the hips, and between the shoulders."""
     points["pelvis"] = 0.5 * (points["left_hip"] + points["right_hip"])
     points["spine_top"] = 0.5 * (points["left_shoulder"] + points["right_shoulder"])
-    return points
 
 
 def _root(pelvis: Array, *, in_place: bool) -> Array:

@@ -13,7 +13,9 @@ from typing import Literal
 
 import numpy as np
 
+from leastaction.apps.marionette.retargeting.geometry import rotation_zyx
 from leastaction.io.motion.capture import axis_rotation
+from leastaction.models.marionette import FOREARM, HIP_WIDTH, SHOULDER_WIDTH, SPINE
 from leastaction.numerics.arrays import Array
 
 VARIABLES: tuple[str, ...] = (
@@ -44,13 +46,13 @@ class Proportions:
     The defaults are the marionette's of the dissertation (section 5.3).
     """
 
-    hip: float = 0.1
+    hip: float = HIP_WIDTH
     thigh: float = 0.4
     shin: float = 0.4
-    shoulder: float = 0.158
-    spine: float = 0.4913
+    shoulder: float = SHOULDER_WIDTH
+    spine: float = SPINE
     upper_arm: float = 0.25
-    forearm: float = 0.2577
+    forearm: float = FOREARM
 
     @property
     def leg(self) -> float:
@@ -96,16 +98,12 @@ def puppet_points(q: Array, *, proportions: Proportions | None = None) -> dict[s
     q = np.asarray(q, dtype=np.float64)
     column = {name: q[:, index] for index, name in enumerate(VARIABLES)}
 
-    def turn(names: tuple[str, ...]) -> Array:
-        z, y, x = names
-        return axis_rotation(2, column[z]) @ axis_rotation(1, column[y]) @ axis_rotation(0, column[x])
-
     pelvis = q[:, :3]
-    torso = turn(("torso_rz", "torso_ry", "torso_rx"))
+    torso = rotation_zyx(q[:, 3:6])
     points = {"pelvis": pelvis, "spine_top": pelvis + sizes.spine * torso[:, :, 2]}
     for side, limb in LIMBS:
-        rz, ry, rx, hinge = limb_variables(side, limb)
-        upper = torso @ turn((rz, ry, rx))
+        *turns, hinge = limb_variables(side, limb)
+        upper = torso @ rotation_zyx(np.stack([column[name] for name in turns], axis=1))
         lower = upper @ axis_rotation(0, column[hinge])
         first, second = sizes.bones(limb)
         names = [f"{side}_{name}" for name in CHAINS[limb]]

@@ -7,6 +7,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from leastaction.errors import some
 from leastaction.io.motion.acclaim.skeleton import TURNS, Bone
 from leastaction.io.motion.text import MotionText, is_missing, number_of, shown
 from leastaction.numerics.arrays import Array
@@ -111,6 +112,5 @@ class _Reader(MotionText):
         if len(seen) == len(self.columns):
             return
         lost = [name for name in self.columns if name not in seen]
-        more = f" and {len(lost) - 3} more" if len(lost) > 3 else ""
         at_end = " (truncated?)" if self.line >= len(self.lines) else ""
-        self.fail(f"frame {frame} ends without {', '.join(lost[:3])}{more}{at_end}", "values of every bone that turns")
+        self.fail(f"frame {frame} ends without {some(lost, 3)}{at_end}", "values of every bone that turns")
