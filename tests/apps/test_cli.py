@@ -12,26 +12,11 @@ import numpy as np
 import pytest
 
 from leastaction import __version__
-from leastaction.apps.cli import main
 from leastaction.apps.cli.report import TRAJECTORY, write_report
 from leastaction.apps.marionette import TrackingRun, load_run, save_run, track, walk_in_place
 from leastaction.models.marionette import STRINGS, hang_strings, marionette
 
 Output = tuple[int, str, str]
-
-
-@pytest.fixture
-def leastaction(capsys: pytest.CaptureFixture[str]):
-    """Run the command line in this process: its exit code, output and error output."""
-
-    def run(*words: object) -> Output:
-        with pytest.raises(SystemExit) as ended:
-            main([str(word) for word in words])
-        captured = capsys.readouterr()
-        assert isinstance(ended.value.code, int)
-        return ended.value.code, captured.out, captured.err
-
-    return run
 
 
 @pytest.fixture(scope="module")

@@ -11,27 +11,12 @@ import numpy as np
 import pytest
 
 from apps.puppet_bvh import write_puppet
-from leastaction.apps.cli import main
 from leastaction.apps.marionette import load_run, walk_in_place
 from leastaction.mechanics import MidpointVI
 from leastaction.models.marionette import marionette
 from leastaction.optimal import IterationRecord, IterationTable, Status
 
 Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def leastaction(capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run the command line in this process: its exit code, output and error output."""
-
-    def run(*words: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as ended:
-            main([str(word) for word in words])
-        captured = capsys.readouterr()
-        assert isinstance(ended.value.code, int)
-        return ended.value.code, captured.out, captured.err
-
-    return run
 
 
 def test_demo_leaves_a_whole_folder(leastaction: Run, tmp_path: Path) -> None:

@@ -44,6 +44,31 @@ def _stack(nested, shape, n):
     return out
 
 
+def is_trajectory(system, x, u):
+    """Compare every state with the step that leads to it."""
+    return all(np.allclose(system.f(x[k], u[k], k), x[k + 1], rtol=1e-9, atol=1e-9) for k in range(len(u)))
+
+
+def crane():
+    """Return a cart with a double pendulum whose tip hangs on a string that is reeled, and a configuration of it."""
+    mechanism = la.Mechanism(
+        [
+            la.tx("cart", mass=2.0), [la.rx("a"), [la.tz(-1.0, mass=1.0, inertia=(0.1, 0.2, 0.3)), [
+                la.rz("twist"), [la.rx("b"), [la.tz(-0.7, name="tip", mass=0.5, inertia=(0.1, 0.1, 0.05))]],
+            ]]],
+            la.tz(1.0), [la.tx("winch", name="winch", kinematic=True)],
+        ],
+        [
+            la.Gravity(),
+            la.Damping(0.1),
+            la.JointForce("cart", "push"),
+            la.Distance("tip", "winch", "length", name="string"),
+        ],
+    )  # fmt: skip
+    near = mechanism.configuration({"a": 0.3, "b": -0.4, "twist": 0.2, "length": 2.4})
+    return mechanism, la.project_configuration(mechanism, near).q
+
+
 class CartPendulum(DiscreteSystem):
     """A cart with a pendulum hanging at angle 0; x = [position, angle, their rates], u = [force]."""
 

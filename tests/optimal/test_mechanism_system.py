@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from leastaction import (
-    Damping,
     Distance,
     Gravity,
     JointForce,
@@ -20,8 +19,6 @@ from leastaction import (
     optimize,
     project_configuration,
     rx,
-    rz,
-    tx,
     ty,
     tz,
 )
@@ -30,27 +27,14 @@ from leastaction.optimal import check_derivatives
 from leastaction.optimal.discrete.descent import escape
 from leastaction.optimal.discrete.linear_quadratic import Workspace, unpacked
 from leastaction.optimal.discrete.model_hessian import ModelHessian
+from optimal.systems import crane
 
 Motion = tuple[MidpointSystem, np.ndarray, np.ndarray]
 
 
-def crane(split: str = "symmetric") -> Motion:
-    """Return a cart with a double pendulum whose tip hangs on a string that is reeled, and a motion of it."""
-    mechanism = Mechanism(
-        [
-            tx("cart", mass=2.0), [rx("a"), [tz(-1.0, mass=1.0, inertia=(0.1, 0.2, 0.3)), [
-                rz("twist"), [rx("b"), [tz(-0.7, name="tip", mass=0.5, inertia=(0.1, 0.1, 0.05))]],
-            ]]],
-            tz(1.0), [tx("winch", name="winch", kinematic=True)],
-        ],
-        [
-            Gravity(),
-            Damping(0.1),
-            JointForce("cart", "push"),
-            Distance("tip", "winch", "length", name="string"),
-        ],
-    )  # fmt: skip
-    q = project_configuration(mechanism, mechanism.configuration({"a": 0.3, "b": -0.4, "twist": 0.2, "length": 2.4})).q
+def crane_motion(split: str = "symmetric") -> Motion:
+    """Return the crane as a system, and a motion of it."""
+    mechanism, q = crane()
     vi = MidpointVI(mechanism, split=split)
     t = np.linspace(0.0, 0.2, 21)
     run = vi.simulate(
@@ -65,7 +49,7 @@ def crane(split: str = "symmetric") -> Motion:
 @pytest.mark.parametrize("split", ["symmetric", "left"])
 @pytest.mark.parametrize("multipliers", [False, True])
 def test_derivatives_of_the_system(split: str, multipliers: bool) -> None:
-    system, x, u = crane(split)
+    system, x, u = crane_motion(split)
     if multipliers:
         system = MidpointSystem(system.integrator, system.t, multipliers=True)
         x = system.rollout(
@@ -99,7 +83,7 @@ def mimicked() -> Motion:
     return MidpointSystem(vi, t), run.x, run.u
 
 
-@pytest.mark.parametrize("motion", [crane, mimicked])
+@pytest.mark.parametrize("motion", [crane_motion, mimicked])
 @pytest.mark.parametrize("multipliers", [False, True])
 def test_the_pattern_holds_all_that_is_not_zero(motion: Callable[[], Motion], multipliers: bool) -> None:
     plain, x, u = motion()
@@ -115,7 +99,7 @@ def test_the_pattern_holds_all_that_is_not_zero(motion: Callable[[], Motion], mu
     np.testing.assert_array_equal(unpacked(found.packed_curvature(z), found.pattern), found.curvature(z))
 
 
-@pytest.mark.parametrize("motion", [crane, mimicked])
+@pytest.mark.parametrize("motion", [crane_motion, mimicked])
 def test_negative_curvature_is_found_in_packed_hessians(motion: Callable[[], Motion]) -> None:
     system, x, u = motion()
     cost = QuadraticCost(np.ones_like(x), np.zeros_like(u), Q=np.ones(system.nx), R=np.full(system.nu, 0.1))
@@ -136,7 +120,7 @@ def test_negative_curvature_is_found_in_packed_hessians(motion: Callable[[], Mot
 
 
 def test_whole_trajectories_agree_with_single_steps() -> None:
-    system, x, u = crane()
+    system, x, u = crane_motion()
     linearized = system.linearize(x, u)
     z = np.random.default_rng(1).normal(size=x.shape)
     hessians = system.curvatures(x, u, z)
@@ -150,7 +134,7 @@ def test_whole_trajectories_agree_with_single_steps() -> None:
 
 
 def test_appended_multipliers_are_those_of_the_step() -> None:
-    plain, x, u = crane()
+    plain, x, u = crane_motion()
     system = MidpointSystem(plain.integrator, plain.t, multipliers=True)
     start = np.append(x[0], 7.0)
     K = np.zeros((system.N, system.nu, system.nx))
@@ -162,7 +146,7 @@ def test_appended_multipliers_are_those_of_the_step() -> None:
 
 
 def test_a_step_without_solution_is_named() -> None:
-    system, x, u = crane()
+    system, x, u = crane_motion()
     far = u[0].copy()
     far[-1] = 1e-3  # a string that cannot reach
     with pytest.raises(StepError, match="t = 0 s") as caught:
@@ -178,7 +162,7 @@ def test_a_step_without_solution_is_named() -> None:
 
 
 def test_newton_tail_on_a_mechanism() -> None:
-    system, x, u = crane()
+    system, x, u = crane_motion()
     wanted = x.copy()
     wanted[:, 0] += 0.5 * np.sin(15 * system.t)
     cost = QuadraticCost(wanted, u, Q=np.r_[np.full(6, 10.0), np.full(6, 1e-3)], R=np.full(system.nu, 1e-2))
@@ -192,6 +176,6 @@ def test_newton_tail_on_a_mechanism() -> None:
 
 
 def test_times_must_increase() -> None:
-    system, _, _ = crane()
+    system, _, _ = crane_motion()
     with pytest.raises(ArgumentError, match="must increase"):
         MidpointSystem(system.integrator, [0.0, 0.1, 0.1])

@@ -35,7 +35,7 @@ from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
 from leastaction.optimal import ContinuousQuadraticCost, DiscreteSystem, LinearSystem, solve_linear_quadratic
 from leastaction.optimal.discrete.linear_quadratic import sweep_forward
-from optimal.systems import CartPendulum
+from optimal.systems import CartPendulum, is_trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.robustness import certify
@@ -43,11 +43,6 @@ from benchmarks.robustness_further import FURTHER
 from benchmarks.robustness_problems import PROBLEMS, cart, constant, double_pendulum, posed, waves
 
 BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
-
-
-def is_trajectory(system, x, u):
-    """Compare every state with the step that leads to it."""
-    return all(np.allclose(system.f(x[k], u[k], k), x[k + 1], rtol=1e-9, atol=1e-9) for k in range(len(u)))
 
 
 def balancing(N, poles=4, R=1e-2):

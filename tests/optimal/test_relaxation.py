@@ -28,19 +28,13 @@ from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics import ElasticString, LinearSpring, PathLength, PointToPoint, TendonForce
 from leastaction.models.bricard import bricard
 from leastaction.models.marionette import STRINGS, marionette, rest_pose
-from optimal.systems import CartPendulum
+from optimal.systems import CartPendulum, is_trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.robustness_further import FURTHER
 from benchmarks.robustness_problems import PROBLEMS, posed, puppet_arm
 
 BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
-
-
-def is_trajectory(system, x, u):
-    """Compare every state with the step that leads to it."""
-    steps = range(0, len(u), max(1, len(u) // 20))
-    return all(np.allclose(system.f(x[k], u[k], k), x[k + 1], rtol=1e-9, atol=1e-9) for k in steps)
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,7 @@ from leastaction.optimal import (
     resample,
 )
 from leastaction.optimal.quantity import Samples
-from optimal.systems import CartPendulum
+from optimal.systems import CartPendulum, is_trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.robustness_problems import (
@@ -90,12 +90,6 @@ def at_rest(system, q0=None):
     q = m.configuration(q0 or {})
     u[:, m.n_inputs :] = q[m.nd :]
     return np.concatenate([q, np.zeros(system.nx - m.nq)]), u
-
-
-def is_trajectory(system, x, u):
-    """Compare every state with the step that leads to it."""
-    steps = range(0, len(u), max(1, len(u) // 20))
-    return all(np.allclose(system.f(x[k], u[k], k), x[k + 1], rtol=1e-9, atol=1e-9) for k in steps)
 
 
 # ---- Continuation -----------------------------------------------------------------------------------

@@ -8,18 +8,12 @@ import numpy as np
 import pytest
 
 from leastaction import (
-    Damping,
-    Distance,
-    Gravity,
     JointForce,
     Mechanism,
     MidpointSystem,
     MidpointVI,
     QuadraticCost,
     optimize,
-    project_configuration,
-    rx,
-    rz,
     tx,
     tz,
 )
@@ -34,31 +28,18 @@ from leastaction.optimal.continuous import (
     DenseTrajectory,
 )
 from leastaction.systems import MechanismSystem
+from optimal.systems import crane
 
 
-def crane() -> tuple[Mechanism, np.ndarray]:
-    """Return a cart with a double pendulum whose tip hangs on a string that is reeled, and a start."""
-    mechanism = Mechanism(
-        [
-            tx("cart", mass=2.0), [rx("a"), [tz(-1.0, mass=1.0, inertia=(0.1, 0.2, 0.3)), [
-                rz("twist"), [rx("b"), [tz(-0.7, name="tip", mass=0.5, inertia=(0.1, 0.1, 0.05))]],
-            ]]],
-            tz(1.0), [tx("winch", name="winch", kinematic=True)],
-        ],
-        [
-            Gravity(),
-            Damping(0.1),
-            JointForce("cart", "push"),
-            Distance("tip", "winch", "length", name="string"),
-        ],
-    )  # fmt: skip
-    q = project_configuration(mechanism, mechanism.configuration({"a": 0.3, "b": -0.4, "twist": 0.2, "length": 2.4})).q
+def hanging_crane() -> tuple[Mechanism, np.ndarray]:
+    """Return the crane, and a start at rest."""
+    mechanism, q = crane()
     return mechanism, np.concatenate([q, np.zeros(mechanism.nq)])
 
 
 @pytest.mark.parametrize("stabilised", [False, True])
 def test_derivatives_of_the_system(stabilised: bool) -> None:
-    mechanism, x0 = crane()
+    mechanism, x0 = hanging_crane()
     more = {"constraint_damping": 4.0, "constraint_stiffness": 9.0} if stabilised else {}
     system = MechanismSystem(ContinuousDynamics(mechanism, **more))
     assert (system.nx, system.nu) == (2 * mechanism.nq, mechanism.nu + mechanism.nrho)
@@ -77,9 +58,9 @@ def test_derivatives_of_the_system(stabilised: bool) -> None:
 
 
 def test_a_linearization_owns_what_its_second_order_needs() -> None:
-    system = MechanismSystem(crane()[0])
+    system = MechanismSystem(hanging_crane()[0])
     rng, n = np.random.default_rng(0), 3
-    x = crane()[1] + 0.1 * rng.standard_normal((n, system.nx))
+    x = hanging_crane()[1] + 0.1 * rng.standard_normal((n, system.nx))
     u, t, z = (
         rng.standard_normal((n, system.nu)),
         np.arange(3.0),
@@ -94,7 +75,7 @@ def test_a_linearization_owns_what_its_second_order_needs() -> None:
 
 
 def test_the_state_and_the_input_are_in_the_order_of_the_mechanism() -> None:
-    mechanism, x0 = crane()
+    mechanism, x0 = hanging_crane()
     system = MechanismSystem(mechanism)
     x0[mechanism.nq :] = np.arange(mechanism.nq) * 0.1
     u = np.array([3.0, 0.4, -0.7])
@@ -107,7 +88,7 @@ def test_the_state_and_the_input_are_in_the_order_of_the_mechanism() -> None:
 
 
 def test_newton_tail_on_a_constrained_mechanism() -> None:
-    mechanism, x0 = crane()
+    mechanism, x0 = hanging_crane()
     system = MechanismSystem(mechanism)
     nq = mechanism.nq
     start = x0.copy()
@@ -193,7 +174,7 @@ def test_the_variational_integrator_finds_the_same() -> None:
 
 
 def test_where_there_are_no_accelerations() -> None:
-    mechanism, x0 = crane()
+    mechanism, x0 = hanging_crane()
     system = MechanismSystem(mechanism)
     x0[1] = np.nan
     with pytest.raises(DynamicsError, match=r"t = 0.25 s"):
@@ -219,7 +200,7 @@ def test_without_second_derivatives_there_is_no_newton() -> None:
     )
     system = MechanismSystem(mechanism)
     assert not system.has_curvature
-    assert MechanismSystem(crane()[0]).has_curvature
+    assert MechanismSystem(hanging_crane()[0]).has_curvature
     cost = ContinuousQuadraticCost([1.0, 1.0, 0.0, 0.0], [0.0], Q=np.ones(4), R=[1.0])
     how = {"initial": ([1.0, 0.0, 0.0, 0.0], [0.0]), "horizon": (0.0, 1.0)}
     result = optimize_continuous(system, cost, **how)
