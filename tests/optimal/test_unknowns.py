@@ -707,7 +707,7 @@ def test_what_parameters_change_a_quantity_is_seen() -> None:
         (Keep("bob", inside=Box((-9.0, -9.0, -9.0), (9.0, 9.0, 9.0))), [3]),  # of any frame of the tree
         (Within(FunctionQuantity("y", lambda x: x[:, 0]), max=1.0), []),
     ):
-        for row in Extension(system, cost, unknowns, [limit], False).rows():
+        for row in [row for row in Extension(system, cost, unknowns, [limit], False).rows() if row.is_asked]:
             assert row.quantity.changing.tolist() == changing, limit
 
 
@@ -730,3 +730,89 @@ def test_a_run_goes_on_with_the_unknowns_and_limits_that_it_had() -> None:
     ):
         with pytest.raises(ArgumentError, match=message):
             optimize(system, cost, resume=result, **options)
+
+
+def measured_arm(
+    inertia: tuple[float, float, float], damping: float = 0.05
+) -> tuple[MidpointSystem, QuadraticCost, tuple[np.ndarray, np.ndarray]]:
+    """Two links, and a motion that others made: with next to no mass at the end, and less inertia than a rod has."""
+
+    def arm(upper: float, hand: float, moments: tuple[float, float, float], friction: float) -> MidpointSystem:
+        frames = [
+            la.rx("a"),
+            [
+                la.tz(-0.3, mass=upper, inertia=moments, name="upper"),
+                la.tz(-0.6),
+                [la.rx("b"), [la.tz(-0.4, mass=hand, name="hand")]],
+            ],
+        ]
+        elements = [
+            la.Gravity(),
+            la.JointForce("a", "motor"),
+            la.Damping({"a": friction, "b": friction}, name="friction"),
+        ]
+        return MidpointSystem(la.MidpointVI(la.Mechanism(frames, elements)), np.linspace(0.0, 1.0, 101))
+
+    t = np.linspace(0.0, 1.0, 101)[:-1]
+    u = (3.0 * np.sin(4.0 * t) + 2.0 * np.sin(9.0 * t))[:, None]
+    true = arm(1.4, 0.02, (0.0005, 0.0005, 0.001), 0.05)
+    x = true.rollout(np.zeros(4), np.zeros((101, 4)), u, np.zeros((100, 1, 4)), 0, 100).x
+    cost = QuadraticCost(x, u, Q=[1e4, 1e4, 0.0, 0.0], R=[1e4])
+    return arm(1.0, 0.5, inertia, damping), cost, (np.zeros(4), u)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "unknowns", "active"),
+    [
+        (
+            (0.01, 0.01, 0.001),
+            [Parameter("upper.mass"), Parameter("hand.mass"), Parameter("upper.inertia.xx")],
+            "yy <=",
+        ),
+        ((0.01, 0.01, 0.001), [Parameter("upper.inertia.xx", 0.001, 1.0, weight=1e6, wanted=0.5)], "xx <= yy"),
+        ((0.01, 0.01, 0.001), [Parameter("friction.a"), Parameter("friction.b")], "friction.a >= 0"),
+        (
+            (0.01, 0.01, 0.01),
+            [
+                Parameter("upper.inertia.xy", weight=1.0, wanted=0.1),
+                Parameter("upper.inertia.xx", weight=1.0, wanted=0.0),
+            ],
+            "real body, x and y",
+        ),
+    ],
+    ids=["least moment", "largest moment", "friction", "products"],
+)
+def test_what_no_mechanism_can_have_is_a_limit(
+    inertia: tuple[float, float, float], unknowns: list[Parameter], active: str
+) -> None:
+    """A search that led beyond what bodies and elements accept had ended where derivatives or steps failed."""
+    system, cost, initial = measured_arm(inertia)
+    result = optimize(system, cost, initial=initial, unknowns=unknowns)
+    assert result.success, result.message
+    assert result.limits is not None
+    room = {label: side.value[0, i] for side in result.limits.sides for i, label in enumerate(side.labels)}
+    (found,) = [value for label, value in room.items() if active in label]
+    assert 0.0 <= found < 1e-6
+    system.with_parameters(result.unknowns)  # there is such a mechanism
+
+
+def test_a_number_at_its_border_may_begin_there() -> None:
+    """A disc, a point mass and no friction: differences look beyond, where no body is."""
+    unknowns = [Parameter("upper.inertia.xx"), Parameter("hand.mass"), Parameter("friction.a"), Parameter("friction.b")]
+    system, cost, initial = measured_arm((0.01, 0.005, 0.005), damping=0.0)
+    assert optimize(system, cost, initial=initial, unknowns=unknowns).success
+    system, cost, initial = measured_arm((0.0, 0.0, 0.0))
+    others = [Parameter(f"upper.inertia.{moment}", weight=1.0) for moment in ("yy", "zz")]
+    assert optimize(system, cost, initial=initial, unknowns=unknowns[:2] + others).success
+    with pytest.raises(ArgumentError, match=r"got 'upper\.inertia\.xx', but yy of the inertia of upper is 0"):
+        optimize(system, cost, initial=initial, unknowns=unknowns[:2])
+    with pytest.raises(ArgumentError, match=r"'hand\.mass' of 0 or more"):
+        optimize(system, cost, initial=initial, unknowns=[Parameter("hand.mass", max=-1.0)])
+
+
+def test_limits_that_nobody_asked_for_determine_nothing() -> None:
+    system, cost, initial = measured_arm((0.01, 0.01, 0.001))
+    unknowns = [Parameter(f"upper.inertia.{moment}") for moment in ("xx", "yy", "zz")]
+    result = optimize(system, cost, initial=initial, unknowns=unknowns)
+    assert not result.success
+    assert "does not depend on 'upper.inertia.yy' and 'upper.inertia.zz' along" in result.message

@@ -26,6 +26,7 @@ from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Roll
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities.discrete import KINDS, quantity_of
+from leastaction.systems.quantities.physical import conditions_of
 
 _OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
 
@@ -175,14 +176,24 @@ class MidpointSystem(DiscreteSystem):
         DescriptionError
             For a mass or a coefficient that cannot be.
         """
+        return self._with_parameters(values, allow_nonphysical=False)
+
+    def with_parameters_near(self, values: Mapping[str, float]) -> Self:
+        return self._with_parameters(values, allow_nonphysical=True)
+
+    def _with_parameters(self, values: Mapping[str, float], *, allow_nonphysical: bool) -> Self:
         numbers = {name: value for name, value in values.items() if name != FINAL_TIME}
         t, integrator = self.t, self.integrator
         if FINAL_TIME in values:
             end = as_number(values[FINAL_TIME], FINAL_TIME, above=float(t[0]))
             t = t[0] + (t - t[0]) * ((end - t[0]) / (t[-1] - t[0]))
         if numbers:
-            integrator = integrator.like(integrator.mechanism.with_parameters(numbers))
+            mechanism = integrator.mechanism.with_parameters(numbers, allow_nonphysical=allow_nonphysical)
+            integrator = integrator.like(mechanism)
         return self._remade(integrator, t, self.first_share)
+
+    def conditions_of(self, names: Sequence[str]) -> list[Quantity]:
+        return conditions_of(self.integrator.mechanism, names)
 
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
         bare, t = self._bare(x), self.t[start : start + len(x)]

@@ -26,9 +26,10 @@ from leastaction.mechanics.mechanism.parameters import (
 )
 
 
-def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
+def with_values(tree: Tree, changes: Mapping[Place, float], *, allow_nonphysical: bool = False) -> Tree:
     """Return a tree with other masses and lengths; the names of its frames stay.
 
+    ``allow_nonphysical``: whether bodies may have inertias that no real ones have, as of `Body`.
     Raises `DescriptionError` for a body that cannot be, with the name of its frame.
     """
     bodies: dict[tuple[int, int], dict[str, float]] = {}
@@ -48,7 +49,7 @@ def with_values(tree: Tree, changes: Mapping[Place, float]) -> Tree:
     for (index, number), values in bodies.items():
         frame = frames[index]
         try:
-            changed = _changed(frame.bodies[number], values)
+            changed = _changed(frame.bodies[number], values, allow_nonphysical)
         except DescriptionError as error:
             raise DescriptionError(f"frame {tree.frames[index].name!r}: {error}") from None
         kept = frame.bodies
@@ -71,7 +72,7 @@ def _exchanged(placed: TreeFrame, frame: Frame) -> TreeFrame:
     return placed if frame is placed.frame else replace(placed, frame=frame)
 
 
-def _changed(body: Body, values: Mapping[str, float]) -> Body:
+def _changed(body: Body, values: Mapping[str, float], allow_nonphysical: bool) -> Body:
     """Return a body with other numbers, all at once: what is in between need not be a body."""
     mass, com, inertia = body.mass, body.com.copy(), body.inertia.copy()
     for field, value in values.items():
@@ -83,7 +84,7 @@ def _changed(body: Body, values: Mapping[str, float]) -> Body:
         else:
             i, j = AXES.index(which[0]), AXES.index(which[1])
             inertia[i, j] = inertia[j, i] = value
-    return Body(mass, com=com, inertia=inertia, allow_nonphysical=body.allow_nonphysical)
+    return Body(mass, com=com, inertia=inertia, allow_nonphysical=body.allow_nonphysical or allow_nonphysical)
 
 
 def _resized(frame: Frame, coordinates: Mapping[int | None, float]) -> Frame:

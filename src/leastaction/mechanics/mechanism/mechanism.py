@@ -268,7 +268,7 @@ class Mechanism(Compiled):
         """Return where some named parameters are; raise an `ArgumentError` for a name that is none."""
         return find(self.tree, self._slots, names)
 
-    def with_parameters(self, values: Mapping[str, float]) -> Mechanism:
+    def with_parameters(self, values: Mapping[str, float], *, allow_nonphysical: bool = False) -> Mechanism:
         """Return the same mechanism with other numbers; its structure is shared, not compiled again.
 
         The factors of a joint's coordinate are part of the structure: where one changes, it is compiled again.
@@ -277,6 +277,8 @@ class Mechanism(Compiled):
         ----------
         values : mapping of str to float
             New values by the names of `parameters`; the other numbers stay.
+        allow_nonphysical : bool, optional
+            Whether bodies whose numbers change may have inertias that no real body has, as of `Body`.
 
         Raises
         ------
@@ -291,7 +293,9 @@ class Mechanism(Compiled):
         slots = self.slots_of_elements(list(numbers))
         if slots is not None:
             return self._with_slots(numbers, slots)
-        tree = with_values(self.tree, {places[name]: value for name, value in numbers.items()})
+        tree = with_values(
+            self.tree, {places[name]: value for name, value in numbers.items()}, allow_nonphysical=allow_nonphysical
+        )
         result = self._of(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
         if tree is not self.tree:
             check_masses(tree, self.variables, result.core, self.core)

@@ -155,6 +155,14 @@ class DiscreteSystem(System):
         """Return the same system with other values of some parameters."""
         raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `with_parameters`.")
 
+    def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem:
+        """Return the same for values that are off by a little, for differences: as if all of them were possible."""
+        return self.with_parameters(values)
+
+    def conditions_of(self, names: Sequence[str]) -> list[Quantity]:  # noqa: ARG002 - overridden
+        """Return what must not be negative for there to be such a system, of some parameters as states (n, P)."""
+        return []
+
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
         """Return the derivatives (n, nx, len(names)) of steps from `start` on along x (n+1, nx), u (n, nu)."""
         raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `differentiate_by`.")

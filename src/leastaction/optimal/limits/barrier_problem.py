@@ -37,6 +37,7 @@ from leastaction.optimal.settings import Settings
 _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
 _SOFTER = (1e-2, 1e-4, 1e-6, 1e-8)  # of the largest stiffness of limits: what a model knows of where rounding drowns it
+_NEAR = 1e-6  # of its scale is the room of a limit that is active
 _AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
 
 
@@ -287,10 +288,30 @@ class BarrierProblem(ShootingProblem):
         self._begin()
 
     def verdict(self) -> tuple[Status, str] | None:
-        """Return that limits contradict each other, where they could not be met at any price."""
-        if self.is_open or self.stages.are_met(self._asked()):
+        """Return that limits contradict each other, or that only barriers which nobody asked for make a minimum."""
+        if self.is_open:
             return None
-        return Status.INFEASIBLE, self._report().contradiction(self.system.when)
+        if not self.stages.are_met(self._asked()):
+            return Status.INFEASIBLE, self._report().contradiction(self.system.when)
+        return None if self._is_determined() else (Status.NO_DIRECTION, "")
+
+    def _is_determined(self) -> bool:
+        """Whether there is a minimum without the stiffness of limits that nobody asked for, where these are not active.
+
+        It may be all that holds a number of which nothing tells.
+        """
+        far = [not rows.is_asked for rows in self.limited.rows]
+        if not any(far):
+            return True
+        sigmas = self.duals.stiffnesses(self._room(), _SOFTER[-1])  # beside stiff ones weights are lost in rounding
+        for i in np.flatnonzero(far).tolist():
+            sigmas[i] = np.where(self._limits()[i] > _NEAR * self.duals.scale[i], 0.0, sigmas[i])
+        hessian = self._weights(sigmas, convex=True)
+        self.exact = self.convex = None  # these are written over
+        spare = Workspace(self.system.N, self.system.nx, self.system.nu)
+        model = minimise_model("quasi-newton", self._linearize(), self._gradient(), hessian, None, spare)
+        self._with_start(model)
+        return not self.undetermined
 
     @property
     def unmet(self) -> str:

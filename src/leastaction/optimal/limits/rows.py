@@ -63,6 +63,8 @@ class Rows:
         Whether the quantity is one of the user's own, and not the system's.
     start : ndarray (m,) or None
         Bounds that the fixed initial state has to keep to; None where nothing is asked of it.
+    is_asked : bool
+        Whether a user asked for it; else there is no such system beyond it.
     """
 
     limit: str
@@ -74,6 +76,7 @@ class Rows:
     equal: bool = False
     is_own: bool = False
     start: Array | None = None
+    is_asked: bool = True
 
     @property
     def labels(self) -> tuple[str, ...]:

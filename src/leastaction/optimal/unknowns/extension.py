@@ -18,11 +18,11 @@ from leastaction.optimal.initial import both
 from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.quantity import Entries
+from leastaction.optimal.quantity import Entries, Quantity, Samples
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.unknowns.cost import ExtendedCost
 from leastaction.optimal.unknowns.periodic import Periodic
-from leastaction.optimal.unknowns.quantity import ExtendedQuantity, changing_parameters
+from leastaction.optimal.unknowns.quantity import ExtendedQuantity, QuantityOfUnknowns, changing_parameters
 from leastaction.optimal.unknowns.system import ExtendedSystem
 from leastaction.optimal.unknowns.unknown import Unknown
 
@@ -78,7 +78,20 @@ class Extension:
                 found += Bound(each.name, each.min, each.max, of="unknown", at="start").rows(self.system, 0)
         for limit in self.limits:
             found += self._rows(limit)
+        for condition in self.own.conditions_of(self.system.names):
+            found += [replace(row, is_asked=False) for row in self._condition(condition)]
         return found
+
+    def _condition(self, condition: Quantity) -> list[Rows]:
+        """Return the row of what parameters have to keep to for there to be such a system, where no bound says more."""
+        if isinstance(condition, Entries):
+            least = {each.name: -np.inf if each.min is None else each.min for each in self.unknowns}
+            names = [name for name in condition.names if least[name] < 0.0]
+            return Bound(names, 0.0, of="unknown", at="start").rows(self.system, 0) if names else []
+        guess, start = self.guess[None], np.zeros(1, dtype=np.intp)
+        size = float(np.abs(condition.values(Samples(start, guess, guess, guess))).max()) or 1.0
+        quantity, count = QuantityOfUnknowns(self.system, condition), len(condition.names)
+        return [Rows("unknowns", quantity, 1.0, np.zeros((1, count)), start, np.full(count, size))]
 
     def _rows(self, limit: Limit) -> list[Rows]:
         if isinstance(limit, Periodic):

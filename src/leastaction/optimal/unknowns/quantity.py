@@ -17,7 +17,7 @@ Of = Callable[[Any], Quantity]
 def changing_parameters(system: ExtendedSystem, of: Of, values: Array) -> Instants:
     """Return which parameters change the quantity ``of`` a system, as seen by a step from their values (P,)."""
     plain = of(system.at(values))
-    found = [j for j in range(len(values)) if not plain.is_like(of(system.at(stepped(values, j))))]
+    found = [j for j in range(len(values)) if not plain.is_like(of(system.near(stepped(values, j))))]
     return np.array(found, dtype=np.intp)
 
 
@@ -112,4 +112,18 @@ class ExtendedQuantity(QuantityView):
         return Samples(at.k, self.system.own(at.x), at.u, x_next), self.system.values(at.x[0]).copy()
 
     def _at(self, values: Array) -> Quantity:
-        return self.whole if self.fixed else self.of(self.system.at(values))
+        return self.whole if self.fixed else self.of(self.system.near(values))
+
+
+class QuantityOfUnknowns(QuantityView):
+    """A quantity of the parameters, given as states (n, P), at those of the extended state."""
+
+    def __init__(self, system: ExtendedSystem, whole: Quantity) -> None:
+        super().__init__(whole)
+        self.places = np.arange(system.n_own, system.at_copies)
+
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the parameters
+        return self.places
+
+    def seen(self, at: Samples) -> Samples:
+        return at._replace(x=at.x[:, self.places])

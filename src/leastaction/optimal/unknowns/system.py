@@ -74,6 +74,12 @@ class ExtendedSystem(DiscreteSystem):
             return self.system
         return self.system.with_parameters(dict(zip(self.names, values.tolist(), strict=True)))
 
+    def near(self, values: Array) -> DiscreteSystem:
+        """Return the same for differences (see `DiscreteSystem.with_parameters_near`)."""
+        if not self.names:
+            return self.system
+        return self.system.with_parameters_near(dict(zip(self.names, values.tolist(), strict=True)))
+
     def values(self, x: Array) -> Array:
         """Return the parameters (P,) of a state (nx,)."""
         return np.asarray(x[self.n_own : self.at_copies])
@@ -117,7 +123,7 @@ class ExtendedSystem(DiscreteSystem):
 
     def _of_step(self, values: Array, x: Array, u: Array, k: int) -> tuple[Array, Array, Array]:
         """Return the system's A, B and derivatives by parameters (1, ...) of a step at values of these."""
-        system = self.at(values)
+        system = self.near(values)
         A, B = system.derivatives(x, u, k)
         by = np.empty((1, self.n_own, 0))
         if self.names:
@@ -152,7 +158,7 @@ class ExtendedSystem(DiscreteSystem):
         A, B = self._extended(lin.A, lin.B, by)
 
         def along(moved: Array) -> tuple[Array, Array, Array]:
-            other = self.at(moved)
+            other = self.near(moved)
             return *linearized(other, own, u), other.differentiate_by(own, u, self.names)
 
         def second(z: Array) -> Array:
