@@ -13,7 +13,7 @@ from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.regions import Ball, Box, HalfSpace, Region
 from leastaction.systems.relaxation import by_tensions, relax
-from leastaction.systems.rig import Played, Rig, play
+from leastaction.systems.rigs import Played, Rig, play
 from leastaction.systems.warm_start import warm_start
 
 __all__ = [

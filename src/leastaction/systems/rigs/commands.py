@@ -1,0 +1,78 @@
+"""What is commanded of a rig whose strings stretch: a plan with strings that are shorter by that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array
+from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.rigs.rig import Rig
+from leastaction.systems.rigs.strings import stretch_of
+
+_VARIED = 0.1  # part of a length by which it is varied
+_CORRECTIONS, _FIRM = 3, 1e-2  # of prescribed variables; what moves strings less than this part of the most is left
+
+
+def reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> tuple[Array, Array, Mapping[str, float]]:
+    """Return the states without multipliers and the inputs with strings shorter by what their tensions stretch them.
+
+    The third are the parameters of strings whose lengths are numbers, and by how much these are shorter: by what the
+    strings are stretched in the mean. What is left of that is made up for by the prescribed variables, as nearly as
+    they can.
+    """
+    m, t = system.integrator.mechanism, system.t
+    planned, u = np.array(x[:, : m.nx]), np.array(u)
+    if rig.stiffness is None or not m.nc:
+        return planned, u, {}
+    stretched: dict[str, Array] = {}
+    for name, pull in system.trajectory(x, u).tensions().items():
+        pull[0] *= 2.0  # the first impulse is that of half a step
+        by = stretch_of(np.append(pull, pull[-1]), rig.stiffness, rig.smoothing)
+        variable = m.elements[name].length_variable
+        if variable is None:
+            stretched[name] = by
+        else:
+            planned[:, m.variables.index(variable)] -= by
+    shorter = {f"{name}.length": float(by.mean()) for name, by in stretched.items()}
+    if stretched and m.nrho:
+        _follow_stretch(m, planned, {name: by - by.mean() for name, by in stretched.items()})
+    u[:, m.n_inputs :] = planned[1:, m.nd : m.nq]
+    planned[1:, m.nq + m.nd :] = np.diff(planned[:, m.nd : m.nq], axis=0) / np.diff(t)[:, None]
+    return planned, u, shorter
+
+
+def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array]) -> None:
+    """Move the prescribed variables of states (N+1, nx) so that strings of given lengths are longer by (N+1,)."""
+    rows = [m.constraints.index(name) for name in longer]
+    lengths = [f"{name}.length" for name in longer]
+    q = np.ascontiguousarray(planned[:, : m.nq])
+    # Of a longer string a constraint has less, by a square or a line of its length, wherever its ends are.
+    wanted = np.empty((len(q), len(rows)))
+    for i, (row, name, by) in enumerate(zip(rows, lengths, longer.values(), strict=True)):
+        length = m.parameters[name]
+        less, same, more = (
+            m.with_parameters({name: factor * length}).constraint_values(q[0])[row]
+            for factor in (1.0 - _VARIED, 1.0, 1.0 + _VARIED)
+        )
+        share = by / (_VARIED * length)
+        wanted[:, i] = -0.5 * share * ((more - less) + share * (more - 2.0 * same + less))
+    reeled = {m.elements[name].length_variable for name in m.constraints if name in m.elements}
+    moved = [m.variables.index(name) for name in m.kinematic if name not in reeled]
+    for at, goal, row in zip(q, wanted, planned, strict=True):
+        before = m.constraint_values(at)[rows]
+        for _ in range(_CORRECTIONS):
+            missing = goal - (m.constraint_values(at)[rows] - before)
+            by_moved = m.constraint_jacobian(at)[np.ix_(rows, moved)]
+            at[moved] += np.linalg.lstsq(by_moved, missing, rcond=_FIRM)[0]
+        row[moved] = at[moved]
+
+
+def with_lengths(mechanism: Mechanism, shorter: Mapping[str, float]) -> Mechanism:
+    """Return a mechanism whose strings are shorter by so much, by the parameters of their lengths."""
+    numbers = mechanism.parameters
+    return (
+        mechanism.with_parameters({name: numbers[name] - by for name, by in shorter.items()}) if shorter else mechanism
+    )

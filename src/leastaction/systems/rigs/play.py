@@ -1,0 +1,144 @@
+"""A plan on a rig: a machine that is not quite its model, with strings that go slack and sensors that are late.
+
+What is played are the planned inputs and prescribed variables, and what a regulator adds to them. Readings of the
+dynamic variables arrive late and noisy; a Kalman filter makes the whole state of them, which the model carries over the
+delay with the inputs that were given meanwhile.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import StepError
+from leastaction.mechanics.discrete.trajectory import State
+from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.optimal.initial import both
+from leastaction.optimal.result import OptimizationResult
+from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.rigs.commands import reeled_in, with_lengths
+from leastaction.systems.rigs.estimator import Estimator
+from leastaction.systems.rigs.reference import made_by
+from leastaction.systems.rigs.regulator import Regulator
+from leastaction.systems.rigs.rig import Played, Rig
+
+_HELD, _PLACES, _SPEEDS = 20.0, 0.1, 10.0  # weights of the regulator: joints, prescribed variables and their speeds
+
+
+def play(
+    system: MidpointSystem,
+    plan: OptimizationResult | tuple[ArrayLike, ArrayLike],
+    rig: Rig | None = None,
+    *,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    start: State | None = None,
+    feedback: bool = True,
+) -> Played:
+    """Play a plan on a rig, under a feedback along it: a check of what the plan is worth outside of its model.
+
+    What is fed back knows that strings do not push: of all that a linear-quadratic regulator may do, it does what
+    leaves them taut over the next 0.4 s, or as nearly as they can be. It goes by a Kalman filter that follows the
+    machine itself (extended: linearised about its own estimate), with the strings that are slack, and by what the model
+    says that will have become of that over the delay.
+
+    Where strings are elastic, what is commanded as their lengths is less by what the planned tension stretches them.
+    Strings whose lengths are numbers are shorter by that in the mean, and the prescribed variables that move their ends
+    go along with the rest, as nearly as they can: a bar that carries strings is lifted where they are stretched.
+
+    Parameters
+    ----------
+    system : MidpointSystem
+        The plan's.
+    plan : OptimizationResult or (x, u)
+        A trajectory of it: x (N+1, nx), u (N, nu).
+    rig : Rig, optional
+        One with all its defaults if left out.
+    Q, R : array_like, optional
+        Weights of the regulator, of the state without multipliers and of the inputs, as of `regulate`. If left out,
+        20 for dynamic variables, of prescribed ones 10 for speeds, 0.1 for places and 1 for those to come; one over its
+        mean square in the plan for each input.
+    start : State, optional
+        Where the rig begins; where the plan does if left out.
+    feedback : bool, optional
+        Whether anything is fed back, or the plan played blindly.
+
+    Returns
+    -------
+    Played
+
+    Raises
+    ------
+    ArgumentError
+        What is no `MidpointSystem`, wrong shapes, unknown parameters, or a plan along which the model cannot go.
+    """
+    require_instance(system, "system", MidpointSystem)
+    if start is not None:
+        require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
+    rig = Rig() if rig is None else rig
+    m, N, t = system.integrator.mechanism, system.N, system.t
+    x, u = (plan.x, plan.u) if isinstance(plan, OptimizationResult) else both(plan)
+    x = as_array(x, "plan x", (N + 1, system.nx), meaning="(N+1, nx)")
+    u = as_array(u, "plan u", (N, system.nu), meaning="(N, nu)")
+    x, u, shorter = reeled_in(system, x, u, rig)
+    machine = system.integrator.like(with_lengths(rig.machine(m), shorter))
+    late = int(np.ceil(rig.delay / np.diff(t).max() - 1e-9))
+    noise = rig.noise * np.random.default_rng([rig.seed, 1]).standard_normal((N + 1, m.nd))
+    controller = None
+    if feedback:
+        model = with_lengths(rig.model(m), shorter)
+        controller = _Controller(MidpointSystem(system.integrator.like(model), t), x, u, Q, R, rig.noise)
+    now = x[0] if start is None else np.concatenate([start.q, start.p, start.v_rho])
+    states, commands, failure = [now], [], None
+    parts = np.arange(1, rig.substeps + 1)[:, None] / rig.substeps
+    for k in range(N):
+        command, at = u[k], k - late
+        if controller is not None and at >= 0:
+            try:
+                command = controller.command(k, at, states[at][: m.nd] + noise[at])
+            except StepError as error:
+                failure = f"the feedback knew no more from {t[k]:.4g} s on: {error}"
+                break
+        before = now[m.nd : m.nq]
+        rows = np.tile(command, (rig.substeps, 1))
+        rows[:, m.n_inputs :] = before + parts * (command[m.n_inputs :] - before)
+        times = t[k] + np.append(0.0, parts) * (t[k + 1] - t[k])
+        out = machine.core.roll_out(times, now, None, rows, None)
+        if out.steps < rig.substeps or not np.isfinite(out.x[-1]).all():
+            failure = f"the rig could not be simulated from {t[k]:.4g} s on"
+            break
+        now = np.ascontiguousarray(out.x[-1])
+        states.append(now)
+        commands.append(command)
+    played = np.array(commands).reshape(-1, system.nu)
+    return Played(mechanism=machine.mechanism, t=t[: len(states)], x=np.array(states), u=played, failure=failure)
+
+
+class _Controller:
+    """A regulator along what a model makes of a plan, on an estimate by late readings; it goes through it once."""
+
+    def __init__(
+        self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike | None, R: ArrayLike | None, noise: float
+    ) -> None:
+        m = model.integrator.mechanism
+        if Q is None:
+            Q = np.repeat([_HELD, _PLACES, 0.0, _SPEEDS], [m.nd, m.nrho, m.nd, m.nrho])
+        if R is None:
+            squares = np.mean(u[:, : m.n_inputs] ** 2, axis=0)
+            R = np.concatenate([1.0 / np.where(squares > 0.0, squares, 1.0), np.ones(m.nrho)])
+        self.model = model
+        self.x, self.u = made_by(model, x, u, as_array(Q, "Q"), as_array(R, "R"))
+        self.regulator = Regulator(model, self.x, self.u, Q, R)
+        self.estimator = Estimator(model, x[0], noise)
+        self.given = u.copy()
+
+    def command(self, k: int, at: int, reading: Array) -> Array:
+        """Return the input of step k, when the reading of an instant before has come."""
+        if at > 0:
+            self.estimator.advance(at - 1, self.given[at - 1])
+        self.estimator.read(reading)
+        ahead = self.estimator.x
+        for j in range(at, k):
+            ahead = self.model.f(ahead, self.given[j], j)
+        self.given[k] = self.u[k] + self.regulator.correction(k, ahead - self.x[k])
+        return np.asarray(self.given[k])
