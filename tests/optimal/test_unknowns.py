@@ -800,7 +800,9 @@ def test_a_number_at_its_border_may_begin_there() -> None:
     """A disc, a point mass and no friction: differences look beyond, where no body is."""
     unknowns = [Parameter("upper.inertia.xx"), Parameter("hand.mass"), Parameter("friction.a"), Parameter("friction.b")]
     system, cost, initial = measured_arm((0.01, 0.005, 0.005), damping=0.0)
-    assert optimize(system, cost, initial=initial, unknowns=unknowns).success
+    for some in (unknowns, unknowns[1:], unknowns[:2]):
+        result = optimize(system, cost, initial=initial, unknowns=some)
+        assert result.success, result.message
     system, cost, initial = measured_arm((0.0, 0.0, 0.0))
     others = [Parameter(f"upper.inertia.{moment}", weight=1.0) for moment in ("yy", "zz")]
     assert optimize(system, cost, initial=initial, unknowns=unknowns[:2] + others).success

@@ -40,7 +40,15 @@ class LimitedCost:
         self.cost, self.rows = cost, tuple(rows)
         self.duals = Duals(
             [
-                Side(r.limit, r.labels, r.equal, r.equal and r.sign > 0.0, r.scale, np.abs(r.bounds).max(axis=0))
+                Side(
+                    r.limit,
+                    r.labels,
+                    r.equal,
+                    r.equal and r.sign > 0.0,
+                    r.scale,
+                    np.abs(r.bounds).max(axis=0),
+                    hard=not r.is_asked,
+                )
                 for r in self.rows
             ],
             Layout([r.bounds.shape for r in self.rows]),

@@ -28,6 +28,8 @@ from leastaction.optimal.quantity import Instants
 
 _DEAR = 10.0  # times its dual is the price of an excess
 _CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
+_HARD = 1e6  # costs of the start for an excess of its scale, where nothing is beyond a limit
+_AT = 1e-6  # of its scale from a limit is at it
 _BINDING = 0.5  # of the price is the dual of a limit that the price does not enforce
 _SETTLED = 2.3  # natural logarithm of the factor by which duals may be off those of the barrier in the end
 # Dual times scale of a limit that is active: more than so many mu, and than the geometric mean of mu and the cost. The
@@ -45,7 +47,8 @@ class Side:
 
     ``limit``, ``labels``, ``equal``: as in a `LimitState`. ``first``: whether it is the first of the two sides of an
     equation, which follow each other. ``scale``, ``size`` (m,): what is large, 0 where that is to be seen from where
-    the optimisation starts; and the largest bound.
+    the optimisation starts; and the largest bound. ``hard``: whether nothing is beyond it: the price of an excess only
+    says how close to it a search may come, and is out of reach.
     """
 
     limit: str
@@ -54,6 +57,7 @@ class Side:
     first: bool
     scale: Array
     size: Array
+    hard: bool = False
 
 
 class Room(NamedTuple):
@@ -81,6 +85,7 @@ class Duals:
         self.y = layout.empty()
         self._size = layout.columns.filled([side.size for side in self.sides]).flat
         self._equal = layout.columns.filled([float(side.equal) for side in self.sides]).flat > 0.0
+        self._hard = layout.columns.filled([float(side.hard) for side in self.sides]).flat > 0.0
         self._in_equations = layout.spread(self._equal)
         self._other = self._other_sides()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
@@ -100,6 +105,9 @@ class Duals:
         self.scale = Sided(np.where(known > 0.0, known, seen), columns)
         alone = [side.equal or len(values) == 1 for side, values in zip(self.sides, c, strict=True)]
         prices = columns.filled([price * (dearer if single else 1.0) for single in alone]).flat
+        # Who begins at such a limit is not to be thrown off it.
+        inside = self.layout.largest(_AT * self.layout.spread(self.scale.flat) - c.flat) == 0.0
+        prices = np.where(self._hard & inside, _HARD * price, prices)
         self.rho = Sided(prices / self.scale.flat, columns)
         self.settle_prices()
         self._begin_duals(c)
@@ -148,7 +156,7 @@ class Duals:
     def settle_prices(self) -> None:
         """Take the prices and scales of all sides as they are now."""
         self.prices, self.scales = self.layout.spread(self.rho.flat), self.layout.spread(self.scale.flat)
-        prices = self.rho.flat * self.scale.flat
+        prices = (self.rho.flat * self.scale.flat)[~self._hard]
         self.dearest, self.cheapest = float(prices.max(initial=0.0)), float(prices.min(initial=np.inf))
 
     def are_central(self, room: Room) -> bool:
@@ -177,7 +185,7 @@ class Duals:
 
     def level(self, c: Sided, price: float) -> None:
         """Make an excess of its scale as dear for each limit, and begin with the duals of the barriers."""
-        self.rho = Sided(price / self.scale.flat, self.layout.columns)
+        self.rho = Sided(np.where(self._hard, self.rho.flat, price / self.scale.flat), self.layout.columns)
         self.settle_prices()
         self.mu = _GUIDING * self.cost_of_excess(c) / len(c.flat)
         self._begin_duals(c)
@@ -217,12 +225,14 @@ class Duals:
         if met is not None:
             off = layout.largest(-c.flat) > met * scale
         binding = (binding | off) & (rho < most)
+        wanted = _DEAR * layout.largest(net)
         new = np.where(
             binding,
             np.minimum(_DEARER * rho, most),
             # Equations are met the better the dearer they are, and what is off has no dual yet to go by.
-            np.where(off | self._equal, rho, _between(_CHEAPER * rho, _DEAR * layout.largest(net), rho)),
+            np.where(off | self._equal, rho, _between(_CHEAPER * rho, wanted, rho)),
         )
+        new = np.where(self._hard, np.maximum(rho, wanted), new)
         self.rho = Sided(new, layout.columns)
         self.settle_prices()
         new, lower = self.prices, np.minimum(self.y.flat, 0.9 * self.prices)

@@ -26,6 +26,8 @@ from leastaction.optimal.unknowns.quantity import ExtendedQuantity, QuantityOfUn
 from leastaction.optimal.unknowns.system import ExtendedSystem
 from leastaction.optimal.unknowns.unknown import Unknown
 
+_BORDER, _OFF = 1e-9, 1e-3  # of what is large for a condition is at its border, and how far inside of it is a start
+
 
 def checked_unknowns(unknowns: Sequence[Unknown]) -> list[Unknown]:
     """Return unknowns, or complain about what is none, or named twice."""
@@ -69,6 +71,9 @@ class Extension:
         self.system = ExtendedSystem(system, names, sorted(copied) if self.first == 0 else [], free_start)
         self.cost = ExtendedCost(cost, unknowns, wanted, self.system)
         self.system.at(self.guess)  # values that cannot be are named before anything is done
+        self.conditions = system.conditions_of(names)
+        for condition in self.conditions:
+            self.guess = _off_the_border(condition, self.guess)
 
     def rows(self) -> list[Rows]:
         """Return the rows of all limits, those of the unknowns too."""
@@ -78,7 +83,7 @@ class Extension:
                 found += Bound(each.name, each.min, each.max, of="unknown", at="start").rows(self.system, 0)
         for limit in self.limits:
             found += self._rows(limit)
-        for condition in self.own.conditions_of(self.system.names):
+        for condition in self.conditions:
             found += [replace(row, is_asked=False) for row in self._condition(condition)]
         return found
 
@@ -88,9 +93,9 @@ class Extension:
             least = {each.name: -np.inf if each.min is None else each.min for each in self.unknowns}
             names = [name for name in condition.names if least[name] < 0.0]
             return Bound(names, 0.0, of="unknown", at="start").rows(self.system, 0) if names else []
-        guess, start = self.guess[None], np.zeros(1, dtype=np.intp)
-        size = float(np.abs(condition.values(Samples(start, guess, guess, guess))).max()) or 1.0
         quantity, count = QuantityOfUnknowns(self.system, condition), len(condition.names)
+        size = _size(_values_of(condition, self.guess)[0])
+        start = np.zeros(1, dtype=np.intp)
         return [Rows("unknowns", quantity, 1.0, np.zeros((1, count)), start, np.full(count, size))]
 
     def _rows(self, limit: Limit) -> list[Rows]:
@@ -181,3 +186,24 @@ class Extension:
             K=np.ascontiguousarray(found.K[:, :, :n]),
             unknowns=MappingProxyType(dict(zip(self.system.names, values, strict=True))),
         )
+
+
+def _values_of(condition: Quantity, values: Array) -> tuple[Array, Array]:
+    """Return the functions (m,) of a condition at values (P,) of the parameters, and their derivatives (m, P)."""
+    at = Samples(np.zeros(1, dtype=np.intp), values[None], *[np.empty((1, 0))] * 2)
+    columns = condition.columns(len(values), 0)
+    slopes = np.zeros((len(condition.names), len(values)))
+    slopes[:, slice(None) if columns is None else columns] = condition.jacobian(at)[0]
+    return condition.values(at)[0], slopes
+
+
+def _size(values: Array) -> float:
+    """Return what is large for the functions of a condition."""
+    return float(np.abs(values).max()) or 1.0
+
+
+def _off_the_border(condition: Quantity, values: Array) -> Array:
+    """Return values (P,) a little inside of a condition, where they are at its border: no search can begin there."""
+    c, slopes = _values_of(condition, values)
+    at = c <= _BORDER * _size(c)
+    return np.asarray(values + _OFF * _size(c) * (slopes[at] / np.sum(slopes[at] ** 2, axis=1)[:, None]).sum(axis=0))
