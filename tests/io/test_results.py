@@ -19,17 +19,21 @@ import pytest
 from leastaction.errors import ArgumentError, LeastActionError, OutputError, ResultFileError
 from leastaction.io.results import load_record, load_result, save_record, save_result
 from leastaction.io.results.record import FORMAT_VERSION
+from leastaction.mechanics import Damping, Gravity, JointForce, Mechanism, ry, tz
 from leastaction.numerics.files import atomic_write, prepare_output_folder, write_text
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import (
+    Bound,
+    ContinuousOptimizationResult,
     ContinuousQuadraticCost,
     FunctionSystem,
-    LinearContinuousSystem,
     OptimizationResult,
     QuadraticCost,
     Status,
     optimize,
 )
+from leastaction.systems import MechanismSystem
 
 N, ITERATIONS = 20, 3
 A, B = np.array([[1.0, 0.1], [-0.4, 1.0]]), np.array([0.0, 0.1])
@@ -321,13 +325,62 @@ def test_damage_anywhere_is_a_typed_error_or_none(
 # Writing
 
 
-def test_a_result_in_continuous_time_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    mass = LinearContinuousSystem([[0.0]], [[1.0]])
-    cost = ContinuousQuadraticCost([0.0], [0.0], Q=[1.0], R=[1.0])
-    found = optimize(mass, cost, initial=([1.0], [0.0]), horizon=(0.0, 1.0))
-    with pytest.raises(ArgumentError, match="got one in continuous time, expected one in discrete time"):
-        save_result(tmp_path / "found.npz", found)
-    assert not list(tmp_path.iterdir())
+def swung(limits: list[Bound], **options: Any) -> OptimizationResult:
+    """Swing a pendulum in continuous time, with a bounded torque or without."""
+    pendulum = Mechanism([ry("a"), [tz(-0.5, mass=1.0)]], [Gravity(), JointForce("a", input="motor"), Damping(0.1)])
+    cost = ContinuousQuadraticCost([1.0, 0.0], [0.0], Q=[10.0, 0.1], R=[0.1])
+    if "resume" not in options:
+        options |= {"initial": ([0.0, 0.0], [0.0]), "horizon": (0.0, 1.0)}
+    return optimize(MechanismSystem(pendulum), cost, limits=limits, **options)
+
+
+@pytest.mark.parametrize("limits", [[], [Bound("motor", -3.0, 3.0)]], ids=["free", "limits"])
+def test_a_result_in_continuous_time_comes_back(limits: list[Bound], tmp_path: Path, rng: np.random.Generator) -> None:
+    part = swung(limits, max_iterations=2)
+    path = save_result(tmp_path / "part.npz", part)
+    loaded = load_result(path)
+    assert isinstance(loaded, ContinuousOptimizationResult)
+    assert isinstance(part, ContinuousOptimizationResult)
+    assert (loaded.status, loaded.accuracy, loaded.jumps) == (part.status, part.accuracy, part.jumps)
+    times = np.linspace(0.0, 1.0, 77)
+    for one, other in ((loaded.trajectory.xu, part.trajectory.xu), (loaded.feedback, part.feedback)):
+        np.testing.assert_array_equal(one(times), other(times))
+    assert str(loaded.limits) == str(part.limits)
+    assert not loaded.t.flags.writeable
+    # What goes on from the file is what goes on from the result itself.
+    rest, expected = (swung(limits, resume=each) for each in (loaded, part))
+    assert rest.success, rest.message
+    np.testing.assert_array_equal(rest.x, expected.x)
+    np.testing.assert_array_equal(rest.u, expected.u)
+    assert rest.iterations == expected.iterations
+    # An existing file is replaced in one step, and what is damaged says so.
+    assert load_result(save_result(path, rest)).cost == rest.cost
+    assert list(tmp_path.iterdir()) == [path]
+    whole = path.read_bytes()
+    for _ in range(100):
+        content = bytearray(whole)
+        for place in rng.integers(0, len(content), size=2):
+            content[place] = rng.integers(256)
+        path.write_bytes(content)
+        with contextlib.suppress(ResultFileError):
+            load_result(path)
+
+
+def test_what_contradicts_itself_in_continuous_time_is_named(tmp_path: Path) -> None:
+    part = swung([], max_iterations=1)
+    assert isinstance(part, ContinuousOptimizationResult)
+    fewer = PiecewisePolynomial(part.feedback.breaks[:-1], part.feedback.coefficients, part.feedback.shape)
+    backwards = PiecewisePolynomial(part.feedback.breaks[::-1].copy(), part.feedback.coefficients, part.feedback.shape)
+    for changes, what in (
+        ({"t": part.t[1:]}, "x has shape"),
+        ({"feedback": fewer}, r"feedback\.coefficients has shape"),
+        ({"feedback": backwards}, r"feedback\.breaks does not increase"),
+        ({"projection": part.feedback}, r"projection is of shape \(1, 2\), expected \(3,\)"),
+        ({"x": np.full_like(part.x, np.inf)}, "x holds numbers that are not finite"),
+    ):
+        path = save_result(tmp_path / "changed.npz", dataclasses.replace(part, **changes))  # type: ignore[arg-type]
+        with pytest.raises(ResultFileError, match=what):
+            load_result(path)
 
 
 def test_what_cannot_be_saved_is_refused_before_writing(result: OptimizationResult, tmp_path: Path) -> None:

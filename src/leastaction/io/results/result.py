@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import numpy as np
-
-from leastaction.errors import ArgumentError, ResultFileError
+from leastaction.io.results.checks import check_history, check_shapes
+from leastaction.io.results.continuous import ContinuousContent, check_continuous
 from leastaction.io.results.record import load_record, save_record
 from leastaction.numerics.arrays import Array, require_instance
 from leastaction.optimal import ContinuousOptimizationResult, OptimizationResult
@@ -21,7 +20,7 @@ def save_result(path: str | os.PathLike[str], result: OptimizationResult) -> Pat
     path : path
         The file, by custom with the ending ``.npz``.
     result : OptimizationResult
-        In discrete time.
+        In discrete time or in continuous time.
 
     Returns
     -------
@@ -31,16 +30,13 @@ def save_result(path: str | os.PathLike[str], result: OptimizationResult) -> Pat
     Raises
     ------
     ArgumentError
-        What is no result, or one in continuous time.
+        What is no result.
     OutputError
         The file could not be written; an older file of that name is untouched.
     """
     require_instance(result, "result", OptimizationResult, "optimize() returns one")
     if isinstance(result, ContinuousOptimizationResult):
-        raise ArgumentError(
-            "result: got one in continuous time, expected one in discrete time. Keep it by pickle, or samples of "
-            "result.trajectory by numpy.savez"
-        )
+        return save_record(path, ContinuousContent.of(result))
     return save_record(path, result)
 
 
@@ -52,14 +48,23 @@ def load_result(path: str | os.PathLike[str]) -> OptimizationResult:
     path : path
         A file that `save_result` wrote.
 
+    Returns
+    -------
+    OptimizationResult
+        Of one in continuous time a `ContinuousOptimizationResult`.
+
     Raises
     ------
     ResultFileError
         The file is missing, damaged, not such a file, of another format, or contradicts itself.
     """
-    result = load_record(path, OptimizationResult).content
-    check_result(result, str(path))
-    return result
+    content: object = load_record(path, OptimizationResult, ContinuousContent).content
+    if isinstance(content, ContinuousContent):
+        check_continuous(content, str(path))
+        return content.result()
+    assert isinstance(content, OptimizationResult)
+    check_result(content, str(path))
+    return content
 
 
 def check_result(result: OptimizationResult, source: str) -> None:
@@ -101,20 +106,8 @@ def check_result(result: OptimizationResult, source: str) -> None:
             shapes["memory.gaps.size"] = gaps.size, (least,)
             shapes["memory.gaps.costates"] = gaps.costates, (steps + 1 if len(gaps.costates) else 0, least)
             shapes["memory.gaps.filter"] = gaps.filter, (len(gaps.filter), 2)
-    for name, (array, shape) in shapes.items():
-        if array.shape != shape:
-            raise ResultFileError(
-                f"{source} contradicts itself: {name} has shape {array.shape}, expected {shape} for {steps} "
-                f"steps, {nx} states and {nu} inputs. Run the optimisation again"
-            )
-        if not np.all(np.isfinite(array)):
-            raise ResultFileError(
-                f"{source} is damaged: {name} holds numbers that are not finite. Run the optimisation again"
-            )
-    for name, values in vars(result.history).items():
-        expected = result.iterations + (name == "cost")
-        if len(values) != expected:
-            raise ResultFileError(
-                f"{source} contradicts itself: history.{name} has {len(values)} entries, expected {expected} "
-                f"for {result.iterations} iterations. Run the optimisation again"
-            )
+        if memory.wanted is not None:
+            shapes["memory.wanted.x"] = memory.wanted.x, (steps + 1, gains)
+            shapes["memory.wanted.u"] = memory.wanted.u, (steps, nu)
+    check_shapes(shapes, f"{steps} steps, {nx} states and {nu} inputs", source)
+    check_history(result, source)
