@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.cases import Array
 from benchmarks.multiple_shooting import MultipleShooting, Solution
+from benchmarks.timing import BUDGET
 
 __all__ = ["fatrop", "solve_by"]
 
@@ -126,4 +127,7 @@ def solve_by(
     if by_fatrop:
         return fatrop(peer, *start)
     solver = peer.ipopt(**options)
-    return min((peer.solve(solver, *start) for _ in range(rounds)), key=lambda each: each.seconds)
+    found: list[Solution] = []
+    while len(found) < rounds or sum(each.seconds for each in found) < BUDGET:
+        found.append(peer.solve(solver, *start))
+    return min(found, key=lambda each: each.seconds)

@@ -19,7 +19,6 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import argparse  # noqa: E402
 import sys  # noqa: E402
-import time  # noqa: E402
 from collections.abc import Callable, Iterable, Iterator, Sequence  # noqa: E402
 from dataclasses import dataclass, replace  # noqa: E402
 from typing import Any  # noqa: E402
@@ -31,6 +30,7 @@ from benchmarks.fatrop import solve_by  # noqa: E402
 from benchmarks.multiple_shooting import MultipleShooting, Solution  # noqa: E402
 from benchmarks.peers import Comparison, start_of  # noqa: E402
 from benchmarks.robustness_problems import PROBLEMS, Given  # noqa: E402
+from benchmarks.timing import fastest  # noqa: E402
 from leastaction.optimal import Bound, Equal, Limit, OptimizationResult, optimize  # noqa: E402
 
 __all__ = ["CASES", "Case", "compare"]
@@ -129,11 +129,8 @@ def compare(case: Case, *, rounds: int = _ROUNDS, compiled: bool = True, by_fatr
     given = problem.build()
     free = optimize(given.system, given.cost, initial=(given.x, given.u))
     limited = case.limit(given, free)
-    seconds, result = np.inf, free
-    for _ in range(rounds):
-        began = time.process_time()
-        result = optimize(given.system, given.cost, initial=(given.x, given.u), limits=limited.limits)
-        seconds = min(seconds, time.process_time() - began)
+    start = given.x, given.u
+    result, seconds = fastest(lambda: optimize(given.system, given.cost, initial=start, limits=limited.limits), rounds)
 
     def theirs(compiled: bool) -> Solution:
         peer = MultipleShooting(given.system, given.cost, compiled=compiled)

@@ -7,7 +7,6 @@ inputs of all points as unknowns, the method's equations as constraints, and exa
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ import numpy as np
 
 from benchmarks.casadi_mechanism import Symbolic
 from benchmarks.peers import Comparison
+from benchmarks.timing import fastest
 from leastaction.mechanics import Gravity, JointForce, Mechanism, rx, ry, ty, tz
 from leastaction.optimal import Accuracy, Bound, ContinuousOptimizationResult, ContinuousQuadraticCost, Equal, optimize
 from leastaction.optimal.collocation.mesh import MATRIX, STAGES, WEIGHTS
@@ -103,16 +103,9 @@ def solve(case: Case) -> ContinuousOptimizationResult:
 
 def compare(case: Case, *, rounds: int = 3) -> Comparison:
     """Solve a case with both."""
-    seconds, theirs = np.inf, np.inf
-    for _ in range(rounds):
-        began = time.process_time()
-        result = solve(case)
-        seconds = min(seconds, time.process_time() - began)
+    result, seconds = fastest(lambda: solve(case), rounds)
     solver, arguments = _peer(case, np.diff(result.trajectory.t))
-    for _ in range(rounds):
-        began = time.process_time()
-        found = solver(**arguments)
-        theirs = min(theirs, time.process_time() - began)
+    found, theirs = fastest(lambda: solver(**arguments), rounds)
     stats = solver.stats()
     return Comparison(
         case.name, result.cost, float(found["f"]), result.status.name, str(stats["return_status"]), seconds, theirs,

@@ -7,7 +7,6 @@ beside the step's equations, and a motion that returns has a first state that is
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -23,6 +22,7 @@ from benchmarks.fatrop import solve_by
 from benchmarks.multiple_shooting import MultipleShooting, Solution, StepRows
 from benchmarks.peers import Comparison, start_of
 from benchmarks.robustness_problems import Given, arm, chain, constant, hung, posed, puppet_arm, slider_crank
+from benchmarks.timing import fastest
 from leastaction.mechanics import (
     Body,
     Damping,
@@ -313,11 +313,8 @@ def compare(
     that search once more at what it comes to: where there are many minima, whether there is one for both.
     """
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
-    kept, seconds = case.build(), np.inf
-    for _ in range(rounds):
-        began = time.process_time()
-        result = solve(kept, **options)
-        seconds = min(seconds, time.process_time() - began)
+    kept = case.build()
+    result, seconds = fastest(lambda: solve(kept, **options), rounds)
     to = {} if tolerance is None else {"tol": tolerance, "bound_relax_factor": 0.0}
 
     def theirs(compiled: bool) -> Solution:

@@ -8,7 +8,6 @@ which interprets them here: the unknown numbers enter every step, so the stages'
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +17,7 @@ import numpy as np
 
 from benchmarks.casadi_mechanism import Symbolic
 from benchmarks.peers import Comparison
+from benchmarks.timing import fastest
 from leastaction.mechanics import Damping, Gravity, JointForce, JointSpring, Mechanism, MidpointVI, rx, ry, ty, tz
 from leastaction.optimal import Bound, Equal, FinalTime, Limit, Parameter, Periodic, QuadraticCost, Unknown, optimize
 from leastaction.systems import MidpointSystem
@@ -163,19 +163,11 @@ def compare(case: Case, *, rounds: int = 3) -> Comparison:
     """Solve a case with both."""
     system = case.system
     start = np.zeros(system.nx), case.cost.u_wanted
-    seconds, theirs = np.inf, np.inf
-    for _ in range(rounds):
-        began = time.process_time()
-        result = optimize(
-            system, case.cost, initial=start, limits=case.limits, unknowns=case.unknowns, free_start=case.free_start
-        )
-        seconds = min(seconds, time.process_time() - began)
+    options: dict[str, Any] = {"limits": case.limits, "unknowns": case.unknowns, "free_start": case.free_start}
+    result, seconds = fastest(lambda: optimize(system, case.cost, initial=start, **options), rounds)
     price = sum(each.price * result.unknowns[each.name] for each in case.unknowns)
     solver, arguments = _peer(case)
-    for _ in range(rounds):
-        began = time.process_time()
-        found = solver(**arguments)
-        theirs = min(theirs, time.process_time() - began)
+    found, theirs = fastest(lambda: solver(**arguments), rounds)
     stats = solver.stats()
     cost = case.cost.value(result.x, result.u) + price
     return Comparison(

@@ -159,9 +159,13 @@ class BarrierProblem(ShootingProblem):
     def _with(self, rows: list[Rows], settings: Settings) -> BarrierProblem:
         """Return the problem with other limits."""
 
-    def _found_with(self, rows: list[Rows], iterations: int) -> OptimizationResult | None:
-        """Return what some iterations with other limits lead to from the iterate; None where that is nowhere."""
-        settings = replace(self.settings, max_iterations=iterations)
+    def _found_with(self, rows: list[Rows], iterations: int, *, tolerance: float = 0.0) -> OptimizationResult | None:
+        """Return what some iterations with other limits lead to from the iterate; None where that is nowhere.
+
+        ``tolerance``: is enough, where a smaller one is asked for.
+        """
+        enough = max(tolerance, self.settings.tolerance)
+        settings = replace(self.settings, max_iterations=iterations, tolerance=enough)
         try:
             other = self._with(rows, settings)
             other.start((self.x, self.u))

@@ -31,7 +31,8 @@ _DEARER, _DEARER_AGAIN = 20.0, 10.0
 _SHORTER = 0.7  # of what it lasts is what a step of the search takes off at most
 
 _SAME = 1e-6  # of a cost that was found, by which it differs where it is another cost
-_SOON = 30  # iterations that the minimum without limits may take where a run begins again from there
+# Iterations that the minimum without limits may take where a run begins again from there, and how near it is enough.
+_SOON, _NEAR = 30, 1e-3
 
 # How much dearer inputs are at first where it begins again with an easier cost, by which factor less from one stage to
 # the next, and of each the tolerance and the most iterations: it only leads to the next.
@@ -167,7 +168,7 @@ class LimitedProblem(BarrierProblem):
         own = any(rows.equal or rows.is_own for rows in self.limited.rows)
         if self.is_open or own or self.given is None or self.given.was_found or self.final_time is not None:
             return False
-        found = self._found_with([], _SOON)
+        found = self._found_with([], _SOON, tolerance=_NEAR)
         if found is None or not found.success:
             return False
         self._remember(self._place())

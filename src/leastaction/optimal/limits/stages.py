@@ -137,7 +137,7 @@ class Stages:
             return max(goal, _NEARLY * self.duals.cost_of_excess(c))
         if mu > self.last:
             many = 1.0 if self.is_near_end else float(np.sqrt(max(1.0, self.count / _MANY)))
-            return max(goal, (_LOOSE if central else _TIGHT) * many * mu)
+            return max(goal, (_LOOSE if central and not self._rough else _TIGHT) * many * mu)
         if self._rough:
             return max(goal if self.are_met(c) else _CLOSER * goal, 10.0 * noise)
         # The duals are worth no more than the motion is near the barrier's minimum.
