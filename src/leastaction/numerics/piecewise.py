@@ -153,10 +153,7 @@ class PiecewisePolynomial:
         """Return the derivative of an order by time."""
         if order == 0:
             return self
-        slopes = chebyshev.chebder(self.coefficients, axis=1)
-        if slopes.shape[1] == 0:
-            slopes = np.zeros_like(self.coefficients)
-        slopes = slopes * np.asarray(self._scale)[:, None, None]
+        slopes = chebyshev.chebder(self.coefficients, axis=1) * np.asarray(self._scale)[:, None, None]
         return PiecewisePolynomial(self.breaks, slopes, self.shape).derivative(order - 1)
 
     def jumps(self) -> tuple[float, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from leastaction.errors import DescriptionError, brief
-from leastaction.mechanics.expressions.symbols import Coordinate, Quantity, Rate
+from leastaction.mechanics.expressions.symbols import Coordinate, Quantity, Rate, sympified
 
 # The operation of each function; those in the second table are one over it.
 FUNCTIONS: dict[Any, str] = {
@@ -62,10 +62,7 @@ def check_expression(expression: Any, what: str, *, allowed: Sequence[sympy.Symb
             f"{what}: got the text {expression!r}, expected an expression; build it with point(...), "
             "distance(...), variable(...) and the functions of sympy"
         )
-    try:
-        scalar = sympy.sympify(expression)
-    except (sympy.SympifyError, TypeError):
-        scalar = None
+    scalar = sympified(expression)
     if isinstance(scalar, sympy.MatrixBase):
         raise DescriptionError(
             f"{what}: got a matrix of shape {scalar.shape}, expected a scalar; take an entry, as in "

@@ -51,6 +51,14 @@ def _shown(value: Any) -> str:
     return repr(value)
 
 
+def sympified(expression: Any) -> Any:
+    """Return what SymPy makes of an object; None if it makes nothing of it."""
+    try:
+        return sympy.sympify(expression)
+    except (sympy.SympifyError, TypeError):
+        return None
+
+
 class Coordinate(sympy.Function):  # type: ignore[misc]
     """A scalar of the configuration that a force takes as one coordinate; its value is its argument."""
 

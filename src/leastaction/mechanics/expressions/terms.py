@@ -195,10 +195,7 @@ def _scalar(expression: Any, what: str) -> sympy.Expr:
             f"{what}: got the text {expression!r}, expected an expression; "
             f"for a variable write variable({expression!r})"
         )
-    try:
-        scalar = sympy.sympify(expression)
-    except (sympy.SympifyError, TypeError):
-        scalar = None
+    scalar = symbols().sympified(expression)
     if not isinstance(scalar, sympy.Expr) or isinstance(scalar, sympy.MatrixBase):
         raise DescriptionError(
             f"{what}: expected a scalar expression, got {expression!r} ({type(expression).__name__})"

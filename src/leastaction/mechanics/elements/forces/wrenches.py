@@ -20,7 +20,10 @@ _Three = tuple[float | str, ...]
 
 @dataclass(frozen=True)
 class _Components(Kind):
-    """Three components, each a number or the name of an input; the parameters are called by a letter."""
+    """Three components, each a number or the name of an input; the parameters are called by a letter.
+
+    They are numbers of the wrench, which has all six components.
+    """
 
     letter: str
     unit: str
@@ -44,15 +47,9 @@ class _Components(Kind):
     def uses(self, value: _Three) -> Uses:
         return Uses(inputs=tuple(c for c in value if isinstance(c, str)))
 
-    def numbers(self, field: str, value: _Three) -> dict[str, float]:
-        return {n: c for n, c in self.named(value).items() if not isinstance(c, str)}
-
     def named(self, value: _Three) -> dict[str, float | str]:
         """The components by name."""
         return {f"{self.letter}{axis}": c for axis, c in zip("xyz", value, strict=True)}
-
-    def with_number(self, field: str, value: _Three, parameter: str, number: float) -> _Three:
-        return tuple({**self.named(value), parameter: number}.values())
 
     def show(self, value: _Three) -> str:
         shown = ", ".join(c if isinstance(c, str) else f"{c:g}" for c in value)
