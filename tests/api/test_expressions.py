@@ -135,6 +135,7 @@ BROKEN: list[tuple[Any, str]] = [
     (THETA > 0, "expected a scalar expression"),
     (None, "expected a scalar expression"),
     ([THETA], "expected a scalar expression"),
+    (object(), "expected a scalar expression"),
     (3, "does not depend on the configuration"),
     (parameter("k", 1.0), "does not depend on the configuration"),
     (speed("theta"), "rates and inputs belong into an ExpressionForce"),
@@ -162,6 +163,7 @@ def test_broken_expressions_are_named(expression: Any, message: str) -> None:
         (lambda: parameter("k", "soft"), "parameter 'k'"),  # type: ignore[arg-type]
         (lambda: rate("theta"), r"write variable\('theta'\)"),
         (lambda: coordinate(point("a")), "expected a scalar expression"),
+        (lambda: coordinate(object()), "expected a scalar expression"),
     ],
 )
 def test_broken_symbols_are_named(make: Any, message: str) -> None:

@@ -294,6 +294,8 @@ def test_a_composition_takes_amounts_a_name_and_kinds():
     assert settled.kinematic == ("a",)
     assert settled.tree.frames[2].name == "wrist"
     part = ball("b", kinematic=["b.rz"], mass=1.0, inertia=(1, 1, 1), name="head")
+    assert part.variables == ("b.rx", "b.ry", "b.rz")
+    assert repr(part) == "ball(b.rx, b.ry, b.rz) 'b'"
     settled = described([part])
     assert (settled.dynamic, settled.kinematic) == (("b.rx", "b.ry"), ("b.rz",))
     assert settled.tree.frames[-1].name == "head"

@@ -248,16 +248,19 @@ def test_deep_chain_solves_its_equations(links: int) -> None:
     assert error(out.lam, expected[nd:]) < 1e-9
     d = dynamics.linearize(q, v, rho_a=rho_a)
     assert error(d.a, out.a) < 1e-9
-    assert error(d.a_drho_a, -np.linalg.solve(K, np.vstack([M[:nd, nd:], Dh[:, nd:]]))[:nd]) < 1e-9
+    by_rho_a = -np.linalg.solve(K, np.vstack([M[:nd, nd:], Dh[:, nd:]]))
+    assert error(np.concatenate([d.a_drho_a, d.lam_drho_a]), by_rho_a) < 1e-9
     # By differences of the fourth order along one direction.
     dq, dv = rng.standard_normal((2, m.nq))
     h = 1e-4
 
     def at(s: float) -> np.ndarray:
-        return dynamics.accelerations(q + s * dq, v + s * dv, rho_a=rho_a).a
+        found = dynamics.accelerations(q + s * dq, v + s * dv, rho_a=rho_a)
+        return np.concatenate([found.a[:nd], found.lam])
 
     slope = (8.0 * (at(h) - at(-h)) - at(2 * h) + at(-2 * h)) / (12.0 * h)
-    assert error(d.a_dq @ dq + d.a_dv @ dv, slope) < 1e-6
+    along = np.concatenate([d.a_dq @ dq + d.a_dv @ dv, d.lam_dq @ dq + d.lam_dv @ dv])
+    assert error(along, slope) < 1e-6
 
 
 # Closed forms and physics

@@ -17,6 +17,7 @@ from leastaction.mechanics import (
     Mechanism,
     MidpointVI,
     PathLength,
+    PointOnPlane,
     ball,
     rx,
     ry,
@@ -698,17 +699,68 @@ def test_the_derivatives_of_tensions_and_accelerations(rng: np.random.Generator)
             np.testing.assert_allclose(0.0 if H is None else H[:, i], bend, atol=1e-6)
 
 
+@pytest.mark.parametrize("of_state", [True, False])
+@pytest.mark.parametrize("indexed", [False, True])
+def test_functions_with_derivatives_of_their_own(rng: np.random.Generator, of_state: bool, indexed: bool) -> None:
+    """They are called for all instants at once, and are those that differences find."""
+
+    def factor(given: tuple[np.ndarray, ...]) -> np.ndarray:
+        return 1.0 + given[-1] if indexed else np.ones(len(given[0]))
+
+    def values(x: np.ndarray, *given: np.ndarray) -> np.ndarray:
+        more = 0.0 if of_state else given[0][:, 0] ** 3
+        return np.stack([factor((x, *given)) * np.sin(x[:, 0]) * x[:, 1], x[:, 1] ** 2 + more], axis=1)
+
+    def jacobian(x: np.ndarray, *given: np.ndarray) -> np.ndarray:
+        J, a = np.zeros((len(x), 2, 2 if of_state else 3)), factor((x, *given))
+        J[:, 0, 0], J[:, 0, 1], J[:, 1, 1] = a * np.cos(x[:, 0]) * x[:, 1], a * np.sin(x[:, 0]), 2.0 * x[:, 1]
+        if not of_state:
+            J[:, 1, 2] = 3.0 * given[0][:, 0] ** 2
+        return J
+
+    def curvature(x: np.ndarray, *given: np.ndarray) -> np.ndarray:
+        y = given[0 if of_state else 1]
+        n = 2 if of_state else 3
+        H, a = np.zeros((len(x), n, n)), factor((x, *given))
+        H[:, 0, 0] = -y[:, 0] * a * np.sin(x[:, 0]) * x[:, 1]
+        H[:, 0, 1] = H[:, 1, 0] = y[:, 0] * a * np.cos(x[:, 0])
+        H[:, 1, 1] = 2.0 * y[:, 1]
+        if not of_state:
+            H[:, 2, 2] = y[:, 1] * 6.0 * given[0][:, 0]
+        return H
+
+    options = {"of_state": of_state, "indexed": indexed}
+    found = FunctionQuantity(["f", "g"], values, **options)
+    own = FunctionQuantity(["f", "g"], values, jacobian=jacobian, curvature=curvature, **options)
+    half = FunctionQuantity(["f", "g"], values, jacobian=jacobian, **options)
+    at = Samples(np.arange(2, 6), rng.normal(size=(4, 2)), rng.normal(size=(4, 1)), rng.normal(size=(4, 2)))
+    y = rng.normal(size=(4, 2))
+    np.testing.assert_allclose(own.jacobian(at), found.jacobian(at), atol=1e-14)
+    np.testing.assert_allclose(own.curvature(at, y), found.curvature(at, y), atol=1e-8)
+    np.testing.assert_allclose(own.curvature(at, y), half.curvature(at, y), atol=1e-8)
+    wrong = FunctionQuantity(
+        "f", lambda x, *_: x[:, 0], jacobian=lambda x, *_: x, curvature=lambda x, *_: x, **options
+    )  # fmt: skip
+    with pytest.raises(ArgumentError, match=r"limit 'f': its jacobian returned shape \(4, 2\), expected \(4, 1, "):
+        wrong.jacobian(at)
+    with pytest.raises(ArgumentError, match=r"limit 'f': its curvature returned shape \(4, 2\), expected \(4, "):
+        wrong.curvature(at, y[:, :1])
+
+
 def test_what_is_limited_is_the_tension_that_a_trajectory_tells() -> None:
     m = Mechanism(
-        [tx("a"), [tz("c"), [tz(0.0, name="A", mass=1.0)]], tx("d"), [tz("e"), [tz(0.0, name="B", mass=1.0)]]],
-        [Gravity(), Distance("A", "world", "L", name="long"), Distance("B", "world", 1.3, name="short")],
-    )
+        [tx("a"), [tz("c"), [tz(0.0, name="A", mass=1.0)]], tx("d"), [tz("e"), [tz(0.0, name="B", mass=1.0)]],
+         tx("f"), [tz("g", name="C", mass=1.0)]],
+        [Gravity(), Distance("A", "world", "L", name="long"), Distance("B", "world", 1.3, name="short"),
+         PointOnPlane("world", "C", name="no string")],
+    )  # fmt: skip
     vi = MidpointVI(m, threads=1)
     system = MidpointSystem(vi, [0.0, 0.01, 0.03, 0.035], multipliers=True)
     q = m.configuration({"a": 0.0, "c": -1.2, "d": 0.0, "e": -1.3, "L": 1.2})
     run = vi.simulate(vi.start(q), system.t, rho=[[1.2], [1.201], [1.203], [1.202]])
-    x = np.hstack([run.x, np.vstack([np.zeros(2), run.lam])])
+    x = np.hstack([run.x, np.vstack([np.zeros(3), run.lam])])
     quantity = system.quantity("tension")
+    assert quantity.names == ("long", "short")
     told = np.stack([run.tensions()[name] for name in quantity.names], axis=1)
     assert (np.abs(told) > 1.0).all()
     np.testing.assert_allclose(quantity.values(Samples(np.arange(1, 4), x[1:], run.u, x[1:])), told, rtol=1e-11)

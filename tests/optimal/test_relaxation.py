@@ -212,6 +212,23 @@ def test_a_constraint_without_a_spring_is_named():
         relax(system, cost, initial=start)
 
 
+@pytest.mark.parametrize("shape", ["matrix", "of stages", "matrices of stages"])
+def test_strings_are_found_with_weights_of_any_shape(shape):
+    given = arm(2.0)
+    cost, N = given.cost, given.system.N
+    Q, R = cost.Q, cost.R
+    alone = by_tensions(given.system, cost, initial=(given.x, given.u), least=0.0)
+    if shape == "of stages":
+        Q, R = np.tile(Q, (N, 1)), np.tile(R, (N, 1))
+    else:
+        Q, R = np.diag(Q), np.diag(R)
+    if shape == "matrices of stages":
+        Q, R = np.tile(Q, (N, 1, 1)), np.tile(R, (N, 1, 1))
+    cost = QuadraticCost(cost.x_wanted, cost.u_wanted, Q=Q, R=R, Q_final=cost.Q_final)
+    found = by_tensions(given.system, cost, initial=(given.x, given.u), least=0.0)
+    assert found.cost == pytest.approx(alone.cost, rel=1e-9)
+
+
 def test_strings_that_were_tensions_come_back_with_lengths_that_are_positive():
     """The equation of a string is that of the square of its length, so that the mirrored length solves it too."""
     m = marionette()

@@ -603,6 +603,8 @@ ERRORS = [
     ({"unknowns": [FinalTime(guess=0.0)]}, r"FinalTime: guess: got 0 s"),
     ({"limits": [Periodic()]}, r"Periodic\('\*'\): got a fixed initial state"),
     ({"limits": [Periodic("c")], "free_start": True}, r"Periodic\('c'\).*entries of the state"),
+    ({"limits": [Periodic([])], "free_start": True}, r"Periodic\(\[\]\): got no names"),
+    ({"callback": 3}, "callback: got int, expected a function of an IterationRecord"),
     (
         {"limits": [Periodic("a", offset={"b": 1.0})], "free_start": True},
         r"Periodic\('a'\): offset: 'b' is none of its entries; .* 'a'",

@@ -286,6 +286,14 @@ def test_a_window_is_a_problem_of_its_own(rng, start, stop):
     cost = Banked().window(start, stop, N=20, nu=1)
     assert isinstance(cost, WindowCost)
     assert check_derivatives(part, x[start : stop + 1], u[start:stop], cost=cost).ok
+    for mine, convex in zip(
+        cost.hessian(x[start : stop + 1], u[start:stop]), cost.convex_hessian(x[start : stop + 1], u[start:stop]),
+        strict=True,
+    ):  # fmt: skip
+        np.testing.assert_array_equal(convex, mine)
+    cost.check_shapes(stop - start, 4, 1)
+    with pytest.raises(ArgumentError, match=f"a window of {stop - start} steps with 1 inputs, expected 3 with 1"):
+        cost.check_shapes(3, 4, 1)
     K = rng.standard_normal((20, 1, 4))
     run = whole.rollout(x[start], x, u, K, start, stop)
     own = Projection(part, K[start:stop])(x[start : stop + 1], u[start:stop])

@@ -14,6 +14,7 @@ from leastaction import (
     MidpointVI,
     QuadraticCost,
     optimize,
+    project_velocity,
     tx,
     tz,
 )
@@ -55,6 +56,32 @@ def test_derivatives_of_the_system(stabilised: bool) -> None:
     report = check_derivatives(system, curve, tolerance=1e-6)
     assert report.ok, report
     assert "curvatures" in report.errors
+
+
+@pytest.mark.parametrize("free", [None, ["a", "b", "v_a", "v_b", "v_twist"]])
+def test_a_start_moves_along_the_constraints(rng: np.random.Generator, free: list[str] | None) -> None:
+    mechanism, x0 = hanging_crane()
+    m, system = mechanism, MechanismSystem(ContinuousDynamics(mechanism))
+    x0[m.nq :] = project_velocity(m, x0[: m.nq], rng.standard_normal(m.nq)).v
+    assert system.input_name(0) == "push"
+    assert system.input_name(1) == "winch"
+    directions = system.start_directions(x0, free)
+    chosen = 2 * m.nq if free is None else len(free)
+    assert directions.shape == (2 * m.nq, chosen - 2 * m.nc)
+    if free is not None:
+        held = np.setdiff1d(np.arange(2 * m.nq), system.free_entries(free))
+        assert not directions[held].any()
+
+    def off(x: np.ndarray) -> float:
+        q, v = np.ascontiguousarray(x[: m.nq]), x[m.nq :]
+        return float(np.abs(np.r_[m.constraint_values(q), m.constraint_jacobian(q) @ v]).max())
+
+    h = 1e-4
+    for along in directions.T:
+        assert off(x0 + h * along) < 30.0 * h**2
+        moved = system.moved_start(x0, h * along)
+        assert off(moved) < 1e-9
+        np.testing.assert_allclose(moved, x0 + h * along, atol=30.0 * h**2)
 
 
 def test_a_linearization_owns_what_its_second_order_needs() -> None:
