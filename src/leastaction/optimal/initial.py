@@ -7,7 +7,7 @@ from typing import Any
 from leastaction.errors import ArgumentError
 
 
-def both(initial: Any) -> tuple[Any, Any]:
+def pair_of(initial: Any) -> tuple[Any, Any]:
     """Return the pair (x, u) that was given to start from, or complain."""
     if not isinstance(initial, (tuple, list)) or len(initial) != 2:
         advice = "; (initial.x, initial.u) is one" if hasattr(initial, "x") and hasattr(initial, "u") else ""

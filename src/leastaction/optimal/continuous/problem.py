@@ -31,7 +31,7 @@ from leastaction.optimal.continuous.riccati import (
 )
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
-from leastaction.optimal.initial import both
+from leastaction.optimal.initial import pair_of
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.loop import Direction, Problem
 from leastaction.optimal.result import OptimizationResult
@@ -139,7 +139,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         else:
             if horizon is None:
                 raise ArgumentError("horizon: got None, expected (t0, tf) in seconds.")
-            x, u = both(initial)
+            x, u = pair_of(initial)
             is_curve = isinstance(x, PiecewisePolynomial) or callable(x)
             if not is_curve:
                 x = as_array(np.asarray(x), "initial x", (nx,), meaning="an initial state (nx,)")

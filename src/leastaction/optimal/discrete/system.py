@@ -18,7 +18,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.initial import both
+from leastaction.optimal.initial import pair_of
 from leastaction.optimal.quantity import Entries, Later, Quantity
 from leastaction.optimal.system import Linearization, System
 
@@ -352,7 +352,7 @@ def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
 
     Copies, which nobody can write to.
     """
-    x, u = both(initial)
+    x, u = pair_of(initial)
     N, nx, nu = system.N, system.nx, system.nu
     states = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
     inputs = as_array(u, "initial u", (N, nu), meaning="(N, nu)")

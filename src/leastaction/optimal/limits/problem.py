@@ -15,7 +15,7 @@ from leastaction.optimal.discrete.direction import DiscreteDirection
 from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.initial import both
+from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limits.barrier_problem import BarrierProblem
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
@@ -90,7 +90,7 @@ class LimitedProblem(BarrierProblem):
         same = found is not None and abs(self.shown - found.cost) <= _SAME * abs(found.cost)
         self.begins_at_minimum = found is not None and found.success and same
         if self.final_time is not None:
-            x, u = both(initial)
+            x, u = pair_of(initial)
             self.given = Start(np.array(x, dtype=np.float64), np.array(u, dtype=np.float64))
         if self.given is not None:
             self.given = replace(self.given, was_found=found is not None)

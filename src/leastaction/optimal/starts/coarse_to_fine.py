@@ -15,7 +15,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.initial import both
+from leastaction.optimal.initial import pair_of
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus, check_options
@@ -81,7 +81,7 @@ def coarse_to_fine(
     levels = [as_count(factor, "factors", 1) for factor in factors]
     if not levels or levels[-1] != 1 or any(a <= b for a, b in pairwise(levels)) or levels[0] > N:
         raise ArgumentError(f"factors: got {list(factors)}, expected whole numbers that decrease from at most {N} to 1")
-    given, inputs = both(initial)
+    given, inputs = pair_of(initial)
     u = as_array(inputs, "initial u", (N, None), meaning="(N, nu)")
     nx = np.shape(given)[-1] if np.ndim(given) else 1
     x = as_array(given, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")

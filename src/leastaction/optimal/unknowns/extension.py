@@ -14,7 +14,7 @@ from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.initial import both
+from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop import Callback
@@ -128,7 +128,7 @@ class Extension:
         """Return a start for the extended system."""
         if isinstance(initial, OptimizationResult):
             return replace(initial, x=self._states(initial.x, self._values(initial)))
-        x, u = both(initial)
+        x, u = pair_of(initial)
         N, nx = self.own.N, self.own.nx
         x = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
         states = self._states(x, self.guess)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import StepError
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.numerics.arrays import Array, as_array, require_instance
-from leastaction.optimal.initial import both
+from leastaction.optimal.initial import pair_of
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rigs.commands import reeled_in, with_lengths
@@ -77,7 +77,7 @@ def play(
         require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
     rig = Rig() if rig is None else rig
     m, N, t = system.integrator.mechanism, system.N, system.t
-    x, u = (plan.x, plan.u) if isinstance(plan, OptimizationResult) else both(plan)
+    x, u = (plan.x, plan.u) if isinstance(plan, OptimizationResult) else pair_of(plan)
     x = as_array(x, "plan x", (N + 1, system.nx), meaning="(N+1, nx)")
     u = as_array(u, "plan u", (N, system.nu), meaning="(N, nu)")
     x, u, shorter = reeled_in(system, x, u, rig)
