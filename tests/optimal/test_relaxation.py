@@ -28,6 +28,7 @@ from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics import ElasticString, LinearSpring, PathLength, PointToPoint, TendonForce
 from leastaction.models.bricard import bricard
 from leastaction.models.marionette import STRINGS, marionette, rest_pose
+from leastaction.optimal import Bound
 from optimal.systems import CartPendulum, is_trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -198,6 +199,22 @@ def test_by_tensions_names_what_is_wrong():
             MidpointSystem(given.system.integrator, given.system.t, multipliers=True), given.cost,
             initial=(given.x, given.u),
         )  # fmt: skip
+
+
+@pytest.mark.parametrize("search", [by_tensions, relax])
+@pytest.mark.parametrize(
+    ("limit", "what"),
+    [
+        (Bound("*", min=0.0, of="tension"), "multipliers are no part of this system's state"),
+        (Bound("elbows", max=1.0), "unknown name 'elbows'"),
+        (Bound("*", min=np.zeros(7), of="variable"), "got shape"),
+    ],
+)
+def test_limits_that_the_last_stage_does_not_have_are_named_before_the_first(search, limit, what):
+    given, stages = arm(2.0), []
+    with pytest.raises(ArgumentError, match=what):
+        search(given.system, given.cost, initial=(given.x, given.u), limits=[limit], callback=stages.append)
+    assert not stages
 
 
 def test_a_constraint_without_a_spring_is_named():

@@ -20,7 +20,7 @@ from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.settings import Method
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import StageCallback, Stages, check_options
+from leastaction.optimal.starts.stages import StageCallback, Stages, check_last_limits, check_options
 from leastaction.systems.midpoint import MidpointSystem
 
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE
@@ -105,6 +105,7 @@ def embed(
     require_instance(system, "system", MidpointSystem)
     require_instance(cost, "cost", Cost)
     check_options(options, "the last stage, which starts from the one before")
+    check_last_limits(system, options)
     m, N = system.mechanism, system.N
     x, u = given_start(system, initial)
     limit = as_number(tolerance, "tolerance", above=0.0)

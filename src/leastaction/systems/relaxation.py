@@ -19,7 +19,7 @@ from leastaction.optimal.limits.limit import Bound
 from leastaction.optimal.optimize import optimize
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import StageCallback, Stages, check_options
+from leastaction.optimal.starts.stages import StageCallback, Stages, check_last_limits, check_options
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.warm_start import warm_start
@@ -256,6 +256,7 @@ def _check(system: MidpointSystem, cost: Cost, options: dict[str, Any]) -> None:
         raise ArgumentError("system: got one with multipliers in its state, expected one without them")
     require_instance(cost, "cost", Cost)
     check_options(options, "the last stage, which starts from the one before")
+    check_last_limits(system, options)
 
 
 def _chosen(m: Mechanism, names: Sequence[str] | None) -> list[str]:

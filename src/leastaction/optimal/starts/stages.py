@@ -6,14 +6,19 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.limit import checked_limits
+from leastaction.optimal.limits.rows import check_agreement
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.table import Table
+from leastaction.optimal.unknowns.periodic import Periodic
 
 
 class StartStatus(Enum):
@@ -128,6 +133,21 @@ def check_options(options: Mapping[str, object], of: str) -> None:
     for name in ("initial", "horizon"):
         if name in options:
             raise ArgumentError(f"{name}: cannot be an option for {of}")
+
+
+def check_last_limits(system: DiscreteSystem, options: Mapping[str, Any]) -> None:
+    """Complain about limits of the last stage that a system does not have, before the first stage is made.
+
+    Raises
+    ------
+    ArgumentError
+        From the limits: unknown names, values of wrong shapes, or such as no motion can meet.
+    """
+    if options.get("unknowns"):
+        return  # of which they may be
+    first = 1 if options.get("free_start", False) is False else 0
+    limits = [limit for limit in checked_limits(options.get("limits", ())) if not isinstance(limit, Periodic)]
+    check_agreement([row for limit in limits for row in limit.rows(system, first)], system.when)
 
 
 class Stages:
