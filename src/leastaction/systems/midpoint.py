@@ -193,7 +193,7 @@ class MidpointSystem(DiscreteSystem):
         return self._remade(integrator, t, self.first_share)
 
     def conditions_of(self, names: Sequence[str]) -> list[Quantity]:
-        return conditions_of(self.integrator.mechanism, names)
+        return conditions_of(self.mechanism, names)
 
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
         bare, t = self._bare(x), self.t[start : start + len(x)]
