@@ -411,6 +411,40 @@ def test_values_belong_to_the_instants_in_the_order_given(cart: MidpointSystem, 
     np.testing.assert_allclose(result.x[[125, 75], 1], [0.5, 0.9], atol=1e-6)
 
 
+def test_values_belong_to_the_names_in_the_order_given(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    """Not in that of the system, in which they had been taken without a word."""
+    ends = Equal(["theta", "x"], [0.1, 0.2])
+    result = optimize(cart, cost, initial=(np.zeros(4), np.zeros((cart.N, 1))), limits=[ends])
+    assert result.success
+    np.testing.assert_allclose(result.x[-1, :2], [0.2, 0.1], atol=1e-6)
+    (rows,) = Bound(["theta", "x"], max=np.array([[1.0, 2.0]])).rows(cart, 1)
+    assert rows.labels == ("theta <= 1", "x <= 2")
+
+
+def test_what_holds_all_along_is_named_among_what_stands_against() -> None:
+    """Its duals are small at each instant: ends at rest were named, and not the rate that lets nobody get there."""
+
+    def side(labels: tuple[str, ...], values: list[list[float]], duals: list[list[float]]) -> LimitState:
+        value, n = np.array(values), len(values)
+        return LimitState(
+            limit="", labels=labels, equation=n == 1, k=np.arange(n), value=value, dual=np.array(duals),
+            price=np.full(len(labels), 1e6), active=np.ones(value.shape, dtype=np.bool_),
+        )  # fmt: skip
+
+    rests = ("at rest", "upright", "still", "in place")
+    report = LimitReport(
+        (
+            side(("there",), [[-1.0]], [[1e6]]),
+            side(rests, [[0.0, 0.0, 0.0, 0.0]], [[2.0, 3.0, 4.0, 5.0]]),
+            side(("slowly",), [[0.0]] * 100, [[1.0]] * 100),
+        ),
+        mu=1e-6,
+        excess=1.0,
+    )
+    said = report.contradiction(lambda k: f"step {k}")
+    assert said.startswith("Not met: 'there' by 1 at step 0. Against that stand 'slowly'")
+
+
 @pytest.mark.parametrize("width", [None, 1, 2])
 def test_bounds_on_states_may_be_given_for_all_instants(width: int | None, cart: MidpointSystem) -> None:
     """The first of them, whose state is fixed, is no row."""

@@ -161,7 +161,8 @@ class LimitReport:
                 # Off by next to nothing, at the highest price, is met at the expense of others.
                 i = int(np.argmax(np.abs(side.dual[:, j])))
                 text = f" (most at {when(int(side.k[i]))})"
-                (met if side.broken(j) else against).add(side, j, abs(float(side.dual[i, j])), text)
+                # What holds all along has little of a dual at each instant.
+                (met if side.broken(j) else against).add(side, j, float(np.abs(side.dual[:, j]).sum()), text)
         stands = against.text() or met.text()
         return f"Not met: {broken.text()}." + (f" Against that stand {stands}." if stands else "")
 

@@ -244,7 +244,7 @@ def selected(system: Horizon, names: str | Sequence[str], of: str | None, what: 
         whole = system.quantity(kind)
         found = [whole.matching(pattern) for pattern in patterns]
         if all(found):
-            return whole.select(sorted({i for each in found for i in each}))
+            return whole.select(list(dict.fromkeys(i for each in found for i in each)))  # in the order of their values
         known += [name for name in whole.names if name not in known]
     unknown = next((pattern for pattern in patterns if not matching(known, pattern)), None)
     if unknown is None:
