@@ -95,8 +95,13 @@ class Plan:
     def cost(self, *, motor: float | None = None) -> Cost:
         """Return the cost; that of the system with motors if they have a price."""
         system = self.system if motor is None else self.by_motors
-        cost = self.problem.with_markers(self.tracking_cost(motor=motor), system)
+        cost = self.untied_cost(motor=motor)
         return cost if self.ties is None else self.ties.priced(cost, system)
+
+    def untied_cost(self, *, motor: float | None = None) -> Cost:
+        """Return the cost but for the price of lengths."""
+        system = self.system if motor is None else self.by_motors
+        return self.problem.with_markers(self.tracking_cost(motor=motor), system)
 
     def tracking_cost(self, *, motor: float | None = None) -> TrackingCost:
         """Return the part of the cost that is quadratic in states and inputs."""

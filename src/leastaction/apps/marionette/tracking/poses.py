@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -47,24 +48,27 @@ class PoseSearch:
         places = plan.problem.mechanism.variables
         self.columns = [places.index(name) for name in self.mechanism.variables]
 
-    def wanted(self, k: int) -> Array:
-        """Return the pose that is wanted at an instant, with the tensions that carry the puppet at the start."""
-        return np.concatenate([self.plan.x_reference[k, : self.mechanism.nq], self.plan.tension])
+    def wanted(self, k: int | None) -> Array:
+        """Return the pose that is wanted at an instant, with the tensions that carry the puppet at the start.
 
-    def toward_rest(self, k: int, share: float) -> Array:
+        ``k``: None for the mean of all instants, to which one pose for all of them is to be near.
+        """
+        return np.concatenate([_of(self.plan.x_reference, k)[: self.mechanism.nq], self.plan.tension])
+
+    def toward_rest(self, k: int | None, share: float) -> Array:
         """Return a pose between the wanted one of an instant and the puppet's at rest, upright under its strings.
 
         ``share``: 0 is the wanted pose but for its strings, 1 that at rest where the wanted one is and faces. From
         there a search often finds the pose that strings hold where it gets lost from the wanted one.
         """
         whole = self.plan.problem.mechanism
-        q = self.plan.problem.reference[k].copy()
+        q = _of(self.plan.problem.reference, k)
         for i, name in enumerate(whole.dynamic):
             if name not in _UPRIGHT:
                 q[i] += share * (REST.get(name, 0.0) - q[i])
         return np.concatenate([hang_strings(whole, q)[self.columns], self.plan.tension])
 
-    def best(self, k: int, starts: Iterable[Array]) -> tuple[float, Array]:
+    def best(self, k: int | None, starts: Iterable[Array]) -> tuple[float, Array]:
         """Return the cheapest of the poses at rest that are found from some starts, or else from poses near rest."""
         tried = [start for start in starts if np.isfinite(start).all()]
         first = (*tried, self.toward_rest(k, _HALFWAY))
@@ -92,19 +96,20 @@ class PoseSearch:
             return slopes
         return np.vstack([slopes, np.pad(ties.slopes(q), ((0, 0), (0, len(pull))))])
 
-    def markers_off(self, pose: Array, k: int) -> tuple[float, Array]:
+    def markers_off(self, pose: Array, k: int | None) -> tuple[float, Array]:
         """Return what it costs that markers are not where instant k wants them, and its slope (nq + strings,)."""
         value, slope, problem = 0.0, np.zeros(len(pose)), self.plan.problem
         if problem.follow == "joints" or problem.markers is None:
             return value, slope
         q = np.ascontiguousarray(pose[: self.mechanism.nq])
+        markers = _of(problem.markers, k)
         for i, frame in enumerate(LIMB_MARKERS.values(), start=1):
-            apart = self.mechanism.frame_pose(q, frame)[:3, 3] - problem.markers[k, i]
+            apart = self.mechanism.frame_pose(q, frame)[:3, 3] - markers[i]
             value += 0.5 * self.plan.weights.marker * float(apart @ apart)
             slope[: len(q)] += self.plan.weights.marker * apart @ self.mechanism.frame_jacobian(q, frame)[:3]
         return value, slope
 
-    def nearest(self, k: int, start: Array) -> tuple[float, Array]:
+    def nearest(self, k: int | None, start: Array) -> tuple[float, Array]:
         """Return what a pose at rest costs at instant k, and the pose; infinity where none was found from a start."""
         wanted = self.wanted(k)
         m, limits, scale = self.mechanism, self.plan.limits, self.scale
@@ -149,11 +154,16 @@ class PoseSearch:
         return (float(done.fun), pose) if balanced else (np.inf, pose)
 
 
-def at_rest(plan: Plan, *starts: Array) -> tuple[Array, Array]:
+def _of(values: Array, k: int | None) -> Array:
+    """Return a copy of the values (N+1, ...) of an instant; their mean if None is given."""
+    return np.array(values.mean(axis=0) if k is None else values[k])
+
+
+def at_rest(plan: Plan, *starts: Array, k: int | None = 0) -> tuple[Array, Array]:
     """Return states and inputs of a plan in which strings hold the puppet still, nearest to where it is to begin.
 
     Strings on bars are as long there as they happen to be. ``starts``: poses, with their tensions, in which the search
-    begins too.
+    begins too. ``k``: another instant to be near; None: all of them, in the mean.
 
     Raises
     ------
@@ -161,7 +171,7 @@ def at_rest(plan: Plan, *starts: Array) -> tuple[Array, Array]:
         If there is none within the limits.
     """
     search, m = PoseSearch(plan, tied=False, more=_FIRM), plan.mechanism
-    cost, pose = search.best(0, (search.wanted(0), *starts))
+    cost, pose = search.best(k, (search.wanted(k), *starts))
     if not np.isfinite(cost):
         raise ArgumentError(
             "strings: neither the motion nor a pose at rest is found in which all of them pull. Lower the least "
@@ -174,11 +184,18 @@ def at_rest(plan: Plan, *starts: Array) -> tuple[Array, Array]:
 
 
 def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
-    """Return a motion of a plan in which strings hold the puppet still: nearest to the pose in which it is to begin.
+    """Return a motion of a plan in which strings hold the puppet still, nearest to what is wanted.
 
-    ``near``: what was found instead, in whose pose the search begins too; see `at_rest`.
+    It is in the pose nearest to where it is to begin, or to where it is to be in the mean, whichever is nearer all
+    along. ``near``: what was found instead, in whose pose the search begins too. Raises `ArgumentError` as `at_rest`.
     """
-    x, u = at_rest(plan, np.concatenate([near.x[0, : plan.mechanism.nq], near.u[0, : len(plan.strings)]]))
+    pose = np.concatenate([near.x[0, : plan.mechanism.nq], near.u[0, : len(plan.strings)]])
+    apart = plan.untied_cost()
+    x, u = at_rest(plan, pose)
+    with suppress(ArgumentError):
+        in_the_mean = at_rest(plan, pose, k=None)
+        if apart.value(*in_the_mean) < apart.value(x, u):
+            x, u = in_the_mean
     none = np.zeros_like(near.K)
     return replace(
         near,

@@ -23,6 +23,7 @@ _TYING: Final = 200  # iterations in which strings on bars are tied more firmly,
 _TOO_LOOSE: Final = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
 _FIRM: Final = 1e-4  # m, by which they may vary to be settled (`settle.py`)
 _NEARLY: Final = 1e-3  # m, the same where they cannot be tied more firmly
+_GROWS: Final = 2.0  # times what one adds to the cost does the next, where strings are not to be tied
 _NOT_TIED: Final = (
     "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
 )
@@ -33,16 +34,19 @@ def tied(tracker: Tracker, result: OptimizationResult) -> OptimizationResult:
     if tracker.plan is None or not tracker.plan.varies:
         return result
     now = _ties(tracker).weight
-    found = _more_firmly(tracker, result, [weight for weight in WEIGHTS if weight > now])
+    found = _more_firmly(
+        tracker, result, [weight for weight in WEIGHTS if weight > now], most=_of_still(tracker, result)
+    )
     if found.success or found.status in CUT_SHORT or tracker.left < 1:
         return found
-    tracker.say("strings on bars cannot be tied on the motion found: it begins with a puppet that hangs still")
+    tracker.say("strings on bars cannot be tied on the motion found: it begins with a puppet that is held still")
     before = tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds
     try:
         still = holds_still(tracker, found)
     except ArgumentError:
         return found
-    again = _more_firmly(tracker, still, WEIGHTS[1:])
+    # Its strings keep their lengths: tied loosely it would go back to where it came from.
+    again = _more_firmly(tracker, still, [weight for weight in WEIGHTS if weight >= FIXED_FROM])
     if not again.success and tracker.plan.varies:
         again = found
         tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds = before
@@ -88,17 +92,37 @@ def go_on(tracker: Tracker, search: TrackingSearch) -> None:
     tracker.plan.ties.weight = search.firmness
 
 
-def _more_firmly(tracker: Tracker, result: OptimizationResult, weights: Sequence[float]) -> OptimizationResult:
-    """Return what is found where each optimisation ties strings on bars more firmly than the last."""
+def _of_still(tracker: Tracker, near: OptimizationResult) -> float:
+    """Return what a puppet that is held still costs, whose strings keep any lengths; infinity if there is none."""
+    assert tracker.plan is not None
+    try:
+        still = held_still(tracker.plan, near)
+    except ArgumentError:
+        return np.inf
+    return tracker.plan.untied_cost().value(still.x, still.u)
+
+
+def _more_firmly(
+    tracker: Tracker, result: OptimizationResult, weights: Sequence[float], *, most: float = np.inf
+) -> OptimizationResult:
+    """Return what is found where each optimisation ties strings on bars more firmly than the last.
+
+    ``most``: that the last of them may cost, as far as that can be foretold.
+    """
     left = tracker.left
     tracker.others = []  # they are where strings are tied loosely
+    costs = [result.cost]
     for weight in weights:
         if result.status in CUT_SHORT or left < 1:
             return result
+        if _foretold(costs, len(weights) - len(costs) + 1) > most:
+            tracker.left = left
+            return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
         if weight <= FIXED_FROM:
             tie(tracker, result)
         off = float(np.abs(_ties(tracker).off(result.x)).max())
         if weight > FIXED_FROM and off > _TOO_LOOSE:
+            tracker.left = left
             return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
         if weight > FIXED_FROM and off < _FIRM and result.success:
             break
@@ -109,12 +133,25 @@ def _more_firmly(tracker: Tracker, result: OptimizationResult, weights: Sequence
             firmer = tracker.improve()
         except ProjectionError as error:
             tracker.say(f"strings cannot be tied more firmly: {error}")
+            tracker.left = left
             return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
         if result.success and weight > FIXED_FROM and off < _NEARLY and firmer.status in STUCK:
             break  # so firmly that rounding of what lengths cost looks like negative curvature
         result = firmer
+        costs.append(result.cost)
     _ties(tracker).firm = result.success
     return result
+
+
+def _foretold(costs: Sequence[float], remaining: int) -> float:
+    """Return what is to be paid after some more optimisations, by what the earlier ones have cost.
+
+    Near a motion on which strings keep their lengths each soon adds less than the one before. Where it adds more than
+    twice as much there is none near, and the next ones add no less.
+    """
+    added = np.diff(costs)
+    grows = len(added) > 1 and added[-1] > _GROWS * max(added[-2], 0.0)
+    return float(costs[-1] + (remaining * added[-1] if grows else 0.0))
 
 
 def _ties(tracker: Tracker) -> Ties:

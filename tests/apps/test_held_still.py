@@ -1,0 +1,57 @@
+"""Motions that strings on bars cannot make: the puppet held still, and what is found from there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from apps.motions import PUPPET, captured
+from leastaction.apps.marionette import FORCED, PuppetLimits, load_motion, track
+from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.poses import at_rest, held_still
+from leastaction.apps.marionette.tracking.problem import TrackingProblem
+from leastaction.apps.marionette.tracking.tying import _foretold
+from leastaction.io import Motion
+from leastaction.models.marionette import REST, marionette
+
+
+def test_a_puppet_that_is_held_still_is_near_all_that_is_wanted() -> None:
+    """Not only where it is to begin: an arm is raised soon, and is to stay up."""
+    t = np.linspace(0.0, 0.8, 41)
+    q = np.zeros((41, PUPPET.nd))
+    for name, angle in REST.items():
+        q[:, PUPPET.dynamic.index(name)] = angle
+    arm = PUPPET.dynamic.index("rshoulder_rx")
+    q[:, arm] = np.clip(5.0 * t, 0.0, 1.0)
+    motion, puppet = Motion(PUPPET.dynamic, t, q, "an arm is raised"), marionette(strings="cross+hands")
+    run = track(puppet, motion)
+    assert run.plan is not None
+    plan = Plan(TrackingProblem(puppet, motion, FORCED, 1), FORCED, PuppetLimits())
+    still = held_still(plan, run.plan)
+    assert np.ptp(still.x, axis=0).max() == 0.0
+    beginning, mean = at_rest(plan), at_rest(plan, k=None)
+    assert plan.untied_cost().value(still.x, still.u) < 0.5 * plan.untied_cost().value(*beginning)
+    np.testing.assert_allclose(still.x[0, arm], mean[0][0, arm], atol=1e-2)
+    assert still.x[0, arm] > 0.5
+    assert not still.success
+    assert still.cost == plan.cost().value(still.x, still.u)
+
+
+def test_what_strings_that_are_not_to_be_tied_cost_is_foretold() -> None:
+    assert _foretold([1.0], 6) == 1.0
+    assert _foretold([1.0, 2.0], 5) == 2.0
+    assert _foretold([1.0, 2.0, 3.5], 4) == 3.5  # hardly more than before
+    assert _foretold([1.0, 2.0, 4.5], 4) == 4.5 + 4 * 2.5
+    assert _foretold([1.0, 2.0, 4.5, 5.0], 3) == 5.0
+
+
+@pytest.mark.slow
+def test_a_person_who_waves_is_followed_from_a_puppet_held_still() -> None:
+    """A cross has six numbers, and raises no arm alone: no motion is found on the way, and it had been held still."""
+    said: list[str] = []
+    motion = load_motion(captured("wave_hello.bvh"), dt=0.01).motion
+    run = track(marionette(strings="cross"), motion, progress=said.append)
+    assert any("begins with a puppet that is held still" in line for line in said)
+    assert run.result.success
+    assert run.tension.min() >= 0.5 - 1e-6
+    assert run.held_error < 24.0
