@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit
 
 from leastaction.mechanics.elements.base import Element
 from leastaction.mechanics.elements.constraints.distances import PathLength
@@ -22,7 +21,7 @@ _ITERATIONS = 50
 def tension_of(stretch: Array, stiffness: Array | float, smoothing: Array | float) -> Array:
     """Return how much elastic strings pull (N): the derivative of ``k/2 r^2`` of `ElasticString` by the stretch (m)."""
     share = stretch / smoothing
-    return np.asarray(stiffness * smoothing * np.logaddexp(0.0, share) * expit(share))
+    return np.asarray(stiffness * smoothing * np.logaddexp(0.0, share) * _rise(share))
 
 
 def stretch_of(tension: Array, stiffness: float, smoothing: float) -> Array:
@@ -31,9 +30,14 @@ def stretch_of(tension: Array, stiffness: float, smoothing: float) -> Array:
     # What they pull grows ever faster: Newton's method comes down from the right of the solution and stays there.
     share = wanted + 1.0
     for _ in range(_ITERATIONS):
-        length, open_ = np.logaddexp(0.0, share), expit(share)
+        length, open_ = np.logaddexp(0.0, share), _rise(share)
         share = share - (length * open_ - wanted) / (open_ * (open_ + length * (1.0 - open_)))
     return np.asarray(smoothing * share)
+
+
+def _rise(share: Array) -> Array:
+    """Return ``1 / (1 + exp(-share))``, without overflow."""
+    return np.asarray(np.exp(-np.logaddexp(0.0, -share)))
 
 
 class Strings(NamedTuple):
