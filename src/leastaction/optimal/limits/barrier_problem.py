@@ -251,16 +251,24 @@ class BarrierProblem(ShootingProblem):
         return False
 
     def retry_stage(self) -> bool:
-        """Make a stage again that led nowhere, without leeway, or with all excess as dear where limits are far off."""
+        """Make a stage again that led nowhere: without leeway, with all excess as dear where limits are far off.
+
+        Or with prices that fit the cost, where that has fallen far.
+        """
         if self.duals.leeway.is_lent:
             self.duals.leeway.give_all_back()
             self.values = None
             self._set_out()
             return True
-        again = self._begun and not self.is_open and self.stages.look_for_the_least(self._limits())
-        if again:
+        if not self._begun or self.is_open:
+            return False
+        if self.stages.look_for_the_least(self._limits()):
             self._set_out()
-        return again
+            return True
+        if self.stages.has_fallen(self.shown) and self.stages.are_met(self._limits()):
+            self._begin()
+            return True
+        return False
 
     @property
     def is_passing(self) -> bool:
@@ -413,7 +421,7 @@ class BarrierProblem(ShootingProblem):
                 model = minimise_model("newton", self._linearize(), gradient, hessian, curvature, self.free)
             model = self._with_start(model)
             if model.definite:
-                return -2.0 * least_of(model, self._start_step(model))
+                return -2.0 * least_of(model, self._start_step(model)) + self.duals.gap(self._room())
         return np.inf
 
     def direction(

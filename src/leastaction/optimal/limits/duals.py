@@ -163,6 +163,14 @@ class Duals:
         """Whether none is much larger than that of the barrier: from there a much smaller barrier can be followed."""
         return bool((self.y.flat * room.part.slack).max(initial=0.0) <= _CENTRAL * self.mu)
 
+    def gap(self, room: Room) -> float:
+        """Return what duals times room come to where that is more than the barriers ask for; not of equations.
+
+        By so much the cost may still fall, whatever is said by the Lagrangian of these duals alone.
+        """
+        products = (self.y.flat * room.part.slack)[~self._in_equations]
+        return float(products[products > _CENTRAL * self.mu].sum())
+
     def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
         y, barrier = duals.flat, self.of_barrier(room).flat

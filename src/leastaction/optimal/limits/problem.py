@@ -201,7 +201,9 @@ class LimitedProblem(BarrierProblem):
 
     def begin_finer(self) -> bool:
         """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
-        if self.went_finer or self.is_open or self.worst_step is None or not self.worst_step.is_coarse:
+        if self.went_finer or self.prefers_gaps or self.is_open:
+            return False
+        if self.worst_step is None or not self.worst_step.is_coarse:
             return False
         system, cost = self.system.refined(_PARTS), self.cost.refined(_PARTS)
         eased = None if cost is None else cost.eased(1.0)
