@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from leastaction.io.results import load_result, save_result
-from leastaction.mechanics import Damping, Gravity, JointForce, JointSpring, Mechanism, MidpointVI, ry, tx, tz
+from leastaction.mechanics import Damping, Gravity, JointForce, JointSpring, Mechanism, MidpointVI, ry, tx, ty, tz
 from leastaction.optimal import (
     Bound,
     Equal,
@@ -190,3 +190,26 @@ def test_a_motion_that_grazes_a_small_ball_stays_on_its_side(own: bool) -> None:
         result = best(6.0, warm)
         assert result.success, result.message
         assert result.cost == pytest.approx(0.90899003, rel=1e-6)
+
+
+def test_an_obstacle_that_stands_between_is_passed_from_where_there_is_none() -> None:
+    """A start that hovers is caught before a ball that moves: its limits were said to contradict each other."""
+    t = np.linspace(0.0, 3.0, 91)
+    frames = [ty("y"), [tz("z", mass=1.0, name="drone")]]
+    drone = Mechanism(frames, [Gravity(), JointForce("y", input="fy"), JointForce("z", input="fz")])
+    system = MidpointSystem(MidpointVI(drone), t)
+    wanted, hovers = np.zeros((91, 4)), np.tile([0.0, 9.81], (90, 1))
+    wanted[:, 0] = t * 2.0 / 3.0
+    cost = QuadraticCost(wanted, hovers, Q=[1.0, 1.0, 0.0, 0.0], R=[0.01, 0.01])
+    limits = [
+        Bound("fz", 5.0, lambda t: 14.0 if t < 1.0 else 11.0),
+        Bound("fy", np.linspace(-4.0, -1.0, 90), np.linspace(2.0, 3.0, 90)),
+        Equal("z", 0.6, at=1.5),
+        Equal(["z", "y"], [0.0, 2.0]),
+        Equal(["y", "z"], 0.0, of="rate", at="end"),
+        Keep("drone", outside=Ball(lambda t: (0.0, 1.2, 0.3 - 0.1 * t), 0.3)),
+    ]
+    result = optimize(system, cost, initial=(np.zeros(4), hovers), limits=limits)
+    free = optimize(system, cost, initial=(np.zeros(4), hovers), limits=limits[:-1])
+    assert result.success, result.message
+    assert free.cost < result.cost < 1.01 * free.cost

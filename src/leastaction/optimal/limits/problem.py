@@ -17,6 +17,7 @@ from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limits.barrier_problem import BarrierProblem
+from leastaction.optimal.limits.leeway import may_be_obstacle
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop import Loop
@@ -37,6 +38,8 @@ _SOON, _NEAR = 30, 1e-3
 # How much dearer inputs are at first where it begins again with an easier cost, by which factor less from one stage to
 # the next, and of each the tolerance and the most iterations: it only leads to the next.
 _EASIEST, _STRIDE, _LOOSE, _LONGEST = 1e6, 10.0, 1e-2, 20
+
+_PAST = 200  # iterations that the minimum without obstacles may take where they cannot be met
 
 _PARTS = 2  # into which a step of time is divided that is too coarse
 
@@ -78,6 +81,7 @@ class LimitedProblem(BarrierProblem):
         super().__init__(system, cost, rows, settings, free_start, gapped, dearer)
         self.final_time, self.stated = final_time, tuple(stated)
         self.wanted: Start | None = None  # from where gaps are tried once more
+        self.went_past = False  # whether it began again from the minimum without obstacles
         self.went_finer = False  # whether it was looked where half the steps of time lead: always to the same place
 
     def start(self, initial: Any) -> None:
@@ -150,7 +154,9 @@ class LimitedProblem(BarrierProblem):
         return self._begin_with_ease() if self.final_time is None else self.begin_dearer()
 
     def begin_dearer(self) -> bool:
-        if self.final_time is None or self.given is None or self.stages.are_met(self._asked()):
+        if self.final_time is None:
+            return self._begin_past_obstacles()
+        if self.given is None or self.stages.are_met(self._asked()):
             return False
         start, self.given = self.given, None
         self._put_out()
@@ -158,6 +164,20 @@ class LimitedProblem(BarrierProblem):
         self.stages.dearer *= _DEARER_AGAIN
         self._begin()
         return True
+
+    def _begin_past_obstacles(self) -> bool:
+        """Begin again, once, from the minimum without obstacles, where they cannot be met from the start.
+
+        A search may stand before an obstacle that is passed from elsewhere.
+        """
+        if self.went_past or self.stages.are_met(self._asked()):
+            return False
+        others = [rows for rows in self.limited.rows if not may_be_obstacle(rows, self.x, self.u)]
+        if len(others) == len(self.limited.rows):
+            return False
+        self.went_past = True
+        found = self._found_with(others, _PAST)
+        return found is not None and found.success and self._stand_at(found.x, found.u)
 
     def begin_freely(self) -> bool:
         """Begin again from the minimum without limits, if that is found soon; return whether it is.
