@@ -92,12 +92,14 @@ RollOutResult step_each_of(const Midpoint& midpoint, const In<1>& t, const In<2>
 }
 
 int linearize(Linearization& out, const In<1>& t, const In<2>& x, const In<2>& u, int threads,
-              const std::optional<In<2>>& ends, double first_share) {
+              const std::optional<In<2>>& ends, double first_share, const std::optional<Out>& by_time_step) {
     const std::size_t N = check(out.integrator()->mechanism(), t, x, u);
     expect(N, out.steps, "steps of the trajectory");
     if (ends) expect(ends->size(), N * out.nx, "ends");
+    if (by_time_step) expect(by_time_step->size(), N * out.ny, "by_time_step");
     nb::gil_scoped_release release;
-    return out.along(t.data(), x.data(), u.data(), first_share, threads, ends ? ends->data() : nullptr);
+    return out.along(t.data(), x.data(), u.data(), first_share, threads, ends ? ends->data() : nullptr,
+                     by_time_step ? by_time_step->data() : nullptr);
 }
 
 // A read-only array in memory of the core's.
@@ -162,15 +164,16 @@ ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, con
 }
 
 Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& w,
-                        int threads, double first_share) {
+                        bool multipliers, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1);
     expect(w.shape(0), N, "w");
     if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
-    Out out = new_array({N, nx + m.n_controls() + 1});
+    const std::size_t n = nx + m.n_controls() + (multipliers ? m.n_constraints() : 0) + 1;
+    Out out = new_array({N, n, n});
     nb::gil_scoped_release release;
     const int done = curvature_by_time_step(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), w.data(),
-                                            static_cast<int>(weights), first_share, threads, out.data());
+                                            static_cast<int>(weights), multipliers, first_share, threads, out.data());
     if (done < static_cast<int>(N)) throw std::invalid_argument("x: this is no trajectory");
     return out;
 }
@@ -318,13 +321,15 @@ void bind_midpoint(nb::module_& module) {
         .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,
              "time_step"_a.none() = nb::none(), "threads"_a = 0, "first_share"_a = 1.0,
              "Derivatives of every step by directions of the elements' numbers and of inertias, and by its length.")
-        .def("curvature_by_time_step", &curvature_by_length, "t"_a, "x"_a, "u"_a, "w"_a, "threads"_a = 0,
-             "first_share"_a = 1.0,
-             "Second derivatives (N, nx + nu + 1) of the next states weighted with w (N, nx), or of states and "
-             "multipliers with w (N, nx + nc), by the length of every step and (states, u, that length).")
+        .def("curvature_by_time_step", &curvature_by_length, "t"_a, "x"_a, "u"_a, "w"_a, "multipliers"_a = false,
+             "threads"_a = 0, "first_share"_a = 1.0,
+             "Second derivatives (N, n, n), n = nx + nu + 1, of the next states weighted with w (N, nx), or of states "
+             "and multipliers with w (N, nx + nc), by (states, u, the length of the step); with `multipliers` these "
+             "stand after the states.")
         .def("curvature_by_numbers", &curvature_by_directions, "t"_a, "x"_a, "u"_a, "w"_a, "directions"_a,
              "threads"_a = 0, "first_share"_a = 1.0,
-             "The same by directions (P, n_numbers) of the elements' numbers, none of gravity: (N, P, nx + nu + P).")
+             "Such by directions (P, n_numbers) of the elements' numbers, none of gravity, and all: (N, P, nx + nu + "
+             "P).")
         .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a, "share"_a.none() = nb::none(),
              "Momenta (p1, p2) of all variables at both ends of a segment, without constraint forces; share: for how "
              "long forces at the instants act at its start, dt by default.");
@@ -336,8 +341,9 @@ void bind_midpoint(nb::module_& module) {
                                 "count as further states of the next instant: ny = nx + nc, else ny = nx.");
     linearization.def(nb::init<std::shared_ptr<Midpoint>, int, bool>(), "midpoint"_a, "steps"_a, "multipliers"_a)
         .def("along", &linearize, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "ends"_a.none() = nb::none(),
-             "first_share"_a = 1.0,
-             "Linearises along a trajectory, or a curve whose steps lead to `ends` (N, nx), over what was there. "
+             "first_share"_a = 1.0, "by_time_step"_a.none() = nb::none(),
+             "Linearises along a trajectory, or a curve whose steps lead to `ends` (N, nx), over what was there, and "
+             "writes derivatives by the length of every step to `by_time_step` (N, ny). "
              "Returns "
              "the first step at which it is none, or N.")
         .def("curvature", &curvature, "w"_a, "multipliers"_a = false, "threads"_a = 0,

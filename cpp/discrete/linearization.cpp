@@ -34,6 +34,30 @@ std::size_t record_size(const Layout& at) {
     return at.nq + at.ni + at.nq + at.nc + 1 + static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
 }
 
+// The length of a step as its one parameter.
+std::vector<Parameter> length_of_step() {
+    std::vector<Parameter> lengths(1);
+    lengths[0].time_step = true;
+    return lengths;
+}
+
+// Derivatives of a step by parameters as rows of the next state, and of its multipliers if these are asked for.
+void write_slopes(const Layout& at, const MidpointStep& step, double dt, const std::vector<Parameter>& parameters,
+                  const ParameterSlopes& slopes, double* by_x, double* by_lam, bool multipliers) {
+    const std::size_t count = parameters.size();
+    const int ld = slopes.ld;
+    std::fill_n(by_x, at.nx * count, 0.0);
+    for (int i = 0; i < at.nd; ++i) {
+        const int row = at.m.external[i];
+        std::copy_n(&slopes.Y[i * ld], count, by_x + row * count);
+        std::copy_n(&slopes.P2[i * ld], count, by_x + (at.nq + row) * count);
+    }
+    for (int c = 0; multipliers && c < at.nc; ++c) std::copy_n(&slopes.Y[(at.nd + c) * ld], count, by_lam + c * count);
+    for (std::size_t p = 0; p < count; ++p)
+        for (int i = at.nd; parameters[p].time_step && i < at.nq; ++i)
+            by_x[(at.nq + i) * count + p] = -(step.q2[i] - step.q1[i]) / (dt * dt);
+}
+
 }  // namespace
 
 Linearization::Linearization(std::shared_ptr<const Midpoint> integrator, int steps, bool multipliers)
@@ -67,8 +91,9 @@ void Linearization::carry(Point& point, First& first, const Carry& carry) const 
 }
 
 int Linearization::along(const double* t, const double* X, const double* U, double first_share, int threads,
-                         const double* ends) {
+                         const double* ends, double* by_time_step) {
     const Layout at(integrator_->mechanism(), ny > nx);
+    const std::vector<Parameter> lengths = length_of_step();
     const int done = for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
         const double *x = X + k * nx, *u = U + k * nu, *next = ends ? ends + k * nx : x + nx;
@@ -100,6 +125,11 @@ int Linearization::along(const double* t, const double* X, const double* U, doub
         std::copy(step.lam.begin(), step.lam.end(), lam.data() + k * nc);
         double* record = records_.data() + k * record_size_;
         carry(step, first, [&](const double* from, int n) { record = std::copy_n(from, n, record); });
+        if (by_time_step) {
+            ParameterSlopes& slopes = workspace.slopes();
+            slopes.differentiate(step, first, dt, lengths);
+            write_slopes(at, step, dt, lengths, slopes, by_time_step + k * ny, by_time_step + k * ny + nx, ny > nx);
+        }
         return true;
     });
     zeroed_ = zeroed_ || done == steps;
@@ -187,19 +217,7 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
         if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
         ParameterSlopes& slopes = workspace.slopes();
         slopes.differentiate(step, first, dt, parameters);
-        const int ld = slopes.ld;
-        const AlignedVector &Y = slopes.Y, &P2 = slopes.P2;
-        double *x = by_x + k * at.nx * count, *lam = by_lam + k * at.nc * count;
-        std::fill_n(x, at.nx * count, 0.0);
-        for (int i = 0; i < at.nd; ++i) {
-            const int row = at.m.external[i];
-            std::copy_n(&Y[i * ld], count, x + row * count);
-            std::copy_n(&P2[i * ld], count, x + (at.nq + row) * count);
-        }
-        for (int c = 0; c < at.nc; ++c) std::copy_n(&Y[(at.nd + c) * ld], count, lam + c * count);
-        for (std::size_t p = 0; p < count; ++p)
-            for (int i = at.nd; parameters[p].time_step && i < at.nq; ++i)
-                x[(at.nq + i) * count + p] = -(step.q2[i] - step.q1[i]) / (dt * dt);
+        write_slopes(at, step, dt, parameters, slopes, by_x + k * at.nx * count, by_lam + k * at.nc * count, true);
         return true;
     });
 }
@@ -224,11 +242,12 @@ void load_second(const Layout& at, const MidpointStep& step, const double* W_k, 
 }  // namespace
 
 int curvature_by_time_step(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
-                           const double* W, int weights, double first_share, int threads, double* out) {
-    const Layout at(integrator.mechanism());
-    const int n = at.nx + at.nu;
-    std::vector<Parameter> lengths(1);
-    lengths[0].time_step = true;
+                           const double* W, int weights, bool multipliers, double first_share, int threads,
+                           double* out) {
+    const Layout at(integrator.mechanism(), multipliers);
+    const int n = at.ny + at.nu, size = n + 1;
+    const std::vector<Parameter> lengths = length_of_step();
+    const std::vector<SecondOrder::Run> runs = at.runs();
     return for_each_step(integrator, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
         const double *now = X + k * at.nx, *W_k = W + k * weights;
@@ -243,16 +262,19 @@ int curvature_by_time_step(const Midpoint& integrator, int steps, const double* 
         std::vector<double> row(at.theta), Y_dt(at.nd + at.nc);
         for (int i = 0; i < at.nd + at.nc; ++i) Y_dt[i] = slopes.Y[i * slopes.ld];
         second.hessian(dt, first);
-        double* by = out + k * (n + 1);
-        std::fill_n(by, n, 0.0);
-        by[n] = second.by_time_step(dt, first, step, Y_dt.data(), row.data());
-        at.scatter(row.data(), by, by + at.nx);
+        double* H = out + k * size * size;
+        std::fill_n(H, size * size, 0.0);
+        double *by = H + n * size, twice = second.by_time_step(dt, first, step, Y_dt.data(), row.data());
+        at.scatter(row.data(), by, by + at.ny);
         for (int i = at.nd; i < at.nq; ++i) {  // (rho2 - rho1)/dt
             const double w = W_k[at.nq + i], change = w / (dt * dt);
             by[i] += change;
-            by[at.nx + at.ni + i - at.nd] -= change;
-            by[n] += 2.0 * change * (step.q2[i] - step.q1[i]) / dt;
+            by[at.ny + at.ni + i - at.nd] -= change;
+            twice += 2.0 * change * (step.q2[i] - step.q1[i]) / dt;
         }
+        by[n] = twice;
+        second.write(runs, H, size);
+        for (int i = 0; i < n; ++i) H[i * size + n] = by[i];
         return true;
     });
 }

@@ -28,9 +28,10 @@ public:
 
     // Linearises along a trajectory, in the memory that there is. Returns the first step at which it is none, or N.
     // `ends` (N, nx): where its steps lead to, of a curve whose next states are others; null: to the next states.
-    // Here and below forces at the instants act at the first one for `first_share` of its step.
+    // Here and below forces at the instants act at the first one for `first_share` of its step. `by_time_step` (N, ny), if
+    // it is not null: derivatives by the length of each step.
     int along(const double* t, const double* X, const double* U, double first_share, int threads,
-              const double* ends = nullptr);
+              const double* ends = nullptr, double* by_time_step = nullptr);
 
     // The Hessians by (states, u) of the next states weighted with W (N, weights), weights = nx, or nx + nc with those of
     // the multipliers: (N, n, n), n = nx + nu, or ny + nu with rows and columns of zeros for the `multipliers`. In memory
@@ -83,10 +84,12 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
                                 const double* U, const std::vector<Parameter>& parameters, double first_share,
                                 int threads, double* by_x, double* by_lam);
 
-// Second derivatives of the next states weighted with W (N, weights), as of Linearization::curvature, by the length of the
-// step and (states, u, that length): out (N, nx + nu + 1). Returns the first step at which the trajectory is not one, or N.
+// Second derivatives of the next states weighted with W (N, weights), as of Linearization::curvature, by (states, u, the
+// length of the step): out (N, n, n), n = nx + nu + 1, and nc more with rows and columns of zeros for the `multipliers`.
+// Returns the first step at which the trajectory is not one, or N.
 int curvature_by_time_step(const Midpoint& integrator, int steps, const double* t, const double* X, const double* U,
-                           const double* W, int weights, double first_share, int threads, double* out);
+                           const double* W, int weights, bool multipliers, double first_share, int threads,
+                           double* out);
 
 // The same by directions of the numbers of elements, none of gravity: rows (states, u, the directions) of each,
 // out (N, P, nx + nu + P).

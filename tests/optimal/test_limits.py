@@ -997,6 +997,22 @@ def test_a_stage_ends_sooner_where_its_duals_are_near_those_of_the_barrier() -> 
     assert stages.tolerated(2.0 * loose, 0.0, c) == 2.0 * loose
 
 
+def test_prices_of_equations_fall_to_a_hundred_duals_in_the_end() -> None:
+    """Dear ones leave their barriers no room, and before the end duals are rough."""
+    sides = [Side("equal", ("c = 0",), True, first, np.ones(1), np.zeros(1)) for first in (True, False)]
+    duals = Duals(sides, Layout([(1, 1), (1, 1)]))
+    c = duals.layout.empty()
+    c.flat[:] = 0.0
+    duals.begin(c, 1e-6, 1.0)
+    least = duals.least_mu(1e-12)
+    for late, price in ((False, 1.0), (True, 0.01), (True, 0.01)):
+        duals.y.flat[:] = 0.5 * duals.prices + np.array([0.5e-4, -0.5e-4])
+        assert not duals.price(c, 1e6, late=late)
+        assert float(duals.rho.flat[0]) == pytest.approx(price, rel=1e-9)
+        assert duals.net() == pytest.approx([1e-4, -1e-4], rel=1e-9)
+    assert duals.least_mu(1e-12) == pytest.approx(0.01 * least, rel=0.1)
+
+
 def test_duals_of_equations_stay_as_they_are_where_prices_do() -> None:
     """To the last bit: what was computed with them is not computed again for rounding."""
     sides = [Side("equal", ("c = 0",), True, first, np.ones(1), np.zeros(1)) for first in (True, False)]

@@ -79,6 +79,23 @@ def test_steps_are_differentiated_by_the_final_time_and_parameters(name: str, sp
         np.testing.assert_allclose(found[:, :, j], wanted, atol=1e-8 * max(1.0, np.abs(wanted).max()), err_msg=each)
 
 
+@pytest.mark.parametrize("multipliers", [False, True])
+@pytest.mark.parametrize(("name", "split"), CASES)
+def test_a_step_and_its_derivatives_by_the_final_time_come_together(name: str, split: str, multipliers: bool) -> None:
+    system, x, u = moving(name, split, multipliers)
+    apart = system.linearize(x, u)
+    for names in (("final time",), tuple(names_of(name)), ()):
+        together, by = system.linearize_by(x, u, names)
+        np.testing.assert_array_equal(together.A, apart.A)
+        np.testing.assert_array_equal(together.B, apart.B)
+        np.testing.assert_allclose(by, system.differentiate_by(x, u, names), rtol=1e-12, atol=1e-14)
+    z = np.random.default_rng(5).normal(size=(3, system.nx))
+    second = system.curvature_by_final_time(x, u, z)
+    np.testing.assert_array_equal(second[:, -1], second[:, :, -1])
+    H = apart.curvature(z)
+    np.testing.assert_allclose(second[:, :-1, :-1], H, atol=1e-12 * np.abs(H).max())
+
+
 @pytest.mark.parametrize(("name", "split"), CASES)
 def test_second_derivatives_of_the_extended_system(name: str, split: str, rng: np.random.Generator) -> None:
     own, x, u = moving(name, split, multipliers=True)

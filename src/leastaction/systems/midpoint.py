@@ -211,13 +211,13 @@ class MidpointSystem(DiscreteSystem):
         return out
 
     def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array:
-        t, m = self.t[start : start + len(x)], self.mechanism
-        vi, share = self.integrator, self._share(start)
-        found = vi.core.curvature_by_time_step(t, self._bare(x), u, z, threads=vi.threads, first_share=share)
+        t, vi = self.t[start : start + len(x)], self.integrator
+        out = vi.core.curvature_by_time_step(
+            t, self._bare(x), u, z, self.multipliers, threads=vi.threads, first_share=self._share(start)
+        )
         growth = np.diff(t)[:, None] / (self.t[-1] - self.t[0])
-        out = np.zeros((len(u), self.nx + self.nu + 1))
-        out[:, : m.nx], out[:, self.nx :] = found[:, : m.nx] * growth, found[:, m.nx :] * growth
-        out[:, -1:] *= growth
+        out[:, -1] *= growth
+        out[:, :, -1] *= growth
         return out
 
     def curvature_by_parameters(
@@ -312,6 +312,16 @@ class MidpointSystem(DiscreteSystem):
         at = None if worst is None else start + out.worst.k
         return Rollout(x, out.u[:done], done, failure, worst, at)
 
+    def linearize_by(
+        self, x: Array, u: Array, names: Sequence[str], out: Linearization | None = None
+    ) -> tuple[Linearization, Array]:
+        if tuple(names) != (FINAL_TIME,) or type(self).linearize is not MidpointSystem.linearize:
+            return super().linearize_by(x, u, names, out)
+        by = np.empty((self.N, self.nx))
+        d = self._linearize(self.t, x, u, self.first_share, by_time_step=by)
+        by *= np.diff(self.t)[:, None] / (self.t[-1] - self.t[0])
+        return self._linearization(d), by[:, :, None]
+
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
         memory = None if out is None else out.memory
         if not isinstance(memory, StepDerivatives | None):
@@ -380,10 +390,22 @@ class MidpointSystem(DiscreteSystem):
         return self._linearize(self.t[k : k + 2], np.stack([x, self.f(x, u, k)]), u[None, :], self._share(k))
 
     def _linearize(
-        self, t: Array, x: Array, u: Array, first_share: float, out: StepDerivatives | None = None
+        self,
+        t: Array,
+        x: Array,
+        u: Array,
+        first_share: float,
+        out: StepDerivatives | None = None,
+        by_time_step: Array | None = None,
     ) -> StepDerivatives:
         return self.integrator.linearize_arrays(
-            t, self._bare(x), u, multipliers=self.multipliers, out=out, first_share=first_share
+            t,
+            self._bare(x),
+            u,
+            multipliers=self.multipliers,
+            out=out,
+            first_share=first_share,
+            by_time_step=by_time_step,
         )
 
     def _remade(self, integrator: MidpointVI, t: Array, first_share: float) -> Self:

@@ -74,11 +74,13 @@ def linearize_arrays(
     out: StepDerivatives | None = None,
     ends: Array | None = None,
     first_share: float = 1.0,
+    by_time_step: Array | None = None,
 ) -> StepDerivatives:
     """Return the derivatives along states x (N+1, nx) and inputs u (N, n_inputs + nrho) at times t.
 
     The next states may be off; then the derivatives are those of the steps near them, or of those that lead to
     `ends` (N, nx). ``first_share``: the part of the first step for which forces at the instants act at its start.
+    ``by_time_step`` (N, nx), or (N, nx + nc) with multipliers: where derivatives by the length of every step are put.
     See `linearize`.
     """
     m, N = vi.mechanism, len(t) - 1
@@ -90,7 +92,7 @@ def linearize_arrays(
             f"out: got derivatives of {out.steps} steps of {out.A_all.shape[1]} states, by {out.mechanism!r}; "
             f"expected such of {N} steps of {m.nx + m.nc * multipliers} states by this integrator itself"
         )
-    k = out.core.along(t, x, u, vi.threads, ends, first_share)
+    k = out.core.along(t, x, u, vi.threads, ends, first_share, by_time_step)
     if k < N:
         raise StepError(
             f"linearize: step {k} at t = {t[k]:.6g} s has no solution near the given next state; "

@@ -177,17 +177,27 @@ class DiscreteSystem(System):
     ) -> Array | None:
         """Return second derivatives of steps by some parameters and ``(x, u, these parameters)``, weighted with z.
 
-        As `curvature_by_final_time`: arrays (n+1, nx), (n, nu), (n, nx) of steps from `start` on, the result
-        (n, P, nx + nu + P). None where the system has none, as here: they are differences then.
+        Of steps as in `curvature_by_final_time`: arrays (n+1, nx), (n, nu), (n, nx) of steps from `start` on, the
+        result (n, P, nx + nu + P). None where the system has none, as here: they are differences then.
         """
         return None
 
     def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:  # noqa: ARG002
-        """Return the second derivatives (n, nx + nu + 1) of ``z[k] . f`` by the final time and (x, u, that time).
+        """Return the second derivatives (n, nx + nu + 1, nx + nu + 1) of ``z[k] . f`` by (x, u, the final time).
 
         Of the same steps as `differentiate_by`, z (n, nx). None where the system has no such derivatives.
         """
         return None
+
+    def linearize_by(
+        self, x: Array, u: Array, names: Sequence[str], out: Linearization | None = None
+    ) -> tuple[Linearization, Array]:
+        """Return the linearization along a trajectory, and the derivatives (N, nx, P) of its steps by parameters.
+
+        ``out``: as of `linearize`.
+        """
+        found = linearized(self, x, u, out)
+        return found, self.differentiate_by(x, u, names) if names else np.empty((self.N, self.nx, 0))
 
     def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:  # noqa: ARG002
         """Return how an initial state x (nx,) has to follow parameters, (nx, len(names)), as far as it is free."""

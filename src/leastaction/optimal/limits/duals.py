@@ -26,7 +26,9 @@ from leastaction.optimal.limits.leeway import Leeway
 from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.quantity import Instants
 
-_DEAR = 10.0  # times its dual is the price of an excess
+# Times its dual is the price of an excess; and in the end that of an equation, which is met the better the dearer it
+# is, but what is much dearer leaves so little room that its barrier cannot get as small as others.
+_DEAR, _DEAR_EQUAL = 10.0, 100.0
 _CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
 _HARD = 1e6  # costs of the start for an excess of its scale, where nothing is beyond a limit
 _AT = 1e-6  # of its scale from a limit is at it
@@ -86,6 +88,7 @@ class Duals:
         self._size = layout.columns.filled([side.size for side in self.sides]).flat
         self._equal = layout.columns.filled([float(side.equal) for side in self.sides]).flat > 0.0
         self._hard = layout.columns.filled([float(side.hard) for side in self.sides]).flat > 0.0
+        self._dear = np.where(self._equal, _DEAR_EQUAL, _DEAR)
         self._in_equations = layout.spread(self._equal)
         self._other = self._other_sides()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
@@ -221,11 +224,12 @@ class Duals:
         largest = self.layout.largest(self.y.flat)
         return digits * float((largest * (self.scale.flat + self._size)).max(initial=0.0))
 
-    def price(self, c: Sided, dearest: float, *, met: float | None = None) -> bool:
+    def price(self, c: Sided, dearest: float, *, met: float | None = None, late: bool = False) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
 
         ``c``: at the minimum at these prices and this mu. ``dearest``: what an excess of a limit's scale may cost at
         most. ``met``: what is off by more of its scale needs a higher price, whatever its dual, a rough one perhaps.
+        ``late``: whether the end is near, and duals of equations tell their prices.
         """
         layout, net, rho = self.layout, self.net(), self.rho.flat
         scale, most = self.scale.flat, dearest / self.scale.flat
@@ -233,12 +237,12 @@ class Duals:
         if met is not None:
             off = layout.largest(-c.flat) > met * scale
         binding = (binding | off) & (rho < most)
-        wanted = _DEAR * layout.largest(net)
+        wanted = self._dear * layout.largest(np.abs(net))
         new = np.where(
             binding,
             np.minimum(_DEARER * rho, most),
-            # Equations are met the better the dearer they are, and what is off has no dual yet to go by.
-            np.where(off | self._equal, rho, _between(_CHEAPER * rho, wanted, rho)),
+            # What is off has no dual yet to go by, and equations only in the end.
+            np.where(off | (self._equal & (not late)), rho, _between(_CHEAPER * rho, wanted, rho)),
         )
         new = np.where(self._hard, np.maximum(rho, wanted), new)
         self.rho = Sided(new, layout.columns)

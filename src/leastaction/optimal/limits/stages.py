@@ -156,17 +156,17 @@ class Stages:
                 duals.leeway.give_back()
             return True
         was_last = self.is_last
-        # The cost of the start may be far from that of the end.
-        last = max(self._last(abs(cost)), duals.least_mu(self.digits))
         if was_last and duals.excess(c) <= _EXACTLY * self.met:
             # All is met; where rounding ended the search, its duals are no reason to set out with other prices.
             return False
         if self._asks_for_the_least(c):
             return self._closer_to_the_least(c)
-        dearer = duals.price(c, _DEAREST * self.size, met=self.met if self._rough else None)
+        late = self.is_near_end and not was_last
+        dearer = duals.price(c, _DEAREST * self.size, met=self.met if self._rough else None, late=late)
         if not dearer and (was_last or duals.hopeless()):
-            return False
-        self.last = last  # where nothing follows, what was the last stage still is
+            return False  # where nothing follows, what was the last stage still is
+        # The cost of the start may be far from that of the end, and with prices the least room changes.
+        self.last = max(self._last(abs(cost)), duals.least_mu(self.digits))
         if dearer and self._is_telling(c) and abs(cost) <= _LITTLE_BESIDE * duals.cost_of_excess(c):
             duals.level(c, duals.dearest)
             return True

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.differences import fourth_order
-from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, linearized
+from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout
 from leastaction.optimal.quantity import Entries, Quantity, as_slice
 from leastaction.optimal.system import Linearization
 
@@ -114,9 +114,13 @@ class ExtendedSystem(DiscreteSystem):
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
         own, values = self.own(x), self.values(x)
         system, weights = self.at(values), np.ascontiguousarray(z[None, : self.n_own])
-        H, by_time = system.curvature(own, u, k, weights[0])[None], None
+        H, by_time = None, None
         if FINAL_TIME in self.names:
-            by_time = system.curvature_by_final_time(np.stack([own, system.f(own, u, k)]), u[None], weights, k)
+            H, by_time = _parts(
+                system.curvature_by_final_time(np.stack([own, system.f(own, u, k)]), u[None], weights, k)
+            )
+        if H is None:
+            H = system.curvature(own, u, k, weights[0])[None]
         along = partial(self._of_step, x=own, u=u, k=k)
         exact = self._by_parameters(system, np.stack([own, system.f(own, u, k)]), u[None], weights, k)
         return np.asarray(self._second(H, by_time, values, along, weights, exact)[0])
@@ -153,19 +157,20 @@ class ExtendedSystem(DiscreteSystem):
         own, values, u = self.own(x), self.values(x[0]).copy(), u.copy()
         system = self.at(values)
         # A system with other parameters is another one, which cannot use the memory of the last.
-        lin = linearized(system, own, u, None if out is None or self.names else out.memory)
-        by = system.differentiate_by(own, u, self.names) if self.names else np.empty((self.N, self.n_own, 0))
+        lin, by = system.linearize_by(own, u, self.names, None if out is None or self.names else out.memory)
         A, B = self._extended(lin.A, lin.B, by)
 
         def along(moved: Array) -> tuple[Array, Array, Array]:
-            other = self.near(moved)
-            return *linearized(other, own, u), other.differentiate_by(own, u, self.names)
+            (A, B), by = self.near(moved).linearize_by(own, u, self.names)
+            return A, B, by
 
         def second(z: Array) -> Array:
             weights = np.ascontiguousarray(z[:, : self.n_own])
-            by_time = system.curvature_by_final_time(own, u, weights) if FINAL_TIME in self.names else None
+            H, by_time = None, None
+            if FINAL_TIME in self.names:
+                H, by_time = _parts(system.curvature_by_final_time(own, u, weights))
             exact = self._by_parameters(system, own, u, weights)
-            return self._second(lin.curvature(weights), by_time, values, along, weights, exact)
+            return self._second(lin.curvature(weights) if H is None else H, by_time, values, along, weights, exact)
 
         return Linearization(A, B, second, lin, self._pattern(lin, out))
 
@@ -298,6 +303,11 @@ class ExtendedSystem(DiscreteSystem):
         if kind != "unknown":
             return self.system.quantity(kind)
         return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+
+
+def _parts(second: Array | None) -> tuple[Array | None, Array | None]:
+    """Return second derivatives by (x, u) alone, and those by the final time and (x, u, that), given all of them."""
+    return (None, None) if second is None else (second[:, :-1, :-1], second[:, -1])
 
 
 def stepped(at: Array, j: int, by: float | None = None) -> Array:
