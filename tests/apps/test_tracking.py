@@ -215,6 +215,8 @@ def test_bad_input() -> None:
     uneven = Motion(walk.names, walk.t**1.1, walk.q, "uneven")
     with pytest.raises(ArgumentError, match="equal steps"):
         track(PUPPET, uneven)
+    with pytest.raises(ArgumentError, match=r"got 2 instants, expected 3 to \d+\. Take a shorter time step, or more"):
+        track(PUPPET, walk_in_place(0.02, 0.02))
     with pytest.raises(ArgumentError, match="lacks the string variables"):
         track(Mechanism([tx("cart", mass=1.0)]), walk)
 

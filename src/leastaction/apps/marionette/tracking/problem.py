@@ -189,9 +189,9 @@ def _columns(mechanism: Mechanism, motion: Motion) -> Array:
         if name not in motion.names:
             raise ArgumentError(f"motion: no column for {name!r}; {closest(name, motion.names, what='columns')}")
     if not 3 <= len(motion.t) <= MOST_STEPS + 1:
+        advice = "a shorter time step, or more" if len(motion.t) < 3 else "a longer time step, or a part"
         raise ArgumentError(
-            f"motion: got {len(motion.t) - 1} steps, expected 2 to {MOST_STEPS}. Take a longer time step, or "
-            "a part of the motion"
+            f"motion: got {len(motion.t)} instants, expected 3 to {MOST_STEPS + 1}. Take {advice} of the motion"
         )
     steps = np.diff(motion.t)
     if np.ptp(steps) > 1e-6 * steps[0]:
