@@ -27,7 +27,7 @@ import numpy as np  # noqa: E402
 
 from benchmarks import limits_continuous, limits_further, limits_unknowns  # noqa: E402
 from benchmarks.fatrop import solve_by  # noqa: E402
-from benchmarks.multiple_shooting import MultipleShooting, Solution  # noqa: E402
+from benchmarks.multiple_shooting import EXACTLY, MultipleShooting, Solution  # noqa: E402
 from benchmarks.peers import Comparison, start_of  # noqa: E402
 from benchmarks.robustness_problems import PROBLEMS, Given  # noqa: E402
 from benchmarks.timing import fastest  # noqa: E402
@@ -135,7 +135,7 @@ def compare(case: Case, *, rounds: int = _ROUNDS, compiled: bool = True, by_fatr
     def theirs(compiled: bool) -> Solution:
         peer = MultipleShooting(given.system, given.cost, compiled=compiled)
         peer.bound(limited.lower, limited.upper)
-        return solve_by(peer, start_of(given), rounds=rounds, by_fatrop=by_fatrop)
+        return solve_by(peer, start_of(given), rounds=rounds, by_fatrop=by_fatrop, **EXACTLY)
 
     found = theirs(compiled=False)
     return Comparison(

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.casadi_mechanism import Symbolic
+from benchmarks.multiple_shooting import EXACTLY
 from benchmarks.peers import Comparison
 from benchmarks.timing import fastest
 from leastaction.mechanics import Gravity, JointForce, Mechanism, rx, ry, ty, tz
@@ -133,5 +134,5 @@ def _peer(case: Case, h: np.ndarray) -> tuple[ca.Function, dict[str, Any]]:
     ends = [x[i, -1] - case.end[i] for i in fixed]
     w, g = ca.vertcat(ca.vec(x), ca.vec(u)), ca.vertcat(*equations, *ends)
     bounds = [np.concatenate([np.tile(of_x, n), np.tile(of_u, n)]) for of_x, of_u in (case.low, case.high)]
-    solver = ca.nlpsol("peer", "ipopt", {"x": w, "f": value, "g": g}, {"print_time": 0, "ipopt": _IPOPT})
+    solver = ca.nlpsol("peer", "ipopt", {"x": w, "f": value, "g": g}, {"print_time": 0, "ipopt": {**_IPOPT, **EXACTLY}})
     return solver, {"x0": np.zeros(w.numel()), "lbx": bounds[0], "ubx": bounds[1], "lbg": 0.0, "ubg": 0.0}

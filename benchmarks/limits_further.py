@@ -19,7 +19,7 @@ from benchmarks import marionette
 from benchmarks.casadi_mechanism import Symbolic
 from benchmarks.cases import Array
 from benchmarks.fatrop import solve_by
-from benchmarks.multiple_shooting import MultipleShooting, Solution, StepRows
+from benchmarks.multiple_shooting import EXACTLY, MultipleShooting, Solution, StepRows
 from benchmarks.peers import Comparison, start_of
 from benchmarks.robustness_problems import Given, arm, chain, constant, hung, posed, puppet_arm, slider_crank
 from benchmarks.timing import fastest
@@ -315,7 +315,7 @@ def compare(
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     kept = case.build()
     result, seconds = fastest(lambda: solve(kept, **options), rounds)
-    to = {} if tolerance is None else {"tol": tolerance, "bound_relax_factor": 0.0}
+    to = EXACTLY if tolerance is None else {**EXACTLY, "tol": tolerance}
 
     def theirs(compiled: bool) -> Solution:
         system, paths = kept.given.system, kept.paths

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.casadi_mechanism import Symbolic
+from benchmarks.multiple_shooting import EXACTLY
 from benchmarks.peers import Comparison
 from benchmarks.timing import fastest
 from leastaction.mechanics import Damping, Gravity, JointForce, JointSpring, Mechanism, MidpointVI, rx, ry, ty, tz
@@ -203,7 +204,7 @@ def _peer(case: Case) -> tuple[ca.Function, dict[str, Any]]:
     ):  # fmt: skip
         parts = np.broadcast_to(of_x, (N + 1, nx)).ravel(), np.broadcast_to(of_u, (N, nu)).ravel()
         bounds.append(np.concatenate([*parts, [of_T if lasts else duration], of_p]))
-    solver = ca.nlpsol("peer", "ipopt", {"x": w, "f": value, "g": g}, {"print_time": 0, "ipopt": _IPOPT})
+    solver = ca.nlpsol("peer", "ipopt", {"x": w, "f": value, "g": g}, {"print_time": 0, "ipopt": {**_IPOPT, **EXACTLY}})
     values = [each.value_of(system) for each in unknowns]
     guess = np.concatenate([np.zeros((N + 1) * nx), cost.u_wanted.ravel(), [duration], values])
     return solver, {"x0": guess, "lbx": bounds[0], "ubx": bounds[1], "lbg": 0.0, "ubg": 0.0}

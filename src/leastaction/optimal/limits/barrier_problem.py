@@ -38,6 +38,7 @@ _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the leas
 
 _SOFTER = (1e-2, 1e-4, 1e-6, 1e-8)  # of the largest stiffness of limits: what a model knows of where rounding drowns it
 _NEAR = 1e-6  # of its scale is the room of a limit that is active
+_FAR = 5.0  # costs that a step is to gain are those of one far from the minimum
 _AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
 
 
@@ -481,7 +482,8 @@ class BarrierProblem(ShootingProblem):
             return direction
         if not holds:
             return promising(self.duals, self._room(), direction)
-        return refined(self.duals, self._room(), direction, self.motion, self._solve_within)
+        far = -direction.slope > _FAR * abs(self.shown)
+        return refined(self.duals, self._room(), direction, self.motion, self._solve_within, far=far)
 
     def _solve_within(self, direction: DiscreteDirection, duals: Sided, sigmas: Sided) -> Solved | None:
         """Return the minimum of a direction's model with other duals and stiffnesses; None if there is none.

@@ -38,7 +38,7 @@ _SETTLED = 2.3  # natural logarithm of the factor by which duals may be off thos
 # scale may be what was seen at a start far away, so that tells whether a limit is active anywhere; and the part of its
 # largest dual, where.
 _ACTIVE, _HARDLY = 100.0, 1e-5
-_CENTRAL = 20.0  # times that of the barrier are the largest duals from which a much smaller barrier can be followed
+_CENTRAL = 20.0  # times mu are the largest products from which a much smaller barrier can be followed
 _ROUNDING = 1e-13  # of its price is what a dual may be off by rounding
 _GUIDING = 0.1  # of what excess costs, where all is as dear, is that of the barriers at first
 
@@ -163,8 +163,13 @@ class Duals:
         self.dearest, self.cheapest = float(prices.max(initial=0.0)), float(prices.min(initial=np.inf))
 
     def are_central(self, room: Room) -> bool:
-        """Whether none is much larger than that of the barrier: from there a much smaller barrier can be followed."""
-        return bool((self.y.flat * room.part.slack).max(initial=0.0) <= _CENTRAL * self.mu)
+        """Whether none times its slack, or what its price has left times its excess, is much more than the barrier's.
+
+        From there a much smaller barrier can be followed.
+        """
+        y, part = self.y.flat, room.part
+        largest = max((y * part.slack).max(initial=0.0), ((self.prices - y) * part.excess).max(initial=0.0))
+        return bool(largest <= _CENTRAL * self.mu)
 
     def gap(self, room: Room) -> float:
         """Return what duals times room come to where that is more than the barriers ask for; not of equations.

@@ -29,7 +29,7 @@ from leastaction.optimal.limits.sides import Sided
 
 _MOST = 8  # further steps
 _LONG, _AGREES = 0.9, 0.1  # is a first step after which there are none, if it gains what its model says but for a part
-_ENOUGH = 0.1  # of all that was gained is what the last of them gains
+_ENOUGH, _ENOUGH_FAR = 0.1, 0.3  # of all that was gained is what the last of them gains; and far from the minimum
 
 
 class Solved(NamedTuple):
@@ -87,6 +87,8 @@ def refined(
     direction: DiscreteDirection,
     sweep: Callable[[DiscreteDirection], tuple[Array, Array]],
     solve: Callable[[DiscreteDirection, Sided, Sided], Solved | None],
+    *,
+    far: bool,
 ) -> DiscreteDirection:
     """Return the direction to where further steps of the model lead, if the first is short or barriers bend along it.
 
@@ -99,6 +101,7 @@ def refined(
     agrees = abs(gained + 0.5 * direction.slope) <= _AGREES * gained
     if (direction.reach > _LONG and agrees) or not gained > 0.0:
         return direction
+    enough = _ENOUGH_FAR if far else _ENOUGH
     dx, du = (direction.reach * part for part in sweep(direction))
     found = None
     for _ in range(_MOST):
@@ -115,7 +118,7 @@ def refined(
         cost += more
         dx, du = dx + length * (found.dx - dx), du + length * (found.du - du)
         before, gained = gained, model.gained(at, cost)
-        if gained - before <= _ENOUGH * gained:
+        if gained - before <= enough * gained:
             break
     if found is None:
         return direction

@@ -13,7 +13,7 @@ from leastaction.optimal.result import Status
 from leastaction.optimal.schedule import NewtonSchedule
 
 # A run within limits has got nowhere where so many first steps were all shorter than that.
-_FEW, _VERY_SHORT = 5, 0.2
+_FEW, _VERY_SHORT = 6, 0.2
 
 # Where the last way to begin again may lead: that before it was better.
 _ASTRAY = (Status.NO_DIRECTION, Status.DERIVATIVES_FAILED)
