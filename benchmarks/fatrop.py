@@ -123,7 +123,7 @@ def _matrix(weight: Array, k: int) -> Array:
 def solve_by(
     peer: MultipleShooting, start: tuple[Array, Array], *, rounds: int, by_fatrop: bool, **options: Any
 ) -> Solution:
-    """Return the fastest of some solutions by Ipopt, whose options these are, or one by fatrop."""
+    """Return the fastest of so many solutions by Ipopt, and of as many as fit a `BUDGET`; or one by fatrop."""
     if by_fatrop:
         return fatrop(peer, *start)
     solver = peer.ipopt(**options)

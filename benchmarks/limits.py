@@ -35,7 +35,7 @@ from leastaction.optimal import Bound, Equal, Limit, OptimizationResult, optimiz
 
 __all__ = ["CASES", "Case", "compare"]
 
-_ROUNDS = 3  # the best of which counts
+_ROUNDS = 3  # at least, the best of which counts
 _OTHER = 1e-4  # relative difference of costs from which on minima are others: tolerances leave less
 
 
@@ -188,7 +188,12 @@ def main() -> int:
     """Print a table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.limits", description=__doc__.partition("\n")[0])
     parser.add_argument("--only", metavar="WORDS", default="", help="problems whose names contain all of these words")
-    parser.add_argument("--rounds", type=int, default=_ROUNDS, help="solutions, the best of which counts")
+    parser.add_argument(
+        "--rounds",
+        type=int,
+        default=_ROUNDS,
+        help="solutions at least, the best of which counts",
+    )
     parser.add_argument("--fatrop", action="store_true", help="a line more for each problem, with fatrop for Ipopt")
     arguments = parser.parse_args()
     heads = (

@@ -49,6 +49,17 @@ def is_trajectory(system, x, u):
     return all(np.allclose(system.f(x[k], u[k], k), x[k + 1], rtol=1e-9, atol=1e-9) for k in range(len(u)))
 
 
+def rolled_out(system, x0, u):
+    """Return the motion from a state under inputs (N, nu), to which nothing is fed back."""
+    N, nu = u.shape
+    return system.rollout(x0, np.zeros((N + 1, system.nx)), u, np.zeros((N, nu, system.nx)), 0, N)
+
+
+def strung_rig(stiffness, smoothing):
+    """Return a rig that differs from its model by elastic strings alone."""
+    return la.Rig(stiffness=stiffness, smoothing=smoothing, spread=0.0, noise=0.0, delay=0.0)
+
+
 def crane():
     """Return a cart with a double pendulum whose tip hangs on a string that is reeled, and a configuration of it."""
     mechanism = la.Mechanism(

@@ -922,18 +922,25 @@ def test_searches_see_how_much_a_cost_is_off(method: str, cart: MidpointSystem, 
     assert result.cost == pytest.approx(exact.cost, rel=1e-8)
 
 
-@pytest.mark.parametrize("free_start", [False, True])
-def test_further_steps_of_a_model_lead_to_where_it_is_least(free_start: bool) -> None:
-    """Of a linear system it is the cost itself: what they foretell comes true, and little is left to be gained."""
+def linear_within(limits: list[Bound], *, free_start: bool) -> LimitedProblem:
+    """Return a linear system's problem within limits, at its first trajectory."""
     rng = np.random.default_rng(2)
     N, nx, nu = 20, 3, 2
     system = LinearSystem(rng.normal(size=(N, nx, nx)) / 2.0, rng.normal(size=(N, nx, nu)))
     cost = QuadraticCost(rng.normal(size=(N + 1, nx)), np.zeros((N, nu)), Q=np.ones(nx), R=[0.1, 0.2])
     start = np.zeros((N + 1, nx)), np.zeros((N, nu))
     settings = optimize(system, cost, initial=start, max_iterations=0).settings
-    rows = [*Bound("*", -0.5, 0.4, of="input").rows(system, 1), *Bound("x[1]", -0.3, 0.6).rows(system, 1)]
+    rows = [row for limit in limits for row in limit.rows(system, 1)]
     problem = LimitedProblem(system, cost, rows, settings, free_start)
     problem.start(start)
+    return problem
+
+
+@pytest.mark.parametrize("free_start", [False, True])
+def test_further_steps_of_a_model_lead_to_where_it_is_least(free_start: bool) -> None:
+    """Of a linear system it is the cost itself: what they foretell comes true, and little is left to be gained."""
+    limits = [Bound("*", -0.5, 0.4, of="input"), Bound("x[1]", -0.3, 0.6)]
+    problem = linear_within(limits, free_start=free_start)
     problem.duals.mu *= 1e-3
     problem._set_out()
     gained = []
@@ -955,14 +962,7 @@ def test_further_steps_of_a_model_lead_to_where_it_is_least(free_start: bool) ->
 @pytest.mark.parametrize(("most", "bends"), [(0.5, True), (2.0, True), (5.0, False)])
 def test_a_full_step_goes_on_within_the_model_where_barriers_bend_along_it(most: float, bends: bool) -> None:
     """From the minimum of one barrier to that of a smaller one: limits that are far away are as their model is."""
-    rng = np.random.default_rng(2)
-    N, nx, nu = 20, 3, 2
-    system = LinearSystem(rng.normal(size=(N, nx, nx)) / 2.0, rng.normal(size=(N, nx, nu)))
-    cost = QuadraticCost(rng.normal(size=(N + 1, nx)), np.zeros((N, nu)), Q=np.ones(nx), R=[0.1, 0.2])
-    start = np.zeros((N + 1, nx)), np.zeros((N, nu))
-    settings = optimize(system, cost, initial=start, max_iterations=0).settings
-    problem = LimitedProblem(system, cost, Bound("*", -most, most, of="input").rows(system, 1), settings, False)
-    problem.start(start)
+    problem = linear_within([Bound("*", -most, most, of="input")], free_start=False)
 
     def direction(*, holds: bool):
         model = problem.minimise_model("quasi-newton", 0.0)

@@ -31,6 +31,7 @@ from leastaction.mechanics.discrete.midpoint import Split
 from leastaction.optimal import Parameter, QuadraticCost, Status
 from leastaction.optimal.discrete.system import FINAL_TIME
 from leastaction.systems import PulledSystem
+from optimal.systems import rolled_out
 
 ARM = [
     tz(1.0), [rx("a"), [ry("b"), [tz(-0.4, name="elbow", mass=0.5, inertia=(0.02, 0.02, 0.01)), [
@@ -160,12 +161,12 @@ def held_by_all_kinds(split: Split) -> PulledSystem:
 
 def motion(system: PulledSystem) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(3)
-    N, nx, nu, inputs = system.N, system.nx, system.nu, system.integrator.mechanism.n_inputs
+    inputs = system.mechanism.n_inputs
     x0 = np.array([0.3, 0.2, 0.4, 0.0, 0.1, 0.1, 0.3, *rng.normal(size=3, scale=0.1), *np.zeros(4)])
-    u = np.zeros((N, nu))
-    u[:, :inputs] = rng.uniform(1.0, 3.0, size=(N, inputs))
+    u = np.zeros((system.N, system.nu))
+    u[:, :inputs] = rng.uniform(1.0, 3.0, size=(system.N, inputs))
     u[:, inputs:] = x0[3:7] + 0.05 * np.sin(8.0 * (system.t[1:, None] - 0.5) + np.arange(4))
-    done = system.rollout(x0, np.zeros((N + 1, nx)), u, np.zeros((N, nu, nx)), 0, N)
+    done = rolled_out(system, x0, u)
     assert done.complete
     return done.x, u
 

@@ -28,6 +28,7 @@ from leastaction import (
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.puppet_arm import hang, puppet_arm
+from optimal.systems import rolled_out, strung_rig
 
 NONE = {"spread": 0.0, "noise": 0.0, "delay": 0.0, "substeps": 1}
 LEAST = 0.2  # N
@@ -92,7 +93,7 @@ def test_feedback_by_late_and_noisy_readings_holds_what_is_unstable(
 
 def test_it_begins_where_it_is_told_and_comes_back(hanging: tuple[MidpointSystem, OptimizationResult]) -> None:
     system, plan = hanging
-    q = hang(system.integrator.mechanism, plan.x[0, :2] + [0.1, 0.0])
+    q = hang(system.mechanism, plan.x[0, :2] + [0.1, 0.0])
     start = system.integrator.start(q)
     blind, held = (
         play(system, plan, Rig(stiffness=None, **NONE), start=start, feedback=feedback) for feedback in (False, True)
@@ -104,8 +105,8 @@ def test_it_begins_where_it_is_told_and_comes_back(hanging: tuple[MidpointSystem
 
 def test_strings_stretch_go_slack_and_are_reeled_in(hanging: tuple[MidpointSystem, OptimizationResult]) -> None:
     system, plan = hanging
-    rig = Rig(stiffness=500.0, smoothing=1e-4, spread=0.0, noise=0.0, delay=0.0)
-    machine = rig.machine(system.integrator.mechanism)
+    rig = strung_rig(500.0, 1e-4)
+    machine = rig.machine(system.mechanism)
     assert machine.constraints == ()
     string = machine.elements["string"]
     assert isinstance(string, ElasticString)
@@ -138,17 +139,10 @@ def test_what_carries_strings_of_fixed_lengths_is_lifted_where_they_are_stretche
     rise = 0.05 * (1.0 - np.cos(2.0 * np.pi * t))
     rho = np.stack([rise, 0.2 * rise], axis=1)
     start = project_configuration(m, m.configuration({"left": -0.5, "right": -0.4}), hold=["height", "tilt"]).q
-    done = system.rollout(
-        np.r_[system.integrator.start(start).x, 0.0, 0.0],
-        np.zeros((101, system.nx)),
-        rho[1:],
-        np.zeros((100, 2, system.nx)),
-        0,
-        100,
-    )
+    done = rolled_out(system, np.r_[system.integrator.start(start).x, 0.0, 0.0], rho[1:])
     plan = done.x, done.u
     tension = system.trajectory(*plan).tensions()
-    rig = Rig(stiffness=500.0, smoothing=1e-5, spread=0.0, noise=0.0, delay=0.0)
+    rig = strung_rig(500.0, 1e-5)
     played = play(system, plan, rig, feedback=False)
     for s, length in lengths.items():
         pull = tension[f"{s} string"] * np.r_[2.0, np.ones(99)]

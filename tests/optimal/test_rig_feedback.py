@@ -24,13 +24,14 @@ from leastaction.systems.rigs.estimator import Estimator
 from leastaction.systems.rigs.reference import made_by
 from leastaction.systems.rigs.regulator import _SLACK, Regulator, _keep_taut
 from leastaction.systems.rigs.strings import Strings, as_springs, stretch_of, tension_of
+from optimal.systems import rolled_out, strung_rig
 
 K, SMOOTH = 500.0, 1e-4  # N/m, m
 HIGH = 2.0  # m
 N, DT = 200, 0.01
 T = DT * np.arange(N + 1)
 WEIGHTS = np.array([20.0, 0.1, 0.0, 10.0])  # of z, length, p, v_length
-RIG = Rig(stiffness=K, smoothing=SMOOTH, spread=0.0, noise=0.0, delay=0.0)
+RIG = strung_rig(K, SMOOTH)
 
 
 def lift() -> Mechanism:
@@ -48,12 +49,17 @@ def falling() -> tuple[MidpointSystem, Array, Array]:
     pull = 0.5 * 9.81 + (0.5 * 9.81 - 0.1) * np.cos(2.0 * np.pi * T)
     z = (0.5 * 9.81 - 0.1) / 0.5 / (2.0 * np.pi) ** 2 * (1.0 - np.cos(2.0 * np.pi * T))
     assert pull.min() == pytest.approx(0.1)
-    m = system.integrator.mechanism
+    m = system.mechanism
     q = project_configuration(m, [0.0, HIGH], hold=["z"]).q
     start = system.integrator.start(q).x
-    done = system.rollout(np.r_[start, 0.0], np.zeros((N + 1, system.nx)), (HIGH - z[1:])[:, None],
-                          np.zeros((N, 1, system.nx)), 0, N)  # fmt: skip
+    done = rolled_out(system, np.r_[start, 0.0], (HIGH - z[1:])[:, None])
     return system, done.x, done.u
+
+
+def reeled(system: MidpointSystem, x: Array, u: Array) -> tuple[MidpointSystem, Array, Array]:
+    """Return the model of a rig, and what is commanded of it."""
+    x, u, _ = reeled_in(system, x, u, RIG)
+    return MidpointSystem(system.integrator.like(RIG.model(system.mechanism)), T), x, u
 
 
 def test_strings_are_stretched_as_much_as_makes_them_pull() -> None:
@@ -108,8 +114,7 @@ def test_least_inputs_that_keep_strings_taut_are_found() -> None:
 
 def test_a_regulator_does_not_push_on_strings(falling: tuple[MidpointSystem, Array, Array]) -> None:
     system, x, u = falling
-    x, u, _ = reeled_in(system, x, u, RIG)
-    model = MidpointSystem(system.integrator.like(RIG.model(system.integrator.mechanism)), T)
+    model, x, u = reeled(system, x, u)
     x, u = made_by(model, x, u, WEIGHTS, np.ones(1))
     # What it goes along is a motion of the model itself.
     assert np.abs(model.step_each(x, u).x - x[1:]).max() < 1e-4
@@ -118,7 +123,7 @@ def test_a_regulator_does_not_push_on_strings(falling: tuple[MidpointSystem, Arr
     low, high = (np.array([z, 0.0, 0.0, 0.0]) for z in (-1e-5, 0.02))
     # A ball that is too low is lifted as a linear regulator does; one that is too high is not pushed down.
     np.testing.assert_array_equal(regulator.correction(k, low), -regulator.K[k] @ low)
-    springs = MidpointSystem(model.integrator.like(as_springs(model.integrator.mechanism)), T)
+    springs = MidpointSystem(model.integrator.like(as_springs(model.mechanism)), T)
     A, B = springs.linearize_each(x, u, springs.step_each(x, u).x)
 
     def room_after(du: Array) -> float:
@@ -133,8 +138,7 @@ def test_a_regulator_does_not_push_on_strings(falling: tuple[MidpointSystem, Arr
 def test_an_estimate_follows_a_string_that_is_slack(falling: tuple[MidpointSystem, Array, Array]) -> None:
     """A string 5 cm longer than planned: the ball falls, and the estimate with it, where one about the plan is lost."""
     system, x, u = falling
-    x, u, _ = reeled_in(system, x, u, RIG)
-    model = MidpointSystem(system.integrator.like(RIG.model(system.integrator.mechanism)), T)
+    model, x, u = reeled(system, x, u)
     slack = u + 0.05
     truth = [x[0]]
     for k in range(40):
@@ -157,7 +161,7 @@ def test_an_estimate_follows_a_string_that_is_slack(falling: tuple[MidpointSyste
 def test_a_string_is_not_paid_out_to_push(falling: tuple[MidpointSystem, Array, Array], rig: Rig) -> None:
     """A ball begins 0.2 m too high, its string slack. A linear feedback makes it longer by 0.7 m, and it falls."""
     system, x, u = falling
-    start = MidpointVI(rig.model(system.integrator.mechanism)).start([0.2, HIGH])
+    start = MidpointVI(rig.model(system.mechanism)).start([0.2, HIGH])
     played = play(system, (x, u), rig, start=start)
     slack = HIGH - played.x[:, 0] - played.x[:, 1]
     assert slack.min() > -0.2 - 1e-6

@@ -17,6 +17,7 @@ from leastaction.optimal import (
     Equal,
     FinalTime,
     FunctionQuantity,
+    Linearization,
     Parameter,
     Periodic,
     QuadraticCost,
@@ -29,7 +30,7 @@ from leastaction.optimal.quantity import Samples
 from leastaction.optimal.unknowns.extension import Extension
 from leastaction.optimal.unknowns.system import ExtendedSystem
 from leastaction.systems import Ball, Box, Keep, MidpointSystem
-from optimal.systems import swinging_double_pendulum
+from optimal.systems import rolled_out, swinging_double_pendulum
 
 
 def moving(name: str, split: str, multipliers: bool) -> tuple[MidpointSystem, np.ndarray, np.ndarray]:
@@ -42,7 +43,7 @@ def moving(name: str, split: str, multipliers: bool) -> tuple[MidpointSystem, np
     system = MidpointSystem(vi, [0.5, 0.55, 0.58, 0.66], multipliers=multipliers)
     u = np.hstack([rng.uniform(0.5, 2.0, (3, m.n_inputs)), q[m.nd :] + np.outer(system.t[1:] - 0.5, v[m.nd :])])
     x0 = np.concatenate([vi.start(q, v).x, np.zeros(system.nx - m.nx)])
-    run = system.rollout(x0, np.tile(x0, (4, 1)), u, np.zeros((3, system.nu, system.nx)), 0, 3)
+    run = rolled_out(system, x0, u)
     assert run.complete, run.failure
     return system, run.x, run.u
 
@@ -89,6 +90,8 @@ def test_a_step_and_its_derivatives_by_the_final_time_come_together(name: str, s
         np.testing.assert_array_equal(together.A, apart.A)
         np.testing.assert_array_equal(together.B, apart.B)
         np.testing.assert_allclose(by, system.differentiate_by(x, u, names), rtol=1e-12, atol=1e-14)
+        again, _ = system.linearize_by(x, u, names, together)
+        assert again.memory is together.memory
     z = np.random.default_rng(5).normal(size=(3, system.nx))
     second = system.curvature_by_final_time(x, u, z)
     np.testing.assert_array_equal(second[:, -1], second[:, :, -1])
@@ -151,6 +154,45 @@ def test_second_derivatives_by_numbers_of_elements(name: str, split: str, multip
     assert (np.abs(found - wanted) / size).max() < 1e-6
     part = own.curvature_by_parameters(x[1:3], u[1:2], z[1:2, : own.nx], names, 1)
     np.testing.assert_array_equal(part[0], own.curvature_by_parameters(x, u, z[:, : own.nx], names)[1])
+
+
+class _Geared(MidpointSystem):
+    """A system that steps otherwise, with inputs of half the size: what it says of steps, it says of its own."""
+
+    def f(self, x, u, k):
+        return super().f(x, 2.0 * u, k)
+
+    def derivatives(self, x, u, k):
+        A, B = super().derivatives(x, 2.0 * u, k)
+        return A, 2.0 * B
+
+    def linearize(self, x, u, out=None):
+        A, B = (np.stack(each) for each in zip(*(self.derivatives(x[k], u[k], k) for k in range(len(u))), strict=True))
+        return Linearization(A, B, lambda z: self._doubled(super(_Geared, self).linearize(x, 2.0 * u).curvature(z)))
+
+    def differentiate_by(self, x, u, names, start=0):
+        return super().differentiate_by(x, 2.0 * u, names, start)
+
+    def _doubled(self, H):
+        factor = np.r_[np.ones(self.nx), 2.0 * np.ones(self.nu)]
+        return H * factor * factor[:, None]
+
+
+@pytest.mark.parametrize("names", [["final time"], ["end.mass", "final time"]])
+def test_second_derivatives_of_a_system_that_steps_otherwise_are_its_own(names: list[str]) -> None:
+    plain, x, u = moving("forces", "symmetric", multipliers=False)
+    own = _Geared(plain.integrator, plain.t)
+    values = [plain.parameters[name] for name in names]
+    z = np.random.default_rng(3).normal(size=(3, own.nx + len(names)))
+    found, wanted = (
+        ExtendedSystem(system, names, [], free_start=True)
+        .linearize(np.hstack([x, np.tile(values, (4, 1))]), inputs)
+        .curvature(z)
+        for system, inputs in ((own, 0.5 * u), (plain, u))
+    )
+    factor = np.r_[np.ones(own.nx + len(names)), 2.0 * np.ones(own.nu)]
+    wanted *= factor * factor[:, None]
+    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())
 
 
 def test_a_pendulum_on_a_cart_by_hand(rng: np.random.Generator) -> None:

@@ -49,7 +49,7 @@ from leastaction.optimal import (
     resample,
 )
 from leastaction.optimal.quantity import Samples
-from optimal.systems import CartPendulum, is_trajectory
+from optimal.systems import CartPendulum, is_trajectory, rolled_out
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.robustness_problems import (
@@ -323,7 +323,7 @@ def test_a_window_of_a_mechanism_is_one(rng):
     system, _ = steer(puppet_arm(2), 0.02 * np.arange(21), {}, q0=HANGING)
     system = MidpointSystem(system.integrator, system.t, multipliers=True)
     x0, u = at_rest(system, HANGING)
-    run = system.rollout(x0, np.tile(x0, (21, 1)), u, np.zeros((20, system.nu, system.nx)), 0, 20)
+    run = rolled_out(system, x0, u)
     part = system.window(4, 15)
     assert type(part) is MidpointSystem
     for mine, theirs in zip(part.linearize(run.x[4:16], u[4:15]), system.linearize(run.x, u), strict=True):
@@ -687,7 +687,7 @@ def test_springs_start_strings():
     spring = LinearSpring("end1", "hook1", stiffness=1.0, length="string1")
     soft = MidpointSystem(MidpointVI(Mechanism(tree, [Gravity(), spring])), 0.02 * np.arange(41))
     x0, u = at_rest(soft, {**HANGING, "string1": 0.2})
-    run = soft.rollout(x0, np.tile(x0, (41, 1)), u, np.zeros((40, soft.nu, soft.nx)), 0, 40)
+    run = rolled_out(soft, x0, u)
     assert run.complete
     m = puppet_arm(2)
     strung = MidpointSystem(MidpointVI(m), soft.t)
@@ -713,7 +713,7 @@ def test_multipliers_are_impulses():
     system, _ = steer(puppet_arm(2), 0.02 * np.arange(21), {}, q0=HANGING)
     coarse = MidpointSystem(system.integrator, system.t, multipliers=True)
     x0, u = at_rest(coarse, HANGING)
-    run = coarse.rollout(x0, np.tile(x0, (21, 1)), u, np.zeros((20, coarse.nu, coarse.nx)), 0, 20)
+    run = rolled_out(coarse, x0, u)
     fine = MidpointSystem(system.integrator, 0.005 * np.arange(81), multipliers=True)
     x, _ = warm_start((run.x, run.u), coarse, fine)
     lam = run.x[:, -1]

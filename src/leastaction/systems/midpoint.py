@@ -210,7 +210,10 @@ class MidpointSystem(DiscreteSystem):
             out[:, :, columns] = rows * factor
         return out
 
-    def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array:
+    def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
+        """Return all second derivatives at once; None of a system that steps otherwise, as of its parameters."""
+        if type(self).f is not MidpointSystem.f:
+            return None
         t, vi = self.t[start : start + len(x)], self.integrator
         out = vi.core.curvature_by_time_step(
             t, self._bare(x), u, z, self.multipliers, threads=vi.threads, first_share=self._share(start)
@@ -318,19 +321,12 @@ class MidpointSystem(DiscreteSystem):
         if tuple(names) != (FINAL_TIME,) or type(self).linearize is not MidpointSystem.linearize:
             return super().linearize_by(x, u, names, out)
         by = np.empty((self.N, self.nx))
-        d = self._linearize(self.t, x, u, self.first_share, by_time_step=by)
+        d = self._linearize(self.t, x, u, self.first_share, _memory_of(out), by)
         by *= np.diff(self.t)[:, None] / (self.t[-1] - self.t[0])
         return self._linearization(d), by[:, :, None]
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
-        memory = None if out is None else out.memory
-        if not isinstance(memory, StepDerivatives | None):
-            raise ArgumentError(
-                f"out: got a linearization with the memory {type(memory).__name__}, expected one that this "
-                "system returned"
-            )
-        d = self._linearize(self.t, x, u, self.first_share, memory)
-        return self._linearization(d)
+        return self._linearization(self._linearize(self.t, x, u, self.first_share, _memory_of(out)))
 
     def _linearization(self, d: StepDerivatives) -> Linearization:
         return Linearization(d.A_all, d.B_all, d.curvature_all, d, self._pattern, d.packed_curvature_all)
@@ -433,3 +429,13 @@ class MidpointSystem(DiscreteSystem):
         full[0, nx:] = x0[nx:]
         full[1:, nx:] = lam
         return full
+
+
+def _memory_of(out: Linearization | None) -> StepDerivatives | None:
+    """Return the memory of an earlier linearization, to be used again."""
+    memory = None if out is None else out.memory
+    if not isinstance(memory, StepDerivatives | None):
+        raise ArgumentError(
+            f"out: got a linearization with the memory {type(memory).__name__}, expected one that this system returned"
+        )
+    return memory

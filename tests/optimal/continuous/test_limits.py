@@ -52,6 +52,7 @@ from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import Ball, Keep, MechanismSystem, MidpointSystem
 from leastaction.viz import plot_limits
+from optimal.systems import rolled_out
 
 MASS = LinearContinuousSystem([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]])
 EFFORT = ContinuousQuadraticCost([0.0, 0.0], [0.0], Q=[0.0, 0.0], R=[1.0])
@@ -308,7 +309,7 @@ def test_pieces_of_a_mesh_have_exact_derivatives(rng):
     system = CollocationSystem(CART, mesh)
     cost = AnyCollocationCost(TRACKING, mesh, system.layout)
     u = 5.0 * rng.normal(size=(3, system.nu))
-    x = system.rollout(np.zeros(system.nx), np.zeros((4, system.nx)), u, np.zeros((3, system.nu, system.nx)), 0, 3).x
+    x = rolled_out(system, np.zeros(system.nx), u).x
     report = check_derivatives(system, x, u, cost=cost)
     assert report.ok, str(report)
     # With rows of their own for state and input, from the implicit function theorem: against differences of the step.
@@ -334,8 +335,7 @@ def test_a_piece_is_a_step_of_order_five():
         u = np.sin(5.0 * mesh.t)
         x0 = np.zeros(system.nx)
         x0[:4] = [0.1, 0.4, 0.0, 0.3]
-        nothing = np.zeros((pieces + 1, system.nx))
-        run = system.rollout(x0, nothing, u, np.zeros((pieces, STAGES, system.nx)), 0, pieces)
+        run = rolled_out(system, x0, u)
         errors.append(np.abs(run.x[-1, :4] - whole).max())
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert (orders > 4.5).all(), (errors, orders)

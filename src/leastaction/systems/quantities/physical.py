@@ -19,7 +19,7 @@ from leastaction.mechanics.mechanism.parameters import AXES, BodyNumber, Element
 from leastaction.optimal.discrete.system import FINAL_TIME
 from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
 
-_TINY = 1e-12  # of what is large for a number is refused where negative ones are
+_TINY = 1e-12  # of a number's size: so little below zero is refused already where negative numbers are
 
 
 def conditions_of(m: Mechanism, names: Sequence[str]) -> list[Quantity]:

@@ -23,7 +23,7 @@ def reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> tuple[Arr
     strings are stretched in the mean. What is left of that is made up for by the prescribed variables, as nearly as
     they can.
     """
-    m, t = system.integrator.mechanism, system.t
+    m = system.mechanism
     planned, u = np.array(x[:, : m.nx]), np.array(u)
     if rig.stiffness is None or not m.nc:
         return planned, u, {}
@@ -39,9 +39,9 @@ def reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> tuple[Arr
     shorter = {f"{name}.length": float(by.mean()) for name, by in stretched.items()}
     if stretched and m.nrho:
         _follow_stretch(m, planned, {name: by - by.mean() for name, by in stretched.items()})
-    u[:, m.n_inputs :] = planned[1:, m.nd : m.nq]
-    planned[1:, m.nq + m.nd :] = np.diff(planned[:, m.nd : m.nq], axis=0) / np.diff(t)[:, None]
-    return planned, u, shorter
+    q, p, v_rho = np.split(planned, [m.nq, m.nq + m.nd], axis=1)
+    u[:, m.n_inputs :] = q[1:, m.nd :]
+    return system.states_along(q, p, v_rho[0])[:, : m.nx], u, shorter
 
 
 def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array]) -> None:

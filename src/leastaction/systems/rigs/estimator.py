@@ -32,7 +32,7 @@ class Estimator:
 
     def __init__(self, model: MidpointSystem, x: Array, noise: float) -> None:
         self.model, self.x = model, x
-        m = model.integrator.mechanism
+        m = model.mechanism
         # What is off at the start keeps to the constraints.
         directions = _UNSURE * model.start_directions(x, [*m.dynamic, *(f"p_{name}" for name in m.dynamic)])
         self.P = directions @ directions.T
@@ -40,7 +40,7 @@ class Estimator:
 
     def advance(self, k: int, u: Array) -> None:
         """Go on over step k with what was commanded (nu,). Raises `StepError` where the model cannot."""
-        m, dt = self.model.integrator.mechanism, self.model.t[k + 1] - self.model.t[k]
+        m, dt = self.model.mechanism, self.model.t[k + 1] - self.model.t[k]
         mass = m.mass_matrix(np.ascontiguousarray(self.x[: m.nq]))[: m.nd, : m.nd]
         A, _ = self.model.derivatives(self.x, u, k)
         self.x = self.model.f(self.x, u, k)

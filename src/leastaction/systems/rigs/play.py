@@ -76,7 +76,7 @@ def play(
     if start is not None:
         require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
     rig = Rig() if rig is None else rig
-    m, N, t = system.integrator.mechanism, system.N, system.t
+    m, N, t = system.mechanism, system.N, system.t
     x, u = (plan.x, plan.u) if isinstance(plan, OptimizationResult) else pair_of(plan)
     x = as_array(x, "plan x", (N + 1, system.nx), meaning="(N+1, nx)")
     u = as_array(u, "plan u", (N, system.nu), meaning="(N, nu)")
@@ -120,7 +120,7 @@ class _Controller:
     def __init__(
         self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike | None, R: ArrayLike | None, noise: float
     ) -> None:
-        m = model.integrator.mechanism
+        m = model.mechanism
         if Q is None:
             Q = np.repeat([_HELD, _PLACES, 0.0, _SPEEDS], [m.nd, m.nrho, m.nd, m.nrho])
         if R is None:

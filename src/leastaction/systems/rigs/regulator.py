@@ -39,7 +39,7 @@ class Regulator:
     """
 
     def __init__(self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike, R: ArrayLike) -> None:
-        m = model.integrator.mechanism
+        m = model.mechanism
         springs = MidpointSystem(model.integrator.like(as_springs(m)), model.t)
         made = springs.step_each(x, u)
         if not made.complete:
