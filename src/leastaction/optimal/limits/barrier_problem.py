@@ -32,12 +32,13 @@ from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Place
 from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
 
 _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
 _SOFTER = (1e-2, 1e-4, 1e-6, 1e-8)  # of the largest stiffness of limits: what a model knows of where rounding drowns it
-_NEAR = 1e-6  # of its scale is the room of a limit that is active
+_ACTIVE = 1e-6  # of its scale is the most room of a limit that is active
 _FAR = 5.0  # costs that a step is to gain are those of one far from the minimum
 _AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
 
@@ -167,10 +168,18 @@ class BarrierProblem(ShootingProblem):
         """
         enough = max(tolerance, self.settings.tolerance)
         settings = replace(self.settings, max_iterations=iterations, tolerance=enough)
+        return self._found_by(self._with(rows, settings), (self.x, self.u))
+
+    def _found_by(
+        self, other: BarrierProblem, start: tuple[Array, Array], schedule: NewtonSchedule | None = None
+    ) -> OptimizationResult | None:
+        """Return what another problem leads to from a start; None where that is nowhere.
+
+        By no more ways than the `schedule` allows.
+        """
         try:
-            other = self._with(rows, settings)
-            other.start((self.x, self.u))
-            found = Loop(other, settings).run()
+            other.start(start)
+            found = Loop(other, other.settings, schedule=schedule).run()
         except LeastActionError:
             return None
         self.rollouts += found.rollouts
@@ -252,9 +261,9 @@ class BarrierProblem(ShootingProblem):
         return False
 
     def retry_stage(self) -> bool:
-        """Make a stage again that led nowhere: without leeway, with all excess as dear where limits are far off.
+        """Make a stage again that led nowhere, otherwise; return whether there is another way.
 
-        Or with prices that fit the cost, where that has fallen far.
+        Without the leeway it was lent; else with all excess as dear, where limits are far off.
         """
         if self.duals.leeway.is_lent:
             self.duals.leeway.give_all_back()
@@ -263,13 +272,10 @@ class BarrierProblem(ShootingProblem):
             return True
         if not self._begun or self.is_open:
             return False
-        if self.stages.look_for_the_least(self._limits()):
-            self._set_out()
-            return True
-        if self.stages.has_fallen(self.shown) and self.stages.are_met(self._limits()):
-            self._begin()
-            return True
-        return False
+        if not self.stages.look_for_the_least(self._limits()):
+            return False
+        self._set_out()
+        return True
 
     @property
     def is_passing(self) -> bool:
@@ -318,7 +324,7 @@ class BarrierProblem(ShootingProblem):
             return True
         sigmas = self.duals.stiffnesses(self._room(), _SOFTER[-1])  # beside stiff ones weights are lost in rounding
         for i in np.flatnonzero(far).tolist():
-            sigmas[i] = np.where(self._limits()[i] > _NEAR * self.duals.scale[i], 0.0, sigmas[i])
+            sigmas[i] = np.where(self._limits()[i] > _ACTIVE * self.duals.scale[i], 0.0, sigmas[i])
         hessian = self._weights(sigmas, convex=True)
         self.exact = self.convex = None  # these are written over
         spare = Workspace(self.system.N, self.system.nx, self.system.nu)

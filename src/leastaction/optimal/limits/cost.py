@@ -62,11 +62,6 @@ class LimitedCost:
         weighed = [np.empty(0, dtype=np.intp), *(each.rows.weighs(nx, nu) for each in self.others)]
         self.columns = np.unique(np.concatenate(weighed))
 
-    @property
-    def count(self) -> int:
-        """Number of rows over the horizon."""
-        return sum(rows.bounds.size for rows in self.rows)
-
     # ---- Values -----------------------------------------------------------------------------------
 
     def limits(self, x: Array, u: Array) -> Sided:

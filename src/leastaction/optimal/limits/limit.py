@@ -112,8 +112,7 @@ class Bound(Limit):
         return _bounded(system, quantity, self.min, self.max, self.at, first, what)
 
     def refined(self, parts: int, N: int) -> Limit:
-        low, high = (_finer(value, self.at, parts, N) for value in (self.min, self.max))
-        return replace(self, min=low, max=high, at=finer_instants(self.at, parts, N))
+        return replace(self, **_finer(self.at, parts, N, min=self.min, max=self.max))
 
 
 @dataclass(frozen=True)
@@ -145,8 +144,7 @@ class Within(Limit):
     def refined(self, parts: int, N: int) -> Limit | None:
         if not self.quantity.is_of_any_steps:
             return None
-        low, high = (_finer(value, self.at, parts, N) for value in (self.min, self.max))
-        return replace(self, min=low, max=high, at=finer_instants(self.at, parts, N))
+        return replace(self, **_finer(self.at, parts, N, min=self.min, max=self.max))
 
 
 @dataclass(frozen=True)
@@ -189,8 +187,7 @@ class Equal(Limit):
     def refined(self, parts: int, N: int) -> Limit | None:
         if isinstance(self.names, Quantity) and not self.names.is_of_any_steps:
             return None
-        at = finer_instants(self.at, parts, N)
-        return replace(self, value=_finer(self.value, self.at, parts, N), at=at)
+        return replace(self, **_finer(self.at, parts, N, value=self.value))
 
 
 @dataclass(frozen=True)
@@ -368,16 +365,20 @@ def _values(system: Horizon, value: Any, k: Any, m: int, what: str, fixed: bool)
 
 def finer_instants(at: When, parts: int, N: int) -> When:
     """Return the same instants of a system whose N steps are each made in so many parts."""
-    if isinstance(at, str) or at is None:
-        return at
-    if isinstance(at, (bool, float)):
+    if at is None or isinstance(at, (str, bool, float)):
         return at
     if isinstance(at, (int, np.integer)):
         return int(at + (N + 1 if at < 0 else 0)) * parts
     return [finer_instants(one, parts, N) for one in at]  # type: ignore[return-value]
 
 
-def _finer(value: Any, at: When, parts: int, N: int) -> Any:
+def _finer(at: When, parts: int, N: int, **values: Any) -> dict[str, Any]:
+    """Return instants and values of a limit for finer steps."""
+    finer = {name: _finer_value(value, at, parts, N) for name, value in values.items()}
+    return {"at": finer_instants(at, parts, N), **finer}
+
+
+def _finer_value(value: Any, at: When, parts: int, N: int) -> Any:
     """Return bounds over the instants for those of finer steps: between two of them there are others."""
     if at is not None or value is None or callable(value) or np.ndim(value) == 0 or len(value) not in (N, N + 1):
         return value

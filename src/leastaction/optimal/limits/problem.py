@@ -20,9 +20,8 @@ from leastaction.optimal.limits.barrier_problem import BarrierProblem
 from leastaction.optimal.limits.leeway import may_be_obstacle
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Memory, Start
-from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
 
@@ -32,8 +31,8 @@ _DEARER, _DEARER_AGAIN = 20.0, 10.0
 _SHORTER = 0.7  # of what it lasts is what a step of the search takes off at most
 
 _SAME = 1e-6  # of a cost that was found, by which it differs where it is another cost
-# Iterations that the minimum without limits may take where a run begins again from there, and how near it is enough.
-_SOON, _NEAR = 30, 1e-3
+# Iterations that the minimum without limits may take where a run begins again from there, and a tolerance that will do.
+_SOON, _ROUGHLY = 30, 1e-3
 
 # How much dearer inputs are at first where it begins again with an easier cost, by which factor less from one stage to
 # the next, and of each the tolerance and the most iterations: it only leads to the next.
@@ -188,14 +187,8 @@ class LimitedProblem(BarrierProblem):
         own = any(rows.equal or rows.is_own for rows in self.limited.rows)
         if self.is_open or own or self.given is None or self.given.was_found or self.final_time is not None:
             return False
-        found = self._found_with([], _SOON, tolerance=_NEAR)
-        if found is None or not found.success:
-            return False
-        self._remember(self._place())
-        self._put_out()
-        DiscreteProblem.start(self, (found.x, found.u))
-        self._begin()
-        return True
+        found = self._found_with([], _SOON, tolerance=_ROUGHLY)
+        return found is not None and found.success and self._stand_at(found.x, found.u)
 
     def _begin_with_ease(self) -> bool:
         """Begin again from the motion that costs no effort, by stages whose inputs are ever less dear.
@@ -209,7 +202,7 @@ class LimitedProblem(BarrierProblem):
         while ease > 1.0:
             stage = self.cost.eased(ease)
             assert stage is not None
-            found = self._found_by(self._eased(stage[0]), (x, u))
+            found = self._found_by(self._eased(stage[0]), (x, u), NewtonSchedule(again=True, finer=True))
             if found is None:
                 return False
             x, u, ease = found.x, found.u, ease / _STRIDE
@@ -239,23 +232,6 @@ class LimitedProblem(BarrierProblem):
         if found is None or (found.worst_step is not None and found.worst_step.is_coarse and not found.success):
             return False
         return self._stand_at(found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS))
-
-    def _found_by(
-        self, other: LimitedProblem, start: tuple[Array, Array], schedule: NewtonSchedule | None = None
-    ) -> OptimizationResult | None:
-        """Return what another problem leads to from a start; None where that is nowhere.
-
-        By no more ways than the `schedule` allows: none if it is left out.
-        """
-        try:
-            other.start(start)
-            found = Loop(other, other.settings, schedule=schedule or NewtonSchedule(again=True, finer=True)).run()
-        except LeastActionError:
-            return None
-        self.rollouts += found.rollouts
-        if found.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        return found
 
     def _stand_at(self, x: Array, u: Array) -> bool:
         """Begin again at the projection of a curve, and remember where it stood; whether there is one."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -164,11 +164,8 @@ class Rows:
     def rises(self, c: Array, x: Array, u: Array) -> NDArray[np.bool_]:
         """Return which columns (m,) bend upwards where their values c (n, m) are least: as those of an obstacle do."""
         found = np.zeros(c.shape[1], dtype=np.bool_)
-        for j, at in enumerate(np.argmin(c, axis=0)):
-            k, *values = self._at(x, u)
-            here = Samples(k[at : at + 1], *(each[at : at + 1] for each in values))
-            bent = self.quantity.curvature(here, self.sign * np.eye(c.shape[1])[j : j + 1])
-            found[j] = bent is not None and np.trace(bent[0]) > 0.0
+        for j, _, _, bent in self._bent_where_least(c, x, u):
+            found[j] = np.trace(bent) > 0.0
         return found
 
     def depths(self, c: Array, x: Array, u: Array) -> Array:
@@ -177,16 +174,22 @@ class Rows:
         Along its gradient, to second order: of a ball that is twice what its middle violates, its radius.
         """
         found = np.full(c.shape[1], np.inf)
-        for j, at in enumerate(np.argmin(c, axis=0)):
-            k, *values = self._at(x, u)
-            here = Samples(k[at : at + 1], *(each[at : at + 1] for each in values))
-            bent = self.quantity.curvature(here, self.sign * np.eye(c.shape[1])[j : j + 1])
+        for j, least, here, bent in self._bent_where_least(c, x, u):
             g = self.quantity.jacobian(here)[0, j]
-            bend = 0.0 if bent is None else float(g @ bent[0] @ g)
+            bend = float(g @ bent @ g)
             if bend > 0.0:
-                depth = float(g @ g) ** 2 / bend - 2.0 * float(c[at, j])
+                depth = float(g @ g) ** 2 / bend - 2.0 * least
                 found[j] = depth if depth > 0.0 else np.inf
         return found
+
+    def _bent_where_least(self, c: Array, x: Array, u: Array) -> Iterator[tuple[int, float, Samples, Array]]:
+        """Yield each column that bends: its index, its least value, where that is, and its second derivative there."""
+        k, *values = self._at(x, u)
+        for j, at in enumerate(np.argmin(c, axis=0)):
+            here = Samples(k[at : at + 1], *(each[at : at + 1] for each in values))
+            bent = self.quantity.curvature(here, self.sign * np.eye(c.shape[1])[j : j + 1])
+            if bent is not None:
+                yield j, float(c[at, j]), here, bent[0]
 
     def jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives of the quantity along a trajectory (n, m, ...), without the sign."""

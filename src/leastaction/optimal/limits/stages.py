@@ -26,7 +26,6 @@ _ROUGH = 1e-4  # a tolerance from which on duals need not be exact
 _DEAREST = 1e6  # costs of the start for an excess of a limit's scale
 # Of its scale a limit may be off where the problem cannot be met otherwise, and that part of a rough tolerance.
 _MET, _MET_ROUGHLY = 1e-6, 1e-2
-_FELL = 1e-2  # of the cost of the start is one beside which prices are chosen anew, where a search is stuck
 _EXACTLY = 1e-3  # of what it may be off a limit is off that no price would enforce any better
 # Where limits are off by more than the first part of their scale though some price was raised to the second, in costs
 # of the start, and little but that counts, all excess is made as dear: what is left then is the least that they can be
@@ -176,10 +175,6 @@ class Stages:
             following = self._after(self._following) if skips else self._following
             duals.mu = min(duals.mu, max(self.last, following))
         return True
-
-    def has_fallen(self, cost: float) -> bool:
-        """Whether the cost is so much less than at the start that equations as dear as there drown all else."""
-        return abs(cost) < _FELL * self.size
 
     def look_for_the_least(self, c: Sided) -> bool:
         """Go on towards the least that limits can be off, where a stage led nowhere; whether they are off by much.

@@ -114,15 +114,12 @@ class ExtendedSystem(DiscreteSystem):
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
         own, values = self.own(x), self.values(x)
         system, weights = self.at(values), np.ascontiguousarray(z[None, : self.n_own])
-        H, by_time = None, None
-        if FINAL_TIME in self.names:
-            H, by_time = _parts(
-                system.curvature_by_final_time(np.stack([own, system.f(own, u, k)]), u[None], weights, k)
-            )
+        step = np.stack([own, system.f(own, u, k)])
+        H, by_time = self._by_final_time(system, step, u[None], weights, k)
         if H is None:
             H = system.curvature(own, u, k, weights[0])[None]
         along = partial(self._of_step, x=own, u=u, k=k)
-        exact = self._by_parameters(system, np.stack([own, system.f(own, u, k)]), u[None], weights, k)
+        exact = self._by_parameters(system, step, u[None], weights, k)
         return np.asarray(self._second(H, by_time, values, along, weights, exact)[0])
 
     def _of_step(self, values: Array, x: Array, u: Array, k: int) -> tuple[Array, Array, Array]:
@@ -166,9 +163,7 @@ class ExtendedSystem(DiscreteSystem):
 
         def second(z: Array) -> Array:
             weights = np.ascontiguousarray(z[:, : self.n_own])
-            H, by_time = None, None
-            if FINAL_TIME in self.names:
-                H, by_time = _parts(system.curvature_by_final_time(own, u, weights))
+            H, by_time = self._by_final_time(system, own, u, weights)
             exact = self._by_parameters(system, own, u, weights)
             return self._second(lin.curvature(weights) if H is None else H, by_time, values, along, weights, exact)
 
@@ -188,6 +183,13 @@ class ExtendedSystem(DiscreteSystem):
     def _by_parameters(self, system: DiscreteSystem, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
         """Return what the system has of second derivatives of steps by the parameters."""
         return system.curvature_by_parameters(x, u, z, self.names, start) if self.names else None
+
+    def _by_final_time(
+        self, system: DiscreteSystem, x: Array, u: Array, z: Array, start: int = 0
+    ) -> tuple[Array | None, Array | None]:
+        """Return second derivatives of steps by (x, u), and by the final time and (x, u, that); None if not known."""
+        found = system.curvature_by_final_time(x, u, z, start) if FINAL_TIME in self.names else None
+        return (None, None) if found is None else (found[:, :-1, :-1], found[:, -1])
 
     def _extended(self, A: Array, B: Array, by: Array) -> tuple[Array, Array]:
         """Return A and B of steps of the system, and their derivatives by parameters, as those of extended states."""
@@ -303,11 +305,6 @@ class ExtendedSystem(DiscreteSystem):
         if kind != "unknown":
             return self.system.quantity(kind)
         return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
-
-
-def _parts(second: Array | None) -> tuple[Array | None, Array | None]:
-    """Return second derivatives by (x, u) alone, and those by the final time and (x, u, that), given all of them."""
-    return (None, None) if second is None else (second[:, :-1, :-1], second[:, -1])
 
 
 def stepped(at: Array, j: int, by: float | None = None) -> Array:
