@@ -29,7 +29,7 @@ from leastaction.optimal import (
 from leastaction.optimal.quantity import Samples
 from leastaction.optimal.unknowns.extension import Extension
 from leastaction.optimal.unknowns.system import ExtendedSystem
-from leastaction.systems import Ball, Box, Keep, MidpointSystem
+from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
 from optimal.systems import rolled_out, swinging_double_pendulum
 
 
@@ -486,6 +486,45 @@ def test_some_entries_return_and_others_advance(free: bool | list[str]) -> None:
     np.testing.assert_allclose(result.x[:, 2], 11.0 * 0.2, atol=1e-4)
     # The cost goes as the square of the advance, and the dual is its slope.
     assert result.limits.sides[0].dual[0, 0] == pytest.approx(2.0 * result.cost / 0.4, rel=1e-3)
+
+
+def two_legs(N: int) -> tuple[MidpointSystem, QuadraticCost, np.ndarray]:
+    """Return two legs with knees that swing by turns under a hip on a rail, their cost, and a first state."""
+    tree = la.world()
+    hip = tree.ty("hip", mass=8.0)
+    elements: list[la.Element] = [la.Gravity(), la.Damping({"hip": 2.0}, default=0.1), la.JointForce("hip", "drive")]
+    for side in "lr":
+        knee = hip.rx(f"thigh_{side}").tz(-0.45, mass=1.5).rx(f"knee_{side}")
+        knee.tz(-0.43, mass=0.8, name=f"foot_{side}")
+        elements += [la.JointForce(f"{joint}_{side}", f"{joint}_{side}_motor") for joint in ("thigh", "knee")]
+    t = np.linspace(0.0, 1.2, N + 1)
+    system = MidpointSystem(la.MidpointVI(la.Mechanism(tree, elements), threads=1), t)
+    wanted = np.zeros((N + 1, 10))
+    for i, turn in ((1, 0.0), (3, np.pi)):
+        wanted[:, i] = 0.35 * np.sin(2.0 * np.pi * t / 1.2 + turn)
+        wanted[:, i + 1] = -0.3 + 0.2 * np.cos(2.0 * np.pi * t / 1.2 + turn)
+    weights = [0.0, *[20.0, 5.0] * 2, *[0.0] * 5]
+    cost = QuadraticCost(wanted, np.zeros((N, 5)), Q=weights, R=[1e-3] * 5, Q_final=[1e-9] * 10)
+    return system, cost, np.array([0.0, 0.0, -0.3, 0.0, -0.3, *[0.0] * 5])
+
+
+def test_an_equation_at_the_start_drowns_nothing_of_the_rest_of_the_first_state() -> None:
+    """The place of a walker held there is stiffer than the rest by 14 orders of magnitude, which is no rounding."""
+    system, cost, x0 = two_legs(30)
+    notes: list[str] = []
+    result = optimize(
+        system, cost, initial=(x0, np.zeros((30, 5))), free_start=True,
+        callback=lambda record: notes.append(record.note),
+        limits=[
+            Periodic("*", offset={"hip": 0.5}), Equal("hip", 0.0, of="variable", at="start"),
+            Bound("knee_?", -1.6, -0.02, of="variable"),
+            *(Keep(f"foot_{side}", inside=HalfSpace((0.0, 0.0, 1.0), -0.84)) for side in "lr"),
+        ],
+    )  # fmt: skip
+    assert result.success, result.message
+    assert not [note for note in notes if "free initial state" in note]
+    assert result.cost == pytest.approx(7.82117227, rel=1e-8)
+    np.testing.assert_allclose(result.x[-1] - result.x[0], [0.5, *[0.0] * 9], atol=1e-8)
 
 
 def test_an_angle_returns_modulo_a_turn() -> None:

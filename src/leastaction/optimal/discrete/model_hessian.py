@@ -35,6 +35,17 @@ class ModelHessian(NamedTuple):
         """Return the weights of a cost alone."""
         return cls(*hessian)
 
+    @property
+    def of_first_state(self) -> Array:
+        """The weight (nx, nx) of the first state."""
+        weight = matrix_of(self.Q[:1] if self.Q.ndim == 3 else self.Q)
+        weight = np.array(weight[0] if weight.ndim == 3 else weight)
+        if self.part is not None:
+            columns, matrices = self.part
+            own = columns < len(weight)
+            weight[np.ix_(columns[own], columns[own])] += matrices[0][np.ix_(own, own)]
+        return weight
+
 
 def between(low: ModelHessian, high: ModelHessian, share: float) -> ModelHessian:
     """Return ``low + share (high - low)`` of two Hessians of the same cost and limits."""

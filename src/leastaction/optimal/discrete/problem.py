@@ -182,8 +182,9 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
         self._own_gain()
         if method == "quasi-newton" and shift == 0.0 and self.quasi_newton is not None:
-            return self._with_start(self.quasi_newton)
-        return self._with_start(self._solve(method, self.free, scale, shift))
+            return self._with_start(self.quasi_newton, lambda: self._hessian(0.0))
+        model = self._solve(method, self.free, scale, shift)
+        return self._with_start(model, lambda: self._hessian(scale if method == "newton" else 0.0))
 
     def direction(
         self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
@@ -229,8 +230,13 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         _, step, _ = dposv(Z.T @ model.P0 @ Z, Z.T @ model.b[0])
         return np.asarray(-Z @ step)
 
-    def _with_start(self, model: LinearQuadraticSolution) -> LinearQuadraticSolution:
-        """Return the model, without a minimum if it has none over the initial state."""
+    def _with_start(
+        self, model: LinearQuadraticSolution, hessian: Callable[[], ModelHessian]
+    ) -> LinearQuadraticSolution:
+        """Return the model, without a minimum if it has none over the initial state.
+
+        ``hessian``: gives the model's weights, which are asked for where it may have none.
+        """
         self._flat = []
         if self.free_start is False or not model.definite:
             return model
@@ -239,6 +245,10 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if not len(bend):
             return model
         little = _FLAT * float(np.abs(bend).max())
+        if _is_definite(bend, little):
+            return model
+        # What a limit at the start itself weighs is added last, so no rounding of the rest is as large as that.
+        little = _FLAT * float(np.abs(bend - Z.T @ hessian().of_first_state @ Z).max())
         if _is_definite(bend, little):
             return model
         values, vectors = np.linalg.eigh(bend)

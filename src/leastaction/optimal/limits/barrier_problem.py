@@ -329,7 +329,7 @@ class BarrierProblem(ShootingProblem):
         self.exact = self.convex = None  # these are written over
         spare = Workspace(self.system.N, self.system.nx, self.system.nu)
         model = minimise_model("quasi-newton", self._linearize(), self._gradient(), hessian, None, spare)
-        self._with_start(model)
+        self._with_start(model, lambda: hessian)
         return not self.undetermined
 
     @property
@@ -424,12 +424,19 @@ class BarrierProblem(ShootingProblem):
         curvature = self._curvature_along(gradient)
         for softness in _SOFTER:
             hessian = self._weights(self.duals.stiffnesses(self._room(), softness), convex=False)
-            with self.clock("lq"):
-                model = minimise_model("newton", self._linearize(), gradient, hessian, curvature, self.free)
-            model = self._with_start(model)
-            if model.definite:
-                return -2.0 * least_of(model, self._start_step(model)) + self.duals.gap(self._room())
+            left = self._left_of(hessian, gradient, curvature)
+            if left is not None:
+                return left
         return np.inf
+
+    def _left_of(self, hessian: ModelHessian, gradient: CostGradient, curvature: Array) -> float | None:
+        """Return the decrease that Newton's model of some weights expects; None if it has no minimum."""
+        with self.clock("lq"):
+            model = minimise_model("newton", self._linearize(), gradient, hessian, curvature, self.free)
+        model = self._with_start(model, lambda: hessian)
+        if not model.definite:
+            return None
+        return -2.0 * least_of(model, self._start_step(model)) + self.duals.gap(self._room())
 
     def direction(
         self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
@@ -506,7 +513,7 @@ class BarrierProblem(ShootingProblem):
             model = minimise_model(
                 method, linearization, gradient, hessian, curvature, self.spare, direction.curvature_scale
             )
-        model = self._with_start(model)
+        model = self._with_start(model, lambda: hessian)
         if not model.definite:
             return None
         self.free, self.spare = self.spare, self.free
@@ -575,7 +582,9 @@ class BarrierProblem(ShootingProblem):
         # Memory of its own: the feedback that is told may stand in that of the iteration.
         spare = Workspace(self.system.N, self.system.nx, self.system.nu)
         try:
-            model = self._with_start(self._solve("newton" if self.has_curvature else "quasi-newton", spare, 1.0))
+            method = "newton" if self.has_curvature else "quasi-newton"
+            scale = 1.0 if self.has_curvature else 0.0
+            model = self._with_start(self._solve(method, spare, scale), lambda: self._hessian(scale))
             if not model.definite:
                 return None
             return self.limited.along(*self._sweep(model, self._start_step(model)), self._jacobians())
