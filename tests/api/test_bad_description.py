@@ -131,6 +131,14 @@ FRAMES = {
     "pose with NaN": (lambda: pose(translation=(0, NAN, 0), name="p"), r"'p'.*nan.*\(1,\)"),
     "pose with a bad last row": (lambda: pose(np.eye(4) * 2.0, name="p"), "'p'.*last row"),
     "pose that stretches": (lambda: pose(rotation=1.01 * np.eye(3), name="p"), "'p'.*orthonormal"),
+    "pose by angles": (
+        lambda: pose(rotation=(0.0, 0.0, 1.57)),
+        r"rotation: got shape \(3,\), expected \(3, 3\), that is a matrix; give angles as rz",
+    ),
+    "inertia in the order of URDF": (
+        lambda: Body(1.0, inertia=(0.1, 0.0, 0.0, 0.1, 0.0, 0.1)),
+        r"none may be negative.* six numbers are \[Ixx, Iyy, Izz, Ixy, Ixz, Iyz\]: URDF",
+    ),
     "pose that reflects": (lambda: pose(rotation=np.diag([1, 1, -1]), name="p"), "'p'.*reflection"),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,5 +57,7 @@ def test_errors_of_joints_are_drawn(tmp_path: Path) -> None:
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert "lshoulder_ry" in labels
     assert "torso_tx" not in labels
+    none = replace(resting(run, instants=1), t=np.empty(0), wanted=run.reference[:0], q=run.reference[:0])
+    assert len(plot_resting(run, none).axes[0].containers) == 1  # the run alone
     with pytest.raises(ArgumentError, match="instants: got 0"):
         resting(run, instants=0)

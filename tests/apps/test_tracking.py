@@ -272,6 +272,25 @@ def test_a_motion_farther_off_than_a_puppet_that_hangs_still_is_no_start(
     assert any("hangs still" in line for line in said) == (far > 0.0)
 
 
+def test_a_search_that_finds_nothing_begins_with_a_pose_at_rest_where_the_puppet_falls(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of what falls only some steps are known: a curve of these had ended in a comparison of shapes."""
+    wanted = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
+    falls = wanted.x_reference[:3], wanted.u_reference[:2]
+    with_motors = SimpleNamespace(x=wanted.x_reference, u=np.zeros((wanted.system.N, wanted.by_motors.nu)))
+    monkeypatch.setattr(plan.Plan, "clipped", lambda *_: falls)
+    x, u = motors.search(wanted, lambda _: None, stage=motors.SEARCH_STAGES, result=with_motors, keep=lambda *_: None)  # type: ignore[arg-type]
+    assert (x.shape, u.shape) == (wanted.x_reference.shape, wanted.u_reference.shape)
+    assert np.ptp(x, axis=0).max() == 0.0
+
+
+def test_tensions_that_no_pose_has_are_said_to_be_too_large() -> None:
+    """By their name, and not by the first step that fails."""
+    with pytest.raises(ArgumentError, match=r"a pose at rest is found in which all of them pull\. Lower the least"):
+        track(PUPPET, leap(0.2), limits=PuppetLimits(tension=1e9), planned=True)
+
+
 @pytest.mark.parametrize("how", ["stuck", "creeps", "is seen to creep"])
 def test_where_a_search_is_stuck_or_creeps_another_begins_elsewhere(
     how: str,

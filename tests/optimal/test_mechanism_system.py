@@ -133,6 +133,24 @@ def test_whole_trajectories_agree_with_single_steps() -> None:
         np.testing.assert_allclose(hessians[k], H, atol=1e-8 * np.abs(H).max())
 
 
+def test_states_along_a_motion_are_those_of_a_run() -> None:
+    plain, x, _ = crane_motion()
+    m = plain.mechanism
+    q, p, v_rho = np.split(x, [m.nq, m.nq + m.nd], axis=1)
+    np.testing.assert_allclose(plain.states_along(q, p, v_rho[0]), x, atol=1e-12)
+    more = MidpointSystem(plain.integrator, plain.t, multipliers=True).states_along(q, p)
+    np.testing.assert_allclose(more[1:, : m.nx], x[1:], atol=1e-12)
+    assert not more[0, m.nq + m.nd :].any()
+    assert not more[:, m.nx :].any()
+    for wrong, message in (
+        ((q[:5], p), r"q: got shape \(5, 6\), expected \(21, 6\), that is \(N\+1, nq\)"),
+        ((q, p[:, :2]), r"p: got shape \(21, 2\), expected \(21, 4\)"),
+        ((q, p, v_rho), r"v_rho: got shape \(21, 2\), expected \(2,\)"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            plain.states_along(*wrong)
+
+
 def test_appended_multipliers_are_those_of_the_step() -> None:
     plain, x, u = crane_motion()
     system = MidpointSystem(plain.integrator, plain.t, multipliers=True)

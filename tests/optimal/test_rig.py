@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -195,7 +197,12 @@ def test_wrong_arguments_are_named(upright: tuple[MidpointSystem, OptimizationRe
         ({"spread": 1.5}, "spread"),
         ({"noise": -1.0}, "noise"),
         ({"delay": np.nan}, "delay"),
+        ({"delay": 1e308}, r"delay: got 1e\+308, expected a number"),
+        ({"noise": 1e160}, "noise"),
         ({"stiffness": 0.0}, "stiffness"),
+        ({"stiffness": 1e300}, "stiffness"),
+        ({"smoothing": 1e-300}, "smoothing"),
+        ({"factors": ["cart.mass"]}, r"factors: got .*expected a mapping"),
         ({"substeps": 0}, "substeps"),
         ({"factors": {"cart.mass": 0.0}}, "cart.mass"),
     ):
@@ -209,5 +216,16 @@ def test_wrong_arguments_are_named(upright: tuple[MidpointSystem, OptimizationRe
         play(system, plan, start=plan.x[0])  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="plan x"):
         play(system, (plan.x[1:], plan.u))
+    with pytest.raises(ArgumentError, match="rig: got dict, expected a Rig"):
+        play(system, plan, {"noise": 0.0})  # type: ignore[arg-type]
+    for given, message in (
+        (None, r"plan: got NoneType, expected an OptimizationResult or a pair \(x, u\)$"),
+        (SimpleNamespace(result=plan), "plan: got SimpleNamespace, .*; its result is one"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            play(system, given)  # type: ignore[arg-type]
+    played = play(system, plan, Rig(**NONE))
     with pytest.raises(ArgumentError, match="nothing is called 'wheel'"):
-        play(system, plan, Rig(**NONE)).off(plan.x[:, :2], "wheel")
+        played.off(plan.x[:, :2], "wheel")
+    with pytest.raises(ArgumentError, match="names: got none, expected some of 'x', 'theta'"):
+        played.off(plan.x[:, :2], [])

@@ -360,16 +360,30 @@ class MidpointSystem(DiscreteSystem):
         return self.integrator.trajectory(self.t, x, u, lam)
 
     def states_along(self, q: Array, p: Array, v_rho: Array | None = None) -> Array:
-        """Return the states (N+1, nx) of a motion with these configurations and momenta, without multipliers.
+        """Return the states (N+1, nx) of a motion with these configurations and momenta; multipliers in them are zero.
 
-        ``q`` (N+1, nq), ``p`` (N+1, nd). ``v_rho`` (nrho,): first rates of the prescribed variables, zero if not given;
-        the others follow from q.
+        Parameters
+        ----------
+        q, p : ndarray, shape (N+1, nq), (N+1, nd)
+        v_rho : ndarray, shape (nrho,), optional
+            First rates of the prescribed variables, zero if left out; the others follow from q.
+
+        Raises
+        ------
+        ArgumentError
+            Other shapes.
         """
         m = self.mechanism
+        first = np.zeros(m.nrho) if v_rho is None else v_rho
+        for what, given, shape, meaning in (
+            ("q", q, (self.N + 1, m.nq), "(N+1, nq)"), ("p", p, (self.N + 1, m.nd), "(N+1, nd)"),
+            ("v_rho", first, (m.nrho,), "(nrho,)"),
+        ):  # fmt: skip
+            if given.shape != shape:
+                raise ArgumentError(f"{what}: got shape {given.shape}, expected {shape}, that is {meaning}")
         x = np.zeros((self.N + 1, self.nx))
         x[:, : m.nq], x[:, m.nq : m.nq + m.nd] = q, p
-        if v_rho is not None:
-            x[0, m.nq + m.nd : m.nx] = v_rho
+        x[0, m.nq + m.nd : m.nx] = first
         x[1:, m.nq + m.nd : m.nx] = np.diff(q[:, m.nd :], axis=0) / np.diff(self.t)[:, None]
         return x
 

@@ -139,7 +139,9 @@ def plot_resting(run: TrackingRun, rest: RestingPoses) -> Figure:
     figure = new_figure(9.0, 5.0)
     bars, over_time = figure.subplots(1, 2)
     for shift, errors, color, label in ((-0.2, made, BLUE, "as made"), (0.2, apart, ORANGE, "nearest poses at rest")):
-        bars.barh(np.arange(len(labels)) + shift, np.sqrt(np.mean(errors**2, axis=0)), 0.4, color=color, label=label)
+        if len(errors):  # there may be no pose at rest
+            rms = np.sqrt(np.mean(errors**2, axis=0))
+            bars.barh(np.arange(len(labels)) + shift, rms, 0.4, color=color, label=label)
     bars.set_yticks(range(len(labels)), labels, fontsize=8)
     bars.invert_yaxis()
     bars.set(xlabel=f"off by ({unit}, rms)")

@@ -112,8 +112,8 @@ def _check_inertia(matrix: Array, *, triangle: bool) -> None:
     moments = f"principal moments {smallest:.6g}, {middle:.6g}, {largest:.6g} kg m^2"
     if smallest < -slack:
         raise DescriptionError(
-            f"inertia: {moments}; none may be negative. Check the signs of Ixy, Ixz, Iyz and that the "
-            "inertia is about the centre of mass"
+            f"inertia: {moments}; none may be negative. Check the signs of Ixy, Ixz, Iyz, that the inertia is about "
+            "the centre of mass, and that six numbers are [Ixx, Iyy, Izz, Ixy, Ixz, Iyz]: URDF has another order"
         )
     if triangle and largest > smallest + middle + slack:
         raise DescriptionError(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.description.frames import Frame, bodies_of
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_array, shape_of
 from leastaction.numerics.names import check_name
 
 # A rotation matrix that was typed or stored with fewer digits than this is refused, not guessed at.
@@ -64,7 +64,8 @@ def pose(
     if translation is not None:
         placed[:3, 3] = as_array(translation, f"{what}: translation", (3,), error=DescriptionError)
     if rotation is not None:
-        placed[:3, :3] = as_array(rotation, f"{what}: rotation", (3, 3), error=DescriptionError)
+        advice = "a matrix; give angles as rz(yaw), ry(pitch), rx(roll)" if shape_of(rotation) == (3,) else ""
+        placed[:3, :3] = as_array(rotation, f"{what}: rotation", (3, 3), meaning=advice, error=DescriptionError)
     placed[:3, :3] = _nearest_rotation(placed[:3, :3], what)
     placed.setflags(write=False)
     return Frame("pose", matrix=placed, name=name, bodies=bodies_of(what, mass, com, inertia, bodies))

@@ -10,10 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import StepError
+from leastaction.errors import ArgumentError, StepError
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.numerics.arrays import Array, as_array, require_instance
-from leastaction.optimal.initial import pair_of
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rigs.commands import reeled_in, with_lengths
@@ -76,8 +75,9 @@ def play(
     if start is not None:
         require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
     rig = Rig() if rig is None else rig
+    require_instance(rig, "rig", Rig)
     m, N, t = system.mechanism, system.N, system.t
-    x, u = (plan.x, plan.u) if isinstance(plan, OptimizationResult) else pair_of(plan)
+    x, u = _pair_of(plan)
     x = as_array(x, "plan x", (N + 1, system.nx), meaning="(N+1, nx)")
     u = as_array(u, "plan u", (N, system.nu), meaning="(N, nu)")
     x, u, shorter = reeled_in(system, x, u, rig)
@@ -112,6 +112,17 @@ def play(
         commands.append(command)
     played = np.array(commands).reshape(-1, system.nu)
     return Played(mechanism=machine.mechanism, t=t[: len(states)], x=np.array(states), u=played, failure=failure)
+
+
+def _pair_of(plan: object) -> tuple[ArrayLike, ArrayLike]:
+    """Return what is planned as a pair (x, u)."""
+    if isinstance(plan, OptimizationResult):
+        return plan.x, plan.u
+    if not isinstance(plan, (tuple, list)) or len(plan) != 2:
+        result = "; its result is one" if isinstance(getattr(plan, "result", None), OptimizationResult) else ""
+        raise ArgumentError(f"plan: got {type(plan).__name__}, expected an OptimizationResult or a pair (x, u){result}")
+    x, u = plan
+    return x, u
 
 
 class _Controller:

@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_mapping
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
+
+_MOST = 1e12  # rad, m, s or N/m: squares and quotients of larger numbers overflow, and no rig has them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,11 +59,12 @@ class Rig(Frozen):
     seed: int = 0
 
     def __post_init__(self) -> None:
+        require_mapping(self.factors, "Rig: factors", "{'damping.*': 1.2}")
         object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))
-        for name, below in (("spread", 1.0), ("noise", np.inf), ("delay", np.inf)):
+        for name, below in (("spread", 1.0), ("noise", _MOST), ("delay", _MOST)):
             as_number(getattr(self, name), f"Rig: {name}", least=0.0, below=below)
         for name in ("smoothing", *(() if self.stiffness is None else ("stiffness",))):
-            as_number(getattr(self, name), f"Rig: {name}", above=0.0)
+            as_number(getattr(self, name), f"Rig: {name}", above=1.0 / _MOST, below=_MOST)
         as_count(self.substeps, "Rig: substeps", 1)
         as_count(self.seed, "Rig: seed", 0)
         for name, factor in self.factors.items():
@@ -142,6 +145,8 @@ class Played(Frozen):
         m = self.mechanism
         patterns = (names,) if isinstance(names, str) else tuple(names)
         chosen = sorted({i for each in patterns for i in matching(m.dynamic, each)})
+        if not patterns:
+            raise ArgumentError(f"names: got none, expected some of {', '.join(map(repr, m.dynamic))}, or patterns")
         if not chosen:
             raise ArgumentError(
                 f"names: nothing is called {names!r}; {closest(patterns[0], m.dynamic, what='variables')}"

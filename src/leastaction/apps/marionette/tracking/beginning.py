@@ -14,7 +14,7 @@ from leastaction.apps.marionette.tracking.growing import grown
 from leastaction.apps.marionette.tracking.limits import FIRST_KINDS, KINDS
 from leastaction.apps.marionette.tracking.motors import search
 from leastaction.apps.marionette.tracking.plan import Plan
-from leastaction.apps.marionette.tracking.poses import at_rest
+from leastaction.apps.marionette.tracking.poses import hanging
 from leastaction.apps.marionette.tracking.problem import below_strings
 from leastaction.apps.marionette.tracking.ties import WEIGHTS
 from leastaction.apps.marionette.tracking.tracker import AGAIN, LOST, PATIENCE, Curve, Tracker
@@ -118,10 +118,8 @@ def _keep_search(tracker: Tracker, stage: int, found: OptimizationResult, at_onc
 
 
 def _hanging(tracker: Tracker) -> Curve:
-    """Return what the puppet does where its strings are held, or poses at rest where it falls from them."""
     assert tracker.plan is not None
-    hung = tracker.plan.hung()
-    return hung if len(hung[1]) == tracker.plan.system.N else at_rest(tracker.plan)
+    return hanging(tracker.plan)
 
 
 def coarser(plan: Plan, motion: Motion) -> tuple[Plan, Motion]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from leastaction.apps.marionette.tracking.limits import FIRST_KINDS
 from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.poses import at_rest, hanging
 from leastaction.errors import ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array
@@ -53,7 +54,8 @@ def search(
 
     ``say``: told what each stage came to. ``stage``, ``result``: the stage to begin with, and what the one before
     it found. ``keep``: told of both after every stage, and where Ctrl-C ends one, which is the third argument.
-    ``count``: told of every optimisation, and whether motors helped in it.
+    ``count``: told of every optimisation, and whether motors helped in it. Raises `ArgumentError` where nothing was
+    found and strings hold the puppet nowhere.
     """
     m, strings = plan.mechanism, len(plan.strings)
     motors = range(strings, strings + m.nd)
@@ -97,7 +99,7 @@ def search(
         xs, us = plan.clipped(x, u, gains)
         if len(us) == plan.system.N:
             return _unless_still(plan, xs, us, say)
-    return plan.hung()
+    return hanging(plan)
 
 
 def _unless_still(plan: Plan, x: Array, u: Array, say: Callable[[str], object]) -> tuple[Array, Array]:
@@ -122,7 +124,11 @@ def _begun(plan: Plan, solve: Callable[..., OptimizationResult]) -> Optimization
         smooth = Motion(plan.mechanism.variables, plan.t, q).low_pass(cutoff).q
         with suppress(ProjectionError):
             return solve(initial=driven(plan, smooth, tensions))
-    return solve(initial=driven(plan, np.tile(q[0], (len(q), 1)), tensions))
+    try:
+        return solve(initial=driven(plan, np.tile(q[0], (len(q), 1)), tensions))
+    except ProjectionError:
+        at_rest(plan)  # or strings that cannot hold the puppet are the reason
+        raise
 
 
 def _options(plan: Plan, more: Collection[str] = (), tolerance: float = _ROUGHLY) -> dict[str, Any]:
