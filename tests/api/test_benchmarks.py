@@ -11,6 +11,9 @@ from typing import Any
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from benchmarks import timing
+
 ROOT = Path(__file__).resolve().parents[2]
 GROUPS = {"step", "chain", "lq", "marionette", "cart"}
 
@@ -31,6 +34,23 @@ def run(*arguments: str) -> str:
 @pytest.fixture(scope="module")
 def measured() -> dict[str, Any]:
     return json.loads(run("--quick", "--json"))
+
+
+@pytest.mark.parametrize(("seconds", "rounds", "repeats"), [(1.0, 3, 3), (0.11, 1, 3), (0.05, 2, 6), (0.05, 8, 8)])
+def test_what_is_short_is_repeated_more_often(
+    seconds: float, rounds: int, repeats: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For 0.3 s altogether; the fastest counts, and what came last is returned."""
+    now, calls = 0.0, 0
+
+    def call() -> int:
+        nonlocal now, calls
+        calls += 1
+        now += seconds + 0.03 * (calls == 1)
+        return calls
+
+    monkeypatch.setattr(timing.time, "process_time", lambda: now)
+    assert timing.fastest(call, rounds) == (repeats, pytest.approx(seconds))
 
 
 def rows_of(measured: dict[str, Any], group: str) -> list[dict[str, Any]]:

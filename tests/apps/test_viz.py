@@ -285,3 +285,5 @@ def test_limits_show_where_they_are_active():
     assert figure.axes[0].get_title(loc="right") == "not met"
     with pytest.raises(ArgumentError, match="0 limits"):
         viz.plot_limits(np.arange(5.0), LimitReport((), 1e-9, 0.0))
+    with pytest.raises(ArgumentError, match=r"report: got NoneType, expected a LimitReport; result\.limits is one"):
+        viz.plot_limits(np.arange(5.0), None)

@@ -12,6 +12,7 @@ from leastaction import (
     Distance,
     ElasticString,
     Gravity,
+    JointForce,
     Mechanism,
     MidpointSystem,
     MidpointVI,
@@ -91,6 +92,21 @@ def test_feedback_by_late_and_noisy_readings_holds_what_is_unstable(
     assert np.abs(held.u[2:] - plan.u[2:]).min(axis=1).max() > 0.0
     # What has been done meanwhile is reckoned with: a fifth of a second is not too late.
     assert play(system, plan, Rig(delay=0.2, noise=1e-4)).off(plan.x[:, :2], "theta") < 0.02
+
+
+def test_readings_are_late_by_time_whatever_the_steps_of_the_plan() -> None:
+    """With steps of 1 and 20 ms, readings 20 ms late came after one step."""
+    t = np.concatenate([np.linspace(0.0, 0.05, 51), np.arange(0.07, 0.30, 0.02)])
+    slide = Mechanism([tx("x", mass=1.0, name="mass")], [JointForce("x", "push")])
+    system = MidpointSystem(MidpointVI(slide), t)
+    plan = np.zeros((len(t), 2)), np.zeros((len(t) - 1, 1))
+    start = system.integrator.start([0.01])
+    for delay, first in ((0.02, 20), (0.0205, 21), (0.06, 51), (0.0, 0)):
+        played = play(system, plan, Rig(noise=0.0, delay=delay, substeps=1), start=start)
+        pushed = np.abs(played.u[:, 0]) > 1e-9
+        assert not pushed[:first].any()
+        assert pushed[first]
+        assert played.x[-1, 0] < 0.01
 
 
 def test_it_begins_where_it_is_told_and_comes_back(hanging: tuple[MidpointSystem, OptimizationResult]) -> None:

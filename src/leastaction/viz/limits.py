@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import require_instance
 from leastaction.optimal import LimitReport
 from leastaction.viz.figures import BLUE, INK, ORANGE, VERMILION, Margins, at_least, heading, panel_grid, styled
 from leastaction.viz.strings import spans
@@ -42,6 +43,7 @@ def plot_limits(t: ArrayLike, report: LimitReport, *, title: str = "Limits") -> 
     ArgumentError
         There are no limits, or the times are not those of the system.
     """
+    require_instance(report, "report", LimitReport, "result.limits is one, of an optimisation with limits")
     times = np.asarray(t, dtype=float)
     # A single instant makes no curve; what it came to is in the report's text.
     sides = [side for side in report.sides if len(side.k) > 1]

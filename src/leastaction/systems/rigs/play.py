@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, StepError
+from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.optimal.result import OptimizationResult
@@ -22,6 +23,7 @@ from leastaction.systems.rigs.regulator import Regulator
 from leastaction.systems.rigs.rig import Played, Rig
 
 _HELD, _PLACES, _SPEEDS = 20.0, 0.1, 10.0  # weights of the regulator: joints, prescribed variables and their speeds
+_AT_ONCE = 1e-9  # of a step: what is late by a whole number of steps is not late by one more for rounding
 
 
 def play(
@@ -82,36 +84,47 @@ def play(
     u = as_array(u, "plan u", (N, system.nu), meaning="(N, nu)")
     x, u, shorter = reeled_in(system, x, u, rig)
     machine = system.integrator.like(with_lengths(rig.machine(m), shorter))
-    late = int(np.ceil(rig.delay / np.diff(t).max() - 1e-9))
     noise = rig.noise * np.random.default_rng([rig.seed, 1]).standard_normal((N + 1, m.nd))
     controller = None
     if feedback:
         model = with_lengths(rig.model(m), shorter)
         controller = _Controller(MidpointSystem(system.integrator.like(model), t), x, u, Q, R, rig.noise)
-    now = x[0] if start is None else np.concatenate([start.q, start.p, start.v_rho])
-    states, commands, failure = [now], [], None
-    parts = np.arange(1, rig.substeps + 1)[:, None] / rig.substeps
+    states = [x[0] if start is None else np.concatenate([start.q, start.p, start.v_rho])]
+    commands, failure, read = [], None, 0
     for k in range(N):
-        command, at = u[k], k - late
-        if controller is not None and at >= 0:
-            try:
-                command = controller.command(k, at, states[at][: m.nd] + noise[at])
-            except StepError as error:
-                failure = f"the feedback knew no more from {t[k]:.4g} s on: {error}"
-                break
-        before = now[m.nd : m.nq]
-        rows = np.tile(command, (rig.substeps, 1))
-        rows[:, m.n_inputs :] = before + parts * (command[m.n_inputs :] - before)
-        times = t[k] + np.append(0.0, parts) * (t[k + 1] - t[k])
-        out = machine.core.roll_out(times, now, None, rows, None)
-        if out.steps < rig.substeps or not np.isfinite(out.x[-1]).all():
+        command = u[k]
+        try:
+            while controller is not None and t[read] + rig.delay <= t[k] + _AT_ONCE * (t[k + 1] - t[k]):
+                controller.read(states[read][: m.nd] + noise[read])
+                read += 1
+            if controller is not None and read > 0:
+                command = controller.command(k)
+        except StepError as error:
+            failure = f"the feedback knew no more from {t[k]:.4g} s on: {error}"
+            break
+        now = _driven(machine, rig.substeps, t[k : k + 2], states[-1], command)
+        if now is None:
             failure = f"the rig could not be simulated from {t[k]:.4g} s on"
             break
-        now = np.ascontiguousarray(out.x[-1])
         states.append(now)
         commands.append(command)
     played = np.array(commands).reshape(-1, system.nu)
     return Played(mechanism=machine.mechanism, t=t[: len(states)], x=np.array(states), u=played, failure=failure)
+
+
+def _driven(machine: MidpointVI, parts: int, t: Array, x: Array, command: Array) -> Array | None:
+    """Return the state of a machine at the end of a step of a plan, made in some parts; None where it has none.
+
+    ``t`` (2,): the times of the step. The prescribed variables go evenly to where they are commanded.
+    """
+    m, shares = machine.mechanism, np.arange(1, parts + 1)[:, None] / parts
+    before = x[m.nd : m.nq]
+    rows = np.tile(command, (parts, 1))
+    rows[:, m.n_inputs :] = before + shares * (command[m.n_inputs :] - before)
+    out = machine.core.roll_out(t[0] + np.append(0.0, shares) * (t[1] - t[0]), x, None, rows, None)
+    if out.steps < parts or not np.isfinite(out.x[-1]).all():
+        return None
+    return np.ascontiguousarray(out.x[-1])
 
 
 def _pair_of(plan: object) -> tuple[ArrayLike, ArrayLike]:
@@ -142,14 +155,19 @@ class _Controller:
         self.regulator = Regulator(model, self.x, self.u, Q, R)
         self.estimator = Estimator(model, x[0], noise)
         self.given = u.copy()
+        self.at = -1  # the last instant whose reading has come
 
-    def command(self, k: int, at: int, reading: Array) -> Array:
-        """Return the input of step k, when the reading of an instant before has come."""
-        if at > 0:
-            self.estimator.advance(at - 1, self.given[at - 1])
+    def read(self, reading: Array) -> None:
+        """Take the reading of the next instant."""
+        if self.at >= 0:
+            self.estimator.advance(self.at, self.given[self.at])
         self.estimator.read(reading)
+        self.at += 1
+
+    def command(self, k: int) -> Array:
+        """Return the input of step k, given what was read."""
         ahead = self.estimator.x
-        for j in range(at, k):
+        for j in range(self.at, k):
             ahead = self.model.f(ahead, self.given[j], j)
         self.given[k] = self.u[k] + self.regulator.correction(k, ahead - self.x[k])
         return np.asarray(self.given[k])

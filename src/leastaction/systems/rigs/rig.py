@@ -37,7 +37,7 @@ class Rig(Frozen):
     noise : float
         Standard deviation of every reading of a dynamic variable (rad or m).
     delay : float
-        How late readings are (s), rounded up to whole steps of the plan.
+        How late readings are (s); they are used from the next instant of the plan on.
     substeps : int
         Steps in which the machine is simulated to each step of the plan.
     seed : int
