@@ -175,6 +175,7 @@ def _convergence(run: TrackingRun) -> Figure:
         np.append(history.expected_decrease, last),
         history.method,
         tolerance=relative + result.settings.absolute_tolerance,
+        title="Convergence" if run.effort is None or run.effort.optimisations < 2 else "Convergence of the last stage",
     )
 
 

@@ -100,7 +100,8 @@ def _not_followed_lines(summary: Mapping[str, Any]) -> RenderableType | None:
         row = f"{entry['rms_deg']:.1f}° rms, at most {entry['max_deg']:.1f}° at {entry['at_s']:.2f} s"
         table.add_row(Text("Not followed" if i == 0 else "", style="dim"), entry["joint"], row)
     for i, entry in enumerate(against):
-        row = f"{entry['share_percent']:.0f} % of the time, hardest at {entry['at_s']:.2f} s"
+        share = f"{entry['share_percent']:.0f}" if entry["share_percent"] >= 1.0 else "under 1"
+        row = f"{share} % of the time, hardest at {entry['at_s']:.2f} s"
         limit = f"{entry['limit']} {entry['unit']}"
         table.add_row(Text("Limits reached" if i == 0 else "", style="dim"), limit, row)
     for i, kind in enumerate(broken):

@@ -132,7 +132,7 @@ def solve_samples(
         # The last time at which it fails: the recursion runs backwards.
         i = int(np.flatnonzero(~(smallest > 0.0))[-1])
         why = f"R is not positive definite at t = {mesh.t[i]:.6g} s (smallest eigenvalue {smallest[i]:.3g})"
-        return _without_minimum(nx, nu, mesh, float(mesh.t[i]), 0, f"{why}, so the problem has no minimum.")
+        return _without_minimum(nx, nu, mesh, float(mesh.t[i]), 0, why)
     law = _Law(mesh, samples)
     size_P = max(largest(Q_final), largest(samples.Q) * min(tf - t0, 1.0)) or 1.0
     size_b = max(largest(q_final), largest(samples.q) * min(tf - t0, 1.0)) or 1.0
@@ -150,7 +150,7 @@ def solve_samples(
     done = integrate(equation, tf, t0, last, accuracy=accuracy, atol=atol, jumps=jumps, check=check)
     if done.failure is not None:
         why = f"the Riccati equation has no solution before t = {done.t:.6g} s ({done.failure})"
-        return _without_minimum(nx, nu, mesh, done.t, done.steps, f"{why}, so the problem has no minimum.")
+        return _without_minimum(nx, nu, mesh, done.t, done.steps, why)
     value = done.curve((upper.size + nx,))
     feedback, constant = law.feedback(value, done.mesh, accuracy.sampling)
     return ContinuousLinearQuadraticSolution(
@@ -290,7 +290,7 @@ def _full(nx: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
 
 
 def _without_minimum(
-    nx: int, nu: int, mesh: Mesh, time: float, steps: int, message: str
+    nx: int, nu: int, mesh: Mesh, time: float, steps: int, why: str
 ) -> ContinuousLinearQuadraticSolution:
     t0, tf = float(mesh.breaks[0]), float(mesh.breaks[-1])
     nothing = np.full(nu * nx + nu, np.nan)
@@ -304,5 +304,5 @@ def _without_minimum(
         definite=False,
         escape_time=time,
         steps=steps,
-        message=message,
+        message=f"{why}: this linear-quadratic problem has no minimum.",
     )

@@ -473,5 +473,5 @@ def _message(definite: bool, report: _core.LinearQuadraticReport) -> str:
         f"(smallest eigenvalue {report.smallest_eigenvalue:.3g})"
     )
     if not definite:
-        return f"{where}, so the problem has no minimum."
+        return f"{where}: this linear-quadratic problem has no minimum."
     return f"{where}; {report.regularized_stages} stages were made convex (largest change {report.largest_change:.3g})."

@@ -93,7 +93,7 @@ class Directions:
             run.note_indefinite(scale)
             model = problem.minimise_model(method, scale, shift)
         if not model.definite:
-            return f"the model has no minimum, {model.message}"
+            return str(model.message)
         damped = "-damped" if 0.0 < scale < 1.0 else ""
         shifted = "-shifted" if shift > 0.0 else ""
         return problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
