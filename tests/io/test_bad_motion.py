@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import time
 from collections.abc import Callable
@@ -302,6 +303,8 @@ def test_bad_arguments_of_a_motion() -> None:
             motion.low_pass(value)
     with pytest.raises(ArgumentError, match="longer than the motion"):
         motion.resample(3.0)
+    with pytest.raises(ArgumentError, match=r"cutoff: got 6 Hz for samples at 1e\+11 Hz, expected 1e-06 of that"):
+        dataclasses.replace(motion, t=motion.t * 1e-9).low_pass(6.0)
     with pytest.raises(ArgumentError, match=r"pose: got shape \(3,\), expected 22"):
         motion.lead_in(np.zeros(3), 1.0)
     with pytest.raises(ArgumentError, match="no variable 'knee'"):

@@ -411,6 +411,20 @@ def test_values_belong_to_the_instants_in_the_order_given(cart: MidpointSystem, 
     np.testing.assert_allclose(result.x[[125, 75], 1], [0.5, 0.9], atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("limit", "message"),
+    [
+        (Bound("x-force", max=-np.inf), r"Bound\('x-force'\): max: got -inf, which nothing can meet"),
+        (Bound("x-force", [np.inf] * N, np.inf), r"Bound\('x-force'\): min: got inf, which nothing can meet"),
+        (Equal("x", np.inf), r"Equal\('x'\): value: got inf, which nothing can meet"),
+    ],
+)
+def test_values_that_nothing_can_meet_are_named(limit: Bound | Equal, message: str, cart: MidpointSystem) -> None:
+    """A largest value of minus infinity had been taken for no limit."""
+    with pytest.raises(ArgumentError, match=message):
+        limit.rows(cart, 1)
+
+
 def test_values_belong_to_the_names_in_the_order_given(cart: MidpointSystem, cost: QuadraticCost) -> None:
     """Not in that of the system, in which they had been taken without a word."""
     ends = Equal(["theta", "x"], [0.1, 0.2])

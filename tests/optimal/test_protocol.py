@@ -48,6 +48,47 @@ def test_rollout_applies_the_feedback():
     np.testing.assert_array_equal(part.u, whole.u[2:5])
 
 
+class _Wrong(LinearSystem):
+    """Returns what its methods are told to."""
+
+    def __init__(self, **returned):
+        super().__init__(np.eye(2), np.ones((2, 1)), N=3)
+        self.returned = returned
+
+    def f(self, x, u, k):
+        return self.returned.get("f", x)
+
+    def derivatives(self, x, u, k):
+        return self.returned["derivatives"]
+
+    rollout, linearize, step_each = DiscreteSystem.rollout, DiscreteSystem.linearize, DiscreteSystem.step_each
+
+
+@pytest.mark.parametrize(
+    ("returned", "message"),
+    [
+        ({"f": np.zeros(3)}, r"_Wrong\.f: got shape \(3,\) for step 0, expected the next state, \(2,\)"),
+        ({"f": None}, r"_Wrong\.f: got NoneType for step 0, expected the next state"),
+        ({"derivatives": np.eye(2)}, r"_Wrong\.derivatives: got shape \(2, 2\) for step 0, expected a pair \(A, B\)"),
+        (
+            {"derivatives": (np.eye(3), np.ones((2, 1)))},
+            r"derivatives: got shape \(3, 3\) and shape \(2, 1\) for .* of shapes \(2, 2\) and \(2, 1\)",
+        ),
+        ({"derivatives": np.eye(3)}, r"_Wrong\.derivatives: got shape \(3, 3\) for step 0"),
+        ({"derivatives": None}, r"_Wrong\.derivatives: got NoneType for step 0"),
+    ],
+)
+def test_what_methods_of_users_return_is_named_where_it_is_wrong(returned, message):
+    system = _Wrong(**returned)
+    x, u = np.zeros((4, 2)), np.zeros((3, 1))
+    ways = [lambda: system.linearize(x, u)]
+    if "f" in returned:
+        ways = [lambda: system.rollout(x[0], x, u, np.zeros((3, 1, 2)), 0, 3), lambda: system.step_each(x, u)]
+    for way in ways:
+        with pytest.raises(ArgumentError, match=message):
+            way()
+
+
 class _Fragile(LinearSystem):
     """Has no next state beyond a wall."""
 

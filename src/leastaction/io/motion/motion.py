@@ -15,6 +15,7 @@ from leastaction.numerics.arrays import Array, as_number
 
 _LENGTH_SUFFIXES = ("_tx", "_ty", "_tz")
 _MOST_STEPS = 1_000_000
+_SLOWEST = 1e-6  # of the samples' rate: filters of lower frequencies drown in rounding
 
 
 def count_steps(duration: float, dt: float) -> int:
@@ -162,13 +163,18 @@ class Motion:
         Raises
         ------
         ArgumentError
-            `cutoff` is not positive.
+            `cutoff` is not positive, or next to nothing beside the rate of the samples.
         """
         as_number(cutoff, "cutoff", above=0.0)
         n_steps = self.t.size - 1
         step = self.duration / n_steps
         if cutoff >= 0.5 / step or n_steps < 3:
             return self
+        if cutoff * step < _SLOWEST:
+            raise ArgumentError(
+                f"cutoff: got {cutoff:g} Hz for samples at {1.0 / step:.3g} Hz, expected {_SLOWEST:g} of that at "
+                "least. Are the times, or the speed, what they are meant to be?"
+            )
         uniform = self.t[0] + step * np.arange(n_steps + 1)
         uniform[-1] = self.t[-1]
         values = self._spline()(uniform)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError, StepError
-from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.quantity import Entries, Later, Quantity
@@ -115,9 +115,17 @@ class DiscreteSystem(System):
         try:
             # A diverging trial leaves the range of doubles.
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                end[:] = self.f(x, u, k)
+                found = self.f(x, u, k)
         except (StepError, ArithmeticError) as error:
             return f"step {k}: {error}"
+        try:
+            if found is None:  # which NumPy would take for no number
+                raise TypeError
+            end[:] = found
+        except (TypeError, ValueError):
+            raise ArgumentError(
+                f"{type(self).__name__}.f: got {_shown(found)} for step {k}, expected the next state, ({self.nx},)"
+            ) from None
         return None if np.isfinite(end).all() else f"step {k}: the state is not finite"
 
     def when(self, k: int) -> str:
@@ -245,7 +253,15 @@ class DiscreteSystem(System):
             A, B = out
         x, u = read_only(x.copy()), read_only(u.copy())
         for k in range(self.N):
-            A[k], B[k] = self.derivatives(x[k], u[k], k)
+            found: Any = self.derivatives(x[k], u[k], k)
+            try:
+                A[k], B[k] = found
+            except (TypeError, ValueError):
+                got = " and ".join(map(_shown, found)) if isinstance(found, tuple) else _shown(found)
+                raise ArgumentError(
+                    f"{type(self).__name__}.derivatives: got {got} for step {k}, expected a pair (A, B) of shapes "
+                    f"{A.shape[1:]} and {B.shape[1:]}"
+                ) from None
         return Linearization(A, B, partial(_second, self, x, u))
 
     def step_each(self, x: Array, u: Array) -> Rollout:
@@ -375,6 +391,12 @@ def check_window(start: int, stop: int, N: int) -> None:
         raise ArgumentError(
             f"window: got the steps {start} to {stop}, expected at least one step within those of the horizon, 0 to {N}"
         )
+
+
+def _shown(given: object) -> str:
+    """Return the shape of what a user's function returned, for a message; its type where it has none."""
+    shape = None if given is None else shape_of(given)
+    return type(given).__name__ if shape is None else f"shape {shape}"
 
 
 def _second(system: DiscreteSystem, x: Array, u: Array, z: Array) -> Array:

@@ -177,7 +177,9 @@ class Equal(Limit):
             quantity = selected(system, self.names, self.of, what)
         k = _instants(system, quantity, self.at, first, what)
         fixed = _fixed(quantity, self.at, first)
-        value, at_start = _values(system, self.value, k, len(quantity.names), f"{what}: value", fixed)
+        value, at_start = _values(
+            system, self.value, k, len(quantity.names), f"{what}: value", fixed, (-np.inf, np.inf)
+        )
         scale = np.maximum(np.abs(value).max(axis=0), 1.0)
         own = isinstance(self.names, Quantity)
         return [
@@ -257,8 +259,8 @@ def _bounded(
 ) -> list[Rows]:
     k = _instants(system, quantity, at, first, what)
     m, fixed = len(quantity.names), _fixed(quantity, at, first)
-    low, low_start = (None, None) if least is None else _values(system, least, k, m, f"{what}: min", fixed)
-    high, high_start = (None, None) if most is None else _values(system, most, k, m, f"{what}: max", fixed)
+    low, low_start = (None, None) if least is None else _values(system, least, k, m, f"{what}: min", fixed, (np.inf,))
+    high, high_start = (None, None) if most is None else _values(system, most, k, m, f"{what}: max", fixed, (-np.inf,))
     scale = np.zeros(m)
     if low is not None and high is not None:
         _check_order(system, quantity, low, high, k, what)
@@ -335,8 +337,13 @@ def _instants(system: Horizon, quantity: Quantity, at: When, first: int, what: s
     return np.array(found, dtype=np.intp)
 
 
-def _values(system: Horizon, value: Any, k: Any, m: int, what: str, fixed: bool) -> tuple[Array, Array | None]:
-    """Return bounds (n, m), and those at the start (m,), which is fixed; None where they say nothing of it."""
+def _values(
+    system: Horizon, value: Any, k: Any, m: int, what: str, fixed: bool, never: tuple[float, ...]
+) -> tuple[Array, Array | None]:
+    """Return bounds (n, m), and those at the start (m,), which is fixed; None where they say nothing of it.
+
+    ``never``: values that nothing can meet.
+    """
     n = len(k)
     function = callable(value)
     if function:
@@ -347,6 +354,9 @@ def _values(system: Horizon, value: Any, k: Any, m: int, what: str, fixed: bool)
         raise ArgumentError(f"{what}: got {value!r}, expected numbers") from None
     if np.isnan(array).any():
         raise ArgumentError(f"{what}: got NaN, expected numbers")
+    impossible = array[np.isin(array, never)]
+    if impossible.size:
+        raise ArgumentError(f"{what}: got {impossible[0]:g}, which nothing can meet; leave out what is not limited")
     if array.ndim == 1 and n == 1 and array.shape == (m,) and not function:
         array = array[None, :]
     elif array.ndim == 1 and array.shape in ((n,), (n + fixed,)):
