@@ -1011,6 +1011,18 @@ def test_a_stage_ends_sooner_where_its_duals_are_near_those_of_the_barrier() -> 
     assert stages.tolerated(2.0 * loose, 0.0, c) == 2.0 * loose
 
 
+def test_the_least_that_limits_are_off_by_is_looked_for_once() -> None:
+    """However prices times scales are rounded: a search that leads nowhere would begin with that for ever."""
+    for scale in np.random.default_rng(0).uniform(0.1, 10.0, 200):
+        side = Side("limit", ("c >= 0",), False, False, np.array([scale]), np.zeros(1))
+        stages = Stages(Duals([side], Layout([(5, 1)])), 1e-9, 1e-12)
+        c = stages.duals.layout.empty()
+        c.flat[:] = -scale
+        stages.begin(960.1668613147427, c, lambda: 1.0)
+        assert stages.look_for_the_least(c)
+        assert not stages.look_for_the_least(c)
+
+
 def test_prices_of_equations_fall_to_a_hundred_duals_in_the_end() -> None:
     """Dear ones leave their barriers no room, and before the end duals are rough."""
     sides = [Side("equal", ("c = 0",), True, first, np.ones(1), np.zeros(1)) for first in (True, False)]

@@ -488,6 +488,34 @@ def test_some_entries_return_and_others_advance(free: bool | list[str]) -> None:
     assert result.limits.sides[0].dual[0, 0] == pytest.approx(2.0 * result.cost / 0.4, rel=1e-3)
 
 
+def test_curves_with_gaps_keep_to_masses_that_can_be() -> None:
+    """A full step would make a mass negative: it is a refused one, as it is of trajectories."""
+    m = la.Mechanism(
+        [la.ry("arm"), [la.tz(-0.5, mass=1.0, name="hand"), la.tz(0.3, mass=0.5, name="counter")]],
+        [la.Gravity(), la.JointForce("arm", "torque"), la.Damping(0.05)],
+    )
+    system = MidpointSystem(la.MidpointVI(m, threads=1), np.linspace(0.0, 1.0, 21))
+    wanted = np.zeros((21, 2))
+    wanted[:, 0] = 1.2 * np.sin(np.pi * system.t) ** 2
+    cost = QuadraticCost(wanted, np.zeros((20, 1)), Q=[50.0, 1e-3], R=[1e-2])
+    unknown = Parameter("counter.mass", 0.1, 6.0, price=0.5)
+    limits = [Bound("torque", -2.0, 2.0)]
+    whole = Extension(system, cost, [unknown], limits, False).system
+    x = whole.extended(wanted, np.array([-1.0]))
+    made = whole.step_each(x, np.zeros((20, 1)))
+    assert not made.complete
+    assert "mass: got -1.0 kg" in str(made.failure)
+    x = whole.extended(wanted, np.array([0.7]))
+    made = whole.step_each(x, np.zeros((20, 1)))
+    np.testing.assert_array_equal(made.x, [whole.f(x[k], np.zeros(1), k) for k in range(20)])
+    found = [
+        optimize(system, cost, initial=start, limits=limits, unknowns=[unknown], shooting=shooting)
+        for start, shooting in (((wanted, np.zeros((20, 1))), "multiple"), ((wanted[0], np.zeros((20, 1))), "single"))
+    ]
+    assert all(result.success for result in found)
+    assert found[0].cost == pytest.approx(found[1].cost, rel=1e-8)
+
+
 def two_legs(N: int) -> tuple[MidpointSystem, QuadraticCost, np.ndarray]:
     """Return two legs with knees that swing by turns under a hip on a rail, their cost, and a first state."""
     tree = la.world()

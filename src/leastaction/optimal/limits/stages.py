@@ -188,7 +188,8 @@ class Stages:
 
     def _is_telling(self, c: Sided) -> bool:
         """Whether limits are far from being met, though prices are high: they may contradict each other."""
-        return not self._rough and self.duals.dearest >= _TELLING * self.size and self.duals.excess(c) > _FAR
+        dear = self.duals.dearest >= (1.0 - 1e-9) * _TELLING * self.size  # prices times scales are rounded
+        return not self._rough and dear and self.duals.excess(c) > _FAR
 
     def _asks_for_the_least(self, c: Sided) -> bool:
         """Whether this stage looks for the least that limits can be off."""

@@ -9,6 +9,7 @@ lost in the rounding of stiff equations ``x_N - c = 0``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -147,6 +148,17 @@ class ExtendedSystem(DiscreteSystem):
         x[:, :n], x[:, n:] = out.x, constants
         x[:, self.kept] -= x0[self.at_copies :]
         return Rollout(x, out.u, out.steps_done, out.failure, out.worst_step, out.worst_at)
+
+    def step_each(self, x: Array, u: Array) -> Rollout:
+        """Make every step of a curve, whose parameters and kept entries are those of its first state throughout."""
+        try:
+            system = self.at(self.values(x[0]))
+        except LeastActionError as error:
+            return Rollout(x[:0], u[:0], 0, f"{self.when(0)}: {error}")
+        made = system.step_each(self.own(x), u)
+        ends = np.hstack([made.x, x[: len(made.x), self.n_own :]])
+        ends[:, self.kept] -= ends[:, self.at_copies :]
+        return replace(made, x=ends)
 
     # ---- Derivatives ------------------------------------------------------------------------------
 
