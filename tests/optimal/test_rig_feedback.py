@@ -9,6 +9,7 @@ from leastaction import (
     Distance,
     ElasticString,
     Gravity,
+    JointForce,
     Mechanism,
     MidpointSystem,
     MidpointVI,
@@ -19,7 +20,7 @@ from leastaction import (
     tz,
 )
 from leastaction.numerics.arrays import Array
-from leastaction.systems.rigs.commands import reeled_in
+from leastaction.systems.rigs.commands import _follow_stretch, reeled_in
 from leastaction.systems.rigs.estimator import Estimator
 from leastaction.systems.rigs.reference import made_by
 from leastaction.systems.rigs.regulator import _SLACK, Regulator, _keep_taut
@@ -86,7 +87,7 @@ def test_stretches_of_strings_of_all_kinds_are_known_along_a_motion() -> None:
             ElasticString(("ball", "ceiling"), K, 1.0, tension_only=False, name="rubber"),
         ],
     ).with_parameters({"rope.length": 2.2, "rope.stiffness": 300.0})
-    q = np.array([[0.01, 1.98], [0.2, 1.75], [-0.1, 2.2]])
+    q = np.array([[0.01, 1.98995], [0.2, 1.75], [-0.1, 2.2]])  # the first is taut by half the smoothing length
     strings = Strings.along(m, q)
     assert strings.names == ("string", "rope")
     stretch = np.stack([HIGH - q[:, 0] - q[:, 1], HIGH - q[:, 0] + 0.3 - 2.2], axis=1)
@@ -133,6 +134,53 @@ def test_a_regulator_does_not_push_on_strings(falling: tuple[MidpointSystem, Arr
     pushing = room_after(-regulator.K[k] @ high)
     assert pushing < -1e-2
     assert room_after(regulator.correction(k, high)) > 0.1 * pushing
+
+
+def test_a_regulator_looks_ahead(falling: tuple[MidpointSystem, Array, Array]) -> None:
+    """Before the ball falls it knows that its string will be slack then, while the next steps are fine."""
+    system, x, u = falling
+    model, x, u = reeled(system, x, u)
+    x, u = made_by(model, x, u, WEIGHTS, np.ones(1))
+    regulator = Regulator(model, x, u, WEIGHTS, np.ones(1))
+    k, high = 20, np.array([0.005, 0.0, 0.0, 0.0])
+    assert regulator._foretold(k, k + 10, high).min() > 5e-3
+    assert regulator._foretold(k, k + 40, high).min() < -2e-3
+    assert np.abs(regulator.correction(k, high) + regulator.K[k] @ high).max() > 1e-4
+
+
+def test_what_moves_strings_by_next_to_nothing_is_left_where_it_is() -> None:
+    """A slide above a ball that hangs beside the vertical by a milliradian would go half a metre for a millimetre."""
+    m = Mechanism(
+        [
+            tx("aside", kinematic=True, name="slide"),
+            tz("height", kinematic=True, name="lift"),
+            tx(1e-3), [tz("right", mass=1.0, name="right ball")],
+            tz("left", mass=1.0, name="left ball"),
+        ],
+        [Distance("slide", "right ball", 1.0, name="right"), Distance("lift", "left ball", 1.0, name="left")],
+    )  # fmt: skip
+    planned = np.zeros((2, m.nx))
+    planned[:, : m.nq] = m.configuration({"right": -1.0, "left": -1.0})
+    before = planned.copy()
+    _follow_stretch(m, planned, {name: np.full(2, 1e-3) for name in ("right", "left")})
+    np.testing.assert_allclose(planned[:, m.variables.index("height")], 1e-3, rtol=1e-2)
+    np.testing.assert_array_equal(
+        np.delete(planned, m.variables.index("height"), axis=1), np.delete(before, m.variables.index("height"), axis=1)
+    )
+
+
+def test_an_estimate_follows_what_the_model_does_not_have() -> None:
+    """A push of 0.5 N that nobody told it of: without a surprise it would be sure of itself, and stay behind."""
+    slide = Mechanism([tx("x", mass=1.0)], [JointForce("x", "push")])
+    system = MidpointSystem(MidpointVI(slide), 0.02 * np.arange(101))
+    chance = np.random.default_rng(0)
+    truth, estimate = np.zeros(2), Estimator(system, np.zeros(2), 1e-3)
+    for k in range(100):
+        estimate.read(truth[:1] + 1e-3 * chance.standard_normal(1))
+        estimate.advance(k, np.zeros(1))
+        truth = system.f(truth, np.array([0.5]), k)
+    assert abs(estimate.x[0] - truth[0]) < 0.02
+    assert abs(estimate.x[1] - truth[1]) < 0.1
 
 
 def test_an_estimate_follows_a_string_that_is_slack(falling: tuple[MidpointSystem, Array, Array]) -> None:

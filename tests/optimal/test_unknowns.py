@@ -924,6 +924,20 @@ def test_what_no_mechanism_can_have_is_a_limit(
     system.with_parameters(result.unknowns)  # there is such a mechanism
 
 
+def test_products_of_inertia_are_held_to_leading_minors(rng: np.random.Generator) -> None:
+    """Of the second moments of mass, relative to the size of the inertia that the body has."""
+    system, _, _ = measured_arm((0.02, 0.03, 0.04))
+    names = [f"upper.inertia.{entry}" for entry in ("xy", "xz", "yz", "xx")]
+    (condition,) = system.conditions_of(names)
+    p = rng.uniform(0.005, 0.02, (6, 4))
+    found = condition.values(Samples(np.arange(6), p, np.zeros((6, 1)), p))
+    for (xy, xz, yz, xx), row in zip(p, found, strict=True):
+        J = np.array([[xx, xy, xz], [xy, 0.03, yz], [xz, yz, 0.04]])
+        S = 0.5 * np.trace(J) * np.eye(3) - J
+        minors = [np.linalg.det(S[:n, :n]) / 0.09 ** (n - 1) for n in (1, 2, 3)]
+        np.testing.assert_allclose(row, minors, rtol=1e-9)
+
+
 def test_a_number_at_its_border_may_begin_there() -> None:
     """A disc, a point mass and no friction: differences look beyond, where no body is."""
     unknowns = [Parameter("upper.inertia.xx"), Parameter("hand.mass"), Parameter("friction.a"), Parameter("friction.b")]
