@@ -18,6 +18,7 @@ from leastaction.optimal import (
     FinalTime,
     FunctionQuantity,
     Linearization,
+    OptimizationResult,
     Parameter,
     Periodic,
     QuadraticCost,
@@ -486,6 +487,44 @@ def test_some_entries_return_and_others_advance(free: bool | list[str]) -> None:
     np.testing.assert_allclose(result.x[:, 2], 11.0 * 0.2, atol=1e-4)
     # The cost goes as the square of the advance, and the dual is its slope.
     assert result.limits.sides[0].dual[0, 0] == pytest.approx(2.0 * result.cost / 0.4, rel=1e-3)
+
+
+def free_acrobot(N: int, duration: float) -> OptimizationResult:
+    """Return how two rods come to stand from a first configuration within bounds, by the motor at their elbow."""
+    tree = la.world()
+    upper, lower = (
+        la.Body(mass, com=(0.0, 0.0, -0.5 * length), inertia=(mass * length**2 / 12.0,) * 2 + (1e-5,))
+        for mass, length in ((1.1, 0.9), (0.7, 0.7))
+    )
+    tree.rx("shoulder", bodies=[upper]).tz(-0.9).rx("elbow", bodies=[lower])
+    m = la.Mechanism(tree, [la.Gravity(), la.Damping(0.02), la.JointForce("elbow", "motor")])
+    system = MidpointSystem(la.MidpointVI(m, threads=1), np.linspace(0.0, duration, N + 1))
+    up = np.array([np.pi, 0.0, 0.0, 0.0])
+    cost = QuadraticCost(
+        np.tile(up, (N + 1, 1)), np.zeros((N, 1)), Q=[0.05, 0.05, 0.0, 0.0], R=[1e-2], Q_final=[0.0] * 4
+    )
+    limits = [
+        Bound("motor", -15.0, 15.0), Bound("elbow", -2.6, 2.6), Bound("shoulder", 1.2, 2.4, at="start"),
+        Bound("elbow", -0.8, 0.8, at="start"), Equal("*", up, of="state"),
+    ]  # fmt: skip
+    start = np.array([1.7, 0.0, 0.0, 0.0]), np.zeros((N, 1))
+    return optimize(system, cost, initial=start, free_start=["shoulder", "elbow"], limits=limits)
+
+
+def test_what_is_asked_at_an_instant_is_dearer_where_it_was_not_met() -> None:
+    """The first state had left its bounds, for what is gained elsewhere, and a search from there came to a dead end."""
+    result = free_acrobot(110, 3.0)
+    assert result.success, result.message
+    assert result.cost == pytest.approx(26.137, rel=1e-4)  # as Ipopt
+    assert result.limits.excess < 1e-6
+
+
+def test_what_is_not_met_by_higher_prices_either_is_told_of_the_nearer_end() -> None:
+    result = free_acrobot(110, 2.2)
+    assert result.status is Status.INFEASIBLE
+    assert result.limits.excess < 0.035  # 0.030, where higher prices come to 0.036
+    assert "Not met" in result.message
+    assert result.cost < 105.0
 
 
 def test_curves_with_gaps_keep_to_masses_that_can_be() -> None:

@@ -16,11 +16,12 @@ from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.initial import pair_of
+from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.barrier_problem import BarrierProblem
 from leastaction.optimal.limits.leeway import may_be_obstacle
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.memory import Memory, Start
+from leastaction.optimal.memory import Memory, Place, Start
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
@@ -80,6 +81,9 @@ class LimitedProblem(BarrierProblem):
         super().__init__(system, cost, rows, settings, free_start, gapped, dearer)
         self.final_time, self.stated = final_time, tuple(stated)
         self.wanted: Start | None = None  # from where gaps are tried once more
+        # Where it stood, and with what limits, when it began again with higher prices.
+        self.further: tuple[Place, LimitReport] | None = None
+        self.went_dearer = False  # whether it began again with higher prices
         self.went_past = False  # whether it began again from the minimum without obstacles
         self.went_finer = False  # whether it was looked where half the steps of time lead: always to the same place
 
@@ -153,16 +157,41 @@ class LimitedProblem(BarrierProblem):
         return self._begin_with_ease() if self.final_time is None else self.begin_dearer()
 
     def begin_dearer(self) -> bool:
-        if self.final_time is None:
-            return self._begin_past_obstacles()
-        if self.given is None or self.stages.are_met(self._asked()):
+        met = self.stages.are_met(self._asked())
+        if self.further is not None and not met:
+            self._go_to_the_nearer(self.further)
+        self.further = None
+        if self.final_time is None and self._begin_past_obstacles():
+            return True
+        if self.given is None or met:
             return False
+        if self.final_time is None and (self.went_dearer or not self._misses_an_instant()):
+            return False
+        self.went_dearer = True
         start, self.given = self.given, None
+        self.further = self._place(), self._report()
         self._put_out()
         ShootingProblem.start(self, (start.x, start.u))
         self.stages.dearer *= _DEARER_AGAIN
         self._begin()
         return True
+
+    def _misses_an_instant(self) -> bool:
+        """Whether what is asked at a single instant, or an equation, is not met: that may have been too cheap."""
+        sides = zip(self.duals.sides, self._asked(), self.duals.scale, strict=True)
+        return any(
+            (side.equal or len(c) == 1) and bool((-c > self.stages.met * scale).any()) for side, c, scale in sides
+        )
+
+    def _go_to_the_nearer(self, other: tuple[Place, LimitReport]) -> None:
+        """Go back to an earlier end with its duals, if that was nearer to what is asked for."""
+        place, report = other
+        asked, scales = self.limited.asked(place.x, place.u).flat, self.duals.scales
+        off, now = (float((np.maximum(-c, 0.0) / scales).sum()) for c in (asked, self._asked().flat))
+        if off < now:
+            ShootingProblem._go_to(self, place)
+            self.stages.take(report, resumed=True)
+            self._set_out()
 
     def _begin_past_obstacles(self) -> bool:
         """Begin again, once, from the minimum without obstacles, where they cannot be met from the start.
