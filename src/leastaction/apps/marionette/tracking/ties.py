@@ -15,7 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from leastaction.mechanics import Distance, Mechanism
+from leastaction.mechanics import Mechanism
+from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.models.marionette import tied_strings
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal import Cost
@@ -43,42 +44,39 @@ class Ties:
 
     def __init__(self, whole: Mechanism, by_tension: Mechanism) -> None:
         strings = tied_strings(whole)
-        ends = [Distance(string.hook, string.control, 1.0, name=f"ends of {string.name}") for string in strings]
-        self.measured = by_tension.with_elements(ends)
+        hooks, controls = [string.hook for string in strings], [string.control for string in strings]
+        self.ends = MovedPoints.of(by_tension, [*hooks, *controls])
         self.names = tuple(string.length for string in strings)
         self.lengths = np.array([whole.parameters[name] for name in self.names])
         self.weight, self.firm = LEAST_WEIGHT, False
 
     def priced(self, cost: Cost, system: MidpointSystem) -> Cost:
         """Return a cost of a system with that of the lengths as it stands."""
-        return TiedCost(cost, system, self.measured, lengths=self.lengths, weight=self.weight)
+        return TiedCost(cost, system, self.ends, lengths=self.lengths, weight=self.weight)
 
     def distances(self, x: Array) -> Array:
         """Return how far the ends of each string are apart (N+1, m) in states (N+1, nx)."""
-        return np.sqrt(_squares(self.measured, x))
+        return np.asarray(np.linalg.norm(_apart(self.ends, x), axis=2))
 
     def off(self, x: Array) -> Array:
         """Return how much longer the strings are than they are tied (N+1, m)."""
-        return _off(self.measured, x, self.lengths)
+        return _off(_apart(self.ends, x), self.lengths)
 
     def slopes(self, q: Array) -> Array:
         """Return the derivative (m, nq) of that by the configuration (nq,)."""
-        J = self.measured.core.constraint_jacobian(np.ascontiguousarray(q))
-        return np.asarray(J / (2.0 * self.lengths[:, None]))
+        return _slopes(self.ends, q[None, :], self.lengths)[0]
 
 
 class TiedCost(CostOfConfigurations):
     """Another cost, and that of strings being longer or shorter than they are tied; as fit for several threads.
 
-    ``measured``: a mechanism whose constraints are the distances of the strings' ends from 1 m. ``lengths`` (m,),
-    ``weight``: see the module.
+    ``ends``: the points of the hooks, and behind them those that the strings are tied to, in the same order.
+    ``lengths`` (m,), ``weight``: see the module.
     """
 
-    def __init__(
-        self, cost: Cost, system: MidpointSystem, measured: Mechanism, *, lengths: Array, weight: float
-    ) -> None:
+    def __init__(self, cost: Cost, system: MidpointSystem, ends: MovedPoints, *, lengths: Array, weight: float) -> None:
         super().__init__(cost, "lengths of strings", system)
-        self._measured, self._weight = measured, weight
+        self._ends, self._weight = ends, weight
         self._lengths = read_only(lengths.copy())
 
     def eased(self, ease: float) -> None:  # noqa: ARG002
@@ -86,32 +84,50 @@ class TiedCost(CostOfConfigurations):
         return
 
     def _prices(self, q: Array, start: int) -> Array:  # noqa: ARG002 - strings are tied all along
-        return np.asarray(0.5 * self._weight * np.sum(_off(self._measured, q, self._lengths) ** 2, axis=1))
+        off = _off(_apart(self._ends, q), self._lengths)
+        return np.asarray(0.5 * self._weight * np.sum(off**2, axis=1))
 
     def _slopes(self, q: Array) -> Array:
-        m = self._measured
-        return np.array([pull @ m.core.constraint_jacobian(at) for at, pull in zip(q, self._pulls(q), strict=True)])
+        off = _off(_apart(self._ends, q), self._lengths)
+        return np.asarray(self._weight * (off[:, None, :] @ _slopes(self._ends, q, self._lengths))[:, 0])
 
     def _bends(self, q: Array, *, exact: bool) -> Array:
-        m, share = self._measured, self._weight / (4.0 * self._lengths[:, None] ** 2)
-        J = np.array([m.core.constraint_jacobian(at) for at in q])
-        bends = np.asarray(J.transpose(0, 2, 1) @ (share * J))
+        apart = _apart(self._ends, q)
+        moved = _moved(self._ends, q)
+        slopes = _along(apart / self._lengths[:, None], moved)
+        bends = np.asarray(self._weight * (slopes.transpose(0, 2, 1) @ slopes))
         if exact:
-            for k, pull in enumerate(self._pulls(q)):
-                bends[k] += m.core.constraint_hessian(q[k], pull)
+            # Where a string is too long, all that makes it longer bends the price too: D^2 c = (D'D + d . D^2 d) / L.
+            pull = self._weight * _off(apart, self._lengths) / self._lengths
+            flat = moved.reshape(len(q), -1, q.shape[1])
+            bends += flat.transpose(0, 2, 1) @ (np.repeat(pull, 3, axis=1)[:, :, None] * flat)
+            force = pull[:, :, None] * apart
+            bends += self._ends.bent(q, np.concatenate([force, -force], axis=1))
         return bends
 
-    def _pulls(self, q: Array) -> Array:
-        """Return the slopes of the cost by the squared distances (n, m)."""
-        return np.ascontiguousarray(self._weight * _off(self._measured, q, self._lengths) / (2.0 * self._lengths))
+
+def _apart(ends: MovedPoints, x: Array) -> Array:
+    """Return where hooks are from what their strings are tied to (n, m, 3), in states or configurations (n, ...)."""
+    hooks, controls = np.split(ends.places(np.ascontiguousarray(x[:, : ends.mechanism.nq])), 2, axis=1)
+    return hooks - controls
 
 
-def _off(measured: Mechanism, x: Array, lengths: Array) -> Array:
-    """Return how much longer strings are than their lengths (n, m) in states (n, nx)."""
-    return np.asarray((_squares(measured, x) - lengths**2) / (2.0 * lengths))
+def _off(apart: Array, lengths: Array) -> Array:
+    """Return how much longer strings are than their lengths (n, m), whose ends are ``apart``."""
+    return np.asarray((np.sum(apart**2, axis=2) - lengths**2) / (2.0 * lengths))
 
 
-def _squares(measured: Mechanism, x: Array) -> Array:
-    """Return the squared distances of the strings' ends (n, m) in states (n, nx)."""
-    q = np.ascontiguousarray(x[:, : measured.nq])
-    return np.array([measured.core.constraints(each) for each in q]) + 1.0
+def _slopes(ends: MovedPoints, q: Array, lengths: Array) -> Array:
+    """Return the derivatives (n, m, nq) of that by configurations (n, nq)."""
+    return _along(_apart(ends, q) / lengths[:, None], _moved(ends, q))
+
+
+def _moved(ends: MovedPoints, q: Array) -> Array:
+    """Return the derivatives (n, m, 3, nq) of where hooks are from what their strings are tied to."""
+    hooks, controls = np.split(ends.jacobian(np.ascontiguousarray(q)), 2, axis=1)
+    return np.asarray(hooks - controls)
+
+
+def _along(directions: Array, moved: Array) -> Array:
+    """Return how far ends move along directions (n, m, 3): (n, m, nq)."""
+    return np.asarray((directions[:, :, None, :] @ moved)[:, :, 0])
