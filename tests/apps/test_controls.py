@@ -34,6 +34,7 @@ from leastaction.apps.marionette.tracking.pace import Pace
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.priced_limits import PricedLimit, PricedLimits
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
+from leastaction.apps.marionette.tracking.ties import FIXED_FROM
 from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.errors import ArgumentError, ProjectionError, ResultFileError
 from leastaction.io.results import load_record, save_record
@@ -268,12 +269,44 @@ def test_a_run_on_bars_comes_back_from_its_file_and_goes_on(run: TrackingRun, tm
     assert again.held_error == pytest.approx(run.held_error, abs=0.1)
 
 
-@pytest.mark.parametrize("iterations", [1, 4])
-def test_a_run_cut_short_is_an_answer_too(iterations: int) -> None:
-    run = track(marionette(strings="cross+legs"), walk_in_place(0.4, 0.02), max_iterations=iterations)
+@pytest.mark.parametrize(("dt", "iterations"), [(0.02, 1), (0.02, 4), (0.01, 1)])
+def test_a_run_cut_short_is_an_answer_too(dt: float, iterations: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tying, "_FEW", 10)
+    run = track(marionette(strings="cross+legs"), walk_in_place(0.4, dt), max_iterations=iterations)
+    assert len(run.result.u) == round(0.4 / dt)
     assert run.tension.min() >= _LEAST
     lengths = string_lengths(run.mechanism, run.trajectory.q)
     assert np.ptp(lengths, axis=0).max() < 1e-9
+    again = track(run.mechanism, run.motion, resume=run)
+    assert again.tension.min() >= _LEAST
+    assert again.held_error < run.held_error + 0.1
+
+
+def test_strings_are_tied_loosely_with_longer_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And firmly with the motion's own: the answer is that of a search with these alone."""
+    motion, ends = walk_in_place(0.5, 0.01), dict[int, list[float]]()
+    whole = Tracker.improve
+
+    def improve(self: Tracker) -> OptimizationResult:
+        result = whole(self)
+        assert self.plan is not None
+        assert self.plan.ties is not None
+        ends.setdefault(len(result.u), []).append(self.plan.ties.weight)
+        return result
+
+    monkeypatch.setattr(Tracker, "improve", improve)
+    alone = track(marionette(strings="cross"), motion)
+    assert set(ends) == {50}
+    ends.clear()
+    monkeypatch.setattr(tying, "_FEW", 10)
+    run = track(marionette(strings="cross"), motion)
+    assert run.result.success
+    assert set(ends) == {25, 50}
+    assert max(ends[25]) < FIXED_FROM <= min(ends[50])
+    assert len(run.result.u) == len(run.trajectory.t) - 1 == 50
+    assert np.ptp(string_lengths(run.mechanism, run.trajectory.q), axis=0).max() < 1e-9
+    assert run.tension.min() >= _LEAST
+    assert run.held_error < alone.held_error + 0.05
 
 
 def test_strings_are_tied_no_more_firmly_than_they_need_to_be() -> None:
@@ -299,10 +332,13 @@ def test_strings_that_vary_by_less_than_a_millimetre_are_settled(monkeypatch: py
     assert run.tension.min() >= _LEAST
 
 
-@pytest.mark.parametrize("after", [1, 10])
-def test_what_is_found_while_strings_are_tied_is_kept_and_gone_on_with(after: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("dt", "after"), [(0.02, 1), (0.02, 10), (0.01, 1), (0.01, 6)])
+def test_what_is_found_while_strings_are_tied_is_kept_and_gone_on_with(
+    dt: float, after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Where the program ends then: with the lengths that strings had, as if it had not ended."""
-    motion, kept = walk_in_place(0.4, 0.02), list[TrackingSearch]()
+    monkeypatch.setattr(tying, "_FEW", 10)
+    motion, kept = walk_in_place(0.4, dt), list[TrackingSearch]()
 
     class Killed(Exception):
         """The program ends without a word."""
@@ -319,6 +355,7 @@ def test_what_is_found_while_strings_are_tied_is_kept_and_gone_on_with(after: in
     search = load_unfinished(path)
     assert isinstance(search, TrackingSearch)
     assert (search.firmness, search.kinds) == (kept[-1].firmness, kept[-1].kinds)
+    assert len(search.result.u) == 20
     assert search.mechanism.parameters == kept[-1].mechanism.parameters
     run = track(search.mechanism, search.motion, resume=search)
     whole = track(marionette(strings="cross+legs"), motion)

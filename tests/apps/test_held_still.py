@@ -10,7 +10,7 @@ from leastaction.apps.marionette import FORCED, PuppetLimits, load_motion, track
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import at_rest, held_still
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
-from leastaction.apps.marionette.tracking.tying import _foretold
+from leastaction.apps.marionette.tracking.tying import _expected, _foretold
 from leastaction.io import Motion
 from leastaction.models.marionette import REST, marionette
 
@@ -43,6 +43,14 @@ def test_what_strings_that_are_not_to_be_tied_cost_is_foretold() -> None:
     assert _foretold([1.0, 2.0, 3.5], 4) == 3.5  # hardly more than before
     assert _foretold([1.0, 2.0, 4.5], 4) == 4.5 + 4 * 2.5
     assert _foretold([1.0, 2.0, 4.5, 5.0], 3) == 5.0
+
+
+def test_how_far_strings_will_vary_is_foretold() -> None:
+    assert _expected([0.2, 0.2], 3) == 0.0  # lengths are still sought
+    assert _expected([0.2, 0.2, 0.1], 1) == pytest.approx(0.05)
+    assert _expected([0.2, 0.2, 0.1], 2) == pytest.approx(0.025)
+    assert _expected([0.2, 0.1, 0.12], 2) == pytest.approx(0.12)
+    assert _expected([0.01], 0) == 0.01
 
 
 @pytest.mark.slow

@@ -350,6 +350,37 @@ def test_a_search_creeps_that_expects_as_much_from_each_iteration_as_long_before
     assert creeping_from(0, mu=lambda k: 0.1 ** (k // 15)) is None  # it goes on to other barriers
 
 
+def test_a_search_that_only_leads_to_the_next_ends_where_its_cost_hardly_changes() -> None:
+    def ended(fall: float) -> int | None:
+        its = pace.Pace(passing=True)
+        for k in range(59):
+            record = SimpleNamespace(cost=100.0 * (1.0 - (fall if k > 12 else 0.1)) ** k, expected_decrease=1.0)
+            record.snapshot = lambda: SimpleNamespace(limits=None)
+            if its.creeps(record):  # type: ignore[arg-type]
+                return k
+        return None
+
+    assert ended(1e-4) == 23  # ten iterations after the last large step
+    assert ended(1e-3) is None
+
+
+def test_a_search_is_there_where_it_expects_little_at_the_last_barrier() -> None:
+    def there(expected: list[float], mu: float = 1.0) -> bool:
+        its = pace.Pace()
+        limits = SimpleNamespace(mu=mu, barrier=SimpleNamespace(last_mu=1.0))
+        for value in expected:
+            record = SimpleNamespace(
+                cost=100.0, expected_decrease=value, snapshot=lambda: SimpleNamespace(limits=limits)
+            )
+            its.creeps(record)  # type: ignore[arg-type]
+        return its.is_there(record, 1e-2)  # type: ignore[arg-type]
+
+    assert there([np.nan, 5.0, *[0.09] * 5])
+    assert not there([0.09] * 4)  # too few
+    assert not there([0.09, 0.2, 0.09, 0.09, 0.09])
+    assert not there([0.09] * 5, mu=2.0)
+
+
 def test_a_puppet_that_hangs_and_creeps_is_planned_by_tensions(monkeypatch: pytest.MonkeyPatch) -> None:
     """With what is left of the iterations, from a start of its own; one that converges in time is not."""
     motion = walk_in_place(0.5, 0.02)
@@ -417,7 +448,7 @@ def test_a_plan_that_cannot_be_followed_is_searched_with_its_own_steps(monkeypat
 
     whole = plan.Plan.finer
 
-    monkeypatch.setattr("leastaction.apps.marionette.tracking.beginning._FEW", 10)
+    monkeypatch.setattr("leastaction.apps.marionette.tracking.tying._FEW", 10)
     monkeypatch.setattr(plan.Plan, "finer", wild)
     said: list[str] = []
     run = track(PUPPET, leap(0.3), max_iterations=20, progress=said.append)
@@ -570,7 +601,7 @@ def test_a_second_search_is_kept_too(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(motors, "SEARCH_STAGES", 3)
     monkeypatch.setattr(files, "PRICES", (1e-2, 1.0))
     monkeypatch.setattr(motors, "_ITERATIONS", 2)
-    monkeypatch.setattr("leastaction.apps.marionette.tracking.beginning._FEW", 10)
+    monkeypatch.setattr("leastaction.apps.marionette.tracking.tying._FEW", 10)
 
     def wild(self: plan.Plan, coarse: plan.Plan, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         monkeypatch.setattr(plan.Plan, "finer", whole)

@@ -23,8 +23,6 @@ from leastaction.io.motion.motion import Motion
 from leastaction.models.marionette import tie_strings
 from leastaction.optimal import OptimizationResult
 
-_LONGEST: Final = 0.021  # s, of the steps with which a captured motion can be searched
-_FEW: Final = 100  # steps, for which a search with longer ones is not worth it
 _GROWING: Final = "the motion found cannot be followed: ever larger parts of the wanted one are"
 _HANGING: Final = "the motion found cannot be followed: it begins with a puppet that hangs still"
 
@@ -69,12 +67,17 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
     stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
     if cut_short is not None:
         tracker.effort = cut_short.effort
-    coarse, _ = coarser(plan, tracker.motion)
+    coarse, slow = coarser(plan, tracker.motion)
     # A search that had to take the plan's own steps goes on with them.
     searched = plan if before is not None and len(before.u) == plan.system.N else coarse
     found = _searched_by(tracker, searched, stage=stage, result=before)
     tracker.start = found
-    if searched is not plan:
+    if plan.ties is not None and searched is not plan:
+        # What is still to be tied is not worth short steps.
+        tracker.say(f"strings on bars are tied with steps of {searched.dt:.3g} s at first")
+        tracker.slow, tracker.plan = slow, searched
+        tracker.problem = searched.problem
+    elif searched is not plan:
         expected = searched.cost().value(*found) * plan.system.N / searched.system.N
         tracker.start = plan.inside(*plan.finer(searched, *found), expected)
         tracker.most = LOST * expected
@@ -100,7 +103,7 @@ def _grown(tracker: Tracker) -> Curve:
     """Return what following ever larger parts of the motion leads to; all limits are stated on that way."""
     assert tracker.plan is not None
     tracker.kinds = frozenset(KINDS)
-    return grown(tracker.plan, *coarser(tracker.plan, tracker.motion), tracker.say, tracker.spend)
+    return grown(tracker.plan, *coarser(tracker.plan, tracker.stepped), tracker.say, tracker.spend)
 
 
 def _keep_search(tracker: Tracker, stage: int, found: OptimizationResult, at_once: bool) -> None:
@@ -124,8 +127,5 @@ def _hanging(tracker: Tracker) -> Curve:
 
 def coarser(plan: Plan, motion: Motion) -> tuple[Plan, Motion]:
     """Return a plan with steps of twice the length, and its motion; those given where it has few, or long ones."""
-    steps = len(motion.t) - 1
-    if steps < _FEW or 2.0 * plan.dt > _LONGEST:
-        return plan, motion
-    slow = motion.resample(motion.duration / (steps // 2), duration=motion.duration)
-    return plan.following(slow), slow
+    slow = tying.slower(motion)
+    return (plan, motion) if slow is motion else (plan.following(slow), slow)

@@ -18,12 +18,19 @@ LOOKED_BACK: Final = 20
 _NEVER_BEFORE: Final = 3 * LOOKED_BACK
 _AS_MUCH = 0.7  # of the decreases that were expected before are those of a search that gets nowhere
 _LITTLE = 0.01  # of its cost is what such a search gains meanwhile
+# Of a search that only leads to the next: iterations in which its cost hardly changes, and part of it that is little.
+_SHORTLY, _HARDLY = 10, 0.002
+_SOME, _LESS = 5, 0.1  # iterations that expect so little, and how much less than is tolerated
 
 
 class Pace:
-    """How one optimisation gets on. For one thread."""
+    """How one optimisation gets on. For one thread.
 
-    def __init__(self) -> None:
+    ``passing``: whether it only leads to the next, and need not come near a minimum.
+    """
+
+    def __init__(self, *, passing: bool = False) -> None:
+        self._passing = passing
         self._expected: list[float] = []
         self._costs: list[float] = []
         self._barrier = np.nan  # when it was last looked at
@@ -33,12 +40,28 @@ class Pace:
         self._expected.append(record.expected_decrease)
         self._costs.append(record.cost)
         iterations = len(self._costs) - 1
+        if self._passing and iterations >= 2 * _SHORTLY:
+            change = abs(self._costs[-1 - _SHORTLY] - self._costs[-1])
+            if change < _HARDLY * abs(self._costs[-1]):
+                return True
         if iterations < _NEVER_BEFORE - LOOKED_BACK or iterations % LOOKED_BACK:
             return False
         limits = record.snapshot().limits
         barrier = 0.0 if limits is None else limits.mu
         same, self._barrier = barrier == self._barrier, barrier
         return same and iterations >= _NEVER_BEFORE and self._gets_nowhere()
+
+    def is_there(self, record: IterationRecord, tolerance: float) -> bool:
+        """Return whether little is to be gained but what limits are off by, at the last barrier; after `creeps`.
+
+        ``tolerance``: that part of the cost is little.
+        """
+        latest = self._expected[-_SOME:]
+        if len(latest) < _SOME or not max(latest) <= _LESS * tolerance * abs(record.cost):
+            return False
+        limits = record.snapshot().limits
+        barrier = None if limits is None else limits.barrier
+        return limits is None or (barrier is not None and limits.mu <= barrier.last_mu * (1.0 + 1e-9))
 
     def _gets_nowhere(self) -> bool:
         before, now = np.median(np.reshape(self._expected[-2 * LOOKED_BACK :], (2, LOOKED_BACK)), axis=1)

@@ -59,16 +59,19 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
     least, dearer = np.inf, 1.0
     for _ in range(_ROUNDS):
         cost = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, inside, dearer))
-        found = optimize(
-            system,
-            cost,
-            initial=(x, u),
-            free_start=m.variables,
-            shooting="multiple",
-            method="quasi-newton",
-            tolerance=1e-2,
-            max_iterations=_ITERATIONS,
-        )
+        try:
+            found = optimize(
+                system,
+                cost,
+                initial=(x, u),
+                free_start=m.variables,
+                shooting="multiple",
+                method="quasi-newton",
+                tolerance=1e-2,
+                max_iterations=_ITERATIONS,
+            )
+        except LeastActionError:  # what an earlier price led to stands
+            break
         x, u = found.x, found.u
         if _is_motion(problem, x, u) and asked.off(x, u) < least:
             best, least = (x, u), asked.off(x, u)

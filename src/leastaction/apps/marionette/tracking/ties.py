@@ -64,7 +64,7 @@ class Ties:
 
     def slopes(self, q: Array) -> Array:
         """Return the derivative (m, nq) of that by the configuration (nq,)."""
-        return _slopes(self.ends, q[None, :], self.lengths)[0]
+        return np.asarray(_slopes(self.ends, q[None, :], self.lengths)[0])
 
 
 class TiedCost(CostOfConfigurations):

@@ -17,7 +17,7 @@ from leastaction.apps.marionette.tracking.motors import SEARCH_STAGES
 from leastaction.apps.marionette.tracking.pace import Pace
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
-from leastaction.apps.marionette.tracking.ties import WEIGHTS
+from leastaction.apps.marionette.tracking.ties import FIXED_FROM, WEIGHTS
 from leastaction.apps.marionette.tracking.weights import FORCED, TrackingWeights
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
@@ -38,6 +38,7 @@ AGAIN: Final = "the motion found with longer steps cannot be followed: the searc
 _GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
 _PLAN_PATIENCE = 150  # iterations of a plan, that then begins elsewhere
 _CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
+_THERE = "The expected decrease of the cost is below the tolerance; what limits are off by is settled on rods."
 _STOPPED = "Ctrl-C ended the search for another way: this is the best motion found before."
 
 Curve = tuple[Array, Array]
@@ -63,6 +64,8 @@ class Tracker:
     threads: int
     left: int
 
+    # The motion with longer steps, while strings on bars are tied with these.
+    slow: Motion | None = None
     problem: TrackingProblem = field(init=False)
     plan: Plan | None = None
     effort: Effort = field(default_factory=Effort)
@@ -76,11 +79,17 @@ class Tracker:
     lost: bool = False
     pace: Pace = field(default_factory=Pace)  # of the optimisation under way
     creeps: bool = False  # and so it is left behind
+    there: bool = False  # near enough to its minimum for what follows
     patience: int = PATIENCE
 
     def problem_with(self, weights: TrackingWeights) -> TrackingProblem:
         """Return the problem, with its own weights if it has none of the user's."""
-        return TrackingProblem(self.mechanism, self.motion, self.weights or weights, self.threads, self.follow)
+        return TrackingProblem(self.mechanism, self.stepped, self.weights or weights, self.threads, self.follow)
+
+    @property
+    def stepped(self) -> Motion:
+        """The motion with the steps that it is followed with for the time being."""
+        return self.motion if self.slow is None else self.slow
 
     def planned(self) -> Plan:
         """Return the plan by tensions of the problem with the weights of such motions."""
@@ -175,10 +184,7 @@ class Tracker:
         """Return what one optimisation finds from where it stands, within the limits that are stated."""
         plan, problem = self.plan, self.problem
         system, cost = (plan.system, plan.cost()) if plan else (problem.system, problem.cost(problem.weights.tension))
-        tolerance = self.tolerance
-        if tolerance is None:
-            tolerance = 1e-6 if plan is None else 1e-2
-        self.pace, self.creeps = Pace(), False
+        self.pace, self.creeps, self.there = Pace(passing=self._passes), False, False
         result = optimize(
             system,
             cost,
@@ -189,9 +195,11 @@ class Tracker:
             shooting="single",
             method=self.method,
             max_iterations=min(self.left, self._patience),
-            tolerance=tolerance,
+            tolerance=self._asked_for,
             callback=self._watch,
         )
+        if self.there:
+            return replace(result, status=Status.CONVERGED, message=_THERE)
         return replace(result, status=Status.ITERATION_LIMIT, message=_CREPT) if self.creeps else result
 
     def _snapshot(self, record: IterationRecord) -> TrackingRun:
@@ -212,21 +220,38 @@ class Tracker:
             return plan is not None and bool(self.others)
         return bool(self.others) or plan.ties.weight < WEIGHTS[-1]
 
+    @property
+    def _asked_for(self) -> float:
+        """The tolerance: the user's, or else that of what is planned, or of a puppet that began hanging."""
+        if self.tolerance is not None:
+            return self.tolerance
+        return 1e-6 if self.plan is None else 1e-2
+
+    @property
+    def _passes(self) -> bool:
+        """Whether strings on bars are still tied so loosely that an optimisation only leads to the next."""
+        plan = self.plan
+        return plan is not None and plan.ties is not None and plan.ties.weight < FIXED_FROM
+
     def _watch(self, record: IterationRecord) -> object:
         """Stop a motion that is lost; else keep the run now and then, and tell the user's callback."""
         if record.iteration == 0 and record.cost > self.most:
             self.lost = True
             return True
         varies = self.plan is not None and self.plan.varies
+        on_bars = self.plan is not None and self.plan.ties is not None
         self.kept(lambda: self._as_search(record.snapshot()) if varies else self._snapshot(record))
         if self.callback is not None and self.callback(record):
             return True
-        self.creeps = self._leads_on and self.pace.creeps(record)
-        return self.creeps
+        creeps = self.pace.creeps(record)
+        # What limits are off by where strings on bars are tied is mended where these become rods.
+        self.there = on_bars and not self._passes and self.pace.is_there(record, self._asked_for)
+        self.creeps = self._leads_on and creeps and not self.there
+        return self.creeps or self.there
 
     def _count(self, result: OptimizationResult) -> None:
         before = 0 if self.earlier is None else self.earlier.iterations
-        self.effort = self.effort.plus(result, before=before)
+        self.effort = self.effort.plus(result, before=before, scale=len(self.motion.t) / len(self.stepped.t))
         self.left -= result.iterations - before
         self.patience -= result.iterations - before
 

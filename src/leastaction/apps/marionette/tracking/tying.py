@@ -17,12 +17,16 @@ from leastaction.apps.marionette.tracking.poses import held_still
 from leastaction.apps.marionette.tracking.ties import FIXED_FROM, WEIGHTS, Ties
 from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.errors import ArgumentError, ProjectionError
+from leastaction.io.motion.motion import Motion
 from leastaction.optimal import OptimizationResult, Status
 
 _TYING: Final = 200  # iterations in which strings on bars are tied more firmly, but the last time
 _TOO_LOOSE: Final = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
 _FIRM: Final = 1e-4  # m, by which they may vary to be settled (`settle.py`)
 _NEARLY: Final = 1e-3  # m, the same where they cannot be tied more firmly
+_FIRST: Final = 2  # times that strings are tied, that say nothing of the next
+_LONGEST: Final = 0.021  # s, of the steps with which a captured motion can be searched
+_FEW: Final = 100  # steps, for which a search with longer ones is not worth it
 _GROWS: Final = 2.0  # times what one adds to the cost does the next, where strings are not to be tied
 _NOT_TIED: Final = (
     "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
@@ -33,10 +37,18 @@ def tied(tracker: Tracker, result: OptimizationResult) -> OptimizationResult:
     """Return a motion whose strings on bars hardly vary; from a puppet at rest where a given one leads to none."""
     if tracker.plan is None or not tracker.plan.varies:
         return result
-    now = _ties(tracker).weight
-    found = _more_firmly(
-        tracker, result, [weight for weight in WEIGHTS if weight > now], most=_of_still(tracker, result)
-    )
+    left = tracker.left
+    firmer = [weight for weight in WEIGHTS if weight > _ties(tracker).weight]
+    most = _of_still(tracker, result)
+    if tracker.slow is None:
+        found = _more_firmly(tracker, result, firmer, most=most)
+    else:
+        loosely = _more_firmly(tracker, result, [weight for weight in firmer if weight < FIXED_FROM], most=most)
+        found = _with_its_own_steps(tracker, loosely)
+        if loosely.status not in CUT_SHORT and left > 0:
+            tracker.left = left
+            if loosely.message != _NOT_TIED:
+                found = _more_firmly(tracker, found, [weight for weight in WEIGHTS if weight >= FIXED_FROM])
     if found.success or found.status in CUT_SHORT or tracker.left < 1:
         return found
     tracker.say("strings on bars cannot be tied on the motion found: it begins with a puppet that is held still")
@@ -51,6 +63,20 @@ def tied(tracker: Tracker, result: OptimizationResult) -> OptimizationResult:
         again = found
         tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds = before
     return again
+
+
+def _with_its_own_steps(tracker: Tracker, result: OptimizationResult) -> OptimizationResult:
+    """Return what was tied with longer steps than the motion's own as a motion with these, which is no minimum yet."""
+    coarse = tracker.plan
+    assert coarse is not None
+    weight, tracker.slow = _ties(tracker).weight, None
+    tracker.plan = plan = tracker.planned()
+    _ties(tracker).weight = weight
+    N = plan.system.N
+    x, u = plan.inside(*plan.finer(coarse, result.x, result.u), result.cost * N / coarse.system.N)
+    none = np.zeros((N, plan.system.nu, plan.system.nx))
+    cost, status = plan.cost().value(x, u), Status.ITERATION_LIMIT if result.success else result.status
+    return replace(result, x=x, u=u, K=none, projection_gain=none, cost=cost, limits=None, status=status)
 
 
 def holds_still(tracker: Tracker, near: OptimizationResult) -> OptimizationResult:
@@ -87,9 +113,20 @@ def go_on(tracker: Tracker, search: TrackingSearch) -> None:
     tracker.mechanism, tracker.effort = search.mechanism, search.effort
     tracker.kinds, tracker.earlier = search.kinds, search.result
     tracker.plan = tracker.planned()
+    if len(search.result.u) < tracker.plan.system.N:
+        tracker.slow = slower(tracker.motion)
+        tracker.plan = tracker.planned()
     if tracker.plan.ties is None:
         raise ArgumentError("resume: its strings are tied to bars, and those of the mechanism are not")
     tracker.plan.ties.weight = search.firmness
+
+
+def slower(motion: Motion) -> Motion:
+    """Return a motion with steps of twice the length; that given where it has few, or long ones."""
+    steps, dt = len(motion.t) - 1, float(motion.t[1] - motion.t[0])
+    if steps < _FEW or 2.0 * dt > _LONGEST:
+        return motion
+    return motion.resample(motion.duration / (steps // 2), duration=motion.duration)
 
 
 def _of_still(tracker: Tracker, near: OptimizationResult) -> float:
@@ -111,17 +148,18 @@ def _more_firmly(
     """
     left = tracker.left
     tracker.others = []  # they are where strings are tied loosely
-    costs = [result.cost]
+    costs, offs = [result.cost], list[float]()
     for weight in weights:
         if result.status in CUT_SHORT or left < 1:
             return result
-        if _foretold(costs, len(weights) - len(costs) + 1) > most:
+        if _foretold(costs, sum(each >= weight for each in WEIGHTS)) > most:
             tracker.left = left
             return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
         if weight <= FIXED_FROM:
             tie(tracker, result)
         off = float(np.abs(_ties(tracker).off(result.x)).max())
-        if weight > FIXED_FROM and off > _TOO_LOOSE:
+        offs.append(off)
+        if _expected(offs, sum(weight <= each < FIXED_FROM for each in WEIGHTS)) > _TOO_LOOSE:
             tracker.left = left
             return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
         if weight > FIXED_FROM and off < _FIRM and result.success:
@@ -141,6 +179,16 @@ def _more_firmly(
         costs.append(result.cost)
     _ties(tracker).firm = result.success
     return result
+
+
+def _expected(offs: Sequence[float], remaining: int) -> float:
+    """Return by how much strings will vary after they were tied some more times, given by how much they did.
+
+    Where that is less each time it goes on so, but for the first times, when their lengths are still sought.
+    """
+    if not remaining:
+        return offs[-1]
+    return offs[-1] * min(offs[-1] / offs[-2], 1.0) ** remaining if len(offs) > _FIRST else 0.0
 
 
 def _foretold(costs: Sequence[float], remaining: int) -> float:
