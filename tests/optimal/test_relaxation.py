@@ -19,6 +19,7 @@ from leastaction import (
     StartStatus,
     Status,
     by_tensions,
+    embed,
     optimize,
     relax,
     rx,
@@ -201,7 +202,7 @@ def test_by_tensions_names_what_is_wrong():
         )  # fmt: skip
 
 
-@pytest.mark.parametrize("search", [by_tensions, relax])
+@pytest.mark.parametrize("search", [by_tensions, relax, embed])
 @pytest.mark.parametrize(
     ("limit", "what"),
     [

@@ -960,6 +960,7 @@ def test_what_no_mechanism_can_have_is_a_limit(
     room = {label: side.value[0, i] for side in result.limits.sides for i, label in enumerate(side.labels)}
     (found,) = [value for label, value in room.items() if active in label]
     assert 0.0 <= found < 1e-6
+    assert not any(label.startswith("inertia") and ">=" in label for label in room)  # it says all itself
     system.with_parameters(result.unknowns)  # there is such a mechanism
 
 
@@ -975,6 +976,8 @@ def test_products_of_inertia_are_held_to_leading_minors(rng: np.random.Generator
         S = 0.5 * np.trace(J) * np.eye(3) - J
         minors = [np.linalg.det(S[:n, :n]) / 0.09 ** (n - 1) for n in (1, 2, 3)]
         np.testing.assert_allclose(row, minors, rtol=1e-9)
+    # Of a body that need not be a real one there is none.
+    assert not system.with_parameters_near({"upper.inertia.xx": 0.025}).conditions_of(names)
 
 
 def test_a_number_at_its_border_may_begin_there() -> None:

@@ -31,6 +31,7 @@ from leastaction import (
     receding_horizon,
     rz,
     tx,
+    ty,
     warm_start,
     world,
 )
@@ -695,6 +696,15 @@ def test_springs_start_strings():
     assert np.abs(m.constraint_values(x[:, : m.nq])).max() < 1e-10
     assert np.abs(x[:, :2] - run.x[:, :2]).max() < 0.7
     np.testing.assert_array_equal(u[:, -1], x[1:, 2])
+
+
+def test_prescribed_variables_begin_as_fast_as_they_did():
+    m = Mechanism([tx("x", mass=1.0), ty("y", kinematic=True)], [JointForce("x", "push")])
+    slow, fine = (MidpointSystem(MidpointVI(m), np.linspace(0.0, 0.4, n)) for n in (5, 9))
+    run = rolled_out(slow, np.array([0.0, 0.0, 0.0, 0.3]), np.column_stack([np.zeros(4), 0.03 * np.arange(1, 5)]))
+    x, u = warm_start((run.x, run.u), slow, fine)
+    np.testing.assert_allclose(x[:, 3], 0.3, rtol=1e-9)
+    np.testing.assert_allclose(u[:, 1], 0.015 * np.arange(1, 9), rtol=1e-9)
 
 
 def test_names_may_have_changed(short):

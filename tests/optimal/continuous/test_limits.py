@@ -12,11 +12,13 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import (
     Damping,
+    Distance,
     Gravity,
     JointForce,
     JointSpring,
     Mechanism,
     MidpointVI,
+    PointOnPlane,
     PointToPoint,
     project_configuration,
     rx,
@@ -299,6 +301,22 @@ def test_stiff_conditions_that_drown_the_rest_of_the_curvature_make_no_saddle():
     np.testing.assert_allclose(result.x[-1], wanted, atol=1e-9)
     # Where no model is left, steepest descent is no way on: it gained 1e-13 in hundreds of roll-outs.
     assert result.rollouts < 20
+
+
+def test_strings_that_hang_still_pull_by_the_weight() -> None:
+    """One of a given length, one whose length is prescribed, and a constraint that is no string."""
+    m = Mechanism(
+        [tx("a"), [tz("c"), [tz(0.0, name="A", mass=1.0)]], tx("b"), [tz("d"), [tz(0.0, name="B", mass=2.0)]],
+         tz("e", mass=1.0, name="C")],
+        [Gravity(), PointOnPlane("world", "C", name="floor"), Distance("A", "world", 1.2, name="short"),
+         Distance("B", "world", "L", name="long")],
+    )  # fmt: skip
+    x = np.zeros((2, 2 * m.nq))
+    x[:, : m.nq] = m.configuration({"c": -1.2, "d": -1.5, "L": 1.5})
+    quantity = MechanismSystem(m).quantity("tension", np.zeros(2))
+    assert quantity.names == ("short", "long")
+    found = quantity.values(Samples(np.arange(2), x, np.zeros((2, m.nrho)), x))
+    np.testing.assert_allclose(found, np.tile([9.81, 2.0 * 9.81], (2, 1)), rtol=1e-9)
 
 
 # ---- Inside ----------------------------------------------------------------------------------------
