@@ -6,7 +6,7 @@ import copy
 import pickle
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -255,6 +255,25 @@ def test_the_motion_is_one_of_the_puppet_on_rods(run: TrackingRun) -> None:
     done = problem.system.step_each(run.result.x, run.result.u)
     assert done.complete
     np.testing.assert_allclose(done.x[:, : run.mechanism.nq], run.result.x[1:, : run.mechanism.nq], atol=1e-7)
+
+
+def test_a_price_that_leads_nowhere_does_not_lose_what_an_earlier_one_found(
+    run: TrackingRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, whole, made = TrackingProblem(run.mechanism, run.motion, FORCED, 1), settle.optimize, list[str]()
+
+    def optimized(*given: Any, **options: Any) -> OptimizationResult:
+        made.append("a round")
+        if len(made) == 2:
+            raise ProjectionError("lost")
+        return whole(*given, **options)
+
+    monkeypatch.setattr(settle, "optimize", optimized)
+    too_much = PuppetLimits(tension=5.0)  # so that one round is not enough
+    found = settle.settled(problem, too_much, run.result.x, run.result.u)
+    assert made == ["a round"] * 2
+    assert found is not None
+    assert min(pull[1:].min() for pull in problem.system.trajectory(*found).tensions().values()) > 0.0
 
 
 def test_a_run_on_bars_comes_back_from_its_file_and_goes_on(run: TrackingRun, tmp_path: Path) -> None:
