@@ -29,9 +29,11 @@ from leastaction import (
     optimize,
     project_configuration,
     receding_horizon,
+    rx,
     rz,
     tx,
     ty,
+    tz,
     warm_start,
     world,
 )
@@ -41,6 +43,7 @@ from leastaction.optimal import (
     CostGradient,
     CostHessian,
     DiscreteSystem,
+    FinalTime,
     HelpedCost,
     LinearSystem,
     Projection,
@@ -276,6 +279,25 @@ class Banked(Cost):
         last = np.zeros(nx)
         last[0] = 2.0
         return CostHessian(Q, R, S, last)
+
+
+def test_windows_that_follow_begin_where_the_one_before_has_led() -> None:
+    """Whatever is free of the initial state: the parts that are kept are one trajectory, of one system."""
+    m = Mechanism(
+        [ty("cart", mass=4.0), [rx("pole"), [tz(-1.0, mass=1.0)]]],
+        [Gravity(), Damping(0.05), JointForce("cart", "push")],
+    )
+    system = MidpointSystem(MidpointVI(m, threads=1), np.linspace(0.0, 2.0, 41))
+    wanted = np.zeros((41, 4))
+    wanted[:, 0] = 0.3 * np.sin(3.0 * system.t + 1.0)
+    cost = QuadraticCost(wanted, np.zeros((40, 1)), Q=[10.0, 1.0, 1e-3, 1e-3], R=[1e-3])
+    how = {"initial": (np.zeros(4), np.zeros((40, 1))), "window": 20}
+    found = receding_horizon(system, cost, free_start=True, **how)
+    assert found.success
+    assert found.x[0, 0] > 0.1
+    assert is_trajectory(system, found.x, found.u)
+    with pytest.raises(ArgumentError, match="unknowns: got some, expected none: each window"):
+        receding_horizon(system, cost, unknowns=[FinalTime(1.0, 3.0)], **how)
 
 
 @pytest.mark.parametrize(("start", "stop"), [(0, 7), (5, 12), (13, 20)])

@@ -58,7 +58,8 @@ def receding_horizon(
         Called with a `StageRecord` after every window, whose value is its first step; a true answer ends the search.
     **options
         Of `optimize`; ``max_iterations`` is 50 for a window if left out. ``limits`` hold in every window: constants and
-        functions of time for all of its steps, those at the end at its end.
+        functions of time for all of its steps, those at the end at its end. What is free of the initial state
+        (``free_start``) is so in the first window.
 
     Returns
     -------
@@ -70,7 +71,7 @@ def receding_horizon(
     Raises
     ------
     ArgumentError
-        Wrong shapes, a window or a part to be kept that is out of range, unknown options.
+        Wrong shapes, a window or a part to be kept that is out of range, unknown options, or ``unknowns``.
 
     Notes
     -----
@@ -89,6 +90,11 @@ def receding_horizon(
     if kept > length:
         raise ArgumentError(f"keep: got {kept}, expected at most the steps of a window, {length}")
     check_options(options, "the windows, each begins where the last one ends")
+    if options.get("unknowns"):
+        raise ArgumentError(
+            "unknowns: got some, expected none: each window would find values of its own, and its steps would be those "
+            "of another system. Make a start with the values that the system has; `optimize` finds them from there"
+        )
     options.setdefault("max_iterations", 50)
     # A window that cannot be begun is a shorter one.
     options.setdefault("shooting", "single")
@@ -109,6 +115,8 @@ def receding_horizon(
 
     def solve(start: int, stop: int) -> OptimizationResult:
         options["limits"] = given_limits if start == 0 else later
+        if start > 0:
+            options["free_start"] = False  # it is where the window before has led
         part = system.window(start, stop)
         weights = cost.window(start, stop, N=N, nu=nu) if cost_of is None else cost_of(start, stop)
         states = x[start : stop + 1].copy()
