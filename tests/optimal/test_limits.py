@@ -59,7 +59,7 @@ from leastaction.optimal.limits.stages import Stages
 from leastaction.optimal.line_search import Step, Trial
 from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run
-from leastaction.optimal.quantity import Quantity, Samples
+from leastaction.optimal.quantity import Quantity, Samples, WeightedSum
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
 
 N, DT = 150, 0.02
@@ -231,6 +231,10 @@ CASES = {
     "push over time": [Bound("x-force", max=lambda t: 12.0 + t)],
     "place": [Bound("x", -0.15, 0.1)],
     "rate": [Bound("x", -0.3, 0.3, of="rate")],
+    "sum": [Bound({"x": 1.0, "theta": -0.5}, -0.3, 0.25)],
+    "sum of rates": [Bound({"x": 2.0, "theta": 1.0}, -1.5, 1.5, of="rate")],
+    "sum of inputs": [Bound({"x-force": 0.5}, -6.0, 6.0)],
+    "sum at the end": [Equal({"x": 1.0, "theta": 0.3}, 0.1)],
     "end": [Equal(["x", "theta"]), Equal("*", of="momentum")],
     "on the way": [Equal("theta", 0.9, at=1.5), Bound("x-force", -60.0, 60.0)],
     "own": [Within(FunctionQuantity("height", lambda x: -np.cos(x[:, 1])), max=-0.97)],
@@ -641,6 +645,11 @@ def test_limits_that_no_value_can_meet_are_told_at_once(
         ([Bound("x-force", np.zeros(N + 1))], ("(151,)", "(150,)")),
         ([Bound("x", np.r_[1.0, np.zeros(N)], 0.5)], ("min 1", "max 0.5", "t = 0 s")),
         ([Bound("x", max="high")], ("'high'",)),
+        ([Bound({}, 0.0)], ("no names",)),
+        ([Bound({"x": 1.0, "thetta": 1.0}, 0.0)], ("'thetta'", "'theta'")),
+        ([Bound({"x": 0.0}, 0.0)], ("weight of 0 for 'x'",)),
+        ([Bound({"x": "1"}, 0.0)], ("weight of 'x'", "expected a number")),
+        ([Bound({"x": 1.0, "x-force": 1.0}, 0.0)], ("several quantities",)),
         ([Bound("x", 0.0, at=0)], ("initial state is fixed",)),
         ([Bound("x", 0.0, at="start")], ("initial state is fixed", "'start'")),
         ([Bound("x", 0.0, at=np.nan)], ("nan", "'start'", "a time")),
@@ -732,8 +741,11 @@ def test_the_derivatives_of_tensions_and_accelerations(rng: np.random.Generator)
     def at(z: np.ndarray) -> Samples:
         return Samples(np.arange(3) + quantity.of_state, *np.split(z, np.cumsum(n)[:-1], axis=1))
 
-    for kind in ("tension", "acceleration", "rate"):
-        quantity = system.quantity(kind)
+    sums = [
+        WeightedSum(system.quantity(kind), np.array([3.0, -2.0, 0.5, 0.0][: len(system.quantity(kind).names)]))
+        for kind in ("tension", "rate")
+    ]
+    for quantity in (*(system.quantity(kind) for kind in ("tension", "acceleration", "rate")), *sums):
         weights = y[:, : len(quantity.names)] if len(quantity.names) <= 3 else rng.normal(size=(3, len(quantity.names)))
         columns = quantity.columns(system.nx, system.nu)
         J, H = scattered(quantity.jacobian(at(z)), quantity.curvature(at(z), weights), columns, sum(n))

@@ -873,9 +873,23 @@ def test_what_parameters_change_a_quantity_is_seen() -> None:
         (Keep("tip", outside=Ball(lambda t: (1.0 + t, 0.0, 0.0), 0.1)), [2, 3]),
         (Keep("bob", inside=Box((-9.0, -9.0, -9.0), (9.0, 9.0, 9.0))), [3]),  # of any frame of the tree
         (Within(FunctionQuantity("y", lambda x: x[:, 0]), max=1.0), []),
+        (Bound({"y": 1.0, "z": 2.0}, max=1.0), []),
+        (Bound({"y": 1.0, "z": 2.0}, max=1.0, of="rate"), [2]),
     ):
         for row in [row for row in Extension(system, cost, unknowns, [limit], False).rows() if row.is_asked]:
             assert row.quantity.changing.tolist() == changing, limit
+
+
+def test_entries_that_return_are_changed_by_no_parameter() -> None:
+    """They count from the first state; their bounds took most of the time where the final time is unknown."""
+    slide = la.Mechanism([la.tx("x", mass=1.0)], [la.JointForce("x", "push")])
+    system = MidpointSystem(la.MidpointVI(slide), np.linspace(0.0, 1.0, 11))
+    cost = QuadraticCost(np.ones((11, 2)), np.zeros((10, 1)), Q=[1.0, 1.0], R=[1.0])
+    limits = [Periodic("x"), Bound("x", max=2.0), Bound({"x": 2.0}, max=3.0)]
+    rows = Extension(system, cost, [FinalTime(price=1.0)], limits, True).rows()
+    quantities = [row.quantity for row in rows if row.limit.startswith("Bound") and "final time" not in row.labels[0]]
+    assert len(quantities) == 2
+    assert all(quantity.fixed for quantity in quantities)
 
 
 def test_a_run_goes_on_with_the_unknowns_and_limits_that_it_had() -> None:

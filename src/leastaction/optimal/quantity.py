@@ -169,6 +169,14 @@ class Entries(Quantity):
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
 
+    def is_like(self, other: Quantity) -> bool:
+        return (
+            isinstance(other, Entries)
+            and (self.names, self.of_state) == (other.names, other.of_state)
+            and np.array_equal(self.places, other.places)
+            and np.array_equal(self.factors, other.factors)
+        )
+
     def select(self, rows: Sequence[int]) -> Entries:
         """Return some of the entries."""
         return Entries(
@@ -237,6 +245,53 @@ class _Selected(QuantityView):
 
     def is_like(self, other: Quantity) -> bool:
         return isinstance(other, _Selected) and self.rows == other.rows and self.whole.is_like(other.whole)
+
+
+class WeightedSum(QuantityView):
+    """A weighted sum of the functions of another quantity, as one function; ``weights`` (m,)."""
+
+    def __init__(self, whole: Quantity, weights: Array) -> None:
+        super().__init__(whole)
+        self.weights, self.says_all = read_only(weights.copy()), False
+        self.names = (_sum_of(whole.names, weights),)
+
+    def columns(self, nx: int, nu: int) -> Instants | None:
+        whole = self.whole
+        if isinstance(whole, Entries):
+            return whole.places if self.of_state else nx + whole.places
+        return whole.columns(nx, nu)
+
+    def values(self, at: Samples) -> Array:
+        return np.asarray(self.whole.values(at) @ self.weights)[:, None]
+
+    def jacobian(self, at: Samples) -> Array:
+        if isinstance(self.whole, Entries):
+            return np.broadcast_to(self.weights * self.whole.factors, (len(at.k), 1, len(self.weights)))
+        return np.asarray(np.einsum("m,kmi->ki", self.weights, self.whole.jacobian(at)))[:, None]
+
+    def curvature(self, at: Samples, y: Array) -> Array | None:
+        return self.whole.curvature(at, y * self.weights)
+
+    def apart(self, other: Quantity, k: Instants) -> None:
+        """Return None: what is known of the functions says nothing of their sum."""
+
+    def select(self, rows: Sequence[int]) -> Quantity:
+        del rows  # there is one
+        return self
+
+    def is_like(self, other: Quantity) -> bool:
+        if not isinstance(other, WeightedSum) or not np.array_equal(self.weights, other.weights):
+            return False
+        return self.whole.is_like(other.whole)
+
+
+def _sum_of(names: Sequence[str], weights: Array) -> str:
+    """Return how to speak of a sum: ``hip - 2 knee``."""
+    said = ""
+    for name, weight in zip(names, weights.tolist(), strict=True):
+        sign = (" - " if said else "-") if weight < 0.0 else (" + " if said else "")
+        said += sign + ("" if abs(weight) == 1.0 else f"{abs(weight):.6g} ") + name
+    return said
 
 
 class Later(QuantityView):

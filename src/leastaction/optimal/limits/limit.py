@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, brief, closest
-from leastaction.numerics.arrays import Array, require_instance
+from leastaction.numerics.arrays import Array, as_number, require_instance
 from leastaction.numerics.names import matching
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.quantity import Quantity
+from leastaction.optimal.quantity import Quantity, WeightedSum
 
+Names = str | Sequence[str] | Mapping[str, float]
 When = str | int | float | Sequence[int] | Sequence[float] | None
 Value = ArrayLike | Callable[[float], Any] | None
 
@@ -77,8 +78,9 @@ class Bound(Limit):
 
     Parameters
     ----------
-    names : str or sequence of str
-        Such as ``"push"``, or with wildcards, ``"*_string"``.
+    names : str, sequence of str, or mapping of str to float
+        Such as ``"push"``, or with wildcards, ``"*_string"``. A mapping is their weighted sum, as one quantity:
+        ``{"hip": 1.0, "knee": -0.5}``.
     min, max : float, array_like (n,) or (n, m), or callable
         For all names and instants, over the instants, for each of the m names too, or a function of the time (s).
         None is no bound. Of states n is N + 1, or N from the second instant on.
@@ -97,7 +99,7 @@ class Bound(Limit):
     does not. N values, or `at`, say nothing of it.
     """
 
-    names: str | Sequence[str]
+    names: Names
     min: Value = None
     max: Value = None
     of: str | None = field(default=None, kw_only=True)
@@ -153,7 +155,7 @@ class Equal(Limit):
 
     Parameters
     ----------
-    names : str, sequence of str, or Quantity
+    names : str, sequence of str, mapping of str to float, or Quantity
         As of `Bound`, or a quantity of your own.
     value : float, array_like (n,) or (n, m), or callable
         As of `Bound`; for a single instant one value for each name, (m,), will do.
@@ -163,7 +165,7 @@ class Equal(Limit):
         As of `Bound`; "end" if left out.
     """
 
-    names: str | Sequence[str] | Quantity
+    names: Names | Quantity
     value: ArrayLike | Callable[[float], Any] = 0.0
     of: str | None = field(default=None, kw_only=True)
     at: When = field(default="end", kw_only=True)
@@ -224,8 +226,21 @@ def checked_limits(limits: Sequence[Limit]) -> list[Limit]:
     return given
 
 
-def selected(system: Horizon, names: str | Sequence[str], of: str | None, what: str) -> Quantity:
-    """Return a quantity of the system, of the functions whose names match."""
+def selected(system: Horizon, names: Names, of: str | None, what: str) -> Quantity:
+    """Return a quantity of the system, of the functions whose names match, or the sum that a mapping says."""
+    if not isinstance(names, Mapping):
+        return _matching(system, names, of, what)
+    for name, weight in names.items():
+        if as_number(weight, f"{what}: weight of {name!r}") == 0.0:
+            raise ArgumentError(f"{what}: got a weight of 0 for {name!r}, expected a sum without it")
+    whole = _matching(system, list(names), of, what)
+    weights = np.zeros(len(whole.names))
+    for pattern, weight in names.items():
+        weights[whole.matching(pattern)] += weight
+    return WeightedSum(whole, weights)
+
+
+def _matching(system: Horizon, names: str | Sequence[str], of: str | None, what: str) -> Quantity:
     kinds = system.quantities
     if of is not None and of not in kinds:
         expected = f"expected one of {', '.join(map(repr, kinds))}"
