@@ -34,7 +34,7 @@ from leastaction.apps.marionette.tracking.pace import Pace
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.priced_limits import PricedLimit, PricedLimits
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
-from leastaction.apps.marionette.tracking.ties import FIXED_FROM
+from leastaction.apps.marionette.tracking.ties import FIRM
 from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.errors import ArgumentError, ProjectionError, ResultFileError
 from leastaction.io.results import load_record, save_record
@@ -56,6 +56,7 @@ from leastaction.models.marionette import (
     tied_strings,
 )
 from leastaction.models.puppet_controls import ends_of
+from leastaction.numerics.arrays import Array
 from leastaction.optimal import (
     Bound,
     CostGradient,
@@ -167,6 +168,37 @@ def test_the_price_of_lengths_has_its_derivatives() -> None:
     added = 25.0 * np.sum(c**2)
     without = plan.tracking_cost().value(x, plan.u_reference)
     assert plan.cost().value(x, plan.u_reference) == pytest.approx(without + added, rel=1e-12)
+
+
+def test_the_model_of_the_price_of_lengths_feels_how_strings_that_are_too_long_swing() -> None:
+    """Else a search creeps where strings are tied more firmly: it is most of what bends the price across them."""
+    motion = walk_in_place(0.1, 0.02)
+    plan = Plan(TrackingProblem(marionette(strings="cross+legs"), motion, FORCED, 1), FORCED, PuppetLimits())
+    ties, x, u = plan.ties, plan.x_reference, plan.u_reference
+    assert ties is not None
+    own, nq = ties.lengths, plan.mechanism.nq
+
+    def bent(times: float) -> Array:
+        """Return the convex second derivatives by configurations where all strings are that often too long."""
+        weights = list[Array]()
+        for weight in (1.0, 0.0):
+            ties.lengths, ties.weight = own / times, weight
+            weights.append(np.asarray(ties.priced(plan.tracking_cost(), plan.system).convex_hessian(x, u).Q))
+        dense = [each if each.ndim == 3 else each[..., None] * np.eye(each.shape[-1]) for each in weights]
+        return np.asarray(dense[0] - dense[1])[:, :nq, :nq]
+
+    # Of c^2 / 2 with c = (d^2 - L^2) / (2 L) it is D'(n n' d^2/L^2 + c/L) D for strings along n, whose ends move by D.
+    hooks, controls = np.split(ties.ends.jacobian(np.ascontiguousarray(x[:-1, :nq])), 2, axis=1)
+    places = np.split(ties.ends.places(np.ascontiguousarray(x[:-1, :nq])), 2, axis=1)
+    moved, apart = hooks - controls, places[0] - places[1]
+    for times in (2.0, 0.5):
+        L = own / times
+        off = (np.sum(apart**2, axis=2) - L**2) / (2.0 * L)
+        assert (np.sign(off) == np.sign(times - 1.0)).all()
+        along = np.einsum("ksa,ksb,s->ksab", apart, apart, 1.0 / L**2)
+        across = np.einsum("ks,ab->ksab", np.maximum(off, 0.0) / L, np.eye(3))
+        expected = np.einsum("ksai,ksab,ksbj->kij", moved, along + across, moved)
+        np.testing.assert_allclose(bent(times), expected, atol=1e-9)
 
 
 def test_a_walk_on_the_cross_keeps_the_lengths_and_every_limit(run: TrackingRun) -> None:
@@ -321,7 +353,7 @@ def test_strings_are_tied_loosely_with_longer_steps(monkeypatch: pytest.MonkeyPa
     run = track(marionette(strings="cross"), motion)
     assert run.result.success
     assert set(ends) == {25, 50}
-    assert max(ends[25]) < FIXED_FROM <= min(ends[50])
+    assert max(ends[25]) < FIRM[0] <= min(ends[50])
     assert len(run.result.u) == len(run.trajectory.t) - 1 == 50
     assert np.ptp(string_lengths(run.mechanism, run.trajectory.q), axis=0).max() < 1e-9
     assert run.tension.min() >= _LEAST
@@ -339,7 +371,7 @@ def test_strings_are_tied_no_more_firmly_than_they_need_to_be() -> None:
 
 def test_strings_that_vary_by_less_than_a_millimetre_are_settled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no weight ties them more firmly: also then lengths are exact, and limits are kept."""
-    monkeypatch.setattr(tying, "WEIGHTS", tuple(10.0**power for power in range(1, 6)))
+    monkeypatch.setattr(tying, "FIRM", FIRM[:1])
     said: list[str] = []
     run = track(marionette(strings="cross"), walk_in_place(0.5, 0.02), progress=said.append)
     off = float(said[-1].split("vary by ")[1].split(" mm")[0])

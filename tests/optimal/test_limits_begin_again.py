@@ -6,15 +6,27 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from leastaction.io.results import load_result, save_result
 from leastaction.mechanics import Distance, Gravity, JointForce, Mechanism, MidpointVI, tx, world
-from leastaction.optimal import Bound, Equal, FunctionQuantity, OptimizationResult, QuadraticCost, Within, optimize
+from leastaction.optimal import (
+    Bound,
+    Equal,
+    FunctionQuantity,
+    OptimizationResult,
+    QuadraticCost,
+    Status,
+    Within,
+    optimize,
+)
 from leastaction.optimal.limits.limit import FromSecond, Limit
 from leastaction.systems import HalfSpace, Keep, MidpointSystem
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from benchmarks.limits import CASES
 from benchmarks.robustness_drawn import drawn
+from benchmarks.robustness_problems import PROBLEMS
 
 
 def beginnings(notes: list[str]) -> list[str]:
@@ -121,3 +133,32 @@ def test_limits_are_stated_for_finer_steps() -> None:
     assert Within(indexed).refined(2, 4) is None
     assert Equal(indexed, 0.0).refined(2, 4) is None
     assert FromSecond(Within(indexed)).refined(2, 4) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "most"),
+    [
+        # Among the walls of the last barrier, where what had not been active hardly had a price: 16, or INFEASIBLE.
+        ("spatial arm, tracking, torques at most 80 %", 1.3, 14),
+        ("spatial arm, tracking, torques at most 80 %", 10.0, 40),  # 161
+        ("spatial arm, reaching, torques at most 60 %", 10.0, 80),  # 200, INFEASIBLE
+        ("planar arm, reaching, torques at most 50 %", 10.0, 15),  # 30
+        ("cart, tracking, push at most 70 %", 10.0, 14),  # 21
+    ],
+)
+def test_what_was_found_with_other_weights_is_a_start(name: str, times: float, most: int) -> None:
+    """What is active changes: barriers are worth as much at first as the cost has changed."""
+    case = next(case for case in CASES if case.name == name)
+    given = next(problem for problem in PROBLEMS if problem.name == case.of).build()
+    free = optimize(given.system, given.cost, initial=(given.x, given.u))
+    limits = case.limit(given, free).limits
+    found = optimize(given.system, given.cost, initial=(given.x, given.u), limits=limits)
+    was = given.cost
+    assert isinstance(was, QuadraticCost)
+    Q, Q_final = times * np.asarray(was.Q), times * np.asarray(was.Q_final)
+    cost = QuadraticCost(was.x_wanted, was.u_wanted, Q=Q, R=was.R, Q_final=Q_final)
+    result = optimize(given.system, cost, initial=found, limits=limits)
+    assert result.status is Status.CONVERGED, result.message
+    assert result.iterations <= most
+    anew = optimize(given.system, cost, initial=(given.x, given.u), limits=limits)
+    assert result.cost <= anew.cost * (1.0 + 1e-6)

@@ -118,6 +118,27 @@ def test_poles_are_balanced_from_where_they_are_to_be(N):
     assert is_trajectory(given.system, result.x, result.u)
 
 
+class Raised(QuadraticCost):
+    """A cost that is dearer by one, whatever the motion."""
+
+    def final_value(self, x):
+        return super().final_value(x) + 1.0
+
+
+def test_gaps_are_closed_where_that_gains_next_to_nothing():
+    """There is no minimum before, however little a step is expected to gain of a cost that nothing changes."""
+    given = balancing(300)
+    part = {name: 1e-14 * np.asarray(getattr(given.cost, name)) for name in ("Q", "R", "Q_final")}
+    cost, records = Raised(given.cost.x_wanted, given.cost.u_wanted, **part), []
+    result = optimize(
+        given.system, cost, initial=(given.x, given.u), shooting="multiple", callback=records.append
+    )  # fmt: skip
+    assert result.status is Status.CONVERGED, result.message
+    assert is_trajectory(given.system, result.x, result.u)
+    assert all(record.step_length == 1.0 for record in records[1:])
+    assert [record.gap < 1e-6 for record in records] == [False] * (len(records) - 1) + [True]
+
+
 @pytest.mark.parametrize(
     ("name", "cost"),
     [

@@ -320,7 +320,10 @@ class ShootingProblem(DiscreteProblem):
         return _LONG_IF_LOST if lost else None
 
     def tolerated(self, goal: float) -> float:
-        return super().tolerated(goal) if self.open_curve is None else max(goal, _LOOSE * abs(self.value))
+        if self.open_curve is None:
+            return super().tolerated(goal)
+        # Where nothing but gaps is left, closing them is expected to gain nothing.
+        return max(goal, _LOOSE * abs(self.value)) if self._are_closed() else 0.0
 
     def next_stage(self, *, moved: bool = True) -> bool:
         """Go on over trajectories, where the gaps are closed or cannot be; then as without them."""

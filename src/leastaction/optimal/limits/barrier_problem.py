@@ -86,7 +86,7 @@ class BarrierProblem(ShootingProblem):
         self.duals = self.limited.duals
         self.stages = Stages(self.duals, settings.tolerance, _DIGITS, dearer)
         self.settings = settings
-        self.known: LimitReport | None = None  # from an earlier run
+        self.found: OptimizationResult | None = None  # by an earlier run, whose duals are known
         # Of the iterate; None: not yet.
         self.values: Sided | None = None
         self.plain_value: float | None = None  # the cost alone
@@ -113,7 +113,7 @@ class BarrierProblem(ShootingProblem):
 
     def resume(self, result: OptimizationResult) -> None:
         super().resume(result)
-        self.known = result.limits
+        self.found = result
         self._begin(resumed=True)
 
     def _begin(self, *, resumed: bool = False) -> None:
@@ -131,8 +131,9 @@ class BarrierProblem(ShootingProblem):
             rows.check(self.x, self.u)
             rows.check_start(self.x[0])
         # Once: who begins again begins anew, whether resumed meanwhile or not.
-        known, self.known = self.known, None
-        self.stages.take(known, resumed=resumed)
+        found, self.found = self.found, None
+        if found is not None:
+            self.stages.take(found.limits, resumed=resumed, changed=abs(self.shown - found.cost))
         self.values = None  # they may have been lent other leeway
         self._set_out()
 

@@ -270,7 +270,10 @@ class Duals:
         return report is not None and report.sides_shaped() == shapes
 
     def take(self, report: LimitReport) -> None:
-        """Begin with the duals and prices of an earlier optimisation with the same limits."""
+        """Begin with the duals and prices of an earlier optimisation with the same limits.
+
+        What was not active then may be now. So no price is less than is kept of one while there is room of its scale.
+        """
         sides = iter(report.sides)
         for i, own in enumerate(self.sides):
             if own.equal and not own.first:
@@ -278,11 +281,11 @@ class Duals:
                 self.y[i] = self.rho[i] - self.y[i - 1]
                 continue
             side = next(sides)
-            self.rho[i] = side.price.copy()
+            self.rho[i] = price = np.maximum(side.price, np.minimum(self.rho[i], _DEAR * self.mu / self.scale[i]))
             if own.equal:
-                self.y[i] = 0.5 * (side.price + np.clip(side.dual, -0.9 * side.price, 0.9 * side.price))
+                self.y[i] = 0.5 * (price + np.clip(side.dual, -0.9 * price, 0.9 * price))
             else:
-                self.y[i] = np.clip(side.dual, 1e-12 * side.price, 0.9 * side.price)
+                self.y[i] = np.clip(side.dual, 1e-12 * price, 0.9 * price)
         self.settle_prices()
 
     def restore(self, mu: float, barrier: Barrier) -> None:

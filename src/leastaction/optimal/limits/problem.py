@@ -91,7 +91,7 @@ class LimitedProblem(BarrierProblem):
         """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
         found = initial if isinstance(initial, OptimizationResult) else None
         if found is not None:
-            self.known, initial = found.limits, (found.x, found.u)
+            self.found, initial = found, (found.x, found.u)
         super().start(initial)
         # What was found with another cost is no minimum of this one.
         same = found is not None and abs(self.shown - found.cost) <= _SAME * abs(found.cost)

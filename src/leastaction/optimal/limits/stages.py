@@ -64,8 +64,11 @@ class Stages:
         self.last = self._last(self.size)
         self.duals.begin(c, self.first_mu, self.size, self.dearer, depths)
 
-    def take(self, given: LimitReport | None, *, resumed: bool) -> None:
+    def take(self, given: LimitReport | None, *, resumed: bool, changed: float = 0.0) -> None:
         """Go on with the duals of an earlier run, if it had these limits.
+
+        ``changed``: by how much the cost is another now than that run had found. The barriers are to be worth as much:
+        among walls of lower ones there are but short steps to what has moved as far.
 
         Raises
         ------
@@ -83,7 +86,8 @@ class Stages:
                 self.last = barrier.last_mu if self.tolerance == barrier.tolerance else self._last(self.size)
                 duals.restore(given.mu, barrier)
                 return
-            duals.mu = max(_FIRST_AGAIN * self.first_mu, self.last)
+            moved = min(changed / max(self.count, 1), self.first_mu)
+            duals.mu = max(_FIRST_AGAIN * self.first_mu, self.last, moved)
             duals.take(given)
         elif resumed:
             raise ArgumentError(

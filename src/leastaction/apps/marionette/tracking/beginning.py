@@ -16,7 +16,7 @@ from leastaction.apps.marionette.tracking.motors import search
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import hanging
 from leastaction.apps.marionette.tracking.problem import below_strings
-from leastaction.apps.marionette.tracking.ties import WEIGHTS
+from leastaction.apps.marionette.tracking.ties import FIRM
 from leastaction.apps.marionette.tracking.tracker import AGAIN, LOST, PATIENCE, Curve, Tracker
 from leastaction.apps.marionette.tracking.weights import GENTLE
 from leastaction.io.motion.motion import Motion
@@ -52,7 +52,9 @@ def _go_on(tracker: Tracker, run: TrackingRun) -> None:
     if run.embedded and run.unfinished is None:
         tracker.plan, tracker.earlier = tracker.planned(), run.plan
         if tracker.plan.ties is not None:
-            tracker.plan.ties.weight, tracker.plan.ties.firm = WEIGHTS[-2], True
+            tracker.plan.ties.weight, tracker.plan.ties.firm = FIRM[-2], True
+        if run.plan is not None and run.plan.limits is None:  # a puppet that is held still: no search has known any
+            tracker.start, tracker.earlier = run.plan, None
     tracker.patience = PATIENCE - (0 if tracker.earlier is None else tracker.earlier.iterations)
 
 
@@ -83,7 +85,8 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
         tracker.most = LOST * expected
         tracker.others.append((AGAIN, partial(_searched_by, tracker, plan)))
     tracker.others += [(_GROWING, partial(_grown, tracker)), (_HANGING, partial(_hanging, tracker))]
-    tracker.kinds = FIRST_KINDS | tracker.broken(tracker.start[0])
+    # What leads to strings that are tied had better lead to where they can be.
+    tracker.kinds = frozenset(KINDS) if plan.ties is not None else FIRST_KINDS | tracker.broken(tracker.start[0])
 
 
 def _searched_by(tracker: Tracker, plan: Plan, *, stage: int = 0, result: OptimizationResult | None = None) -> Curve:

@@ -28,6 +28,10 @@ _FIRM = 0.1  # N, by which strings that hold still pull more than they have to
 _BALANCED = 1e-4  # N or N m, to which forces balance
 _DIGITS, _STEPS = 1e-7, 300  # of the cost, and of the search for a pose
 _UPRIGHT = ("torso_tx", "torso_ty", "torso_tz", "torso_rz")  # what of a pose has nothing to do with rest
+_NO_REST = (
+    "strings: neither the motion nor a pose at rest is found in which all of them pull. Lower the least tension, allow "
+    "what holds them more reach (bars: and tilt), or take more strings"
+)
 _HALFWAY, _SHARES = 0.5, (1.0, 0.75, 0.25)  # of the way to the pose at rest, where a search begins
 
 
@@ -173,10 +177,7 @@ def at_rest(plan: Plan, *starts: Array, k: int | None = 0) -> tuple[Array, Array
     search, m = PoseSearch(plan, tied=False, more=_FIRM), plan.mechanism
     cost, pose = search.best(k, (search.wanted(k), *starts))
     if not np.isfinite(cost):
-        raise ArgumentError(
-            "strings: neither the motion nor a pose at rest is found in which all of them pull. Lower the least "
-            "tension, allow what holds them more reach (bars: and tilt), or take more strings"
-        )
+        raise ArgumentError(_NO_REST)
     x, u = np.zeros_like(plan.x_reference), np.zeros_like(plan.u_reference)
     x[:, : m.nq] = pose[: m.nq]
     u[:] = np.concatenate([pose[m.nq :], pose[m.nd : m.nq]])
@@ -192,19 +193,24 @@ def hanging(plan: Plan) -> tuple[Array, Array]:
     return hung if len(hung[1]) == plan.system.N else at_rest(plan)
 
 
+def _rest_or_none(plan: Plan, start: Array, k: int | None) -> tuple[Array, Array] | None:
+    with suppress(ArgumentError):
+        return at_rest(plan, start, k=k)
+    return None
+
+
 def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
     """Return a motion of a plan in which strings hold the puppet still, nearest to what is wanted.
 
     It is in the pose nearest to where it is to begin, or to where it is to be in the mean, whichever is nearer all
     along. ``near``: what was found instead, in whose pose the search begins too. Raises `ArgumentError` as `at_rest`.
     """
-    pose = np.concatenate([near.x[0, : plan.mechanism.nq], near.u[0, : len(plan.strings)]])
+    start = np.concatenate([near.x[0, : plan.mechanism.nq], near.u[0, : len(plan.strings)]])
+    found = [still for still in (_rest_or_none(plan, start, k) for k in (0, None)) if still is not None]
+    if not found:
+        raise ArgumentError(_NO_REST)
     apart = plan.untied_cost()
-    x, u = at_rest(plan, pose)
-    with suppress(ArgumentError):
-        in_the_mean = at_rest(plan, pose, k=None)
-        if apart.value(*in_the_mean) < apart.value(x, u):
-            x, u = in_the_mean
+    x, u = min(found, key=lambda still: apart.value(*still))
     none = np.zeros_like(near.K)
     return replace(
         near,

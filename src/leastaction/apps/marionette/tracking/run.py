@@ -27,7 +27,7 @@ from leastaction.apps.marionette.tracking.checkpoints import Checkpoints
 from leastaction.apps.marionette.tracking.found import TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.settle import NotTiedError
-from leastaction.apps.marionette.tracking.ties import FIXED_FROM
+from leastaction.apps.marionette.tracking.ties import FIRM
 from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.io.motion.motion import Motion
@@ -78,7 +78,8 @@ def track(
         As in `leastaction.optimal.optimize`, for the last optimisation.
     tolerance : float, optional
         Likewise. If not given, 1e-6, or 1e-2 where the first trajectory had to be found by embedding:
-        such a motion is far from what the puppet does by itself, and its last digits cost much.
+        such a motion is far from what the puppet does by itself, and its last digits cost much. With strings on bars,
+        where little changes from one optimisation to the next while they are tied, 3e-3, and 1e-3 with longer steps.
     progress : callable, optional
         Called with a line of text as the search for a first trajectory goes on.
     resume : TrackingRun or TrackingSearch, optional
@@ -115,7 +116,8 @@ def track(
         left=max_iterations,
     )
     begin(tracker, resume, planned=planned)
-    run = _ended(tracker, tying.tied(tracker, tracker.improve()))
+    earlier = resume.plan if isinstance(resume, TrackingRun) else None
+    run = _ended(tracker, tying.tied(tracker, tracker.improve(), earlier=earlier))
     if not _must_be_planned(tracker, run):
         return _with_strings_that_pull(tracker, run)
     _begin_plan(tracker, run, max_iterations)
@@ -125,7 +127,7 @@ def track(
 def _ended(tracker: Tracker, result: OptimizationResult) -> TrackingRun:
     """Return the run that a result is; of a plan, with strings that pull wherever it ended."""
     if tracker.plan is not None:
-        if tracker.plan.ties is not None and tracker.plan.varies and tracker.plan.ties.weight < FIXED_FROM:
+        if tracker.plan.ties is not None and tracker.plan.varies and tracker.plan.ties.weight < FIRM[0]:
             tying.tie(tracker, result)
         result = tracker.plan.pulling(result)
     try:

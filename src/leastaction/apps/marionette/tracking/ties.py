@@ -3,10 +3,10 @@
 With its tension as an input a string may be of any length at any instant, as if its end ran over a winch. One that is
 tied to a bar may not. How much longer it is, ``c = (d^2 - L^2) / (2 L)`` with the distance d of its ends and its length
 L, is brought close to zero by a price: each instant costs ``w c^2 / 2``. The weight w grows from one optimisation to
-the next, as `WEIGHTS` say, until winding hardly pays: the strings are tied ever more firmly, and every motion on the
-way is one that strings make. The lengths are those that suit the motion, the means of the distances, until
-`FIXED_FROM`. What is left, less than a tenth of a millimetre, goes at once (`settle.py`): the motion becomes one of
-the marionette on strings of fixed lengths.
+the next, as `LOOSE` and `FIRM` say, until winding hardly pays: the strings are tied ever more firmly, and every motion
+on the way is one that strings make. The lengths are those that suit the motion, the means of the distances, until the
+first of the firm ones. What is left, less than a tenth of a millimetre, goes at once (`settle.py`): the motion becomes
+one of the marionette on strings of fixed lengths.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ from leastaction.systems.costs.configurations import CostOfConfigurations
 LEAST_WEIGHT: Final = 1.0
 """Of a length that is off (1/m^2), with which a plan begins."""
 
-WEIGHTS: Final = tuple(10.0**power for power in range(1, 8))
-"""Those that follow. From 1e7 on rounding of what the lengths cost may look like negative curvature."""
+LOOSE: Final = tuple(10.0**power for power in range(1, 5))
+"""Those that follow, at which the lengths are still sought."""
 
-FIXED_FROM: Final = 1e5
-"""The weight from which on strings stay as long as they are tied."""
+FIRM: Final = tuple(10.0**power for power in range(5, 8))
+"""Those with which strings stay as long as they are tied. From 1e7 on rounding of what the lengths cost may look like
+negative curvature."""
 
 
 class Ties:
@@ -96,11 +97,12 @@ class TiedCost(CostOfConfigurations):
         moved = _moved(self._ends, q)
         slopes = _along(apart / self._lengths[:, None], moved)
         bends = np.asarray(self._weight * (slopes.transpose(0, 2, 1) @ slopes))
+        # Where a string is too long, all that makes it longer bends the price too: D^2 c = (D'D + d . D^2 d) / L.
+        pull = self._weight * _off(apart, self._lengths) / self._lengths
+        flat = moved.reshape(len(q), -1, q.shape[1])
+        felt = pull if exact else np.maximum(pull, 0.0)  # a string that is too short bends it downwards
+        bends += flat.transpose(0, 2, 1) @ (np.repeat(felt, 3, axis=1)[:, :, None] * flat)
         if exact:
-            # Where a string is too long, all that makes it longer bends the price too: D^2 c = (D'D + d . D^2 d) / L.
-            pull = self._weight * _off(apart, self._lengths) / self._lengths
-            flat = moved.reshape(len(q), -1, q.shape[1])
-            bends += flat.transpose(0, 2, 1) @ (np.repeat(pull, 3, axis=1)[:, :, None] * flat)
             force = pull[:, :, None] * apart
             bends += self._ends.bent(q, np.concatenate([force, -force], axis=1))
         return bends

@@ -17,7 +17,7 @@ from leastaction.apps.marionette.tracking.motors import SEARCH_STAGES
 from leastaction.apps.marionette.tracking.pace import Pace
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
-from leastaction.apps.marionette.tracking.ties import FIXED_FROM, WEIGHTS
+from leastaction.apps.marionette.tracking.ties import FIRM
 from leastaction.apps.marionette.tracking.weights import FORCED, TrackingWeights
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
@@ -36,6 +36,9 @@ PATIENCE: Final = 100
 AGAIN: Final = "the motion found with longer steps cannot be followed: the search begins again with these"
 
 _GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
+# Tolerances, if none is given: of a puppet that began hanging, of a plan, and where its strings are tied firmly. There
+# one optimisation leads to the next, and most is gained with the first, whose longer steps are cheap.
+_HANGING, _PLANNED, _TIED, _TIED_SLOWLY = 1e-6, 1e-2, 3e-3, 1e-3
 _PLAN_PATIENCE = 150  # iterations of a plan, that then begins elsewhere
 _CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
 _THERE = "The expected decrease of the cost is below the tolerance; what limits are off by is settled on rods."
@@ -218,20 +221,24 @@ class Tracker:
         plan = self.plan
         if plan is None or plan.ties is None:
             return plan is not None and bool(self.others)
-        return bool(self.others) or plan.ties.weight < WEIGHTS[-1]
+        return bool(self.others) or plan.ties.weight < FIRM[-1]
 
     @property
     def _asked_for(self) -> float:
         """The tolerance: the user's, or else that of what is planned, or of a puppet that began hanging."""
         if self.tolerance is not None:
             return self.tolerance
-        return 1e-6 if self.plan is None else 1e-2
+        if self.plan is None:
+            return _HANGING
+        if self.plan.ties is None or self._passes:
+            return _PLANNED
+        return _TIED if self.slow is None else _TIED_SLOWLY
 
     @property
     def _passes(self) -> bool:
         """Whether strings on bars are still tied so loosely that an optimisation only leads to the next."""
         plan = self.plan
-        return plan is not None and plan.ties is not None and plan.ties.weight < FIXED_FROM
+        return plan is not None and plan.ties is not None and plan.ties.weight < FIRM[0]
 
     def _watch(self, record: IterationRecord) -> object:
         """Stop a motion that is lost; else keep the run now and then, and tell the user's callback."""

@@ -12,57 +12,85 @@ from typing import Final
 import numpy as np
 
 from leastaction.apps.marionette.tracking.found import CUT_SHORT, STUCK, TrackingRun, TrackingSearch
-from leastaction.apps.marionette.tracking.limits import FIRST_KINDS
+from leastaction.apps.marionette.tracking.limits import KINDS
 from leastaction.apps.marionette.tracking.poses import held_still
-from leastaction.apps.marionette.tracking.ties import FIXED_FROM, WEIGHTS, Ties
+from leastaction.apps.marionette.tracking.ties import FIRM, LOOSE, Ties
 from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.optimal import OptimizationResult, Status
 
-_TYING: Final = 200  # iterations in which strings on bars are tied more firmly, but the last time
+# Iterations in which strings on bars are tied loosely; firmly, but the last time.
+_LEADING: Final = 60
+_TYING: Final = 200
 _TOO_LOOSE: Final = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
-_FIRM: Final = 1e-4  # m, by which they may vary to be settled (`settle.py`)
+_SETTLED: Final = 1e-4  # m, by which they may vary to be settled (`settle.py`)
 _NEARLY: Final = 1e-3  # m, the same where they cannot be tied more firmly
 _FIRST: Final = 2  # times that strings are tied, that say nothing of the next
 _LONGEST: Final = 0.021  # s, of the steps with which a captured motion can be searched
 _FEW: Final = 100  # steps, for which a search with longer ones is not worth it
 _GROWS: Final = 2.0  # times what one adds to the cost does the next, where strings are not to be tied
+_GAINS_NOTHING: Final = 1.01  # times its cost is at most that of a minimum found before
 _NOT_TIED: Final = (
     "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
 )
 
 
-def tied(tracker: Tracker, result: OptimizationResult) -> OptimizationResult:
-    """Return a motion whose strings on bars hardly vary; from a puppet at rest where a given one leads to none."""
+def tied(
+    tracker: Tracker, result: OptimizationResult, *, earlier: OptimizationResult | None = None
+) -> OptimizationResult:
+    """Return a motion whose strings on bars hardly vary; from a puppet at rest where a given one leads to none.
+
+    ``earlier``: what the run had found that is gone on with.
+    """
     if tracker.plan is None or not tracker.plan.varies:
-        return result
+        # Strings that are tied firmly make rounding look like negative curvature: what was a minimum still is.
+        if earlier is None or not earlier.success or result.status not in STUCK:
+            return result
+        return earlier if earlier.cost <= _GAINS_NOTHING * result.cost else result
     left = tracker.left
-    firmer = [weight for weight in WEIGHTS if weight > _ties(tracker).weight]
-    most = _of_still(tracker, result)
-    if tracker.slow is None:
-        found = _more_firmly(tracker, result, firmer, most=most)
-    else:
-        loosely = _more_firmly(tracker, result, [weight for weight in firmer if weight < FIXED_FROM], most=most)
-        found = _with_its_own_steps(tracker, loosely)
-        if loosely.status not in CUT_SHORT and left > 0:
-            tracker.left = left
-            if loosely.message != _NOT_TIED:
-                found = _more_firmly(tracker, found, [weight for weight in WEIGHTS if weight >= FIXED_FROM])
+    found = _tied_from(tracker, result, LOOSE, left, most=_of_still(tracker, result))
     if found.success or found.status in CUT_SHORT or tracker.left < 1:
         return found
     tracker.say("strings on bars cannot be tied on the motion found: it begins with a puppet that is held still")
     before = tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds
+    _take_longer_steps(tracker)
     try:
         still = holds_still(tracker, found)
     except ArgumentError:
-        return found
-    # Its strings keep their lengths: tied loosely it would go back to where it came from.
-    again = _more_firmly(tracker, still, [weight for weight in WEIGHTS if weight >= FIXED_FROM])
-    if not again.success and tracker.plan.varies:
         again = found
+    else:
+        # Its strings keep their lengths: tied loosely it would go back to where it came from.
+        again = _tied_from(tracker, still, FIRM[:1], left)
+    if again is found or (not again.success and tracker.plan.varies):
+        again, tracker.slow = found, None
         tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds = before
     return again
+
+
+def _tied_from(
+    tracker: Tracker, result: OptimizationResult, weights: Sequence[float], left: int, *, most: float = np.inf
+) -> OptimizationResult:
+    """Return what is found from a motion, first with some weights and perhaps longer steps, then with the firm ones.
+
+    ``left``: iterations of the last optimisation. ``most``: as of `_more_firmly`.
+    """
+    if tracker.slow is None:
+        further = [weight for weight in sorted({*weights, *FIRM}) if weight > _ties(tracker).weight]
+        return _more_firmly(tracker, result, further, left, most=most)
+    further = [weight for weight in weights if weight > _ties(tracker).weight]
+    result = _more_firmly(tracker, result, further, left, most=most)
+    found = _with_its_own_steps(tracker, result)
+    if result.status in CUT_SHORT or result.message == _NOT_TIED:
+        return found
+    return _more_firmly(tracker, found, FIRM, left)
+
+
+def _take_longer_steps(tracker: Tracker) -> None:
+    """Go on with steps of twice the length, where the motion has many."""
+    longer = slower(tracker.motion)
+    tracker.slow = None if longer is tracker.motion else longer
+    tracker.plan = tracker.planned()
 
 
 def _with_its_own_steps(tracker: Tracker, result: OptimizationResult) -> OptimizationResult:
@@ -84,7 +112,7 @@ def holds_still(tracker: Tracker, near: OptimizationResult) -> OptimizationResul
     assert tracker.plan is not None
     still = held_still(tracker.plan, near)
     tie(tracker, still)
-    tracker.kinds = FIRST_KINDS  # it knows of no others
+    tracker.kinds = frozenset(KINDS)
     return replace(still, cost=tracker.plan.cost().value(still.x, still.u))
 
 
@@ -114,8 +142,7 @@ def go_on(tracker: Tracker, search: TrackingSearch) -> None:
     tracker.kinds, tracker.earlier = search.kinds, search.result
     tracker.plan = tracker.planned()
     if len(search.result.u) < tracker.plan.system.N:
-        tracker.slow = slower(tracker.motion)
-        tracker.plan = tracker.planned()
+        _take_longer_steps(tracker)
     if tracker.plan.ties is None:
         raise ArgumentError("resume: its strings are tied to bars, and those of the mechanism are not")
     tracker.plan.ties.weight = search.firmness
@@ -140,40 +167,41 @@ def _of_still(tracker: Tracker, near: OptimizationResult) -> float:
 
 
 def _more_firmly(
-    tracker: Tracker, result: OptimizationResult, weights: Sequence[float], *, most: float = np.inf
+    tracker: Tracker, result: OptimizationResult, weights: Sequence[float], left: int, *, most: float = np.inf
 ) -> OptimizationResult:
     """Return what is found where each optimisation ties strings on bars more firmly than the last.
 
-    ``most``: that the last of them may cost, as far as that can be foretold.
+    ``left``: iterations of the firmest. ``most``: that the last of them may cost, as far as that can be foretold.
     """
-    left = tracker.left
+    tracker.left = left
     tracker.others = []  # they are where strings are tied loosely
     costs, offs = [result.cost], list[float]()
     for weight in weights:
         if result.status in CUT_SHORT or left < 1:
             return result
-        if _foretold(costs, sum(each >= weight for each in WEIGHTS)) > most:
+        if _foretold(costs, sum(each >= weight for each in (*LOOSE, *FIRM))) > most:
             tracker.left = left
             return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
-        if weight <= FIXED_FROM:
+        if weight <= FIRM[0]:
             tie(tracker, result)
         off = float(np.abs(_ties(tracker).off(result.x)).max())
         offs.append(off)
-        if _expected(offs, sum(weight <= each < FIXED_FROM for each in WEIGHTS)) > _TOO_LOOSE:
+        if _expected(offs, sum(weight <= each for each in LOOSE)) > _TOO_LOOSE:
             tracker.left = left
             return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
-        if weight > FIXED_FROM and off < _FIRM and result.success:
+        if weight > FIRM[0] and off < _SETTLED and result.success:
             break
         _ties(tracker).weight = weight
         tracker.say(f"strings on bars vary by {1e3 * off:.2g} mm: tied more firmly")
-        tracker.start, tracker.earlier, tracker.left = result, None, left if weight == weights[-1] else _TYING
+        tracker.start, tracker.earlier = result, None
+        tracker.left = left if weight == FIRM[-1] else _LEADING if weight in LOOSE else _TYING
         try:
             firmer = tracker.improve()
         except ProjectionError as error:
             tracker.say(f"strings cannot be tied more firmly: {error}")
             tracker.left = left
             return replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
-        if result.success and weight > FIXED_FROM and off < _NEARLY and firmer.status in STUCK:
+        if result.success and weight > FIRM[0] and off < _NEARLY and firmer.status in STUCK:
             break  # so firmly that rounding of what lengths cost looks like negative curvature
         result = firmer
         costs.append(result.cost)
