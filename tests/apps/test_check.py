@@ -6,6 +6,7 @@ import pytest
 
 from apps.motions import captured
 from leastaction import Rig
+from leastaction.apps.choices import Strings
 from leastaction.apps.cli.tables import checked
 from leastaction.apps.marionette import TrackingRun, check, load_motion, track, walk_in_place
 from leastaction.apps.marionette.tracking.found import held_error
@@ -67,3 +68,14 @@ def test_arms_that_fly_freely_with_strings_nearly_slack_are_held(speed: float) -
     run = track(marionette(strings=9), load_motion(captured("dab.bvh"), dt=0.01, speed=speed).motion)
     for seed in range(3):
         assert check(run, Rig(seed=seed)).error < 1.1 * run.held_error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bars", ["cross", "cross+legs"])
+def test_a_captured_walk_on_bars_is_held(bars: Strings) -> None:
+    """Six or eleven numbers for seven strings that stretch: a bar that followed each of them went by a metre."""
+    run = track(marionette(strings=bars), load_motion(captured("cmu_02_01_walk.bvh"), dt=0.01).motion)
+    assert run.result.success
+    for seed in (0, 1):
+        result = check(run, Rig(seed=seed))
+        assert result.passed, str(result)

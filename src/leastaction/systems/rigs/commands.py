@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
@@ -13,7 +14,9 @@ from leastaction.systems.rigs.rig import Rig
 from leastaction.systems.rigs.strings import stretch_of
 
 _VARIED = 0.1  # part of a length by which it is varied
-_CORRECTIONS, _FIRM = 3, 1e-2  # of prescribed variables; what moves strings less than this part of the most is left
+_CORRECTIONS = 3  # of prescribed variables
+_SMOOTH = 0.1  # s, over which what they follow is smoothed: tensions that come at once are no reason to move at once
+_BEYOND = 0.1  # m, that a length is off by rather than that its end moves by a metre, or turns by a radian
 
 
 def reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> tuple[Array, Array, Mapping[str, float]]:
@@ -38,14 +41,19 @@ def reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> tuple[Arr
             planned[:, m.variables.index(variable)] -= by
     shorter = {f"{name}.length": float(by.mean()) for name, by in stretched.items()}
     if stretched and m.nrho:
-        _follow_stretch(m, planned, {name: by - by.mean() for name, by in stretched.items()})
+        steps = _SMOOTH / float(np.diff(system.t).mean())
+        smooth = {name: gaussian_filter1d(by, steps, mode="nearest") for name, by in stretched.items()}
+        _follow_stretch(m, planned, {name: by - stretched[name].mean() for name, by in smooth.items()})
     q, p, v_rho = np.split(planned, [m.nq, m.nq + m.nd], axis=1)
     u[:, m.n_inputs :] = q[1:, m.nd :]
     return system.states_along(q, p, v_rho[0])[:, : m.nx], u, shorter
 
 
 def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array]) -> None:
-    """Move the prescribed variables of states (N+1, nx) so that strings of given lengths are longer by (N+1,)."""
+    """Move the prescribed variables of states (N+1, nx) so that strings of given lengths are longer by (N+1,).
+
+    As nearly as they can without going far: six numbers of a bar for seven strings would throw it about.
+    """
     rows = [m.constraints.index(name) for name in longer]
     lengths = [f"{name}.length" for name in longer]
     q = np.ascontiguousarray(planned[:, : m.nq])
@@ -66,7 +74,8 @@ def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array]) -
         for _ in range(_CORRECTIONS):
             missing = goal - (m.constraint_values(at)[rows] - before)
             by_moved = m.constraint_jacobian(at)[np.ix_(rows, moved)]
-            at[moved] += np.linalg.lstsq(by_moved, missing, rcond=_FIRM)[0]
+            bend = by_moved.T @ by_moved + _BEYOND**2 * np.eye(len(moved))
+            at[moved] += np.linalg.solve(bend, by_moved.T @ missing)
         row[moved] = at[moved]
 
 

@@ -13,7 +13,9 @@ from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rigs.strings import Strings, as_springs
 
 _AHEAD = 0.4  # s, over which strings are to stay taut: that long a limb falls or flies freely
-_SLACK = 1e6  # weight of half the square of a spring that pushes (1/m^2), by how much it is shortened
+# Weight of half the square of a spring that pushes (1/m^2), by how much it is shortened; and of one whose length is a
+# number, so that all that its end is tied to has to move for it, and with that the other strings there.
+_SLACK, _TIED = 1e6, 1e4
 _NONE = 1e-9  # m, of a spring that pushes, is none
 _MOST, _HALVINGS = 100, 50  # Newton steps, and halvings of the share of one that is best
 
@@ -56,7 +58,10 @@ class Regulator:
         turned = np.swapaxes(B, 1, 2)
         self.root = np.linalg.cholesky(matrix_of(R) + turned @ solution.P[1:] @ B)
         self.whitened = np.swapaxes(np.linalg.solve(self.root, turned), 1, 2)  # B L^-T
-        self.strings = Strings.along(m, np.ascontiguousarray(x[:, : m.nq]))
+        strings = Strings.along(m, np.ascontiguousarray(x[:, : m.nq]))
+        # In metres of those that weigh most.
+        share = np.where(strings.reeled, 1.0, np.sqrt(_TIED / _SLACK))
+        self.strings = strings._replace(slopes=share[:, None] * strings.slopes, room=share * strings.room)
         self.ahead = max(1, int(np.ceil(_AHEAD / float(np.diff(model.t).mean()) - 1e-9)))
         self.rows: dict[int, Array] = {}
 

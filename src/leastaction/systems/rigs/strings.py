@@ -45,18 +45,20 @@ class Strings(NamedTuple):
 
     ``names``: of them. ``slopes`` (N+1, m, nq): derivatives of their stretches by the configuration. ``room`` (N+1, m):
     by how much the stretch of each may shrink until it pulls no more (m), were it a spring; zero where it is slack.
+    ``reeled`` (m,): whether its length is a prescribed variable.
     """
 
     names: tuple[str, ...]
     slopes: Array
     room: Array
+    reeled: Array
 
     @classmethod
     def along(cls, m: Mechanism, q: Array) -> Strings:
         """Return those of a mechanism along configurations (N+1, nq)."""
         found, numbers = _pulling(m), m.parameters
         if not found:
-            return cls((), np.empty((len(q), 0, m.nq)), np.empty((len(q), 0)))
+            return cls((), np.empty((len(q), 0, m.nq)), np.empty((len(q), 0)), np.empty(0, dtype=np.bool_))
         # The stretch is the constraint that an inextensible string would be.
         rigid = _exchanged(m, {name: PathLength(each.frames, each.length, name=name) for name, each in found.items()})
         rows = [rigid.constraints.index(name) for name in found]
@@ -65,7 +67,8 @@ class Strings(NamedTuple):
             np.array([numbers[f"{name}.{what}"] for name in found]) for what in ("stiffness", "smoothing")
         )
         slopes = np.array([rigid.constraint_jacobian(each)[rows] for each in q])
-        return cls(tuple(found), slopes, tension_of(stretch, stiffness, smoothing) / stiffness)
+        reeled = np.array([isinstance(each.length, str) for each in found.values()])
+        return cls(tuple(found), slopes, tension_of(stretch, stiffness, smoothing) / stiffness, reeled)
 
 
 def as_springs(m: Mechanism) -> Mechanism:
