@@ -148,9 +148,9 @@ def test_a_regulator_looks_ahead(falling: tuple[MidpointSystem, Array, Array]) -
     assert np.abs(regulator.correction(k, high) + regulator.K[k] @ high).max() > 1e-4
 
 
-@pytest.mark.parametrize("beside", [1e-3, 2e-2])
+@pytest.mark.parametrize("beside", [1e-3, 5e-3])
 def test_what_moves_strings_by_next_to_nothing_is_hardly_moved(beside: float) -> None:
-    """A slide above a ball that hangs a little beside the vertical would go half a metre, or 3 cm, for a millimetre."""
+    """A slide above a ball that hangs a little beside the vertical would go half a metre, or 4 cm, for a millimetre."""
     m = Mechanism(
         [
             tx("aside", kinematic=True, name="slide"),
@@ -163,7 +163,7 @@ def test_what_moves_strings_by_next_to_nothing_is_hardly_moved(beside: float) ->
     planned = np.zeros((2, m.nx))
     planned[:, : m.nq] = m.configuration({"right": -1.0, "left": -1.0})
     before = planned.copy()
-    _follow_stretch(m, planned, {name: np.full(2, 1e-3) for name in ("right", "left")})
+    _follow_stretch(m, planned, {name: np.full(2, 1e-3) for name in ("right", "left")}, 10.0)
     np.testing.assert_allclose(planned[:, m.variables.index("height")], 1e-3, rtol=1e-2)
     rest = [i for i in range(m.nx) if i != m.variables.index("height")]
     assert np.abs(planned - before)[:, rest].max() < 0.025

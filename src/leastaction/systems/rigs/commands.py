@@ -15,8 +15,10 @@ from leastaction.systems.rigs.strings import stretch_of
 
 _VARIED = 0.1  # part of a length by which it is varied
 _CORRECTIONS = 3  # of prescribed variables
-_SMOOTH = 0.1  # s, over which what they follow is smoothed: tensions that come at once are no reason to move at once
-_BEYOND = 0.1  # m, that a length is off by rather than that its end moves by a metre, or turns by a radian
+# They can follow whatever strings are stretched by where, all along, the least that they move strings by is more than
+# this part of the most. Else they follow what is smoothed over some seconds, for tensions come at once, and a length is
+# rather off by some metres than that its end moves by one, or turns by a radian.
+_FIRM, _SMOOTH, _BEYOND = 1e-2, 0.1, 0.1
 
 
 def reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> tuple[Array, Array, Mapping[str, float]]:
@@ -41,18 +43,18 @@ def reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> tuple[Arr
             planned[:, m.variables.index(variable)] -= by
     shorter = {f"{name}.length": float(by.mean()) for name, by in stretched.items()}
     if stretched and m.nrho:
-        steps = _SMOOTH / float(np.diff(system.t).mean())
-        smooth = {name: gaussian_filter1d(by, steps, mode="nearest") for name, by in stretched.items()}
-        _follow_stretch(m, planned, {name: by - stretched[name].mean() for name, by in smooth.items()})
+        left = {name: by - by.mean() for name, by in stretched.items()}
+        _follow_stretch(m, planned, left, _SMOOTH / float(np.diff(system.t).mean()))
     q, p, v_rho = np.split(planned, [m.nq, m.nq + m.nd], axis=1)
     u[:, m.n_inputs :] = q[1:, m.nd :]
     return system.states_along(q, p, v_rho[0])[:, : m.nx], u, shorter
 
 
-def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array]) -> None:
+def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array], smooth: float) -> None:
     """Move the prescribed variables of states (N+1, nx) so that strings of given lengths are longer by (N+1,).
 
-    As nearly as they can without going far: six numbers of a bar for seven strings would throw it about.
+    Where they cannot, as nearly as they do without going far, what is wanted being smoothed over some steps: seven
+    strings would throw a bar of six numbers about.
     """
     rows = [m.constraints.index(name) for name in longer]
     lengths = [f"{name}.length" for name in longer]
@@ -69,13 +71,17 @@ def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array]) -
         wanted[:, i] = -0.5 * share * ((more - less) + share * (more - 2.0 * same + less))
     reeled = {m.elements[name].length_variable for name in m.constraints if name in m.elements}
     moved = [m.variables.index(name) for name in m.kinematic if name not in reeled]
+    moves = [np.linalg.svd(m.constraint_jacobian(at)[np.ix_(rows, moved)], compute_uv=False) for at in q]
+    beyond = 0.0
+    if len(rows) > len(moved) or any(each[-1] < _FIRM * each[0] for each in moves):
+        beyond, wanted = _BEYOND, gaussian_filter1d(wanted, smooth, axis=0, mode="nearest")
+    none, damped = np.zeros(len(moved)), beyond * np.eye(len(moved))
     for at, goal, row in zip(q, wanted, planned, strict=True):
         before = m.constraint_values(at)[rows]
         for _ in range(_CORRECTIONS):
             missing = goal - (m.constraint_values(at)[rows] - before)
             by_moved = m.constraint_jacobian(at)[np.ix_(rows, moved)]
-            bend = by_moved.T @ by_moved + _BEYOND**2 * np.eye(len(moved))
-            at[moved] += np.linalg.solve(bend, by_moved.T @ missing)
+            at[moved] += np.linalg.lstsq(np.vstack([by_moved, damped]), np.append(missing, none))[0]
         row[moved] = at[moved]
 
 
