@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
@@ -74,6 +73,8 @@ def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array], s
     moves = [np.linalg.svd(m.constraint_jacobian(at)[np.ix_(rows, moved)], compute_uv=False) for at in q]
     beyond = 0.0
     if len(rows) > len(moved) or any(each[-1] < _FIRM * each[0] for each in moves):
+        from scipy.ndimage import gaussian_filter1d  # here: what is not asked for need not be loaded
+
         beyond, wanted = _BEYOND, gaussian_filter1d(wanted, smooth, axis=0, mode="nearest")
     none, damped = np.zeros(len(moved)), beyond * np.eye(len(moved))
     for at, goal, row in zip(q, wanted, planned, strict=True):
