@@ -24,7 +24,7 @@ from leastaction.optimal.limits.limit import FromSecond, Limit
 from leastaction.systems import HalfSpace, Keep, MidpointSystem
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.limits import CASES
+from benchmarks.limits_cases import CASES
 from benchmarks.robustness_drawn import drawn
 from benchmarks.robustness_problems import PROBLEMS
 
