@@ -7,15 +7,17 @@ import pytest
 
 from apps.motions import PUPPET, captured
 from leastaction.apps.marionette import FORCED, PuppetLimits, load_motion, track
+from leastaction.apps.marionette.tracking import poses
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import at_rest, held_still
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.apps.marionette.tracking.tying import _expected, _foretold
+from leastaction.errors import ArgumentError
 from leastaction.io import Motion
 from leastaction.models.marionette import REST, marionette
 
 
-def test_a_puppet_that_is_held_still_is_near_all_that_is_wanted() -> None:
+def test_a_puppet_that_is_held_still_is_near_all_that_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not only where it is to begin: an arm is raised soon, and is to stay up."""
     t = np.linspace(0.0, 0.8, 41)
     q = np.zeros((41, PUPPET.nd))
@@ -35,6 +37,21 @@ def test_a_puppet_that_is_held_still_is_near_all_that_is_wanted() -> None:
     assert still.x[0, arm] > 0.5
     assert not still.success
     assert still.cost == plan.cost().value(still.x, still.u)
+
+    # Where no pose near the start is held, one near the mean is; where none is at all, it says so.
+    def only(*allowed: int | None) -> None:
+        def sought(plan: Plan, *starts: np.ndarray, k: int | None = 0) -> tuple[np.ndarray, np.ndarray]:
+            if k not in allowed:
+                raise ArgumentError("no pose")
+            return at_rest(plan, *starts, k=k)
+
+        monkeypatch.setattr(poses, "at_rest", sought)
+
+    only(None)
+    np.testing.assert_array_equal(held_still(plan, run.plan).x, still.x)
+    only()
+    with pytest.raises(ArgumentError, match="all of them pull"):
+        held_still(plan, run.plan)
 
 
 def test_what_strings_that_are_not_to_be_tied_cost_is_foretold() -> None:

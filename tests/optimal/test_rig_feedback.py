@@ -148,14 +148,13 @@ def test_a_regulator_looks_ahead(falling: tuple[MidpointSystem, Array, Array]) -
     assert np.abs(regulator.correction(k, high) + regulator.K[k] @ high).max() > 1e-4
 
 
-@pytest.mark.parametrize("beside", [1e-3, 5e-3])
-def test_what_moves_strings_by_next_to_nothing_is_hardly_moved(beside: float) -> None:
-    """A slide above a ball that hangs a little beside the vertical would go half a metre, or 4 cm, for a millimetre."""
+def test_what_moves_strings_by_next_to_nothing_is_left_where_it_is() -> None:
+    """A slide above a ball that hangs beside the vertical by a milliradian would go half a metre for a millimetre."""
     m = Mechanism(
         [
             tx("aside", kinematic=True, name="slide"),
             tz("height", kinematic=True, name="lift"),
-            tx(beside), [tz("right", mass=1.0, name="right ball")],
+            tx(1e-3), [tz("right", mass=1.0, name="right ball")],
             tz("left", mass=1.0, name="left ball"),
         ],
         [Distance("slide", "right ball", 1.0, name="right"), Distance("lift", "left ball", 1.0, name="left")],
@@ -165,8 +164,9 @@ def test_what_moves_strings_by_next_to_nothing_is_hardly_moved(beside: float) ->
     before = planned.copy()
     _follow_stretch(m, planned, {name: np.full(2, 1e-3) for name in ("right", "left")}, 10.0)
     np.testing.assert_allclose(planned[:, m.variables.index("height")], 1e-3, rtol=1e-2)
-    rest = [i for i in range(m.nx) if i != m.variables.index("height")]
-    assert np.abs(planned - before)[:, rest].max() < 0.025
+    np.testing.assert_array_equal(
+        np.delete(planned, m.variables.index("height"), axis=1), np.delete(before, m.variables.index("height"), axis=1)
+    )
 
 
 def test_an_estimate_follows_what_the_model_does_not_have() -> None:

@@ -16,7 +16,8 @@ _VARIED = 0.1  # part of a length by which it is varied
 _CORRECTIONS = 3  # of prescribed variables
 # They can follow whatever strings are stretched by where, all along, the least that they move strings by is more than
 # this part of the most. Else they follow what is smoothed over some seconds, for tensions come at once, and a length is
-# rather off by some metres than that its end moves by one, or turns by a radian.
+# rather off by some metres than that its end moves by one, or turns by a radian; what moves strings by less than that
+# part is left where it is.
 _FIRM, _SMOOTH, _BEYOND = 1e-2, 0.1, 0.1
 
 
@@ -70,19 +71,20 @@ def _follow_stretch(m: Mechanism, planned: Array, longer: Mapping[str, Array], s
         wanted[:, i] = -0.5 * share * ((more - less) + share * (more - 2.0 * same + less))
     reeled = {m.elements[name].length_variable for name in m.constraints if name in m.elements}
     moved = [m.variables.index(name) for name in m.kinematic if name not in reeled]
-    moves = [np.linalg.svd(m.constraint_jacobian(at)[np.ix_(rows, moved)], compute_uv=False) for at in q]
+    by_each = [np.linalg.svd(m.constraint_jacobian(at)[np.ix_(rows, moved)], compute_uv=False) for at in q]
     beyond = 0.0
-    if len(rows) > len(moved) or any(each[-1] < _FIRM * each[0] for each in moves):
+    if len(rows) > len(moved) or any(moves[-1] < _FIRM * moves[0] for moves in by_each):
         from scipy.ndimage import gaussian_filter1d  # here: what is not asked for need not be loaded
 
         beyond, wanted = _BEYOND, gaussian_filter1d(wanted, smooth, axis=0, mode="nearest")
-    none, damped = np.zeros(len(moved)), beyond * np.eye(len(moved))
     for at, goal, row in zip(q, wanted, planned, strict=True):
         before = m.constraint_values(at)[rows]
         for _ in range(_CORRECTIONS):
             missing = goal - (m.constraint_values(at)[rows] - before)
-            by_moved = m.constraint_jacobian(at)[np.ix_(rows, moved)]
-            at[moved] += np.linalg.lstsq(np.vstack([by_moved, damped]), np.append(missing, none))[0]
+            left, moves, right = np.linalg.svd(m.constraint_jacobian(at)[np.ix_(rows, moved)], full_matrices=False)
+            firm = moves > _FIRM * moves[0]
+            gain = moves[firm] / (moves[firm] ** 2 + beyond**2)
+            at[moved] += right[firm].T @ (gain * (left[:, firm].T @ missing))
         row[moved] = at[moved]
 
 

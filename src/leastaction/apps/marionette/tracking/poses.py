@@ -193,12 +193,6 @@ def hanging(plan: Plan) -> tuple[Array, Array]:
     return hung if len(hung[1]) == plan.system.N else at_rest(plan)
 
 
-def _rest_or_none(plan: Plan, start: Array, k: int | None) -> tuple[Array, Array] | None:
-    with suppress(ArgumentError):
-        return at_rest(plan, start, k=k)
-    return None
-
-
 def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
     """Return a motion of a plan in which strings hold the puppet still, nearest to what is wanted.
 
@@ -206,7 +200,10 @@ def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
     along. ``near``: what was found instead, in whose pose the search begins too. Raises `ArgumentError` as `at_rest`.
     """
     start = np.concatenate([near.x[0, : plan.mechanism.nq], near.u[0, : len(plan.strings)]])
-    found = [still for still in (_rest_or_none(plan, start, k) for k in (0, None)) if still is not None]
+    found = list[tuple[Array, Array]]()
+    for k in (0, None):
+        with suppress(ArgumentError):
+            found.append(at_rest(plan, start, k=k))
     if not found:
         raise ArgumentError(_NO_REST)
     apart = plan.untied_cost()
