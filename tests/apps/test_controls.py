@@ -423,11 +423,15 @@ def test_what_is_found_while_strings_are_tied_is_kept_and_gone_on_with(
         track(marionette(), motion, resume=replace(search, mechanism=marionette()))
 
 
-@pytest.mark.parametrize("optimisations", [1, 4])
+@pytest.mark.parametrize(("optimisations", "gains"), [(1, 0.1), (4, None)])
 def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
-    optimisations: int, monkeypatch: pytest.MonkeyPatch
+    optimisations: int, gains: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As where a search ends at the edge of what a step of time can follow."""
+    """As where a search ends at the edge of what a step of time can follow.
+
+    Gone on with, it comes nearer to the motion by a fifth of a degree; after four optimisations strings vary by half a
+    millimetre, and nothing is left to gain.
+    """
     made, whole = 0, Tracker.improve
 
     def improve(self: Tracker) -> OptimizationResult:
@@ -449,7 +453,11 @@ def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
     monkeypatch.undo()
     again = track(run.mechanism, run.motion, resume=run)
     assert again.tension.min() >= _LEAST
-    assert again.held_error < run.held_error
+    assert again.result.success
+    if gains is None:
+        assert again.held_error == pytest.approx(run.held_error, abs=0.03)
+    else:
+        assert again.held_error < run.held_error - gains
 
 
 def test_what_is_still_to_be_tied_need_not_be_a_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
