@@ -289,23 +289,26 @@ def test_the_motion_is_one_of_the_puppet_on_rods(run: TrackingRun) -> None:
     np.testing.assert_allclose(done.x[:, : run.mechanism.nq], run.result.x[1:, : run.mechanism.nq], atol=1e-7)
 
 
+@pytest.mark.parametrize("once", [True, False])
 def test_a_price_that_leads_nowhere_does_not_lose_what_an_earlier_one_found(
-    run: TrackingRun, monkeypatch: pytest.MonkeyPatch
+    run: TrackingRun, once: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """It is made less dear, and what limits are broken by goes on to fall; where nothing helps, what was found stands."""
     problem, whole, made = TrackingProblem(run.mechanism, run.motion, FORCED, 1), settle.optimize, list[str]()
 
     def optimized(*given: Any, **options: Any) -> OptimizationResult:
-        made.append("a round")
-        if len(made) == 2:
+        made.append(options["method"])
+        if len(made) == 2 or (len(made) > 2 and not once):
             raise ProjectionError("lost")
         return whole(*given, **options)
 
     monkeypatch.setattr(settle, "optimize", optimized)
     too_much = PuppetLimits(tension=5.0)  # so that one round is not enough
     found = settle.settled(problem, too_much, run.result.x, run.result.u)
-    assert made == ["a round"] * 2
+    assert made[:3] == ["quasi-newton", "quasi-newton", "auto"]
     assert found is not None
-    assert min(pull[1:].min() for pull in problem.system.trajectory(*found).tensions().values()) > 0.0
+    least = min(pull[1:].min() for pull in problem.system.trajectory(*found).tensions().values())
+    assert least > 4.9 if once else 0.0 < least < 4.9
 
 
 def test_a_run_on_bars_comes_back_from_its_file_and_goes_on(run: TrackingRun, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ rods that begins at the start throws limbs about.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -20,13 +21,15 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.models.marionette import string_lengths, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Bound, QuadraticCost, optimize
+from leastaction.optimal.settings import Method
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
 # Of what limits are broken by, at first: by 1 N, rad or m, m/s or rad/s, and so on.
 _PRICES: Final = {"tension": 1e-3, "joints": 10.0, "speed": 1e-2, "acceleration": 1e-5, "reach": 10.0}
-_DEARER, _DEAREST, _ROUNDS = 10.0, 1e5, 12
+# Each round asks for as many times the price of the last; less where that is too much at once, in the end hardly more.
+_DEARER, _HARDLY, _DEAREST, _ROUNDS = 10.0, 1.1, 1e5, 20
 _WITHIN, _MARGIN = 1e-4, 1e-3  # of limits, and N of tensions, by which they are kept more than they have to be
-_ITERATIONS: Final = 15
+_ITERATIONS, _EASY = 25, 7  # of a round, at most, and of one after which more can be asked for at once
 _GAP: Final = 1e-7  # m, rad and so on
 
 
@@ -56,9 +59,10 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
     inside = replace(limits.loosened(-_WITHIN), tension=limits.tension + _MARGIN)
     asked = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, limits, 1.0))
     best: tuple[Array, Array] | None = None  # of those whose strings pull, the one that limits are broken least by
-    least, dearer = np.inf, 1.0
+    least, price, dearer, begun = np.inf, 1.0, _DEARER, False
+    method: Method = "quasi-newton"
     for _ in range(_ROUNDS):
-        cost = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, inside, dearer))
+        cost = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, inside, price))
         try:
             found = optimize(
                 system,
@@ -66,19 +70,43 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
                 initial=(x, u),
                 free_start=m.variables,
                 shooting="multiple",
-                method="quasi-newton",
+                method=method,
                 tolerance=1e-2,
                 max_iterations=_ITERATIONS,
             )
-        except LeastActionError:  # what an earlier price led to stands
+        except LeastActionError:
+            found = None
+        made = found is not None and _is_motion(problem, found.x, found.u)
+        if not made and (begun or method == "quasi-newton"):
+            # Again from the same motion, with all derivatives, and with a price that is not as much dearer.
+            method = "auto"
+            if begun:
+                dearer = math.sqrt(dearer)
+                price /= dearer
+            if dearer < _HARDLY:
+                break
+            continue
+        if found is None:
             break
-        x, u = found.x, found.u
-        if _is_motion(problem, x, u) and asked.off(x, u) < least:
+        x, u, begun = found.x, found.u, made
+        if made and asked.off(x, u) < least and _all_pull(problem, x, u):
             best, least = (x, u), asked.off(x, u)
         if least <= 0.0:
             break
-        dearer = min(_DEARER * dearer, _DEAREST)
+        if found.iterations <= _EASY:
+            dearer = min(dearer**2, _DEARER)
+        price = min(dearer * price, _DEAREST)
     return best
+
+
+def _is_motion(problem: TrackingProblem, x: Array, u: Array) -> bool:
+    """Whether there are no gaps between steps."""
+    made = problem.system.step_each(x, u)
+    return made.complete and bool(np.abs(made.x - x[1:])[:, : problem.mechanism.nx].max() < _GAP)
+
+
+def _all_pull(problem: TrackingProblem, x: Array, u: Array) -> bool:
+    return all(tension.min() > 0.0 for tension in problem.system.trajectory(x, u).tensions().values())
 
 
 def _priced(problem: TrackingProblem, limits: PuppetLimits, dearer: float) -> list[PricedLimit]:
@@ -92,11 +120,3 @@ def _priced(problem: TrackingProblem, limits: PuppetLimits, dearer: float) -> li
             own = [Bound([s.name for s in strings_of(m)], min=least, of="tension")]
         found += [PricedLimit(each, dearer * _PRICES[kind]) for each in own]
     return found
-
-
-def _is_motion(problem: TrackingProblem, x: Array, u: Array) -> bool:
-    """Whether it is a motion without gaps between steps, and all strings pull."""
-    made = problem.system.step_each(x, u)
-    if not made.complete or np.abs(made.x - x[1:])[:, : problem.mechanism.nx].max() > _GAP:
-        return False
-    return all(tension.min() > 0.0 for tension in problem.system.trajectory(x, u).tensions().values())
