@@ -293,7 +293,7 @@ def test_the_motion_is_one_of_the_puppet_on_rods(run: TrackingRun) -> None:
 def test_a_price_that_leads_nowhere_does_not_lose_what_an_earlier_one_found(
     run: TrackingRun, once: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is made less dear, and what limits are broken by goes on to fall; where nothing helps, what was found stands."""
+    """It is asked for less, and limits are kept in the end; where nothing helps, what was found stands."""
     problem, whole, made = TrackingProblem(run.mechanism, run.motion, FORCED, 1), settle.optimize, list[str]()
 
     def optimized(*given: Any, **options: Any) -> OptimizationResult:
