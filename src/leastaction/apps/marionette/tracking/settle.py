@@ -20,7 +20,7 @@ from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.models.marionette import string_lengths, strings_of
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import Bound, QuadraticCost, optimize
+from leastaction.optimal import Bound, OptimizationResult, QuadraticCost, optimize
 from leastaction.optimal.settings import Method
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
@@ -63,19 +63,7 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
     method: Method = "quasi-newton"
     for _ in range(_ROUNDS):
         cost = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, inside, price))
-        try:
-            found = optimize(
-                system,
-                cost,
-                initial=(x, u),
-                free_start=m.variables,
-                shooting="multiple",
-                method=method,
-                tolerance=1e-2,
-                max_iterations=_ITERATIONS,
-            )
-        except LeastActionError:
-            found = None
+        found = _found(problem, cost, x, u, method)
         made = found is not None and _is_motion(problem, found.x, found.u)
         if not made and (begun or method == "quasi-newton"):
             # Again from the same motion, with all derivatives, and with a price that is not as much dearer.
@@ -83,20 +71,40 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
             if begun:
                 dearer = math.sqrt(dearer)
                 price /= dearer
-            if dearer < _HARDLY:
-                break
+                if dearer < _HARDLY:
+                    break
             continue
         if found is None:
             break
         x, u, begun = found.x, found.u, made
-        if made and asked.off(x, u) < least and _all_pull(problem, x, u):
-            best, least = (x, u), asked.off(x, u)
+        off = asked.off(x, u)
+        if made and off < least and _all_pull(problem, x, u):
+            best, least = (x, u), off
         if least <= 0.0:
             break
         if found.iterations <= _EASY:
             dearer = min(dearer**2, _DEARER)
         price = min(dearer * price, _DEAREST)
     return best
+
+
+def _found(
+    problem: TrackingProblem, cost: PricedLimits, x: Array, u: Array, method: Method
+) -> OptimizationResult | None:
+    """Return what one round finds from a motion, which may still have gaps; None where derivatives or steps fail."""
+    try:
+        return optimize(
+            problem.system,
+            cost,
+            initial=(x, u),
+            free_start=problem.mechanism.variables,
+            shooting="multiple",
+            method=method,
+            tolerance=1e-2,
+            max_iterations=_ITERATIONS,
+        )
+    except LeastActionError:
+        return None
 
 
 def _is_motion(problem: TrackingProblem, x: Array, u: Array) -> bool:
