@@ -18,11 +18,10 @@ from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rigs.commands import reeled_in, with_lengths
 from leastaction.systems.rigs.estimator import Estimator
-from leastaction.systems.rigs.reference import made_by
 from leastaction.systems.rigs.regulator import Regulator
 from leastaction.systems.rigs.rig import Played, Rig
 
-_HELD, _PLACES, _SPEEDS = 20.0, 0.1, 10.0  # weights of the regulator: joints, prescribed variables and their speeds
+_HELD, _PLACES, _SPEEDS = 100.0, 0.1, 1.0  # weights of the regulator: joints, prescribed variables and their speeds
 _AT_ONCE = 1e-9  # of a step: what is late by a whole number of steps is not late by one more for rounding
 
 
@@ -38,14 +37,15 @@ def play(
 ) -> Played:
     """Play a plan on a rig, under a feedback along it: a check of what the plan is worth outside of its model.
 
-    What is fed back knows that strings do not push: of all that a linear-quadratic regulator may do, it does what
-    leaves them taut over the next 0.4 s, or as nearly as they can be. It goes by a Kalman filter that follows the
-    machine itself (extended: linearised about its own estimate), with the strings that are slack, and by what the model
-    says that will have become of that over the delay.
+    What is fed back is planned anew at every instant, for 0.4 s from where the machine is, with strings that stay taut,
+    or as nearly as they can be: they do not push. It goes by a Kalman filter that follows the machine itself (extended:
+    linearised about its own estimate), with the strings that are slack, and by what the model says that will have
+    become of that over the delay.
 
     Where strings are elastic, what is commanded as their lengths is less by what the planned tension stretches them.
-    Strings whose lengths are numbers are shorter by that in the mean, and the prescribed variables that move their ends
-    go along with the rest, as nearly as they can: a bar that carries strings is lifted where they are stretched.
+    Strings whose lengths are numbers are shorter by that in the mean, and where the prescribed variables that move
+    their ends can move each of them, these go along with the rest: a bar that carries strings is lifted where they are
+    stretched.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def play(
         One with all its defaults if left out.
     Q, R : array_like, optional
         Weights of the regulator, of the state without multipliers and of the inputs, as of `regulate`. If left out,
-        20 for dynamic variables, of prescribed ones 10 for speeds, 0.1 for places and 1 for those to come; one over its
+        100 for dynamic variables, of prescribed ones 1 for speeds, 0.1 for places and 1 for those to come; one over its
         mean square in the plan for each input.
     start : State, optional
         Where the rig begins; where the plan does if left out.
@@ -139,7 +139,7 @@ def _pair_of(plan: object) -> tuple[ArrayLike, ArrayLike]:
 
 
 class _Controller:
-    """A regulator along what a model makes of a plan, on an estimate by late readings; it goes through it once."""
+    """A regulator along a plan, on an estimate by late readings; it goes through it once."""
 
     def __init__(
         self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike | None, R: ArrayLike | None, noise: float
@@ -151,8 +151,7 @@ class _Controller:
             squares = np.mean(u[:, : m.n_inputs] ** 2, axis=0)
             R = np.concatenate([1.0 / np.where(squares > 0.0, squares, 1.0), np.ones(m.nrho)])
         self.model = model
-        self.x, self.u = made_by(model, x, u, as_array(Q, "Q"), as_array(R, "R"))
-        self.regulator = Regulator(model, self.x, self.u, Q, R)
+        self.regulator = Regulator(model, x, u, Q, R)
         self.estimator = Estimator(model, x[0], noise)
         self.given = u.copy()
         self.at = -1  # the last instant whose reading has come
@@ -169,5 +168,5 @@ class _Controller:
         ahead = self.estimator.x
         for j in range(self.at, k):
             ahead = self.model.f(ahead, self.given[j], j)
-        self.given[k] = self.u[k] + self.regulator.correction(k, ahead - self.x[k])
+        self.given[k] = self.regulator.command(k, ahead)
         return np.asarray(self.given[k])

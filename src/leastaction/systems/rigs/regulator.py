@@ -1,145 +1,156 @@
-"""A linear-quadratic regulator along a trajectory that knows that strings do not push."""
+"""A regulator that plans ahead at every instant, from where the machine is, and knows that strings do not push.
+
+At instant k, with the machine at ``x_k``, it is after the least of ::
+
+    sum_{j=k}^{k+n-1} 1/2 |x_j - xbar_j|_Q^2 + 1/2 |u_j - ubar_j|_R^2 + sum_i w_i/2 min(0, r_i(q_{j+1}))^2 + V(x_{k+n})
+    subject to x_{j+1} = g(x_j, u_j)
+
+along a plan ``xbar, ubar``. In ``g`` strings are springs that push as well, ``r_i`` is by how much the spring i may
+shrink until it does, and ``w_i`` the price of the energy that it has then, times its stiffness: a string that goes
+slack follows no command, and is missed when it has to pull again. ``V`` is what the rest of the plan costs, by the
+linear-quadratic problem along it.
+
+Each instant makes one step of Gauss and Newton towards that (a *real-time iteration*: M. Diehl, H. G. Bock, J. P.
+Schloeder, SIAM J. Control Optim. 43, 2005): the motion found an instant ago, with where the machine is now in the place
+of its start, is linearised, with the gaps that this leaves between its steps, and one recursion finds the next one. A
+law that is linear about the plan holds for a tenth of a radian on a limb near the singular pose of its angles; this
+one is linear about what will be done.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array
-from leastaction.optimal.cost import final_of, matrix_of
-from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic
+from leastaction.optimal.cost import final_of, weigh
+from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic, sweep_forward
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rigs.strings import Strings, as_springs
 
-_AHEAD = 0.4  # s, over which strings are to stay taut: that long a limb falls or flies freely
-# Weight of half the square of a spring that pushes (1/m^2), by how much it is shortened; and of one whose length is a
-# number, so that all that its end is tied to has to move for it, and with that the other strings there.
-_SLACK, _TIED = 1e6, 1e4
-_NONE = 1e-9  # m, of a spring that pushes, is none
-_MOST, _HALVINGS = 100, 50  # Newton steps, and halvings of the share of one that is best
+_AHEAD = 0.4  # s that it plans ahead: that long a limb falls or flies freely
+_PUSHING = 50.0  # 1/J, the price of the energy of a spring that pushes
 
 
 class Regulator:
-    """The regulator of a model in which strings are springs, with inputs added so that none of them pushes.
-
-    Its law ``u = ubar - K z`` for deviations z is the best one where all strings pull. A string that goes slack does
-    not follow it: what is commanded then has no effect until it is so long that it is missed when it is needed. So
-    the least ``1/2 y'y`` is sought, what ``du = -K z + L^-T y`` costs more than ``-K z``, with ``R + B'PB = L L'``,
-    such that the springs' tensions as the linear model foretells them are not negative over the next instants, or
-    nearly. Limits that are foretold to be active change with every instant, and only the first inputs are used.
-
-    For one thread at a time: it goes forward along the trajectory.
+    """A regulator along a plan; see the module. For one thread at a time: it goes forward along the plan.
 
     Parameters
     ----------
     model : MidpointSystem
+        With elastic strings that only pull.
     x, u : ndarray (N+1, nx), (N, nu)
-        The trajectory.
+        The plan. The model need not go along it: what it is off by in each step is reckoned with.
     Q, R : array_like
         Weights, as of `regulate`.
+
+    Raises
+    ------
+    ArgumentError
+        Where the model has no steps along the plan, or with weights for which there is no regulator.
     """
 
     def __init__(self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike, R: ArrayLike) -> None:
-        m = model.mechanism
-        springs = MidpointSystem(model.integrator.like(as_springs(m)), model.t)
-        made = springs.step_each(x, u)
-        if not made.complete:
-            raise ArgumentError(f"plan: the model cannot go along it: {made.failure}")
-        A, B = springs.linearize_each(x, u, made.x)
-        Q, R = as_array(Q, "Q"), as_array(R, "R")
-        solution = solve_linear_quadratic(A, B, Q=Q, R=R, Q_final=final_of(Q), keep_P=True)
-        if not solution.definite or solution.P is None:
+        m, t = model.mechanism, model.t
+        self.x, self.u = x, u
+        self.Q, self.R = as_array(Q, "Q"), as_array(R, "R")
+        self.strings = Strings(m)
+        self.springs = MidpointSystem(model.integrator.like(as_springs(m)), t)
+        made, sprung = model.step_each(x, u), self.springs.step_each(x, u)
+        for steps in (made, sprung):
+            if not steps.complete:
+                raise ArgumentError(f"plan: the model cannot go along it: {steps.failure}")
+        # Strings that become slack little by little pull a little more than springs.
+        self.smoothed = made.x - sprung.x
+        A, B = self.springs.linearize_each(x, u, sprung.x)
+        plan = solve_linear_quadratic(A, B, Q=self.Q, R=self.R, c=made.x - x[1:], Q_final=final_of(self.Q), keep_P=True)
+        if not plan.definite or plan.P is None:
             raise ArgumentError(
-                f"Q, R: there is no regulator: {solution.message} Give a positive definite R and a positive "
-                "semidefinite Q."
+                f"Q, R: there is no regulator: {plan.message} Give a positive definite R and a positive semidefinite Q."
             )
-        self.K, self.closed = solution.K, A - B @ solution.K
-        turned = np.swapaxes(B, 1, 2)
-        self.root = np.linalg.cholesky(matrix_of(R) + turned @ solution.P[1:] @ B)
-        self.whitened = np.swapaxes(np.linalg.solve(self.root, turned), 1, 2)  # B L^-T
-        strings = Strings.along(m, np.ascontiguousarray(x[:, : m.nq]))
-        # In metres of those that weigh most.
-        share = np.where(strings.reeled, 1.0, np.sqrt(_TIED / _SLACK))
-        self.strings = strings._replace(slopes=share[:, None] * strings.slopes, room=share * strings.room)
-        self.ahead = max(1, int(np.ceil(_AHEAD / float(np.diff(model.t).mean()) - 1e-9)))
-        self.rows: dict[int, Array] = {}
+        self.plan, self.P = plan, plan.P
+        q = np.ascontiguousarray(x[:, : m.nq])
+        stretch = self.strings.stretches(q)
+        self.room = self.strings.room(stretch) - stretch
+        self.ahead = max(1, int(np.ceil(_AHEAD / float(np.diff(t).mean()) - 1e-9)))
+        # States (n+1, nx) and inputs (n, nu) from the next instant on, as they were found at the last one.
+        self.found: tuple[Array, Array] | None = None
 
-    def correction(self, k: int, z: Array) -> Array:
-        """Return what is added to the input of step k for a deviation z (nx,)."""
-        du = -self.K[k] @ z
-        stop = min(k + self.ahead, len(self.K))
-        room = self._foretold(k, stop, z)
-        if not (room < -_NONE).any():
-            return np.asarray(du)
-        y = _keep_taut(self._influence(k, stop), room)
-        return np.asarray(du + np.linalg.solve(self.root[k].T, y[: len(du)]))
+    def command(self, k: int, x: Array) -> Array:
+        """Return the input of step k, with a state x (nx,) at its start; k grows by one from call to call."""
+        begin = [self._along_plan] if self.found is None else [self._gone_on, self._along_plan]
+        for begun in begin:
+            found = self._improved(k, *begun(k, x))
+            if found is not None:
+                self.found = found[0][1:], found[1][1:]
+                return np.asarray(found[1][0])
+        self.found = None
+        return self._law(k, x)
 
-    def _foretold(self, k: int, stop: int, z: Array) -> Array:
-        """Return by how much each string can shrink until it pushes, after each step (n m,), of a deviation at k."""
-        nq = self.strings.slopes.shape[2]
-        found = []
-        for j in range(k, stop):
-            z = self.closed[j] @ z
-            found.append(self.strings.room[j + 1] + self.strings.slopes[j + 1] @ z[:nq])
-        return np.concatenate(found)
+    def _law(self, k: int, x: Array) -> Array:
+        """Return the input of step k by the linear-quadratic problem along the plan."""
+        return np.asarray(self.u[k] - self.plan.K[k] @ (x - self.x[k]) - self.plan.C[k])
 
-    def _influence(self, k: int, stop: int) -> Array:
-        """Return the derivatives of that by what is added in the steps (n m, n nu); rows are kept for the next k."""
-        m, nu, n = len(self.strings.names), self.K.shape[1], stop - k
-        result = np.zeros((n * m, n * nu))
-        self.rows = {j: row[:, -(j + 1 - k) * nu :] for j, row in self.rows.items() if j >= k}
-        for j in range(k, stop):
-            if j not in self.rows or self.rows[j].shape[1] < (j + 1 - k) * nu:
-                self.rows[j] = self._row(k, j)
-            result[(j - k) * m : (j + 1 - k) * m, : (j + 1 - k) * nu] = self.rows[j]
-        return result
+    def _stop(self, k: int) -> int:
+        """Return the end of what is planned at instant k."""
+        return min(k + self.ahead, len(self.u))
 
-    def _row(self, k: int, j: int) -> Array:
-        """Return the derivatives of the stretches after step j by what is added in steps k to j."""
-        slopes = self.strings.slopes[j + 1]
-        back = np.zeros((len(slopes), self.closed.shape[1]))
-        back[:, : slopes.shape[1]] = slopes
-        found = []
-        for i in range(j, k - 1, -1):
-            found.append(back @ self.whitened[i])
-            back = back @ self.closed[i]
-        return np.hstack(found[::-1])
+    def _along_plan(self, k: int, x: Array) -> tuple[Array, Array]:
+        """Return the plan from instant k on, but begun at x."""
+        stop = self._stop(k)
+        return np.concatenate([x[None], self.x[k + 1 : stop + 1]]), self.u[k:stop].copy()
 
+    def _gone_on(self, k: int, x: Array) -> tuple[Array, Array]:
+        """Return what was found an instant ago, but begun at x, and what follows at its end by the law."""
+        assert self.found is not None
+        states, inputs = self.found
+        states = np.concatenate([x[None], states[1:]])
+        j = k + len(inputs)
+        if j < self._stop(k):
+            end = states[-1]
+            u = self._law(j, end)
+            try:
+                end = self.springs.f(end, u, j) + self.smoothed[j]
+            except StepError:
+                end = end - self.x[j] + self.x[j + 1]
+            states, inputs = np.concatenate([states, end[None]]), np.concatenate([inputs, u[None]])
+        return states, inputs
 
-def _keep_taut(influence: Array, room: Array) -> Array:
-    """Return y with the least ``1/2 y'y + weight/2 s's`` for ``s = min(0, influence y + room)``.
+    def _improved(self, k: int, x: Array, u: Array) -> tuple[Array, Array] | None:
+        """Return the motion from instant k on after one step of Gauss and Newton; None where the model has none.
 
-    Newton's method: where the same strings would push, this is a quadratic function, towards whose minimum y goes as
-    far as is best. As the function is convex, that ends after a few.
-    """
-    y, gap = np.zeros(influence.shape[1]), room
-    for _ in range(_MOST):
-        pushes = gap < 0.0
-        rows = influence[pushes]
-        if len(rows) <= len(y):
-            aim = rows.T @ np.linalg.solve(rows @ rows.T + np.eye(len(rows)) / _SLACK, -room[pushes])
-        else:
-            aim = np.linalg.solve(rows.T @ rows + np.eye(len(y)) / _SLACK, -rows.T @ room[pushes])
-        way = aim - y
-        share = _best_share(y, way, gap, influence @ way)
-        y = y + share * way
-        gap = influence @ y + room
-        if share == 1.0 and np.array_equal(gap < 0.0, pushes):
-            break
-    return y
-
-
-def _best_share(y: Array, way: Array, gap: Array, moved: Array) -> float:
-    """Return the share of a way that costs least, where ``gap`` changes by ``moved``, by halving towards no slope."""
-
-    def slope(share: float) -> float:
-        return float(way @ (y + share * way) + _SLACK * (np.minimum(gap + share * moved, 0.0) @ moved))
-
-    low, high = 0.0, 1.0
-    if slope(high) <= _NONE * abs(slope(low)):
-        return high
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if slope(middle) < 0.0 else (low, middle)
-    return high
+        ``x`` (n+1, nx), ``u`` (n, nu): the motion before. There may be gaps between its steps.
+        """
+        n, nq = len(u), self.strings.nq
+        here, there = slice(k, k + n), slice(k + 1, k + n + 1)
+        system = self.springs.window(k, k + n)
+        ends = system.step_each(x, u)
+        if not ends.complete:
+            return None
+        linear = system.linearize_each(x, u, ends.x)
+        Q, R = (weight[here] if weight.ndim == 3 else weight for weight in (self.Q, self.R))
+        final = self.P[k + n].copy()
+        q, r = weigh(Q, x[:-1] - self.x[here]), weigh(R, u - self.u[here])
+        q_final = final @ (x[-1] - self.x[k + n]) + self.plan.b[k + n]
+        after = np.ascontiguousarray(x[1:, :nq])
+        slack = np.minimum(self.strings.stretches(after) + self.room[there], 0.0)
+        part = None
+        if slack.any():
+            slopes = self.strings.slopes(after)
+            slopes[slack == 0.0] = 0.0
+            weighted = np.swapaxes(slopes, 1, 2) * (_PUSHING * self.strings.stiffness)
+            push, stiff = (weighted @ slack[:, :, None])[:, :, 0], weighted @ slopes
+            q[1:, :nq] += push[:-1]
+            q_final[:nq] += push[-1]
+            final[:nq, :nq] += stiff[-1]
+            part = np.arange(nq), np.concatenate([np.zeros((1, nq, nq)), stiff[:-1]])
+        gaps = ends.x + self.smoothed[here] - x[1:]
+        solution = solve_linear_quadratic(
+            linear.A, linear.B, Q=Q, R=R, part=part, q=q, r=r, c=gaps, Q_final=final, q_final=q_final,
+            pattern=linear.pattern,
+        )  # fmt: skip
+        if not solution.definite:
+            return None
+        dx, du = sweep_forward(linear.A, linear.B, solution, c=gaps, pattern=linear.pattern)
+        return x + dx, u + du

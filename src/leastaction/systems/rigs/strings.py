@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -40,35 +39,38 @@ def _rise(share: Array) -> Array:
     return np.asarray(np.exp(-np.logaddexp(0.0, -share)))
 
 
-class Strings(NamedTuple):
-    """The m strings of a mechanism that only pull, along configurations.
+class Strings:
+    """The m strings of a mechanism that only pull. Threads may share it.
 
-    ``names``: of them. ``slopes`` (N+1, m, nq): derivatives of their stretches by the configuration. ``room`` (N+1, m):
-    by how much the stretch of each may shrink until it pulls no more (m), were it a spring; zero where it is slack.
-    ``reeled`` (m,): whether its length is a prescribed variable.
+    Attributes: ``names``, ``stiffness`` (m,) (N/m), and ``nq``, the number of variables.
     """
 
-    names: tuple[str, ...]
-    slopes: Array
-    room: Array
-    reeled: Array
-
-    @classmethod
-    def along(cls, m: Mechanism, q: Array) -> Strings:
-        """Return those of a mechanism along configurations (N+1, nq)."""
+    def __init__(self, m: Mechanism) -> None:
         found, numbers = _pulling(m), m.parameters
-        if not found:
-            return cls((), np.empty((len(q), 0, m.nq)), np.empty((len(q), 0)), np.empty(0, dtype=np.bool_))
-        # The stretch is the constraint that an inextensible string would be.
-        rigid = _exchanged(m, {name: PathLength(each.frames, each.length, name=name) for name, each in found.items()})
-        rows = [rigid.constraints.index(name) for name in found]
-        stretch = rigid.constraint_values(q)[:, rows]
-        stiffness, smoothing = (
+        self.names, self.nq = tuple(found), m.nq
+        # A stretch is the constraint that an inextensible string would be.
+        self._rigid = _exchanged(
+            m, {name: PathLength(each.frames, each.length, name=name) for name, each in found.items()}
+        )
+        self._rows = [self._rigid.constraints.index(name) for name in found]
+        self.stiffness, self._smoothing = (
             np.array([numbers[f"{name}.{what}"] for name in found]) for what in ("stiffness", "smoothing")
         )
-        slopes = np.array([rigid.constraint_jacobian(each)[rows] for each in q])
-        reeled = np.array([isinstance(each.length, str) for each in found.values()])
-        return cls(tuple(found), slopes, tension_of(stretch, stiffness, smoothing) / stiffness, reeled)
+
+    def stretches(self, q: Array) -> Array:
+        """Return by how much each is stretched (n, m) in configurations (n, nq); less than zero where it is slack."""
+        return np.asarray(self._rigid.constraint_values(q)[:, self._rows])
+
+    def slopes(self, q: Array) -> Array:
+        """Return the derivatives (n, m, nq) of that."""
+        return np.array([self._rigid.constraint_jacobian(each)[self._rows] for each in q])
+
+    def room(self, stretch: Array) -> Array:
+        """Return by how much strings that are stretched so (n, m) may shrink until they pull no more, as springs do.
+
+        Zero where they are slack.
+        """
+        return np.asarray(tension_of(stretch, self.stiffness, self._smoothing) / self.stiffness)
 
 
 def as_springs(m: Mechanism) -> Mechanism:
