@@ -5,6 +5,7 @@ And where else, if that leads nowhere.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Final
 
@@ -13,6 +14,7 @@ from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, Trac
 from leastaction.apps.marionette.tracking.growing import grown
 from leastaction.apps.marionette.tracking.limits import FIRST_KINDS, KINDS
 from leastaction.apps.marionette.tracking.motors import search
+from leastaction.apps.marionette.tracking.parts import found_in_parts
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import hanging
 from leastaction.apps.marionette.tracking.problem import below_strings
@@ -66,9 +68,17 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
     if cut_short is None:
         tracker.mechanism = tie_strings(tracker.mechanism, tracker.problem.reference)
     tracker.plan = plan = tracker.planned()
-    stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
     if cut_short is not None:
-        tracker.effort = cut_short.effort
+        tracker.effort, tracker.kinds = cut_short.effort, cut_short.kinds
+    if plan.ties is None and (cut_short is None or cut_short.parts is not None):
+        joined = found_in_parts(tracker, _followed, cut_short)
+        if joined is not None:
+            tracker.start, tracker.most = joined, LOST * plan.cost().value(*joined)
+            tracker.others = _elsewhere(tracker)
+            tracker.kinds |= FIRST_KINDS | tracker.broken(joined[0])
+            return
+        cut_short = None
+    stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
     coarse, slow = coarser(plan, tracker.motion)
     # A search that had to take the plan's own steps goes on with them.
     searched = plan if before is not None and len(before.u) == plan.system.N else coarse
@@ -84,9 +94,20 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
         tracker.start = plan.inside(*plan.finer(searched, *found), expected)
         tracker.most = LOST * expected
         tracker.others.append((AGAIN, partial(_searched_by, tracker, plan)))
-    tracker.others += [(_GROWING, partial(_grown, tracker)), (_HANGING, partial(_hanging, tracker))]
+    tracker.others += _elsewhere(tracker)
     # What leads to strings that are tied had better lead to where they can be.
     tracker.kinds = frozenset(KINDS) if plan.ties is not None else FIRST_KINDS | tracker.broken(tracker.start[0])
+
+
+def _followed(part: Tracker) -> OptimizationResult:
+    """Return what is found of a part of a motion."""
+    begin(part, None, planned=True)
+    return part.improve()
+
+
+def _elsewhere(tracker: Tracker) -> list[tuple[str, Callable[[], Curve]]]:
+    """Return where else a motion may begin, with what is said of it."""
+    return [(_GROWING, partial(_grown, tracker)), (_HANGING, partial(_hanging, tracker))]
 
 
 def _searched_by(tracker: Tracker, plan: Plan, *, stage: int = 0, result: OptimizationResult | None = None) -> Curve:

@@ -12,7 +12,7 @@ import numpy as np
 
 from leastaction.apps.choices import Follow
 from leastaction.apps.marionette.markers import MARKERS, wanted_markers, with_places
-from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, TrackingSearch
+from leastaction.apps.marionette.tracking.found import Effort, FollowedParts, TrackingRun, TrackingSearch
 from leastaction.apps.marionette.tracking.limits import KINDS, PuppetLimits
 from leastaction.apps.marionette.tracking.motors import PRICES
 from leastaction.errors import LeastActionError, ResultFileError
@@ -66,7 +66,7 @@ class MarionetteRun:
 class MarionetteSearch:
     """What a file holds of a `TrackingSearch`; ``body`` are the columns of its motion, ``markers`` its own.
 
-    Files of earlier versions have no ``firmness`` and no ``kinds``.
+    Files of earlier versions have no ``firmness``, no ``kinds`` and no ``parts``.
     """
 
     source: str
@@ -82,6 +82,7 @@ class MarionetteSearch:
     effort: Effort | None = None
     firmness: float | None = None
     kinds: tuple[str, ...] = ()
+    parts: FollowedParts | None = None
 
 
 def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
@@ -145,6 +146,7 @@ def save_search(path: str | os.PathLike[str], search: TrackingSearch) -> Path:
         effort=search.effort,
         firmness=search.firmness,
         kinds=tuple(sorted(search.kinds)),
+        parts=search.parts,
     )
     return save_record(path, content, provenance=search.provenance)
 
@@ -274,14 +276,19 @@ def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance
         # By tensions: no lengths among the variables. Inputs are tensions, motors, and places of the upper ends.
         N, strings = len(saved.t) - 1, mechanism.nc
         moved = mechanism.nrho - len(held_strings(mechanism))
-        tying = saved.firmness is not None
-        nx, inputs = 2 * (mechanism.nd + moved), strings + moved + (0 if tying else mechanism.nd)
-        if not 0 < saved.stage <= len(PRICES) + tying:
+        tying, parts = saved.firmness is not None, saved.parts
+        nx, inputs = 2 * (mechanism.nd + moved), strings + moved + (0 if tying or parts is not None else mechanism.nd)
+        if parts is not None:
+            done = len(parts.u)
+            if not 0 < done <= N or saved.stage != 0 or tying:
+                raise ResultFileError(f"a search with {done} steps that are followed, of {N}, is none")
+            _check({"parts.x": (parts.x, (done + 1, nx)), "parts.u": (parts.u, (done, inputs))})
+        elif not 0 < saved.stage <= len(PRICES) + tying:
             raise ResultFileError(f"a search at stage {saved.stage} is none")
         if tying and not (mechanism.nc and saved.control and 0.0 < cast("float", saved.firmness) < np.inf):
             raise ResultFileError(f"strings on bars that are tied with a weight of {saved.firmness} are none")
         steps = len(saved.result.u)
-        if steps not in (N, N // 2):
+        if steps not in (N, N // 2) and parts is None:
             raise ResultFileError(f"a search with {steps} steps for a motion of {N} is none")
         _check(
             {
@@ -303,6 +310,7 @@ def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance
             effort=saved.effort or Effort(),
             firmness=saved.firmness,
             kinds=_known_kinds(saved.kinds),
+            parts=saved.parts,
             provenance=provenance,
         )
     except LeastActionError as error:

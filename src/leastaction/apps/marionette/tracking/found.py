@@ -180,6 +180,20 @@ def held_error(mechanism: Mechanism, reference: Array, q: Array) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FollowedParts:
+    """The parts of a long motion that are followed so far, joined. Frozen: threads may share it.
+
+    Attributes
+    ----------
+    x, u : ndarray (n+1, nx), (n, nu)
+        States and inputs of a plan by tensions from its start on.
+    """
+
+    x: Array = field(repr=False)
+    u: Array = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True)
 class TrackingSearch:
     """A search as far as it went, for a first trajectory or for strings on bars that keep their lengths.
 
@@ -202,6 +216,8 @@ class TrackingSearch:
         Of strings on bars that are being tied: the weight of their lengths; None before that.
     kinds : frozenset of str
         Of the limits that were stated then.
+    parts : FollowedParts or None
+        Of a long motion that is followed part by part: those so far, of which `result` is the last.
     provenance : Provenance
     """
 
@@ -213,4 +229,5 @@ class TrackingSearch:
     effort: Effort = field(default_factory=Effort)
     firmness: float | None = None
     kinds: frozenset[str] = frozenset()
+    parts: FollowedParts | None = field(default=None, repr=False)
     provenance: Provenance = field(default_factory=Provenance.now)
