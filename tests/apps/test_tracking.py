@@ -39,7 +39,7 @@ from leastaction.apps.marionette.tracking import (
     tracker,
 )
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
-from leastaction.errors import ArgumentError, ResultFileError
+from leastaction.errors import ArgumentError, ProjectionError, ResultFileError
 from leastaction.io import Motion
 from leastaction.io.results.record import load_record, save_record
 from leastaction.mechanics import JointForce
@@ -318,6 +318,31 @@ def test_where_a_search_is_stuck_or_creeps_another_begins_elsewhere(
     np.testing.assert_array_equal(begun[2][0] if how == "stuck" else begun[1][0], at_rest[0])
     assert any("larger parts" in each for each in said)
     assert any("hangs still" in each for each in said) is (how == "creeps")
+    assert run.result.success
+
+
+def test_what_is_stuck_and_nearest_is_begun_once_more_with_other_prices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing else leads anywhere, and neither does going on: from where it is, as if it were new, it converges."""
+    optimize = tracker.optimize
+    begun: list[tuple[Any, Any]] = []
+
+    def stuck_until_new(*problem: Any, **options: Any) -> OptimizationResult:
+        begun.append((options["initial"], options["resume"]))
+        if len(begun) == 2:
+            raise ProjectionError("nowhere")
+        if len(begun) > 3:
+            return optimize(*problem, **options)
+        found = optimize(*problem, **options | {"max_iterations": 1 if len(begun) == 1 else 2})
+        return replace(found, status=(Status.ITERATION_LIMIT, Status.LINE_SEARCH_FAILED)[len(begun) > 1])
+
+    monkeypatch.setattr(tracker, "optimize", stuck_until_new)
+    wanted = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
+    monkeypatch.setattr(beginning, "grown", lambda *_: wanted.hung())
+    run = track(PUPPET, leap(), planned=True, max_iterations=60)
+    assert len(begun) >= 4
+    assert begun[2][1] is not None  # gone on with what was left behind
+    assert begun[3][1] is None
+    assert begun[3][0] is not None
     assert run.result.success
 
 

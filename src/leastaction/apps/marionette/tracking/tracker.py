@@ -168,6 +168,12 @@ class Tracker:
         self.start, self.earlier = None, left_behind
         found = self._optimised()
         self._count(found)
+        if found.status in STUCK and self.left > 0:
+            # Its prices and barriers may be what it is stuck with: once more from there with others.
+            self.start, self.earlier = (found.x, found.u), None
+            again = self._optimised()
+            self._count(again)
+            found = again if again.success else found
         return found
 
     def _elsewhere(self) -> Curve:
