@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
+from leastaction.errors import StepError
 from leastaction.numerics.arrays import Array
 from leastaction.systems.midpoint import MidpointSystem
 
@@ -38,14 +41,15 @@ class Estimator:
         self.P = directions @ directions.T
         self.V = max(noise, _LEAST_NOISE) ** 2 * np.eye(m.nd)
 
-    def advance(self, k: int, u: Array) -> None:
-        """Go on over step k with what was commanded (nu,). Raises `StepError` where the model cannot."""
+    def advance(self, k: int, u: Array, after: Array) -> None:
+        """Go on over step k with what was commanded (nu,), which leads to the state ``after`` (nx,)."""
         m, dt = self.model.mechanism, self.model.t[k + 1] - self.model.t[k]
         mass = m.mass_matrix(np.ascontiguousarray(self.x[: m.nq]))[: m.nd, : m.nd]
-        A, _ = self.model.derivatives(self.x, u, k)
-        self.x = self.model.f(self.x, u, k)
-        P = A @ self.P @ A.T
-        self.P = 0.5 * (P + P.T)
+        with suppress(StepError):  # where the model has no such step, what is known stays as it is
+            A, _ = self.model.derivatives(self.x, u, k)
+            P = A @ self.P @ A.T
+            self.P = 0.5 * (P + P.T)
+        self.x = after
         momenta = slice(m.nq, m.nq + m.nd)
         self.P[momenta, momenta] += np.mean(np.diagonal(mass)) * (_SURPRISE * dt) ** 2 * mass
 

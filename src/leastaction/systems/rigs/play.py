@@ -93,15 +93,13 @@ def play(
     commands, failure, read = [], None, 0
     for k in range(N):
         command = u[k]
-        try:
+        # What is lost may be anywhere.
+        with np.errstate(over="ignore", invalid="ignore"):
             while controller is not None and t[read] + rig.delay <= t[k] + _AT_ONCE * (t[k + 1] - t[k]):
                 controller.read(states[read][: m.nd] + noise[read])
                 read += 1
             if controller is not None and read > 0:
                 command = controller.command(k)
-        except StepError as error:
-            failure = f"the feedback knew no more from {t[k]:.4g} s on: {error}"
-            break
         now = _driven(machine, rig.substeps, t[k : k + 2], states[-1], command)
         if now is None:
             failure = f"the rig could not be simulated from {t[k]:.4g} s on"
@@ -150,7 +148,7 @@ class _Controller:
         if R is None:
             squares = np.mean(u[:, : m.n_inputs] ** 2, axis=0)
             R = np.concatenate([1.0 / np.where(squares > 0.0, squares, 1.0), np.ones(m.nrho)])
-        self.model = model
+        self.model, self.x = model, x
         self.regulator = Regulator(model, x, u, Q, R)
         self.estimator = Estimator(model, x[0], noise)
         self.given = u.copy()
@@ -159,14 +157,24 @@ class _Controller:
     def read(self, reading: Array) -> None:
         """Take the reading of the next instant."""
         if self.at >= 0:
-            self.estimator.advance(self.at, self.given[self.at])
+            self.estimator.advance(self.at, self.given[self.at], self._after(self.at, self.estimator.x))
         self.estimator.read(reading)
         self.at += 1
+
+    def _after(self, k: int, x: Array) -> Array:
+        """Return where step k leads from x (nx,); as far from the plan as before where the model has no such step.
+
+        Beside the singular pose of three angles there may be none, and a few steps later there is.
+        """
+        try:
+            return self.model.f(x, self.given[k], k)
+        except StepError:
+            return np.asarray(x - self.x[k] + self.x[k + 1])
 
     def command(self, k: int) -> Array:
         """Return the input of step k, given what was read."""
         ahead = self.estimator.x
         for j in range(self.at, k):
-            ahead = self.model.f(ahead, self.given[j], j)
+            ahead = self._after(j, ahead)
         self.given[k] = self.regulator.command(k, ahead)
         return np.asarray(self.given[k])

@@ -125,8 +125,8 @@ class Regulator:
         n, nq = len(u), self.strings.nq
         here, there = slice(k, k + n), slice(k + 1, k + n + 1)
         system = self.springs.window(k, k + n)
-        ends = system.step_each(x, u)
-        if not ends.complete:
+        ends = system.step_each(x, u) if np.isfinite(x).all() and np.isfinite(u).all() else None
+        if ends is None or not ends.complete or not np.isfinite(ends.x).all():
             return None
         linear = system.linearize_each(x, u, ends.x)
         Q, R = (weight[here] if weight.ndim == 3 else weight for weight in (self.Q, self.R))
