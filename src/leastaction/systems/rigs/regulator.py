@@ -123,7 +123,7 @@ class Regulator:
         ``x`` (n+1, nx), ``u`` (n, nu): the motion before. There may be gaps between its steps.
         """
         n, nq = len(u), self.strings.nq
-        here, there = slice(k, k + n), slice(k + 1, k + n + 1)
+        here = slice(k, k + n)
         system = self.springs.window(k, k + n)
         ends = system.step_each(x, u) if np.isfinite(x).all() and np.isfinite(u).all() else None
         if ends is None or not ends.complete or not np.isfinite(ends.x).all():
@@ -133,18 +133,14 @@ class Regulator:
         final = self.P[k + n].copy()
         q, r = weigh(Q, x[:-1] - self.x[here]), weigh(R, u - self.u[here])
         q_final = final @ (x[-1] - self.x[k + n]) + self.plan.b[k + n]
-        after = np.ascontiguousarray(x[1:, :nq])
-        slack = np.minimum(self.strings.stretches(after) + self.room[there], 0.0)
         part = None
-        if slack.any():
-            slopes = self.strings.slopes(after)
-            slopes[slack == 0.0] = 0.0
-            weighted = np.swapaxes(slopes, 1, 2) * (_PUSHING * self.strings.stiffness)
-            push, stiff = (weighted @ slack[:, :, None])[:, :, 0], weighted @ slopes
-            q[1:, :nq] += push[:-1]
-            q_final[:nq] += push[-1]
-            final[:nq, :nq] += stiff[-1]
-            part = np.arange(nq), np.concatenate([np.zeros((1, nq, nq)), stiff[:-1]])
+        priced = self._price_of_pushing(k + 1, x[1:])
+        if priced is not None:
+            slope, bend = priced
+            q[1:, :nq] += slope[:-1]
+            q_final[:nq] += slope[-1]
+            final[:nq, :nq] += bend[-1]
+            part = np.arange(nq), np.concatenate([np.zeros((1, nq, nq)), bend[:-1]])
         gaps = ends.x + self.smoothed[here] - x[1:]
         solution = solve_linear_quadratic(
             linear.A, linear.B, Q=Q, R=R, part=part, q=q, r=r, c=gaps, Q_final=final, q_final=q_final,
@@ -154,3 +150,17 @@ class Regulator:
             return None
         dx, du = sweep_forward(linear.A, linear.B, solution, c=gaps, pattern=linear.pattern)
         return x + dx, u + du
+
+    def _price_of_pushing(self, k: int, x: Array) -> tuple[Array, Array] | None:
+        """Return how the price of springs that push changes with configurations: its gradient and Hessian.
+
+        Of Gauss and Newton, (n, nq) and (n, nq, nq), at states x (n, nx) from instant k on; None where none pushes.
+        """
+        q = np.ascontiguousarray(x[:, : self.strings.nq])
+        slack = np.minimum(self.strings.stretches(q) + self.room[k : k + len(x)], 0.0)
+        if not slack.any():
+            return None
+        slopes = self.strings.slopes(q)
+        slopes[slack == 0.0] = 0.0
+        weighted = np.swapaxes(slopes, 1, 2) * (_PUSHING * self.strings.stiffness)
+        return (weighted @ slack[:, :, None])[:, :, 0], weighted @ slopes
