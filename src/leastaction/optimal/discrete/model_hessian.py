@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.cost import is_diagonal, matrix_of, own_matrices
+from leastaction.optimal.cost import is_diagonal, matrix_of
 from leastaction.optimal.discrete.cost import CostHessian
 
 
@@ -69,8 +69,8 @@ def _between(low: Array, high: Array, share: float) -> Array:
     if is_diagonal(low) and low.ndim == high.ndim and is_diagonal(high):
         return np.asarray(low + share * (high - low))
     low, high = matrix_of(low), matrix_of(high)
-    part = own_matrices(high, np.broadcast_shapes(low.shape, high.shape))
-    part -= low
+    # Stage after stage in memory: by itself a difference with one matrix for all of them need not be.
+    part = np.subtract(high, low, out=np.empty(np.broadcast_shapes(low.shape, high.shape)))
     part *= share
     part += low
     return part
