@@ -20,9 +20,10 @@ from leastaction.apps.marionette.tracking import (
     track,
 )
 from leastaction.apps.marionette.tracking.parts import joined, parts_of
+from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.models.marionette import marionette
-from leastaction.optimal import Status
+from leastaction.optimal import OptimizationResult, Status
 
 PUPPET = marionette(strings=9)
 OPTIONS = {"planned": True, "checkpoint_seconds": 0.0}
@@ -114,6 +115,23 @@ def test_parts_that_are_followed_are_not_followed_again(tmp_path: Path) -> None:
         save_search(path, replace(search, parts=replace(search.parts, u=search.parts.u[:steps])))
         with pytest.raises(ResultFileError, match=message):
             load_unfinished(path)
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_limits_that_a_part_had_to_be_told_hold_for_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    follow, told = beginning._followed, []
+
+    def followed(part: Tracker) -> OptimizationResult:
+        result = follow(part)
+        told.append(part.kinds)
+        if len(told) == 2:
+            part.kinds |= {"speed"}
+        return result
+
+    monkeypatch.setattr(beginning, "_followed", followed)
+    run = track(PUPPET, walk_in_place(5.0, 0.02), **OPTIONS)
+    assert not any("speed" in kinds for kinds in told)
+    assert "speed" in run.kinds
 
 
 @pytest.mark.usefixtures("three_parts")

@@ -58,10 +58,10 @@ def falling() -> tuple[MidpointSystem, Array, Array]:
     return system, done.x, done.u
 
 
-def reeled(system: MidpointSystem, x: Array, u: Array) -> tuple[MidpointSystem, Array, Array]:
+def reeled(system: MidpointSystem, x: Array, u: Array, rig: Rig = RIG) -> tuple[MidpointSystem, Array, Array]:
     """Return the model of a rig, and what is commanded of it."""
-    x, u, _ = reeled_in(system, x, u, RIG)
-    return MidpointSystem(system.integrator.like(RIG.model(system.mechanism)), T), x, u
+    x, u, _ = reeled_in(system, x, u, rig)
+    return MidpointSystem(system.integrator.like(rig.model(system.mechanism)), T), x, u
 
 
 def test_strings_are_stretched_as_much_as_makes_them_pull() -> None:
@@ -125,11 +125,24 @@ def pushed(regulator: Regulator, k: int, x: Array) -> Array:
     return np.minimum(regulator.strings.stretches(q) + regulator.room[k + 1 : k + 1 + len(x)], 0.0)
 
 
-def test_what_is_planned_ahead_is_the_least_of_what_is_stated(falling: tuple[MidpointSystem, Array, Array]) -> None:
+def test_springs_are_strings_along_the_plan(falling: tuple[MidpointSystem, Array, Array]) -> None:
+    """Strings that are nearly slack pull by more than springs do."""
+    model, x, u = reeled(*falling)
+    regulator = Regulator(model, x, u, WEIGHTS, np.ones(1))
+    made, springs = model.step_each(x, u).x, regulator.springs.step_each(x, u).x
+    np.testing.assert_allclose(springs + regulator.smoothed, made, atol=1e-14)
+    assert np.abs(made - springs).max() > 1e-5
+
+
+@pytest.mark.parametrize(("k", "n", "stiffness"), [(30, 40, K), (50, 3, 2.0 * K)])
+def test_what_is_planned_ahead_is_the_least_of_what_is_stated(
+    k: int, n: int, stiffness: float, falling: tuple[MidpointSystem, Array, Array]
+) -> None:
     """By roll-outs of the springs, and a cost that is written out: it is least in all directions of the inputs."""
-    regulator = regulator_of(falling)
-    k, n = 30, regulator.ahead
-    assert n == 40
+    model, x, u = reeled(*falling, strung_rig(stiffness, SMOOTH))
+    regulator = Regulator(model, x, u, WEIGHTS, np.ones(1))
+    assert regulator.ahead == 40
+    regulator.ahead = n
     start = regulator.x[k] + [0.03, 0.0, 0.02, 0.0]
     x, u = later(regulator, k, start)
 
@@ -144,10 +157,10 @@ def test_what_is_planned_ahead_is_the_least_of_what_is_stated(falling: tuple[Mid
         z, du = states - regulator.x[k : k + n + 1], inputs - regulator.u[k : k + n]
         end = 0.5 * z[-1] @ regulator.P[k + n] @ z[-1] + regulator.plan.b[k + n] @ z[-1]
         stages = 0.5 * np.sum(WEIGHTS * z[:-1] ** 2) + 0.5 * np.sum(du**2)
-        return float(stages + 0.5 * _PUSHING * K * np.sum(pushed(regulator, k, states[1:]) ** 2) + end)
+        return float(stages + 0.5 * _PUSHING * stiffness * np.sum(pushed(regulator, k, states[1:]) ** 2) + end)
 
     np.testing.assert_allclose(made(u), x, atol=1e-9)
-    assert (pushed(regulator, k, x[1:]) < -1e-4).any()  # the price of that counts
+    assert (pushed(regulator, k, x[1:]) < -1e-4)[-1 if n < 40 else slice(None)].any()  # the price of that counts
     least, chance = cost(u), np.random.default_rng(0)
     for _ in range(10):
         way = chance.standard_normal(u.shape)
