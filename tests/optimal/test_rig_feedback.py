@@ -144,7 +144,7 @@ def test_what_is_planned_ahead_is_the_least_of_what_is_stated(
     assert regulator.ahead == 40
     regulator.ahead = n
     start = regulator.x[k] + [0.03, 0.0, 0.02, 0.0]
-    x, u = later(regulator, k, start)
+    x, u = later(regulator, k, start, 8)
 
     def made(inputs: Array) -> Array:
         states = [start]
