@@ -20,7 +20,7 @@ from leastaction.apps.marionette.tracking import (
     track,
 )
 from leastaction.apps.marionette.tracking.parts import joined, parts_of
-from leastaction.apps.marionette.tracking.tracker import Tracker
+from leastaction.apps.marionette.tracking.tracker import Curve, Tracker
 from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.models.marionette import marionette
 from leastaction.optimal import OptimizationResult, Status
@@ -144,4 +144,18 @@ def test_where_a_part_leads_nowhere_the_motion_is_followed_as_a_whole(monkeypatc
     run = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
     assert said[1] == "it cannot be followed by itself: strings hold the puppet nowhere"
     assert said[2].startswith("motors at price 0.001")
+    assert run.result.status is Status.CONVERGED
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_where_parts_cannot_be_joined_the_motion_is_searched_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    def apart(before: Curve, after: Curve, start: int) -> Curve:
+        x, u = joined(before, after, start)
+        return x + 1e3 * np.sin(np.arange(x.size)).reshape(x.shape), u
+
+    monkeypatch.setattr(parts, "joined", apart)
+    said: list[str] = []
+    run = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
+    after = said[said.index(beginning._WHOLE) + 1 :]
+    assert after[0].startswith("motors at price 0.001")
     assert run.result.status is Status.CONVERGED

@@ -25,6 +25,7 @@ from leastaction.io.motion.motion import Motion
 from leastaction.models.marionette import tie_strings
 from leastaction.optimal import OptimizationResult
 
+_WHOLE: Final = "the parts cannot be followed as they are joined: the search begins again with all of the motion"
 _GROWING: Final = "the motion found cannot be followed: ever larger parts of the wanted one are"
 _HANGING: Final = "the motion found cannot be followed: it begins with a puppet that hangs still"
 
@@ -74,7 +75,7 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
         joined = found_in_parts(tracker, _followed, cut_short)
         if joined is not None:
             tracker.start, tracker.most = joined, LOST * plan.cost().value(*joined)
-            tracker.others = _elsewhere(tracker)
+            tracker.others = [(_WHOLE, partial(_searched_by, tracker, plan)), *_elsewhere(tracker)]
             tracker.kinds |= FIRST_KINDS | tracker.broken(joined[0])
             return
         cut_short = None
