@@ -206,3 +206,9 @@ def _some(names: Sequence[str]) -> str:
 
 def _given(value: object) -> str:
     return f"{brief(repr(value))} ({type(value).__name__})"
+
+
+def smooth_rise(share: Array) -> Array:
+    """Return a rise from 0 to 1 where ``share`` goes from 0 to 1, with two zero derivatives at both ends."""
+    share = np.clip(share, 0.0, 1.0)
+    return np.asarray(share**3 * (10.0 - 15.0 * share + 6.0 * share**2))

@@ -16,7 +16,7 @@ from leastaction.apps.marionette.retargeting.skeleton import VARIABLES, Proporti
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion, count_steps
 from leastaction.models.marionette import REST
-from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.arrays import Array, as_number, smooth_rise
 
 # A shin of the marionette about its knee: mass times lever 1.5 kg 0.2 m, inertia about the knee
 # (0.3 + 1.5 0.2^2) kg m^2, so it swings freely at 0.455 Hz.
@@ -121,5 +121,4 @@ def _hanging(frequency: float) -> float:
 
 def _rise(t: Array, end: float, ramp: float) -> Array:
     """1 in the middle, falling to 0 at both ends over `ramp` with two zero derivatives there."""
-    share = np.clip(np.minimum(t, end - t) / ramp, 0.0, 1.0)
-    return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    return smooth_rise(np.minimum(t, end - t) / ramp)

@@ -99,7 +99,7 @@ class Regulator:
     def _along_plan(self, k: int, x: Array) -> tuple[Array, Array]:
         """Return the plan from instant k on, but begun at x."""
         stop = self._stop(k)
-        return np.concatenate([x[None], self.x[k + 1 : stop + 1]]), self.u[k:stop].copy()
+        return np.concatenate([x[None], self.x[k + 1 : stop + 1]]), self.u[k:stop]
 
     def _gone_on(self, k: int, x: Array) -> tuple[Array, Array]:
         """Return what was found an instant ago, but begun at x, and what follows at its end by the law."""

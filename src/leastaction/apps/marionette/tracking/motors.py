@@ -19,7 +19,7 @@ from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import at_rest, hanging
 from leastaction.errors import ProjectionError
 from leastaction.io.motion.motion import Motion
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, smooth_rise
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 
 # Prices of a motor's square on the way to the motion without motors, and the iterations at each.
@@ -186,8 +186,7 @@ def driven(plan: Plan, q: Array, tensions: Array) -> tuple[Array, Array]:
     fast is picked up within a few steps.
     """
     m, strings, dt = plan.mechanism, len(plan.strings), plan.dt
-    share = np.clip(np.arange(len(plan.t)) / _SET_OUT, 0.0, 1.0)[:, None]
-    q = q[0] + share**3 * (10.0 - 15.0 * share + 6.0 * share**2) * (q - q[0])
+    q = q[0] + smooth_rise(np.arange(len(plan.t)) / _SET_OUT)[:, None] * (q - q[0])
     none, still = np.zeros(strings), np.zeros(m.nq)
     motors, states = np.empty((len(tensions), m.nd)), plan.states(q)
     p = plan.x_reference[0, m.nq : m.nq + m.nd]

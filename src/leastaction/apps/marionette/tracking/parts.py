@@ -21,7 +21,7 @@ from leastaction.apps.marionette.tracking.found import CUT_SHORT, FollowedParts,
 from leastaction.apps.marionette.tracking.tracker import Curve, Tracker
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, smooth_rise
 from leastaction.optimal import OptimizationResult
 
 LONG: Final = 30.0
@@ -83,8 +83,7 @@ def joined(before: Curve, after: Curve, start: int) -> Curve:
     """Return two curves as one, of which the second begins at instant ``start`` of the first, before that ends."""
     (x, u), (x_after, u_after) = before, after
     overlap = len(u) - start
-    share = np.clip(3.0 * np.arange(overlap + 1) / overlap - 1.0, 0.0, 1.0)[:, None]
-    share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    share = smooth_rise(3.0 * np.arange(overlap + 1) / overlap - 1.0)[:, None]
 
     def passed_over(one: Array, other: Array) -> Array:
         there = one[start:]
