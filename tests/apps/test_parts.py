@@ -23,7 +23,7 @@ from leastaction.apps.marionette.tracking.parts import joined, parts_of
 from leastaction.apps.marionette.tracking.tracker import Curve, Tracker
 from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.models.marionette import marionette
-from leastaction.optimal import OptimizationResult, Status
+from leastaction.optimal import OptimizationResult, Status, optimize
 
 PUPPET = marionette(strings=9)
 OPTIONS = {"planned": True, "checkpoint_seconds": 0.0}
@@ -159,3 +159,42 @@ def test_where_parts_cannot_be_joined_the_motion_is_searched_as_a_whole(monkeypa
     after = said[said.index(beginning._WHOLE) + 1 :]
     assert after[0].startswith("motors at price 0.001")
     assert run.result.status is Status.CONVERGED
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_gaps_between_parts_are_closed_before_the_whole_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a limb swings otherwise in the one than in the other."""
+    gaps: list[float] = []
+
+    def close(tracker: Tracker, curve: Curve) -> Curve:
+        assert tracker.plan is not None
+        x = curve[0].copy()
+        x[125:, tracker.plan.mechanism.variables.index("lknee_rx")] -= 0.1
+        found = parts.closed(tracker, (x, curve[1]))
+        sizes = 1.0 + np.abs(x).max(axis=0)
+        for states, inputs in ((x, curve[1]), found):
+            gap = tracker.plan.system.step_each(states, inputs).x - states[1:]
+            gaps.append(float(np.abs(gap / sizes).max()))
+        return found
+
+    monkeypatch.setattr(beginning, "closed", close)
+    said: list[str] = []
+    run = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
+    assert gaps[0] > 0.02
+    assert gaps[1] < 1e-3
+    assert beginning._WHOLE not in said
+    assert run.result.status is Status.CONVERGED
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_ctrl_c_while_parts_are_joined_keeps_them_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*arguments: object, **options: object) -> OptimizationResult:
+        return replace(optimize(*arguments, **options | {"max_iterations": 1}), status=Status.INTERRUPTED)
+
+    monkeypatch.setattr(parts, "optimize", stopped)
+    kept: list[TrackingRun | TrackingSearch] = []
+    with pytest.raises(KeyboardInterrupt):
+        track(PUPPET, walk_in_place(5.0, 0.02), checkpoint=kept.append, **OPTIONS)
+    assert isinstance(kept[-1], TrackingSearch)
+    assert kept[-1].parts is not None
+    assert len(kept[-1].parts.u) == 250

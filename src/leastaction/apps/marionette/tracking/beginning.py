@@ -14,7 +14,7 @@ from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, Trac
 from leastaction.apps.marionette.tracking.growing import grown
 from leastaction.apps.marionette.tracking.limits import FIRST_KINDS, KINDS
 from leastaction.apps.marionette.tracking.motors import search
-from leastaction.apps.marionette.tracking.parts import found_in_parts
+from leastaction.apps.marionette.tracking.parts import closed, found_in_parts
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import hanging
 from leastaction.apps.marionette.tracking.problem import below_strings
@@ -25,7 +25,7 @@ from leastaction.io.motion.motion import Motion
 from leastaction.models.marionette import tie_strings
 from leastaction.optimal import OptimizationResult
 
-_WHOLE: Final = "the parts cannot be followed as they are joined: the search begins again with all of the motion"
+_WHOLE: Final = "the parts cannot be joined: the search begins again with all of the motion"
 _GROWING: Final = "the motion found cannot be followed: ever larger parts of the wanted one are"
 _HANGING: Final = "the motion found cannot be followed: it begins with a puppet that hangs still"
 
@@ -74,9 +74,10 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
     if plan.ties is None and (cut_short is None or cut_short.parts is not None):
         joined = found_in_parts(tracker, _followed, cut_short)
         if joined is not None:
-            tracker.start, tracker.most = joined, LOST * plan.cost().value(*joined)
-            tracker.others = [(_WHOLE, partial(_searched_by, tracker, plan)), *_elsewhere(tracker)]
             tracker.kinds |= FIRST_KINDS | tracker.broken(joined[0])
+            tracker.start = closed(tracker, joined)
+            tracker.most = LOST * plan.cost().value(*tracker.start)
+            tracker.others = [(_WHOLE, partial(_searched_by, tracker, plan)), *_elsewhere(tracker)]
             return
         cut_short = None
     stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
