@@ -10,7 +10,7 @@ from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import Bound, QuadraticCost, check_derivatives
 from leastaction.optimal.discrete.cost import CostGradient, CostHessian, convex
-from leastaction.optimal.discrete.model_hessian import ModelHessian, between
+from leastaction.optimal.discrete.hessians import HessianPart, ModelHessian, between, same
 from leastaction.optimal.limits.cost import LimitedCost
 from leastaction.systems import PlaceCost
 from optimal.systems import CartPendulum
@@ -191,7 +191,57 @@ def test_weights_of_all_stages_stand_stage_after_stage_in_memory():
     x, u = np.zeros((N + 1, NX)), np.zeros((N, NU))
     cost = PlaceCost(QuadraticCost(x, u, Q=np.ones(NX), R=[1.0]), system, {"bob": np.zeros(3)}, {"bob": 1.0})
     assert cost.hessian(x, u).Q.flags.c_contiguous
-    whole = LimitedCost(QuadraticCost(x, u, Q=np.eye(NX), R=[1.0]), Bound("theta", min=-1.0).rows(system, 1), NX, NU)
-    whole.duals.begin(whole.asked(x, u), 1.0, 1.0)
-    sigmas = whole.duals.stiffnesses(whole.duals.room(whole.asked(x, u)))
-    assert whole.hessian(x, u, sigmas, {}, plain=whole.cost.hessian(x, u)).Q.flags.c_contiguous
+
+
+def test_what_few_entries_weigh_is_a_part():
+    """A price of configurations beside another, and limits of entries: no whole matrix for each stage."""
+    system = MidpointSystem(MidpointVI(cart_pendulum()), 0.1 * np.arange(N + 1))
+    rng = np.random.default_rng(3)
+    x, u = rng.normal(size=(N + 1, NX)), rng.normal(size=(N, NU))
+    quadratic = QuadraticCost(0.0 * x, 0.0 * u, Q=np.eye(NX) + 0.1, R=[1.0])
+    cost = PlaceCost(quadratic, system, {"bob": np.zeros(3)}, {"bob": 1.0})
+    twice = PlaceCost(cost, system, {"bob": np.ones(3)}, {"bob": 0.5})
+    for as_convex, whole, single in (
+        (False, twice.hessian(x, u), cost.hessian(x, u)),
+        (True, twice.convex_hessian(x, u), cost.convex_hessian(x, u)),
+    ):
+        by_parts = twice.model_hessian(x, u, convex=as_convex)
+        assert by_parts.Q.shape == (NX, NX)
+        assert by_parts.part is not None
+        assert by_parts.part.matrices.shape == (N, 2, 2)
+        np.testing.assert_array_equal(by_parts.whole().Q, whole.Q)
+        # Both prices are in it.
+        assert not np.allclose(whole.Q, single.Q)
+        assert not np.allclose(whole.Q_final, single.Q_final)
+    limited = LimitedCost(cost, Bound("p_theta", min=-9.0).rows(system, 1), NX, NU)
+    limited.duals.begin(limited.asked(x, u), 1.0, 1.0)
+    sigmas = limited.duals.stiffnesses(limited.duals.room(limited.asked(x, u)))
+    plain = cost.model_hessian(x, u, convex=False)
+    found = limited.hessian(x, u, sigmas, [], plain=plain)
+    assert found.Q.shape == (NX, NX)
+    assert found.part is not None
+    np.testing.assert_array_equal(found.part.columns, [0, 1, 3])
+    diagonal = limited.of_states.hessian(sigmas, x.shape)
+    assert diagonal is not None
+    expected = plain.whole().Q + np.einsum("ki,ij->kij", diagonal[:-1], np.eye(NX))
+    np.testing.assert_allclose(found.whole().Q, expected, rtol=1e-14)
+    # A later one is written where the first was, and no stiffness is left of that.
+    again = limited.hessian(x, u, sigmas, [], plain=plain)
+    np.testing.assert_allclose(again.whole().Q, expected, rtol=1e-14)
+    assert again.part is not None
+    assert np.shares_memory(again.part.matrices, found.part.matrices)
+    assert same(again, found)
+    assert not same(again, again._replace(part=None))
+    assert not same(again, again._replace(part=again.part._replace(matrices=2.0 * again.part.matrices)))
+
+
+def test_parts_by_columns_that_are_not_neighbours():
+    part = HessianPart(np.array([0, 3]), np.arange(8.0).reshape(2, 2, 2))
+    both = ModelHessian(np.ones(4), np.ones(1), None, np.ones(4)).plus(part).plus(part).part
+    assert both is not None
+    np.testing.assert_array_equal(both.matrices, 2.0 * part.matrices)
+    wide = ModelHessian(np.ones(4), np.ones(1), None, np.ones(4), part).plus(
+        HessianPart(np.array([3]), np.ones((2, 1, 1)))
+    )
+    np.testing.assert_array_equal(np.diagonal(wide.whole().Q, axis1=1, axis2=2), [[1, 1, 1, 5], [5, 1, 1, 9]])
+    np.testing.assert_array_equal(wide.whole().Q[:, 0, 3], [1.0, 5.0])

@@ -11,8 +11,8 @@ from leastaction.optimal import adjoint, regulate, solve_linear_quadratic, sweep
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
+from leastaction.optimal.discrete.hessians import HessianPart, ModelHessian, between, shifted
 from leastaction.optimal.discrete.linear_quadratic import Workspace
-from leastaction.optimal.discrete.model_hessian import HessianPart, ModelHessian, between, shifted
 from leastaction.optimal.system import Linearization
 
 

@@ -25,8 +25,8 @@ from leastaction import (
 from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import check_derivatives
 from leastaction.optimal.discrete.descent import escape
+from leastaction.optimal.discrete.hessians import ModelHessian
 from leastaction.optimal.discrete.linear_quadratic import Workspace, unpacked
-from leastaction.optimal.discrete.model_hessian import ModelHessian
 from optimal.systems import crane
 
 Motion = tuple[MidpointSystem, np.ndarray, np.ndarray]

@@ -27,8 +27,9 @@ from leastaction.optimal.continuous import (
     steady_state_regulator,
 )
 from leastaction.optimal.discrete.controllability import Controllability, ControllabilityWindow, controllability
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian, QuadraticCost, WindowCost
+from leastaction.optimal.discrete.cost import Cost, CostGradient, QuadraticCost, WindowCost
 from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
+from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     adjoint,

@@ -10,7 +10,8 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import Layout
 from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.hessians import CostHessian
 
 
 class CollocationCost(Cost):

@@ -13,6 +13,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.cost import as_weight, clipped, final_of, matrix_of, owned, weigh
+from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.discrete.system import check_window
 from leastaction.optimal.system import difference
 
@@ -31,28 +32,6 @@ class CostGradient(NamedTuple):
     q: Array
     r: Array
     q_final: Array
-
-
-class CostHessian(NamedTuple):
-    """Second derivatives of a cost along a trajectory.
-
-    Q and R may be a diagonal ``(n,)``, a matrix ``(n, n)``, a diagonal per stage ``(N, n, 1)`` or a
-    matrix per stage ``(N, n, n)``; the fewer numbers, the faster.
-
-    Attributes
-    ----------
-    Q, R : ndarray
-        ``d2l/dx2`` and ``d2l/du2``.
-    S : ndarray (nx, nu) or (N, nx, nu), or None
-        ``d2l/dxdu``; None is zero.
-    Q_final : ndarray (nx,) or (nx, nx)
-        ``d2m/dx2``.
-    """
-
-    Q: Array
-    R: Array
-    S: Array | None
-    Q_final: Array
 
 
 class Cost(ABC):
@@ -89,6 +68,13 @@ class Cost(ABC):
         zero. A cost that is a sum of squares does better with Gauss and Newton's.
         """
         return convex(self.hessian(x, u))
+
+    def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
+        """Return the same for the optimiser's models, where the cost knows which few entries some of it is by.
+
+        ``convex``: as `convex_hessian`, else as `hessian`. Optional: it spares a whole matrix for each stage.
+        """
+        return ModelHessian.of((self.convex_hessian if convex else self.hessian)(x, u))
 
     def value(self, x: Array, u: Array) -> float:
         """Return the cost of ``x`` (N+1, nx), ``u`` (N, nu)."""

@@ -31,6 +31,7 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import weigh
 from leastaction.optimal.discrete.cost import CostGradient
+from leastaction.optimal.discrete.hessians import ModelHessian
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
@@ -39,7 +40,6 @@ from leastaction.optimal.discrete.linear_quadratic import (
     sweep_forward,
     unpacked,
 )
-from leastaction.optimal.discrete.model_hessian import ModelHessian
 from leastaction.optimal.system import Linearization
 
 

@@ -14,6 +14,7 @@ from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model
 from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
+from leastaction.optimal.discrete.hessians import ModelHessian, between, same, shifted
 from leastaction.optimal.discrete.linear_quadratic import (
     Law,
     LinearQuadraticSolution,
@@ -22,7 +23,6 @@ from leastaction.optimal.discrete.linear_quadratic import (
     regulate,
     sweep_forward,
 )
-from leastaction.optimal.discrete.model_hessian import ModelHessian, between, shifted
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start, linearized
 from leastaction.optimal.discrete.trial import SHORT, leap, try_projection
@@ -324,12 +324,13 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if share == 1.0:
             return self.exact
         if self.convex is None:
-            self.convex = self._second_derivatives(convex=True)
+            convex = self._second_derivatives(convex=True)
+            self.convex = self.exact if same(convex, self.exact) else convex
         return between(self.convex, self.exact, share)
 
     def _second_derivatives(self, *, convex: bool) -> ModelHessian:
         """Return them with all of what bends downwards, or with none."""
-        return ModelHessian.of((self.cost.convex_hessian if convex else self.cost.hessian)(self.x, self.u))
+        return self.cost.model_hessian(self.x, self.u, convex=convex)
 
     def _linearize(self) -> Linearization:
         if self.linearization is None:

@@ -29,8 +29,8 @@ from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import AmongCurves, DiscreteDirection, Iterate
 from leastaction.optimal.discrete.gap_filter import Curve, Filter
+from leastaction.optimal.discrete.hessians import shifted
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
-from leastaction.optimal.discrete.model_hessian import shifted
 from leastaction.optimal.discrete.problem import DiscreteProblem, least_of
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.discrete.trial import is_too_coarse

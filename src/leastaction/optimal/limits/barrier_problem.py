@@ -12,11 +12,11 @@ import numpy as np
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
+from leastaction.optimal.discrete.hessians import ModelHessian, between, shifted
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
-from leastaction.optimal.discrete.model_hessian import ModelHessian, between, shifted
 from leastaction.optimal.discrete.problem import least_of
 from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -92,7 +92,7 @@ class BarrierProblem(ShootingProblem):
         self.plain_value: float | None = None  # the cost alone
         self.jacobians: Jacobians | None = None
         self.plain: CostGradient | None = None  # of the cost alone
-        self.plain_bend: dict[bool, CostHessian] = {}  # of the cost alone, the convex part and the whole
+        self.plain_bend: dict[bool, ModelHessian] = {}  # of the cost alone, the convex part and the whole
         self.has_bends: bool | None = None  # whether these differ, or limits bend
         # Of the iterate and this stage; None: not yet.
         self.room: Room | None = None
@@ -368,11 +368,10 @@ class BarrierProblem(ShootingProblem):
         plain = self._of_cost(convex=convex)
         return self.limited.hessian(self.x, self.u, sigmas, self._jacobians(), dynamics, plain=plain, convex=convex)
 
-    def _of_cost(self, *, convex: bool) -> CostHessian:
+    def _of_cost(self, *, convex: bool) -> ModelHessian:
         """Return the second derivatives of the cost alone."""
         if convex not in self.plain_bend:
-            found = self.cost.convex_hessian if convex else self.cost.hessian
-            self.plain_bend[convex] = found(self.x, self.u)
+            self.plain_bend[convex] = self.cost.model_hessian(self.x, self.u, convex=convex)
         return self.plain_bend[convex]
 
     def _bends(self) -> bool:
@@ -423,6 +422,7 @@ class BarrierProblem(ShootingProblem):
             return np.inf
         gradient = self._with_duals(self.duals.y)
         curvature = self._curvature_along(gradient)
+        self.exact = None  # written over
         for softness in _SOFTER:
             hessian = self._weights(self.duals.stiffnesses(self._room(), softness), convex=False)
             left = self._left_of(hessian, gradient, curvature)

@@ -8,14 +8,14 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import is_diagonal, matrix_of, own_matrices
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
-from leastaction.optimal.discrete.model_hessian import HessianPart, ModelHessian
+from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.hessians import HessianPart, ModelHessian, same
 from leastaction.optimal.limits.duals import Duals, Side
 from leastaction.optimal.limits.entries import EntryRows
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.limits.sides import Layout, Sided
 from leastaction.optimal.limits.together import together
-from leastaction.optimal.quantity import Entries
+from leastaction.optimal.quantity import Entries, Instants
 
 Jacobians = list[Array]
 """Derivatives of the rows that are no entries, of those that are taken together."""
@@ -102,7 +102,7 @@ class LimitedCost:
         jacobians: Jacobians,
         dynamics: Array | None = None,
         *,
-        plain: CostHessian,
+        plain: ModelHessian,
         convex: bool = False,
     ) -> ModelHessian:
         """Return the second derivatives of the primal-dual model; the next of the same kind are written where they are.
@@ -110,7 +110,7 @@ class LimitedCost:
         Parameters
         ----------
         x, u : ndarray
-        plain : CostHessian
+        plain : ModelHessian
             Those of the cost alone.
         sigmas, jacobians
             Stiffnesses of the limits, and their derivatives there.
@@ -119,33 +119,47 @@ class LimitedCost:
         convex : bool
             Whether to leave out what may bend downwards of the limits, as `plain` then does of the cost.
         """
-        Q, R, S, Q_final = plain
+        Q, R, S, Q_final, part = plain
         N, nx = len(u), x.shape[1]
         states, inputs = self.of_states.hessian(sigmas, x.shape), self.of_inputs.hessian(sigmas, u.shape)
+        own = np.empty(0, dtype=np.intp)  # entries of states, that are no weight of their own
         if states is not None:
             Q_final = _with_diagonal(Q_final, states[-1])
-            Q = _with(Q, states[:-1]) if self.of_states.first < N * nx else Q
+            if self.of_states.first < N * nx and is_diagonal(Q):
+                Q = _with(Q, states[:-1])
+            elif self.of_states.first < N * nx:
+                own = self.of_states.columns
         R = R if inputs is None else _with(R, inputs)
-        if not len(self.columns):
+        columns = np.unique(np.concatenate([self.columns, own] if part is None else [self.columns, own, part.columns]))
+        if not len(columns):
             return ModelHessian(Q, R, S, Q_final)
-        if convex not in self.spare:
-            self.spare[convex] = Weights(N, self.columns)
-        weights = self.spare[convex]
-        weights.clear()
+        weights = self._weights(N, columns, convex=convex)
+        if part is not None:
+            part.add_to(weights.matrices[:-1], columns)
+        if states is not None:
+            at = np.searchsorted(columns, own)
+            weights.matrices[:-1, at, at] += states[:-1, own]
         for each, jacobian in zip(self.others, jacobians, strict=True):
             duals = None if convex else each.of(self.duals.y)
             each.rows.add_hessian(x, u, jacobian, duals, each.of(sigmas), weights, dynamics)
-        here = self.columns < nx
+        here = columns < nx
         final = np.array(matrix_of(Q_final))
-        final[np.ix_(self.columns[here], self.columns[here])] += weights.matrices[-1][np.ix_(here, here)]
-        return ModelHessian(Q, R, S, final, HessianPart(self.columns, weights.matrices[:-1]))
+        final[np.ix_(columns[here], columns[here])] += weights.matrices[-1][np.ix_(here, here)]
+        return ModelHessian(Q, R, S, final, HessianPart(columns, weights.matrices[:-1]))
 
-    def bends(self, x: Array, u: Array, convex: CostHessian, whole: CostHessian) -> bool:
+    def _weights(self, N: int, columns: Instants, *, convex: bool) -> Weights:
+        """Return an empty sum by some columns, where the last of its kind was."""
+        if convex not in self.spare or len(self.spare[convex].columns) != len(columns):
+            self.spare[convex] = Weights(N, columns)
+        else:
+            self.spare[convex].clear()
+        return self.spare[convex]
+
+    def bends(self, x: Array, u: Array, convex: ModelHessian, whole: ModelHessian) -> bool:
         """Whether the convex part of the second derivatives is another than all of them, given those of the cost."""
         if any(each.rows.bends(x, u) for each in self.others):
             return True
-        pairs = zip(convex, whole, strict=True)
-        return any(a is not b and (a is None or b is None or not np.array_equal(a, b)) for a, b in pairs)
+        return not same(convex, whole)
 
     def along(self, dx: Array, du: Array, jacobians: Jacobians) -> Sided:
         """Return the changes of the limits along a direction."""

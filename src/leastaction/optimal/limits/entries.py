@@ -39,6 +39,7 @@ class EntryRows:
                 bounds.append((each.sign * each.bounds).ravel())
         self.places, self.factors, self.bounds = np.concatenate(places), np.concatenate(factors), np.concatenate(bounds)
         self.squares = self.factors**2
+        self.columns = np.unique(self.places % width)  # of those that have entries
         self.first = int(self.places.min(initial=np.iinfo(np.intp).max))  # of the places that have entries
         # Where they are among all; a part of them in one piece, as far as it is one.
         index = np.concatenate(at)

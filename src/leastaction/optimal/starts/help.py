@@ -8,7 +8,8 @@ import numpy.typing as npt
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.cost import is_diagonal
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.hessians import CostHessian
 
 
 class HelpedCost(Cost):

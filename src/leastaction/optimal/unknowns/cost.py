@@ -8,7 +8,8 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.cost import is_diagonal
-from leastaction.optimal.discrete.cost import Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.optimal.unknowns.system import ExtendedSystem
 from leastaction.optimal.unknowns.unknown import FinalTime, Unknown
 

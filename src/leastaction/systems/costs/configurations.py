@@ -7,8 +7,9 @@ from abc import abstractmethod
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.cost import matrix_of, own_matrices
-from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
+from leastaction.optimal.cost import matrix_of
+from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
+from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
 from leastaction.systems.midpoint import MidpointSystem
 
 
@@ -51,22 +52,19 @@ class CostOfConfigurations(AddedCost):
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the second derivatives: a matrix for each stage."""
-        return self._bent(self.cost.hessian(x, u), x, exact=True)
+        return self.model_hessian(x, u, convex=False).whole()
 
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return those of Gauss and Newton, as if what has a price were linear in the configuration; see `Cost`."""
-        return self._bent(self.cost.convex_hessian(x, u), x, exact=False)
+        return self.model_hessian(x, u, convex=True).whole()
+
+    def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
+        """Return either with what is by configurations as a part of it; see `Cost`."""
+        other, n = self.cost.model_hessian(x, u, convex=convex), self._nq
+        bends = self._bends(self._configurations(x), exact=not convex)
+        last = np.array(matrix_of(other.Q_final))
+        last[:n, :n] += bends[-1]
+        return other.plus(HessianPart(np.arange(n), bends[:-1]))._replace(Q_final=last)
 
     def _configurations(self, x: Array) -> Array:
         return np.ascontiguousarray(x[:, : self._nq])
-
-    def _bent(self, other: CostHessian, x: Array, *, exact: bool) -> CostHessian:
-        """Return second derivatives of the other cost with those of the price."""
-        Q, R, S, Q_final = other
-        n, nx = self._nq, x.shape[1]
-        bends = self._bends(self._configurations(x), exact=exact)
-        stages = own_matrices(matrix_of(Q), (len(bends) - 1, nx, nx))
-        stages[:, :n, :n] += bends[:-1]
-        last = np.array(matrix_of(Q_final))
-        last[:n, :n] += bends[-1]
-        return CostHessian(stages, R, S, last)

@@ -11,7 +11,8 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_number, read_only, require_mapping
 from leastaction.numerics.names import matching
 from leastaction.optimal.cost import matrix_of
-from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, CostHessian
+from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
+from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.systems.midpoint import MidpointSystem
 
 IntArray = NDArray[np.integer]

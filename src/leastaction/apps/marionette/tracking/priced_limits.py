@@ -14,8 +14,9 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Cost, DiscreteSystem, Limit
 from leastaction.optimal.cost import matrix_of
-from leastaction.optimal.discrete.cost import AddedCost, CostGradient, CostHessian
-from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.discrete.cost import AddedCost, CostGradient
+from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
+from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.quantity import Instants, Samples
 
 
@@ -30,7 +31,7 @@ class PricedLimit(NamedTuple):
 
 
 class _Broken(NamedTuple):
-    """Rows of a limit where they are asked: instants ``k`` (n,), and by how much they are off there (n, m), or 0."""
+    """Rows of a limit at the instants where some are broken, and by how much each is off there (n, m), or 0."""
 
     rows: Rows
     weight: float
@@ -47,6 +48,8 @@ class PricedLimits(AddedCost):
     def __init__(self, cost: Cost, system: DiscreteSystem, priced: Sequence[PricedLimit]) -> None:
         super().__init__(cost, "limits", (system.N, system.nx, system.nu))
         self._rows = tuple((rows, each.weight) for each in priced for rows in each.limit.rows(system, 1))
+        columns = [self._columns_of(rows) for rows, _ in self._rows]
+        self._columns = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *columns]))
 
     def off(self, x: Array, u: Array) -> float:
         """Return by how much limits are off at most along a trajectory, each in its own unit."""
@@ -69,58 +72,57 @@ class PricedLimits(AddedCost):
         for each in self._broken(x, u, 0):
             jacobian, columns = self._slopes(each)
             pull = -each.weight * each.rows.sign * each.off
-            slopes[np.ix_(each.at.k, columns)] += np.einsum("km,kmi->ki", pull, jacobian)
+            slopes[each.at.k[:, None], columns] += (pull[:, None, :] @ jacobian)[:, 0]
         nx = x.shape[1]
         return CostGradient(slopes[:-1, :nx], slopes[:-1, nx:], slopes[-1, :nx])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the other cost's second derivatives, and those of the price; see `Cost`."""
-        return self._with_price(self.cost.hessian(x, u), x, u)
+        return self.model_hessian(x, u, convex=False).whole()
 
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the other cost's, and those of the price, which are never negative; see `Cost`."""
-        return self._with_price(self.cost.convex_hessian(x, u), x, u)
+        return self.model_hessian(x, u, convex=True).whole()
+
+    def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
+        """Return either with what is by the entries that limits are of as a part of it; see `Cost`."""
+        N, nx, _ = self._sizes
+        other, weights = self.cost.model_hessian(x, u, convex=convex), Weights(N, self._columns)
+        for each in self._broken(x, u, 0):
+            jacobian, columns = self._slopes(each)
+            weights.add(each.at.k, columns, jacobian, np.where(each.off > 0.0, each.weight, 0.0), None)
+        last, here = np.array(matrix_of(other.Q_final)), self._columns < nx
+        last[np.ix_(self._columns[here], self._columns[here])] += weights.matrices[-1][np.ix_(here, here)]
+        return other.plus(HessianPart(self._columns, weights.matrices[:-1]))._replace(Q_final=last)
 
     def eased(self, ease: float) -> None:  # noqa: ARG002
         """Return None: what is near is not where a cheaper one would lead."""
         return
 
-    def _with_price(self, other: CostHessian, x: Array, u: Array) -> CostHessian:
-        Q, R, S, Q_final = other
-        N, nx, nu = self._sizes
-        bent = np.zeros((N + 1, nx + nu, nx + nu))
-        bent[:-1, :nx, :nx], bent[:-1, nx:, nx:], bent[-1, :nx, :nx] = matrix_of(Q), matrix_of(R), matrix_of(Q_final)
-        if S is not None:
-            bent[:-1, :nx, nx:] = S
-        for each in self._broken(x, u, 0):
-            k = (each.off > 0.0).any(axis=1)
-            if k.any():
-                at = each.at
-                at = Samples(at.k[k], at.x[k], at.u[k], at.x_next[k])
-                part = each._replace(at=at, off=each.off[k])
-                jacobian, columns = self._slopes(part)
-                stiff = np.where(part.off > 0.0, part.weight, 0.0)[:, :, None] * jacobian
-                bent[np.ix_(part.at.k, columns, columns)] += jacobian.transpose(0, 2, 1) @ stiff
-        return CostHessian(bent[:-1, :nx, :nx], bent[:-1, nx:, nx:], bent[:-1, :nx, nx:], bent[-1, :nx, :nx])
-
     def _broken(self, x: Array, u: Array, start: int) -> Iterator[_Broken]:
-        """Yield how far limits are off in states of instants from ``start`` on, with inputs of as many or one less."""
+        """Yield where and how far limits are off in states from an instant on, with inputs of as many or one less."""
         for rows, weight in self._rows:
             quantity = rows.quantity
             count = len(x) if quantity.of_state else len(u)
             here = (rows.k >= start) & (rows.k < start + count)
             if here.any():
                 k = rows.k[here]
-                nothing = np.empty((len(k), 0))
-                at = Samples(k, x[k - start], nothing if quantity.of_state else u[k - start], nothing)
-                room = rows.sign * (quantity.values(at) - rows.bounds[here])
-                yield _Broken(rows, weight, at, np.maximum(-room, 0.0))
+                off = rows.sign * (rows.bounds[here] - quantity.values(self._samples(rows, k, x, u, start)))
+                broken = (off > 0.0).any(axis=1)
+                if broken.any():
+                    at = self._samples(rows, k[broken], x, u, start)
+                    yield _Broken(rows, weight, at, np.maximum(off[broken], 0.0))
+
+    @staticmethod
+    def _samples(rows: Rows, k: Instants, x: Array, u: Array, start: int) -> Samples:
+        nothing = np.empty((len(k), 0))
+        return Samples(k, x[k - start], nothing if rows.quantity.of_state else u[k - start], nothing)
 
     def _slopes(self, each: _Broken) -> tuple[Array, Instants]:
         """Return the derivatives of a quantity (n, m, c), and by which columns of state and input."""
+        return each.rows.quantity.jacobian(each.at), self._columns_of(each.rows)
+
+    def _columns_of(self, rows: Rows) -> Instants:
         _, nx, nu = self._sizes
-        quantity = each.rows.quantity
-        columns = quantity.columns(nx, nu)
-        if columns is None:
-            columns = np.arange(nx if quantity.of_state else nx + nu)
-        return quantity.jacobian(each.at), columns
+        columns = rows.quantity.columns(nx, nu)
+        return np.arange(nx if rows.quantity.of_state else nx + nu) if columns is None else columns

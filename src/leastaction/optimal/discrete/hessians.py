@@ -1,14 +1,38 @@
-"""The second derivatives of a quadratic model: those of a cost, and a part by a few entries of state and input."""
+"""The second derivatives of a cost, and of a quadratic model: these, and a part by a few entries of state and input."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.cost import is_diagonal, matrix_of
-from leastaction.optimal.discrete.cost import CostHessian
+from leastaction.optimal.cost import is_diagonal, matrix_of, own_matrices
+
+Places = NDArray[np.intp]
+
+
+class CostHessian(NamedTuple):
+    """Second derivatives of a cost along a trajectory.
+
+    Q and R may be a diagonal ``(n,)``, a matrix ``(n, n)``, a diagonal per stage ``(N, n, 1)`` or a
+    matrix per stage ``(N, n, n)``; the fewer numbers, the faster.
+
+    Attributes
+    ----------
+    Q, R : ndarray
+        ``d2l/dx2`` and ``d2l/du2``.
+    S : ndarray (nx, nu) or (N, nx, nu), or None
+        ``d2l/dxdu``; None is zero.
+    Q_final : ndarray (nx,) or (nx, nx)
+        ``d2m/dx2``.
+    """
+
+    Q: Array
+    R: Array
+    S: Array | None
+    Q_final: Array
 
 
 class HessianPart(NamedTuple):
@@ -17,8 +41,16 @@ class HessianPart(NamedTuple):
     ``columns`` (m,): the entries, ascending. ``matrices`` (N, m, m): one for each stage.
     """
 
-    columns: np.ndarray[tuple[int], np.dtype[np.intp]]
+    columns: Places
     matrices: Array
+
+    def add_to(self, matrices: Array, columns: Places | None = None) -> None:
+        """Add it to matrices (N, n, n) by all entries, or by ``columns`` (n,) among which its own are."""
+        at = self.columns if columns is None else np.searchsorted(columns, self.columns)
+        if len(at) and at[-1] - at[0] == len(at) - 1:  # as are configurations: several times as fast
+            matrices[:, at[0] : at[-1] + 1, at[0] : at[-1] + 1] += self.matrices
+        else:
+            matrices[:, at[:, None], at] += self.matrices
 
 
 class ModelHessian(NamedTuple):
@@ -34,6 +66,33 @@ class ModelHessian(NamedTuple):
     def of(cls, hessian: CostHessian) -> ModelHessian:
         """Return the weights of a cost alone."""
         return cls(*hessian)
+
+    def whole(self) -> CostHessian:
+        """Return them without a part, which is added to the weights of all stages."""
+        Q, R, S, Q_final, part = self
+        if part is None or not len(part.columns):
+            return CostHessian(Q, R, S, Q_final)
+        N, nx, nu = len(part.matrices), len(Q_final), len(R) if R.ndim == 1 else R.shape[1]
+        if part.columns[-1] < nx:
+            stages = own_matrices(matrix_of(Q), (N, nx, nx))
+            part.add_to(stages)
+            return CostHessian(stages, R, S, Q_final)
+        whole = np.zeros((N, nx + nu, nx + nu))
+        whole[:, :nx, :nx], whole[:, nx:, nx:] = matrix_of(Q), matrix_of(R)
+        if S is not None:
+            whole[:, :nx, nx:] = S
+        part.add_to(whole)
+        return CostHessian(whole[:, :nx, :nx], whole[:, nx:, nx:], whole[:, :nx, nx:], Q_final)
+
+    def plus(self, more: HessianPart) -> ModelHessian:
+        """Return them with another part."""
+        if self.part is None:
+            return self._replace(part=more)
+        columns = np.union1d(self.part.columns, more.columns)
+        both = np.zeros((len(more.matrices), len(columns), len(columns)))
+        for each in (self.part, more):
+            each.add_to(both, columns)
+        return self._replace(part=HessianPart(columns, both))
 
     @property
     def of_first_state(self) -> Array:
@@ -61,6 +120,17 @@ def between(low: ModelHessian, high: ModelHessian, share: float) -> ModelHessian
     if part is not None and high.part is not None:
         part = part._replace(matrices=_between(part.matrices, high.part.matrices, share))
     return ModelHessian(Q, _between(low.R, high.R, share), S, Q_final, part)
+
+
+def same(one: ModelHessian, other: ModelHessian) -> bool:
+    """Whether two Hessians of the same cost and limits have the same numbers."""
+    (*weights, part), (*others, other_part) = one, other
+    if part is not None and other_part is not None:
+        weights, others = [*weights, part.matrices], [*others, other_part.matrices]
+    elif part is not other_part:
+        return False
+    pairs = zip(weights, others, strict=True)
+    return all(a is b or (a is not None and b is not None and np.array_equal(a, b)) for a, b in pairs)
 
 
 def _between(low: Array, high: Array, share: float) -> Array:
