@@ -14,11 +14,13 @@ from leastaction.apps.marionette.tracking import (
     TrackingRun,
     TrackingSearch,
     beginning,
+    gaps,
     load_unfinished,
     parts,
     save_search,
     track,
 )
+from leastaction.apps.marionette.tracking.gaps import closed
 from leastaction.apps.marionette.tracking.parts import joined, parts_of
 from leastaction.apps.marionette.tracking.tracker import Curve, Tracker
 from leastaction.errors import ArgumentError, ResultFileError
@@ -164,24 +166,24 @@ def test_where_parts_cannot_be_joined_the_motion_is_searched_as_a_whole(monkeypa
 @pytest.mark.usefixtures("three_parts")
 def test_gaps_between_parts_are_closed_before_the_whole_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a limb swings otherwise in the one than in the other."""
-    gaps: list[float] = []
+    left: list[float] = []
 
     def close(tracker: Tracker, curve: Curve) -> Curve:
         assert tracker.plan is not None
         x = curve[0].copy()
         x[125:, tracker.plan.mechanism.variables.index("lknee_rx")] -= 0.1
-        found = parts.closed(tracker, (x, curve[1]))
+        found = closed(tracker, (x, curve[1]))
         sizes = 1.0 + np.abs(x).max(axis=0)
         for states, inputs in ((x, curve[1]), found):
             gap = tracker.plan.system.step_each(states, inputs).x - states[1:]
-            gaps.append(float(np.abs(gap / sizes).max()))
+            left.append(float(np.abs(gap / sizes).max()))
         return found
 
     monkeypatch.setattr(beginning, "closed", close)
     said: list[str] = []
     run = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
-    assert gaps[0] > 0.02
-    assert gaps[1] < 1e-3
+    assert left[0] > 0.02
+    assert left[1] < 1e-3
     assert beginning._WHOLE not in said
     assert run.result.status is Status.CONVERGED
 
@@ -191,7 +193,7 @@ def test_ctrl_c_while_parts_are_joined_keeps_them_all(monkeypatch: pytest.Monkey
     def stopped(*arguments: object, **options: object) -> OptimizationResult:
         return replace(optimize(*arguments, **options | {"max_iterations": 1}), status=Status.INTERRUPTED)
 
-    monkeypatch.setattr(parts, "optimize", stopped)
+    monkeypatch.setattr(gaps, "optimize", stopped)
     kept: list[TrackingRun | TrackingSearch] = []
     with pytest.raises(KeyboardInterrupt):
         track(PUPPET, walk_in_place(5.0, 0.02), checkpoint=kept.append, **OPTIONS)

@@ -11,15 +11,16 @@ from typing import Final
 
 from leastaction.apps.marionette.tracking import tying
 from leastaction.apps.marionette.tracking.found import Effort, TrackingRun, TrackingSearch
+from leastaction.apps.marionette.tracking.gaps import closed
 from leastaction.apps.marionette.tracking.growing import grown
 from leastaction.apps.marionette.tracking.limits import FIRST_KINDS, KINDS
 from leastaction.apps.marionette.tracking.motors import search
-from leastaction.apps.marionette.tracking.parts import closed, found_in_parts
+from leastaction.apps.marionette.tracking.parts import found_in_parts
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import hanging
 from leastaction.apps.marionette.tracking.problem import below_strings
 from leastaction.apps.marionette.tracking.ties import FIRM
-from leastaction.apps.marionette.tracking.tracker import AGAIN, LOST, PATIENCE, Curve, Tracker
+from leastaction.apps.marionette.tracking.tracker import AGAIN, GAPS, LOST, PATIENCE, Curve, Tracker
 from leastaction.apps.marionette.tracking.weights import GENTLE
 from leastaction.io.motion.motion import Motion
 from leastaction.models.marionette import tie_strings
@@ -75,6 +76,7 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
         joined = found_in_parts(tracker, _followed, cut_short)
         if joined is not None:
             tracker.kinds |= FIRST_KINDS | tracker.broken(joined[0])
+            tracker.say("the parts are joined")
             tracker.start = closed(tracker, joined)
             tracker.most = LOST * plan.cost().value(*tracker.start)
             tracker.others = [(_WHOLE, partial(_searched_by, tracker, plan)), *_elsewhere(tracker)]
@@ -93,9 +95,9 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
         tracker.problem = searched.problem
     elif searched is not plan:
         expected = searched.cost().value(*found) * plan.system.N / searched.system.N
-        tracker.start = plan.inside(*plan.finer(searched, *found), expected)
-        tracker.most = LOST * expected
-        tracker.others.append((AGAIN, partial(_searched_by, tracker, plan)))
+        fine = plan.finer(searched, *found)
+        tracker.start, tracker.most = plan.inside(*fine, expected), LOST * expected
+        tracker.others += [(GAPS, partial(closed, tracker, fine)), (AGAIN, partial(_searched_by, tracker, plan))]
     tracker.others += _elsewhere(tracker)
     # What leads to strings that are tied had better lead to where they can be.
     tracker.kinds = frozenset(KINDS) if plan.ties is not None else FIRST_KINDS | tracker.broken(tracker.start[0])

@@ -5,8 +5,8 @@ parts of it are followed one by one, each as if it were the motion, and overlap.
 but for some tenths of a second near the end of the one and the start of the other: what is a second ahead, or ago,
 hardly matters. In the middle of that one passes over into the other. What is joined is no trajectory by little. Limbs
 that swing freely, as most do on few strings, remember what was longer ago than that: what follows the curve by feedback
-is thrown off it. So gaps stay between its steps until the optimiser has nearly closed them, and a few iterations over
-all of the motion lead to the minimum.
+is thrown off it. So gaps stay between its steps until the optimiser has nearly closed them (`gaps.py`), and a few
+iterations over all of the motion lead to the minimum.
 """
 
 from __future__ import annotations
@@ -24,16 +24,14 @@ from leastaction.apps.marionette.tracking.tracker import Curve, Tracker
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array, smooth_rise
-from leastaction.optimal import OptimizationResult, Status, optimize
+from leastaction.optimal import OptimizationResult
 
 LONG: Final = 30.0
 """Seconds from which on a motion is followed part by part."""
 
 _PART: Final = 15.0  # s, about the length of a part
 _OVERLAP: Final = 3.0  # s, for which two are the same; in the middle third one passes over into the other
-_ITERATIONS: Final = 150  # of the last optimisation of a part, and of one with gaps
-_ROUGHLY: Final = 1e-2  # tolerance of that
-_NEARLY_CLOSED: Final = 1e-3  # of the states' sizes: gaps of a curve that feedback can follow
+_ITERATIONS: Final = 150  # of the last optimisation of a part
 
 
 def parts_of(t: Array) -> list[tuple[int, int]]:
@@ -95,35 +93,6 @@ def joined(before: Curve, after: Curve, start: int) -> Curve:
         return np.concatenate([one[:start], there + share[:n] * (other[:n] - there), other[n:]])
 
     return passed_over(x, x_after), passed_over(u, u_after)
-
-
-def closed(tracker: Tracker, curve: Curve) -> Curve:
-    """Return a curve near one that parts were joined to, which follows the motion and whose steps nearly meet.
-
-    Raises `KeyboardInterrupt` where Ctrl-C ends the search.
-    """
-    plan = tracker.plan
-    assert plan is not None
-    tracker.say("the parts are joined")
-    try:
-        result = optimize(
-            plan.system,
-            plan.cost(),
-            initial=curve,
-            limits=tracker.limits.of(plan.mechanism, tracker.problem.pelvis, tracker.kinds),
-            free_start=plan.free_start,
-            shooting="multiple",
-            method=tracker.method,
-            max_iterations=_ITERATIONS,
-            tolerance=_ROUGHLY,
-            callback=lambda record: record.gap < _NEARLY_CLOSED,
-        )
-    except ProjectionError:
-        return curve
-    if result.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    tracker.spend(result, None)
-    return result.x, result.u
 
 
 def _tracker_of(whole: Tracker, start: int, stop: int) -> Tracker:

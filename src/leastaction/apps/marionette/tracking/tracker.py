@@ -33,7 +33,8 @@ LOST: Final = 2.0
 PATIENCE: Final = 100
 """Iterations of a puppet that began hanging; then its motion is planned by tensions."""
 
-AGAIN: Final = "the motion found with longer steps cannot be followed: the search begins again with these"
+GAPS: Final = "the motion found with longer steps cannot be followed: gaps between its steps are closed"
+AGAIN: Final = "they cannot be closed: the search begins again with these steps"
 
 _GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
 # Tolerances, if none is given: of a puppet that began hanging, of a plan, and where its strings are tied firmly. There
@@ -121,7 +122,7 @@ class Tracker:
                     raise
                 self.lost = True
             if self.lost and self.others:
-                self.start, self.most, self.lost = self._elsewhere(), np.inf, False
+                self.start, self.lost = self._elsewhere(), False
                 continue
             stood, self.most = result, np.inf
             self._count(result)
@@ -138,7 +139,7 @@ class Tracker:
                 if left_behind is None or result.cost < left_behind[0].cost:
                     left_behind = result, self.kinds
                 # A search with these steps would lead to where it is stuck with them.
-                self.others = [other for other in self.others if other[0] != AGAIN]
+                self.others = [other for other in self.others if other[0] not in (GAPS, AGAIN)]
                 try:
                     best, self.start, self.earlier = np.inf, self._elsewhere(), None
                 except KeyboardInterrupt:
@@ -187,6 +188,7 @@ class Tracker:
             found = find()
             assert self.plan is not None
             if len(found[1]) == self.plan.system.N:
+                self.most = LOST * self.plan.cost().value(*found) if self.others else np.inf
                 return found
 
     def _optimised(self) -> OptimizationResult:
