@@ -9,6 +9,7 @@ from leastaction.errors import ArgumentError, StepError
 from leastaction.optimal import (
     DiscreteSystem,
     FunctionSystem,
+    HessianPart,
     LinearSystem,
     QuadraticCost,
     check_derivatives,
@@ -255,7 +256,7 @@ def test_the_checker_finds_what_is_wrong(curve, name):
     assert "WRONG" in str(report)
 
 
-@pytest.mark.parametrize("name", ["cost gradient", "cost hessian"])
+@pytest.mark.parametrize("name", ["cost gradient", "cost hessian", "cost model_hessian"])
 def test_the_checker_finds_a_wrong_cost(curve, name):
     class Broken(QuadraticCost):
         def gradient(self, x, u):
@@ -265,6 +266,12 @@ def test_the_checker_finds_a_wrong_cost(curve, name):
         def hessian(self, x, u):
             Q, R, S, Q_final = super().hessian(x, u)
             return Q, R * (1.1 if name == "cost hessian" else 1.0), S, Q_final
+
+        def model_hessian(self, x, u, *, convex):
+            plain = super().model_hessian(x, u, convex=convex)
+            if name != "cost model_hessian":
+                return plain
+            return plain.plus(HessianPart(np.array([1, 4]), 0.1 * np.ones((len(u), 2, 2))))
 
     x, u = curve
     cost = Broken(0.1 * x, 0.1 * u, Q=np.ones(4), R=10.0 * np.eye(1))

@@ -29,7 +29,7 @@ from leastaction.optimal.continuous import (
 from leastaction.optimal.discrete.controllability import Controllability, ControllabilityWindow, controllability
 from leastaction.optimal.discrete.cost import Cost, CostGradient, QuadraticCost, WindowCost
 from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
-from leastaction.optimal.discrete.hessians import CostHessian
+from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
 from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     adjoint,
@@ -65,13 +65,13 @@ __all__ = [
     "Accuracy", "Bound", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
     "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Controllability",
     "ControllabilityWindow", "Cost", "CostGradient", "CostHessian", "DenseTrajectory", "DerivativeReport",
-    "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem",
-    "HelpedCost", "IterationRecord", "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem",
-    "LinearQuadraticSolution", "LinearSystem", "Linearization", "OptimizationHistory", "OptimizationResult",
-    "Parameter", "Periodic", "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient",
-    "RateHessian", "Rollout", "Settings", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status",
-    "Unknown", "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives",
-    "coarse_to_fine", "continuation", "controllability", "optimize", "optimize_continuous", "receding_horizon",
-    "regulate", "regulate_continuous", "resample", "solve_continuous_linear_quadratic", "solve_linear_quadratic",
-    "steady_state_regulator", "sweep_forward",
+    "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem", "FunctionQuantity",
+    "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit", "LimitReport",
+    "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem", "Linearization", "ModelHessian",
+    "OptimizationHistory", "OptimizationResult", "Parameter", "Periodic", "PiecewisePolynomial", "Projection",
+    "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout", "Settings", "StageRecord", "StageTable",
+    "StartResult", "StartStatus", "Status", "Unknown", "WindowCost", "WindowSystem", "Within", "adjoint",
+    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "optimize", "optimize_continuous",
+    "receding_horizon", "regulate", "regulate_continuous", "resample", "solve_continuous_linear_quadratic",
+    "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

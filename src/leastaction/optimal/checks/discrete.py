@@ -10,6 +10,7 @@ from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.differences import central_differences
 from leastaction.optimal.checks.differences import Errors
 from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 
 
@@ -94,10 +95,14 @@ def _compare_cost(cost: Cost, x: Array, u: Array, rng: np.random.Generator, erro
             return float(np.sum(left * weight.reshape(-1, left.shape[-1]) * right))
         return float(np.sum(left * np.einsum("...ij,...j->...i", weight, right)))
 
-    Q, R, S, Q_final = cost.hessian(x, u)
-    curvature = form(Q, dx[:-1], dx[:-1]) + form(R, du, du) + form(Q_final, dx[-1], dx[-1])
-    if S is not None:
-        curvature += 2.0 * form(S, dx[:-1], du)
-    zero = np.zeros(1)
+    def bend(hessian: CostHessian) -> Array:
+        Q, R, S, Q_final = hessian
+        curvature = form(Q, dx[:-1], dx[:-1]) + form(R, du, du) + form(Q_final, dx[-1], dx[-1])
+        if S is not None:
+            curvature += 2.0 * form(S, dx[:-1], du)
+        return np.array([curvature])
+
+    zero, bent = np.zeros(1), bend(cost.hessian(x, u))
     errors.note("cost gradient", slope(zero), central_differences(value, zero)[:, 0])
-    errors.note("cost hessian", np.array([curvature]), central_differences(slope, zero)[:, 0])
+    errors.note("cost hessian", bent, central_differences(slope, zero)[:, 0])
+    errors.note("cost model_hessian", bend(cost.model_hessian(x, u, convex=False).whole()), bent)
