@@ -13,8 +13,8 @@ from leastaction.apps.marionette import walk_in_place
 from leastaction.apps.marionette.tracking import (
     TrackingRun,
     TrackingSearch,
+    attempts,
     beginning,
-    gaps,
     load_unfinished,
     parts,
     save_search,
@@ -193,7 +193,7 @@ def test_ctrl_c_while_parts_are_joined_keeps_them_all(monkeypatch: pytest.Monkey
     def stopped(*arguments: object, **options: object) -> OptimizationResult:
         return replace(optimize(*arguments, **options | {"max_iterations": 1}), status=Status.INTERRUPTED)
 
-    monkeypatch.setattr(gaps, "optimize", stopped)
+    monkeypatch.setattr(attempts, "optimize", stopped)
     kept: list[TrackingRun | TrackingSearch] = []
     with pytest.raises(KeyboardInterrupt):
         track(PUPPET, walk_in_place(5.0, 0.02), checkpoint=kept.append, **OPTIONS)

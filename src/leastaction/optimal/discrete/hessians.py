@@ -94,16 +94,25 @@ class ModelHessian(NamedTuple):
             each.add_to(both, columns)
         return self._replace(part=HessianPart(columns, both))
 
+    def weighed(self, columns: Places, matrices: Array) -> ModelHessian:
+        """Return them with matrices (N+1, m, m) by some columns of all instants: a part, and of the last state."""
+        last = _by_states(self.Q_final, HessianPart(columns, matrices), -1)
+        return self.plus(HessianPart(columns, matrices[:-1]))._replace(Q_final=last)
+
     @property
     def of_first_state(self) -> Array:
         """The weight (nx, nx) of the first state."""
         weight = matrix_of(self.Q[:1] if self.Q.ndim == 3 else self.Q)
-        weight = np.array(weight[0] if weight.ndim == 3 else weight)
-        if self.part is not None:
-            columns, matrices = self.part
-            own = columns < len(weight)
-            weight[np.ix_(columns[own], columns[own])] += matrices[0][np.ix_(own, own)]
-        return weight
+        weight = weight[0] if weight.ndim == 3 else weight
+        return weight if self.part is None else _by_states(weight, self.part, 0)
+
+
+def _by_states(weight: Array, part: HessianPart, k: int) -> Array:
+    """Return a weight (n,) or (n, n) of states as a matrix, with what a part is by states at an instant."""
+    total = np.array(matrix_of(weight))
+    own = part.columns < len(total)
+    total[np.ix_(part.columns[own], part.columns[own])] += part.matrices[k][np.ix_(own, own)]
+    return total
 
 
 def between(low: ModelHessian, high: ModelHessian, share: float) -> ModelHessian:

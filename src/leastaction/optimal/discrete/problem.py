@@ -324,13 +324,13 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         if share == 1.0:
             return self.exact
         if self.convex is None:
-            convex = self._second_derivatives(convex=True)
-            self.convex = self.exact if same(convex, self.exact) else convex
+            self.convex = self._second_derivatives(convex=True)
         return between(self.convex, self.exact, share)
 
     def _second_derivatives(self, *, convex: bool) -> ModelHessian:
         """Return them with all of what bends downwards, or with none."""
-        return self.cost.model_hessian(self.x, self.u, convex=convex)
+        found = self.cost.model_hessian(self.x, self.u, convex=convex)
+        return self.exact if convex and self.exact is not None and same(found, self.exact) else found
 
     def _linearize(self) -> Linearization:
         if self.linearization is None:

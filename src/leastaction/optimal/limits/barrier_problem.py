@@ -422,7 +422,7 @@ class BarrierProblem(ShootingProblem):
             return np.inf
         gradient = self._with_duals(self.duals.y)
         curvature = self._curvature_along(gradient)
-        self.exact = None  # written over
+        self.exact = self.convex = None  # these are written over
         for softness in _SOFTER:
             hessian = self._weights(self.duals.stiffnesses(self._room(), softness), convex=False)
             left = self._left_of(hessian, gradient, curvature)

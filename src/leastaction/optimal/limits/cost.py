@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.cost import is_diagonal, matrix_of, own_matrices
+from leastaction.optimal.cost import is_diagonal, own_matrices
 from leastaction.optimal.discrete.cost import Cost, CostGradient
-from leastaction.optimal.discrete.hessians import HessianPart, ModelHessian, same
+from leastaction.optimal.discrete.hessians import ModelHessian, same
 from leastaction.optimal.limits.duals import Duals, Side
 from leastaction.optimal.limits.entries import EntryRows
 from leastaction.optimal.limits.rows import Rows, Weights
@@ -122,30 +122,30 @@ class LimitedCost:
         Q, R, S, Q_final, part = plain
         N, nx = len(u), x.shape[1]
         states, inputs = self.of_states.hessian(sigmas, x.shape), self.of_inputs.hessian(sigmas, u.shape)
-        own = np.empty(0, dtype=np.intp)  # entries of states, that are no weight of their own
+        few, beside = [self.columns], None  # by which there is a part, and a diagonal in it
         if states is not None:
             Q_final = _with_diagonal(Q_final, states[-1])
             if self.of_states.first < N * nx and is_diagonal(Q):
                 Q = _with(Q, states[:-1])
             elif self.of_states.first < N * nx:
-                own = self.of_states.columns
+                beside = states[:-1, self.of_states.columns]
+                few.append(self.of_states.columns)
+        if part is not None:
+            few.append(part.columns)
         R = R if inputs is None else _with(R, inputs)
-        columns = np.unique(np.concatenate([self.columns, own] if part is None else [self.columns, own, part.columns]))
+        columns = np.unique(np.concatenate(few))
         if not len(columns):
             return ModelHessian(Q, R, S, Q_final)
         weights = self._weights(N, columns, convex=convex)
         if part is not None:
             part.add_to(weights.matrices[:-1], columns)
-        if states is not None:
-            at = np.searchsorted(columns, own)
-            weights.matrices[:-1, at, at] += states[:-1, own]
+        if beside is not None:
+            at = np.searchsorted(columns, self.of_states.columns)
+            weights.matrices[:-1, at, at] += beside
         for each, jacobian in zip(self.others, jacobians, strict=True):
             duals = None if convex else each.of(self.duals.y)
             each.rows.add_hessian(x, u, jacobian, duals, each.of(sigmas), weights, dynamics)
-        here = columns < nx
-        final = np.array(matrix_of(Q_final))
-        final[np.ix_(columns[here], columns[here])] += weights.matrices[-1][np.ix_(here, here)]
-        return ModelHessian(Q, R, S, final, HessianPart(columns, weights.matrices[:-1]))
+        return ModelHessian(Q, R, S, Q_final).weighed(columns, weights.matrices)
 
     def _weights(self, N: int, columns: Instants, *, convex: bool) -> Weights:
         """Return an empty sum by some columns, where the last of its kind was."""

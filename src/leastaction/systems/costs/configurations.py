@@ -7,9 +7,8 @@ from abc import abstractmethod
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
-from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
+from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.systems.midpoint import MidpointSystem
 
 
@@ -60,11 +59,8 @@ class CostOfConfigurations(AddedCost):
 
     def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
         """Return either with what is by configurations as a part of it; see `Cost`."""
-        other, n = self.cost.model_hessian(x, u, convex=convex), self._nq
         bends = self._bends(self._configurations(x), exact=not convex)
-        last = np.array(matrix_of(other.Q_final))
-        last[:n, :n] += bends[-1]
-        return other.plus(HessianPart(np.arange(n), bends[:-1]))._replace(Q_final=last)
+        return self.cost.model_hessian(x, u, convex=convex).weighed(np.arange(self._nq), bends)
 
     def _configurations(self, x: Array) -> Array:
         return np.ascontiguousarray(x[:, : self._nq])

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from leastaction.apps.marionette.tracking.attempts import attempted
 from leastaction.apps.marionette.tracking.tracker import Curve, Tracker
-from leastaction.errors import ProjectionError
-from leastaction.optimal import Status, optimize
 
 _ITERATIONS: Final = 150
 _ROUGHLY: Final = 1e-2  # tolerance
@@ -23,24 +22,18 @@ def closed(tracker: Tracker, curve: Curve) -> Curve:
 
     The other itself where its steps cannot be made. Raises `KeyboardInterrupt` where Ctrl-C ends the search.
     """
-    plan = tracker.plan
-    assert plan is not None
-    try:
-        result = optimize(
-            plan.system,
-            plan.cost(),
-            initial=curve,
-            limits=tracker.limits.of(plan.mechanism, tracker.problem.pelvis, tracker.kinds),
-            free_start=plan.free_start,
-            shooting="multiple",
-            method=tracker.method,
-            max_iterations=_ITERATIONS,
-            tolerance=_ROUGHLY,
-            callback=lambda record: record.gap < _NEARLY,
-        )
-    except ProjectionError:
+    assert tracker.plan is not None
+    result = attempted(
+        tracker.plan,
+        curve,
+        tracker.kinds,
+        shooting="multiple",
+        max_iterations=_ITERATIONS,
+        tolerance=_ROUGHLY,
+        method=tracker.method,
+        callback=lambda record: record.gap < _NEARLY,
+    )
+    if result is None:
         return curve
-    if result.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
     tracker.spend(result, None)
     return result.x, result.u

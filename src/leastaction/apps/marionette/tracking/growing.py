@@ -13,13 +13,14 @@ from typing import Final
 
 import numpy as np
 
+from leastaction.apps.marionette.tracking.attempts import attempted
 from leastaction.apps.marionette.tracking.limits import KINDS
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import at_rest
-from leastaction.errors import ArgumentError, ProjectionError
+from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import OptimizationResult, Status, optimize
+from leastaction.optimal import OptimizationResult
 
 SIZES: Final = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Parts of the way from the first pose to the wanted ones."""
@@ -65,21 +66,9 @@ def _followed(
     size: float,
 ) -> tuple[Array, Array]:
     """Return what one optimisation finds; the start where it finds nothing."""
-    try:
-        result = optimize(
-            plan.system,
-            plan.cost(),
-            initial=start,
-            limits=plan.limits.of(plan.mechanism, plan.problem.pelvis, KINDS),
-            free_start=plan.free_start,
-            shooting="single",
-            max_iterations=_ITERATIONS,
-            tolerance=_ROUGHLY,
-        )
-    except ProjectionError:  # a larger part may be found from the last
+    result = attempted(plan, start, KINDS, shooting="single", max_iterations=_ITERATIONS, tolerance=_ROUGHLY)
+    if result is None:  # a larger part may be found from the last
         return start
-    if result.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
     count(result)
     say(f"{100.0 * size:.0f} % of the motion: cost {result.cost:.4g}")
     return result.x, result.u

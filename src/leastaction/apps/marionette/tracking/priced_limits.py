@@ -13,9 +13,8 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Cost, DiscreteSystem, Limit
-from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import AddedCost, CostGradient
-from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
+from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.quantity import Instants, Samples
 
@@ -86,14 +85,11 @@ class PricedLimits(AddedCost):
 
     def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
         """Return either with what is by the entries that limits are of as a part of it; see `Cost`."""
-        N, nx, _ = self._sizes
-        other, weights = self.cost.model_hessian(x, u, convex=convex), Weights(N, self._columns)
+        weights = Weights(self._sizes[0], self._columns)
         for each in self._broken(x, u, 0):
             jacobian, columns = self._slopes(each)
             weights.add(each.at.k, columns, jacobian, np.where(each.off > 0.0, each.weight, 0.0), None)
-        last, here = np.array(matrix_of(other.Q_final)), self._columns < nx
-        last[np.ix_(self._columns[here], self._columns[here])] += weights.matrices[-1][np.ix_(here, here)]
-        return other.plus(HessianPart(self._columns, weights.matrices[:-1]))._replace(Q_final=last)
+        return self.cost.model_hessian(x, u, convex=convex).weighed(self._columns, weights.matrices)
 
     def eased(self, ease: float) -> None:  # noqa: ARG002
         """Return None: what is near is not where a cheaper one would lead."""
