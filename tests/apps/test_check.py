@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from apps.motions import captured
 from leastaction import Rig
 from leastaction.apps.choices import Strings
 from leastaction.apps.cli.tables import checked
-from leastaction.apps.marionette import TrackingRun, check, load_motion, track, walk_in_place
+from leastaction.apps.marionette import PuppetLimits, TrackingRun, check, load_motion, track, walk_in_place
 from leastaction.apps.marionette.tracking.found import held_error
 from leastaction.models.marionette import marionette
 
@@ -43,6 +45,8 @@ def test_a_plan_that_a_rig_loses_is_told_what_may_help(run: TrackingRun, monkeyp
     assert run.tension.min() < 2.0
     assert "more than twice as much. Strings planned with" in (said := checked(run))
     assert said.endswith("plan with a higher least tension (--tension 2)")
+    monkeypatch.setattr("leastaction.apps.cli.tables._VIOLENT", 0.9 * float(run.tension.max()))
+    assert checked(run).endswith(f"up to {run.tension.max():.0f} N swing there: plan with less (--strength 150)")
 
 
 @pytest.mark.slow
@@ -79,3 +83,15 @@ def test_a_captured_walk_on_bars_is_held(bars: Strings) -> None:
     for seed in (0, 1):
         result = check(run, Rig(seed=seed))
         assert result.passed, str(result)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strength", [150.0, math.inf])
+def test_a_dab_on_bars_is_held(strength: float) -> None:
+    """Pulls of 150 N or 400 N: what seven strings on four bars stretch by is not what the plan was made for."""
+    bars = marionette(strings="cross+legs+hands")
+    motion = load_motion(captured("dab.bvh"), dt=0.01).motion
+    run = track(bars, motion, limits=PuppetLimits(strength=strength))
+    assert run.result.success
+    for seed in range(3):
+        assert check(run, Rig(seed=seed)).error < 1.1 * run.held_error

@@ -14,6 +14,7 @@ import pytest
 
 from apps.motions import leap
 from leastaction import Mechanism, MidpointVI, QuadraticCost, tx
+from leastaction.apps.choices import Strings
 from leastaction.apps.cli.summary import run_summary
 from leastaction.apps.marionette import walk_in_place
 from leastaction.apps.marionette.tracking import (
@@ -249,6 +250,37 @@ def test_limits_of_the_upper_ends_are_kept_to() -> None:
     assert fastest(free) > 1.0
     assert fastest(run) < 0.8 * (1.0 + 1e-4)
     assert run.tension.min() > 1.0 - 1e-4
+
+
+@pytest.mark.parametrize("strings", [6, "cross"])
+def test_no_string_pulls_more_than_it_bears(strings: Strings) -> None:
+    """A leap pulls by more than twice as much where it may."""
+    puppet = marionette(strings=strings)
+    free = track(puppet, leap(0.3), planned=True)
+    run = track(puppet, leap(0.3), planned=True, limits=PuppetLimits(strength=0.5 * float(free.tension.max())))
+    for each in (free, run):
+        assert each.result.success
+        assert each.tension.min() >= 0.5 * (1.0 - 1e-3)
+    assert run.limits is not None
+    assert 0.95 * run.limits.strength < run.tension.max() <= run.limits.strength * (1.0 + 1e-3)
+    assert strings == "cross" or run.off > free.off  # on a bar it is another minimum
+
+
+def test_a_hanging_puppet_keeps_to_what_strings_bear() -> None:
+    """A walk that the puppet all but makes by itself is not planned at all before a limit is broken."""
+    free = track(PUPPET, walk_in_place(2.0, 0.01))
+    assert free.plan is None
+    run = track(PUPPET, walk_in_place(2.0, 0.01), limits=PuppetLimits(strength=0.9 * float(free.tension.max())))
+    assert run.result.success
+    assert run.limits is not None
+    assert run.tension.max() <= run.limits.strength * (1.0 + 1e-6)
+
+
+def test_strings_that_do_not_bear_the_puppet_are_said_to_be_weak() -> None:
+    with pytest.raises(ArgumentError, match=r"strength is 5 N, and 6 strings of that do not carry .* weighs \d+ N"):
+        track(PUPPET, leap(0.2), limits=PuppetLimits(strength=5.0), planned=True)
+    with pytest.raises(ArgumentError, match=r"strength is 0\.4, expected more than the least tension, 0\.5"):
+        PuppetLimits(strength=0.4)
 
 
 @pytest.mark.parametrize("far", [0.0, 3.0])

@@ -131,6 +131,9 @@ class PuppetOptions:
         the strings of the puppet's hands are picked up by hands.
     tension
         Least tension of every string at every instant, N.
+    strength
+        Most tension of every string, N: with more it breaks. Plans on bars whose strings pull by hundreds of newtons
+        are what rigs lose first.
     reach
         How far the strings' upper ends, and bars, may be from above the wanted pelvis along each axis, m.
     end_speed
@@ -151,6 +154,7 @@ class PuppetOptions:
 
     strings: Annotated[Strings, Parameter(group=PUPPET)] = 6
     tension: Annotated[float, Parameter(group=PUPPET)] = 0.5
+    strength: Annotated[float, Parameter(group=PUPPET)] = math.inf
     reach: Annotated[float, Parameter(group=PUPPET)] = 2.0
     end_speed: Annotated[float, Parameter(group=PUPPET)] = 8.0
     end_acceleration: Annotated[float, Parameter(group=PUPPET)] = 150.0
@@ -166,6 +170,7 @@ class PuppetOptions:
 
         return PuppetLimits(
             tension=self.tension,
+            strength=self.strength,
             reach=self.reach,
             speed=self.end_speed,
             acceleration=self.end_acceleration,

@@ -19,6 +19,7 @@ from leastaction.errors import LeastActionError
 _WIDTH: Final = 100
 _MOST_LINES: Final = 8
 _FIRM: Final = 2.0  # N, with which strings stay taut on a rig whose readings are off by a milliradian
+_VIOLENT, _GENTLER = 200.0, 150.0  # N, of pulls that rigs lose, and of a most tension that may be held
 
 
 def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
@@ -62,6 +63,8 @@ def checked(run: TrackingRun) -> str:
             f". Strings planned with {least:.2g} N go slack and taut from step to step there: "
             f"plan with a higher least tension (--tension {_FIRM:g})"
         )
+    if not found.passed and (most := float(run.tension.max())) > _VIOLENT:
+        more += f". Strings planned with up to {most:.0f} N swing there: plan with less (--strength {_GENTLER:g})"
     return f"O{str(found)[1:]}{more}"
 
 

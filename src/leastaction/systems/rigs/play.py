@@ -13,10 +13,12 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, StepError
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State
+from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rigs.commands import reeled_in, with_lengths
+from leastaction.systems.rigs.elastic import nearest
 from leastaction.systems.rigs.estimator import Estimator
 from leastaction.systems.rigs.regulator import Regulator
 from leastaction.systems.rigs.rig import Played, Rig
@@ -42,10 +44,9 @@ def play(
     linearised about its own estimate), with the strings that are slack, and by what the model says that will have
     become of that over the delay.
 
-    Where strings are elastic, what is commanded as their lengths is less by what the planned tension stretches them.
-    Strings whose lengths are numbers are shorter by that in the mean, and where the prescribed variables that move
-    their ends can move each of them, these go along with the rest: a bar that carries strings is lifted where they are
-    stretched.
+    Where strings are elastic, the plan is none that the model makes: what is commanded, and fed back about, is the
+    motion nearest to it (by the same weights) of the model with its elastic strings, in which these do not push or
+    hardly do. Strings whose lengths are numbers are shorter by what the planned tensions stretch them in the mean.
 
     Parameters
     ----------
@@ -82,13 +83,14 @@ def play(
     x, u = _pair_of(plan)
     x = as_array(x, "plan x", (N + 1, system.nx), meaning="(N+1, nx)")
     u = as_array(u, "plan u", (N, system.nu), meaning="(N, nu)")
-    x, u, shorter = reeled_in(system, x, u, rig)
+    x, u, shorter, least = reeled_in(system, x, u, rig)
     machine = system.integrator.like(with_lengths(rig.machine(m), shorter))
+    model = MidpointSystem(system.integrator.like(with_lengths(rig.model(m), shorter)), t)
+    Q, R = _weights(m, u, Q, R)
+    if least:
+        x, u = nearest(model, x, u, Q=Q, R=R, least=least)
     noise = rig.noise * np.random.default_rng([rig.seed, 1]).standard_normal((N + 1, m.nd))
-    controller = None
-    if feedback:
-        model = with_lengths(rig.model(m), shorter)
-        controller = _Controller(MidpointSystem(system.integrator.like(model), t), x, u, Q, R, rig.noise)
+    controller = _Controller(model, x, u, Q, R, rig.noise) if feedback else None
     states = [x[0] if start is None else np.concatenate([start.q, start.p, start.v_rho])]
     commands, failure, read = [], None, 0
     for k in range(N):
@@ -136,18 +138,20 @@ def _pair_of(plan: object) -> tuple[ArrayLike, ArrayLike]:
     return x, u
 
 
+def _weights(m: Mechanism, u: Array, Q: ArrayLike | None, R: ArrayLike | None) -> tuple[ArrayLike, ArrayLike]:
+    """Return the weights of the regulator, those that are not given as `play` says."""
+    if Q is None:
+        Q = np.repeat([_HELD, _PLACES, 0.0, _SPEEDS], [m.nd, m.nrho, m.nd, m.nrho])
+    if R is None:
+        squares = np.mean(u[:, : m.n_inputs] ** 2, axis=0)
+        R = np.concatenate([1.0 / np.where(squares > 0.0, squares, 1.0), np.ones(m.nrho)])
+    return Q, R
+
+
 class _Controller:
     """A regulator along a plan, on an estimate by late readings; it goes through it once."""
 
-    def __init__(
-        self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike | None, R: ArrayLike | None, noise: float
-    ) -> None:
-        m = model.mechanism
-        if Q is None:
-            Q = np.repeat([_HELD, _PLACES, 0.0, _SPEEDS], [m.nd, m.nrho, m.nd, m.nrho])
-        if R is None:
-            squares = np.mean(u[:, : m.n_inputs] ** 2, axis=0)
-            R = np.concatenate([1.0 / np.where(squares > 0.0, squares, 1.0), np.ones(m.nrho)])
+    def __init__(self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike, R: ArrayLike, noise: float) -> None:
         self.model, self.x = model, x
         self.regulator = Regulator(model, x, u, Q, R)
         self.estimator = Estimator(model, x[0], noise)

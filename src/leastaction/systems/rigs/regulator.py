@@ -27,10 +27,11 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.cost import final_of, weigh
 from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic, sweep_forward
 from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.rigs.pushing import Pushing
 from leastaction.systems.rigs.strings import Strings, as_springs
 
 _AHEAD = 0.4  # s that it plans ahead: that long a limb falls or flies freely
-_PUSHING = 50.0  # 1/J, the price of the energy of a spring that pushes
+_PUSHING = 100.0  # 1/J, the price of the energy of a spring that pushes
 
 
 class Regulator:
@@ -55,7 +56,7 @@ class Regulator:
         m, t = model.mechanism, model.t
         self.x, self.u = x, u
         self.Q, self.R = as_array(Q, "Q"), as_array(R, "R")
-        self.strings = Strings(m)
+        strings = Strings(m)
         self.springs = MidpointSystem(model.integrator.like(as_springs(m)), t)
         made, sprung = model.step_each(x, u), self.springs.step_each(x, u)
         for steps in (made, sprung):
@@ -70,9 +71,7 @@ class Regulator:
                 f"Q, R: there is no regulator: {plan.message} Give a positive definite R and a positive semidefinite Q."
             )
         self.plan, self.P = plan, plan.P
-        q = np.ascontiguousarray(x[:, : m.nq])
-        stretch = self.strings.stretches(q)
-        self.room = self.strings.room(stretch) - stretch
+        self.pushing = Pushing(strings, strings.room_along(x[:, : m.nq]), _PUSHING)
         self.ahead = max(1, int(np.ceil(_AHEAD / float(np.diff(t).mean()) - 1e-9)))
         # States (n+1, nx) and inputs (n, nu) from the next instant on, as they were found at the last one.
         self.found: tuple[Array, Array] | None = None
@@ -122,7 +121,7 @@ class Regulator:
 
         ``x`` (n+1, nx), ``u`` (n, nu): the motion before. There may be gaps between its steps.
         """
-        n, nq = len(u), self.strings.nq
+        n, nq = len(u), self.springs.mechanism.nq
         here = slice(k, k + n)
         system = self.springs.window(k, k + n)
         ends = system.step_each(x, u) if np.isfinite(x).all() and np.isfinite(u).all() else None
@@ -134,7 +133,7 @@ class Regulator:
         q, r = weigh(Q, x[:-1] - self.x[here]), weigh(R, u - self.u[here])
         q_final = final @ (x[-1] - self.x[k + n]) + self.plan.b[k + n]
         part = None
-        priced = self._price_of_pushing(k + 1, x[1:])
+        priced = self.pushing.derivatives(np.ascontiguousarray(x[1:, :nq]), k + 1)
         if priced is not None:
             slope, bend = priced
             q[1:, :nq] += slope[:-1]
@@ -150,17 +149,3 @@ class Regulator:
             return None
         dx, du = sweep_forward(linear.A, linear.B, solution, c=gaps, pattern=linear.pattern)
         return x + dx, u + du
-
-    def _price_of_pushing(self, k: int, x: Array) -> tuple[Array, Array] | None:
-        """Return how the price of springs that push changes with configurations: its gradient and Hessian.
-
-        Of Gauss and Newton, (n, nq) and (n, nq, nq), at states x (n, nx) from instant k on; None where none pushes.
-        """
-        q = np.ascontiguousarray(x[:, : self.strings.nq])
-        slack = np.minimum(self.strings.stretches(q) + self.room[k : k + len(x)], 0.0)
-        if not slack.any():
-            return None
-        slopes = self.strings.slopes(q)
-        slopes[slack == 0.0] = 0.0
-        weighted = np.swapaxes(slopes, 1, 2) * (_PUSHING * self.strings.stiffness)
-        return (weighted @ slack[:, :, None])[:, :, 0], weighted @ slopes

@@ -72,6 +72,14 @@ class Strings:
         """
         return np.asarray(tension_of(stretch, self.stiffness, self._smoothing) / self.stiffness)
 
+    def room_along(self, q: Array) -> Array:
+        """Return how much farther than to no stretch they may shrink (n, m) before they pull less than nothing does.
+
+        For springs in the place of strings in configurations (n, nq): a string that is slack there may be that slack.
+        """
+        stretch = self.stretches(np.ascontiguousarray(q))
+        return self.room(stretch) - stretch
+
 
 def as_springs(m: Mechanism) -> Mechanism:
     """Return a mechanism whose strings that only pull would push as well."""

@@ -79,8 +79,8 @@ def _qualified(plan: Plan, result: OptimizationResult, x: Array, u: Array) -> Op
     """Return a result that does not say it converged where the motion by lengths breaks limits."""
     problem, limits = plan.problem, plan.limits
     broken = limits.loosened(_NEARLY).broken(problem.mechanism, problem.t, problem.pelvis, x)
-    pulls = min(tension[1:].min() for tension in problem.system.trajectory(x, u).tensions().values())
-    if pulls < limits.tension * (1.0 - _NEARLY):
+    pulls = np.stack(list(problem.system.trajectory(x, u).tensions().values()))
+    if not limits.keep(pulls[:, 1:], _NEARLY):
         broken |= {"tension"}
     if not (broken and result.success):
         return result

@@ -34,6 +34,8 @@ class PuppetLimits:
     ----------
     tension : float
         Least tension of every string at every instant (N). 0 or more: strings pull.
+    strength : float
+        Most tension of every string at every instant (N): with more it breaks; infinite for none.
     joints : mapping of name to (float, float)
         Least and largest angles (rad).
     speed, acceleration : float
@@ -51,6 +53,7 @@ class PuppetLimits:
     """
 
     tension: float = 0.5
+    strength: float = math.inf
     joints: Mapping[str, tuple[float, float]] = field(default_factory=lambda: JOINT_LIMITS)
     speed: float = 8.0
     acceleration: float = 150.0
@@ -66,6 +69,10 @@ class PuppetLimits:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.tension) and self.tension >= 0.0):
             raise ArgumentError(f"limits: tension is {self.tension}, expected a finite number >= 0 (N): strings pull")
+        if not self.strength > self.tension:
+            raise ArgumentError(
+                f"limits: strength is {self.strength}, expected more than the least tension, {self.tension} (N)"
+            )
         for name in ("speed", "acceleration", "reach", "lift", "turn", "turn_speed", "turn_acceleration"):
             if not getattr(self, name) > 0.0:
                 raise ArgumentError(f"limits: {name} is {getattr(self, name)}, expected a number > 0")
@@ -82,11 +89,14 @@ class PuppetLimits:
         """
         ends = ends_of(mechanism)
         skip = 1 if mechanism.constraints else 0  # by tensions the start is free, and limits hold there too
+        share = np.ones(len(pelvis) - 1)
+        share[:skip] = 0.5  # with constraints the first impulse is that of half a step
         by_kind: dict[str, list[Limit]] = {
             "tension": [
                 Bound(
                     [s.name for s in strings_of(mechanism)],
-                    min=self.tension,
+                    share * self.tension,
+                    share * self.strength,
                     of="tension" if mechanism.constraints else "input",
                 )
             ],
@@ -124,6 +134,11 @@ class PuppetLimits:
             ],
         }
         return [limit for kind in KINDS if kind in kinds for limit in by_kind[kind]]
+
+    def keep(self, tension: Array, share: float = 0.0) -> bool:
+        """Return whether tensions (N) keep to their limits, but for a share of these."""
+        least, most = (1.0 - share) * self.tension, (1.0 + share) * self.strength
+        return bool(tension.min() >= least and tension.max() <= most)
 
     def loosened(self, share: float) -> PuppetLimits:
         """Return limits wider by a share of each; angles of joints by a share of a radian; tensions as they are."""

@@ -117,9 +117,9 @@ def _unless_still(plan: Plan, x: Array, u: Array, say: Callable[[str], object]) 
 def _begun(plan: Plan, solve: Callable[..., OptimizationResult]) -> OptimizationResult:
     """Return what the first stage finds from the wanted motion, or a smoother one where steps cannot follow it."""
     # On its limit a tension has a barrier like a wall, from which no direction leads away.
-    inside = plan.limits.tension + _INSIDE * plan.tension.mean()
+    least, most = plan.tensions_inside(_INSIDE)
     q = plan.x_reference[:, : plan.mechanism.nq]
-    tensions = np.maximum(plan.u_reference[:, : len(plan.strings)], inside)
+    tensions = np.clip(plan.u_reference[:, : len(plan.strings)], least, most)
     for cutoff in _CUTOFFS:
         smooth = Motion(plan.mechanism.variables, plan.t, q).low_pass(cutoff).q
         with suppress(ProjectionError):

@@ -21,7 +21,7 @@ from leastaction.apps.marionette.tracking.limits import FIRST_KINDS, PuppetLimit
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, levers, unheld
 from leastaction.apps.marionette.tracking.ties import Ties
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
-from leastaction.errors import LeastActionError, StepError
+from leastaction.errors import ArgumentError, LeastActionError, StepError
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import JointForce, MidpointVI, to_momentum
 from leastaction.models.marionette import (
@@ -39,6 +39,7 @@ from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.systems import PulledSystem
 
 _OFF = 0.02  # of the mean tension at rest, by which tensions keep off their least
+_ROUNDING = 1e-9  # of limits of tensions
 _LITTLE = 1.1  # times the cost that may take
 _HELD = "Strings push on the motion found, and on all near it: the puppet hangs still."
 
@@ -66,7 +67,7 @@ class Plan:
         self.lengths = np.array([whole.kinematic.index(s.length) for s in held], dtype=int)
         self.ties = Ties(whole, m) if tied_strings(whole) else None
         q = problem.reference[:, self.columns]
-        self.tension = self._tension_at_rest(limits.tension)
+        self.tension = self._tension_at_rest(limits)
         self.x_reference = self.states(q)
         # The motion begins at rest, not with the slope of its first step.
         self.x_reference[0, m.nq : m.nq + m.nd] = problem.x_reference[0, whole.nq : whole.nq + whole.nd]
@@ -152,10 +153,9 @@ class Plan:
         return fine, np.hstack([np.stack(pulls, axis=1), fine[1:, m.nd : m.nq]])
 
     def inside(self, x: Array, u: Array, cost: float) -> tuple[Array, Array]:
-        """Return a motion near a curve whose tensions keep off their limit; the curve where that costs much more."""
-        least = self.limits.tension + _OFF * self.tension.mean()
+        """Return a motion near a curve whose tensions keep off their limits; the curve where that costs much more."""
         for gains in self.regulators(x, u):
-            xs, us = self.clipped(x, u, gains, least)
+            xs, us = self.clipped(x, u, gains, _OFF)
             if len(us) == self.system.N and self.cost().value(xs, us) < _LITTLE * cost:
                 return xs, us
         return x, u
@@ -163,13 +163,13 @@ class Plan:
     def pulling(self, result: OptimizationResult) -> OptimizationResult:
         """Return a result whose strings pull, also where the search ended before they all did.
 
-        Under the gains about what was found, each tension is held at its least where it would fall below. Where that
-        leads far away, one in which all strings pull, if with a little less, stays what it is.
+        Under the gains about what was found, each tension is held within its limits. Where that leads far away, one in
+        which all strings pull, if with a little less or too much, stays what it is.
         """
-        strings, least = len(self.strings), self.limits.tension
+        pulls = result.u[:, : len(self.strings)]
         fine = np.isfinite(result.x).all() and np.isfinite(result.u).all()
-        lowest = result.u[:, :strings].min() if fine else -np.inf
-        if lowest >= least * (1.0 - 1e-9):
+        lowest = pulls.min() if fine else -np.inf
+        if fine and self.limits.keep(pulls, _ROUNDING):
             return result
         none = np.zeros_like(result.K)
         if fine:
@@ -189,19 +189,28 @@ class Plan:
         held = replace(result, x=x, u=u, cost=self.cost().value(x, u))
         return replace(held, status=Status.LINE_SEARCH_FAILED, message=_HELD) if result.success else held
 
-    def clipped(self, xbar: Array, ubar: Array, K: Array, least: float | None = None) -> tuple[Array, Array]:
-        """Return a roll-out under feedback, no tension below its least; up to the step that failed."""
+    def clipped(self, xbar: Array, ubar: Array, K: Array, off: float = 0.0) -> tuple[Array, Array]:
+        """Return a roll-out under feedback, each tension within its limits; up to the step that failed.
+
+        ``off``: of the mean tension at rest, by which they keep off them.
+        """
         strings = len(self.strings)
-        least = self.limits.tension if least is None else least
+        least, most = self.tensions_inside(off)
         x, u = np.array(xbar), np.array(ubar)
         for k in range(self.system.N):
             u[k] = ubar[k] - K[k] @ (x[k] - xbar[k])
-            u[k, :strings] = np.maximum(u[k, :strings], least)
+            u[k, :strings] = np.clip(u[k, :strings], least, most)
             try:
                 x[k + 1] = self.system.f(x[k], u[k], k)
             except StepError:
                 return x[: k + 1], u[:k]
         return x, u
+
+    def tensions_inside(self, off: float) -> tuple[float, float]:
+        """Return the least and the most tension, off their limits by a share of the mean tension at rest (N)."""
+        limits = self.limits
+        by = min(off * float(self.tension.mean()), 0.5 * (limits.strength - limits.tension))
+        return limits.tension + by, limits.strength - by
 
     def hung(self) -> tuple[Array, Array]:
         """Return what the puppet does where its strings are held, up to a step that fails."""
@@ -217,11 +226,16 @@ class Plan:
             ),
         )
 
-    def _tension_at_rest(self, least: float) -> Array:
+    def _tension_at_rest(self, limits: PuppetLimits) -> Array:
         """Return the tensions with which the strings carry the puppet as well as they can where the motion starts."""
         whole = self.problem.mechanism
         q = self.problem.reference[0]
         weight = -whole.core.gradient(q, np.zeros(whole.nq))[0][: whole.nd]
+        if not len(self.strings) * limits.strength > (heavy := float(weight[whole.variables.index("torso_tz")])):
+            raise ArgumentError(
+                f"limits: strength is {limits.strength:g} N, and {len(self.strings)} strings of that do not carry the "
+                f"puppet, which weighs {heavy:.3g} N. Allow more, or take more strings"
+            )
         lengths = string_lengths(whole, q)
         by_tension = whole.constraint_jacobian(q)[:, : whole.nd] / (2.0 * lengths[:, None])
-        return np.asarray(lsq_linear(by_tension.T, -weight, bounds=(least, np.inf)).x)
+        return np.asarray(lsq_linear(by_tension.T, -weight, bounds=(limits.tension, limits.strength)).x)

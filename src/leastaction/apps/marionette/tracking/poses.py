@@ -118,7 +118,7 @@ class PoseSearch:
         wanted = self.wanted(k)
         m, limits, scale = self.mechanism, self.plan.limits, self.scale
         least, most = np.full(len(wanted), -np.inf), np.full(len(wanted), np.inf)
-        least[m.nq :] = limits.tension + self.more
+        least[m.nq :], most[m.nq :] = limits.tension + self.more, limits.strength
         ends = ends_of(m)
         for names, reach in (
             ((*ends.x, *ends.y), limits.reach),

@@ -18,9 +18,9 @@ from leastaction.apps.marionette.tracking.limits import KINDS, PuppetLimits
 from leastaction.apps.marionette.tracking.priced_limits import PricedLimit, PricedLimits
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.models.marionette import string_lengths, strings_of
+from leastaction.models.marionette import string_lengths
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import Bound, OptimizationResult, QuadraticCost, optimize
+from leastaction.optimal import OptimizationResult, QuadraticCost, optimize
 from leastaction.optimal.settings import Method
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
@@ -28,7 +28,7 @@ _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices 
 _PRICES: Final = {"tension": 1e-3, "joints": 10.0, "speed": 1e-2, "acceleration": 1e-5, "reach": 10.0}
 # Each round asks for as many times the price of the last; less where that is too much at once, in the end hardly more.
 _DEARER, _HARDLY, _DEAREST, _ROUNDS = 10.0, 1.1, 1e5, 20
-_WITHIN, _MARGIN = 1e-4, 1e-3  # of limits, and N of tensions, by which they are kept more than they have to be
+_WITHIN, _MARGIN = 1e-4, 1e-3  # of limits, and N of tensions at most, by which they are kept more than they have to be
 _ITERATIONS, _EASY = 25, 7  # of a round, at most, and of one after which more can be asked for at once
 _GAP: Final = 1e-7  # m, rad and so on
 
@@ -56,7 +56,8 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
     sizes = m.nd, m.nrho, m.nd, m.nrho
     Q = np.concatenate([np.repeat([_BY_POSE, _BY_PLACE, _BY_MOMENTUM, 0.0], sizes), pull])
     R = np.full(system.nu, _BY_PLACE)
-    inside = replace(limits.loosened(-_WITHIN), tension=limits.tension + _MARGIN)
+    margin = min(_MARGIN, 0.25 * (limits.strength - limits.tension))
+    inside = replace(limits.loosened(-_WITHIN), tension=limits.tension + margin, strength=limits.strength - margin)
     asked = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, limits, 1.0))
     best: tuple[Array, Array] | None = None  # of those whose strings pull, the one that limits are broken least by
     least, price, dearer, begun = np.inf, 1.0, _DEARER, False
@@ -119,12 +120,7 @@ def _all_pull(problem: TrackingProblem, x: Array, u: Array) -> bool:
 
 def _priced(problem: TrackingProblem, limits: PuppetLimits, dearer: float) -> list[PricedLimit]:
     """Return limits of the marionette by lengths, with their prices."""
-    m, found = problem.mechanism, []
-    for kind in KINDS:
-        own = limits.of(m, problem.pelvis, {kind})
-        if kind == "tension":
-            least = np.full(len(problem.t) - 1, limits.tension)
-            least[0] *= 0.5  # the first impulse is that of half a step
-            own = [Bound([s.name for s in strings_of(m)], min=least, of="tension")]
-        found += [PricedLimit(each, dearer * _PRICES[kind]) for each in own]
-    return found
+    m = problem.mechanism
+    return [
+        PricedLimit(each, dearer * _PRICES[kind]) for kind in KINDS for each in limits.of(m, problem.pelvis, {kind})
+    ]

@@ -295,7 +295,7 @@ class Tracker:
     def _more_limits(self, result: OptimizationResult) -> frozenset[str]:
         """Return the kinds of limits that a result breaks and that were not stated; the others need not be."""
         more = self.broken(result.x) - self.kinds
-        if "tension" not in self.kinds and self.run_of(result).tension.min() < self.limits.tension:
+        if "tension" not in self.kinds and not self.limits.keep(self.run_of(result).tension):
             more |= {"tension"}
         return more
 
