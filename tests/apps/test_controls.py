@@ -28,6 +28,7 @@ from leastaction.apps.marionette import (
     walk_in_place,
 )
 from leastaction.apps.marionette.tracking import TrackingSearch, files, load_unfinished, save_search, settle, tying
+from leastaction.apps.marionette.tracking.by_lengths import _qualified
 from leastaction.apps.marionette.tracking.files import _mechanism
 from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.apps.marionette.tracking.pace import Pace
@@ -309,6 +310,22 @@ def test_a_price_that_leads_nowhere_does_not_lose_what_an_earlier_one_found(
     assert found is not None
     least = min(pull[1:].min() for pull in problem.system.trajectory(*found).tensions().values())
     assert least > 4.9 if once else 0.0 < least < 4.9
+
+
+def test_strings_that_keep_their_lengths_pull_no_more_than_they_bear(run: TrackingRun) -> None:
+    """A motion near one whose strings pull by more; and a run that was not brought to it does not say it converged."""
+    problem, most = TrackingProblem(run.mechanism, run.motion, FORCED, 1), float(run.tension.max())
+    limits = PuppetLimits(strength=0.9 * most)
+    found = settle.settled(problem, limits, run.result.x, run.result.u)
+    assert found is not None
+    pulls = np.stack(list(problem.system.trajectory(*found).tensions().values()))
+    assert 0.8 * most < pulls.max() <= limits.strength
+    assert run.plan is not None
+    for strength, status in ((1.1 * most, Status.CONVERGED), (0.9 * most, Status.INFEASIBLE)):
+        plan = Plan(problem, FORCED, PuppetLimits(strength=strength))
+        ended = _qualified(plan, run.plan, run.result.x, run.result.u)
+        assert ended.status is status
+    assert "limits of tension" in ended.message
 
 
 def test_a_run_on_bars_comes_back_from_its_file_and_goes_on(run: TrackingRun, tmp_path: Path) -> None:

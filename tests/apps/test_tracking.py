@@ -39,12 +39,14 @@ from leastaction.apps.marionette.tracking import (
     track,
     tracker,
 )
+from leastaction.apps.marionette.tracking.poses import at_rest
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, ProjectionError, ResultFileError
 from leastaction.io import Motion
 from leastaction.io.results.record import load_record, save_record
 from leastaction.mechanics import JointForce
 from leastaction.models.marionette import JOINT_LIMITS, PLANE_HEIGHT, STRINGS, UNHELD, marionette
+from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, Status
 from leastaction.systems import PulledSystem
 
@@ -268,12 +270,61 @@ def test_no_string_pulls_more_than_it_bears(strings: Strings) -> None:
 
 def test_a_hanging_puppet_keeps_to_what_strings_bear() -> None:
     """A walk that the puppet all but makes by itself is not planned at all before a limit is broken."""
-    free = track(PUPPET, walk_in_place(2.0, 0.01))
+    walk = walk_in_place(2.0, 0.01)
+    small = replace(walk, q=walk.q[0] + 0.2 * (walk.q - walk.q[0]))  # so that strings pull by themselves
+    free = track(PUPPET, small)
     assert free.plan is None
-    run = track(PUPPET, walk_in_place(2.0, 0.01), limits=PuppetLimits(strength=0.9 * float(free.tension.max())))
+    assert free.kinds == frozenset()
+    run = track(PUPPET, small, limits=PuppetLimits(strength=0.95 * float(free.tension.max())))
+    assert run.kinds == {"tension"}
     assert run.result.success
     assert run.limits is not None
     assert run.tension.max() <= run.limits.strength * (1.0 + 1e-6)
+
+
+def test_what_strings_bear_holds_wherever_a_plan_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tensions at rest, a pose that is held, a roll-out that is clipped, and what motors begin with."""
+    limits = PuppetLimits(strength=60.0)
+    wanted = plan.Plan(TrackingProblem(PUPPET, leap(0.3), FORCED, 0), FORCED, PuppetLimits())
+    assert wanted.tension.max() > 70.0
+    strings = len(STRINGS)
+    assert at_rest(wanted)[1][:, :strings].max() > 65.0
+    held = plan.Plan(wanted.problem, FORCED, limits)
+    for tension in (held.tension, at_rest(held)[1][:, :strings]):
+        assert tension.min() >= 0.5 - 1e-9
+        assert tension.max() <= 60.0 + 1e-9
+    u = held.u_reference.copy()
+    u[::2, :strings], u[1::2, :strings] = 100.0, 0.0
+    none = np.zeros((held.system.N, held.system.nu, held.system.nx))
+    for off in (0.0, 0.02):
+        pulls = held.clipped(held.x_reference, u, none, off)[1][:, :strings]
+        by = off * held.tension.mean()
+        np.testing.assert_allclose(pulls[:2], np.repeat([[60.0 - by], [0.5 + by]], strings, axis=1))
+    begun: list[Array] = []
+
+    def driven(_: plan.Plan, _q: Array, tensions: Array) -> None:
+        begun.append(tensions)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(motors, "driven", driven)
+    with pytest.raises(KeyboardInterrupt):
+        motors.search(held, lambda _: None, keep=lambda *_: None)
+    assert begun[0].max() < 60.0 - 1.0
+
+
+@pytest.mark.parametrize(
+    ("tension", "share", "kept"),
+    [
+        ([0.5, 9.0], 0.0, True),
+        ([0.49, 9.0], 0.0, False),
+        ([0.5, 9.1], 0.0, False),
+        ([0.49, 9.1], 0.05, True),
+        ([0.4, 9.0], 0.05, False),
+        ([0.5, 9.9], 0.05, False),
+    ],
+)
+def test_tensions_keep_to_both_limits(tension: list[float], share: float, kept: bool) -> None:
+    assert PuppetLimits(strength=9.0).keep(np.array(tension), share) == kept
 
 
 def test_strings_that_do_not_bear_the_puppet_are_said_to_be_weak() -> None:

@@ -89,17 +89,8 @@ class PuppetLimits:
         """
         ends = ends_of(mechanism)
         skip = 1 if mechanism.constraints else 0  # by tensions the start is free, and limits hold there too
-        share = np.ones(len(pelvis) - 1)
-        share[:skip] = 0.5  # with constraints the first impulse is that of half a step
         by_kind: dict[str, list[Limit]] = {
-            "tension": [
-                Bound(
-                    [s.name for s in strings_of(mechanism)],
-                    share * self.tension,
-                    share * self.strength,
-                    of="tension" if mechanism.constraints else "input",
-                )
-            ],
+            "tension": [self._of_tensions(mechanism, len(pelvis) - 1)],
             "joints": [Bound(name, least, most, of="variable") for name, (least, most) in self.joints.items()],
             # A rate over a step is part of the next state.
             "speed": [
@@ -134,6 +125,15 @@ class PuppetLimits:
             ],
         }
         return [limit for kind in KINDS if kind in kinds for limit in by_kind[kind]]
+
+    def _of_tensions(self, mechanism: Mechanism, steps: int) -> Limit:
+        """Return the limit of the tensions in a number of steps, by constraints or by inputs."""
+        names, most = [s.name for s in strings_of(mechanism)], np.full(steps, self.strength)
+        if not mechanism.constraints:
+            return Bound(names, self.tension, self.strength, of="input")
+        # The first impulse of a constraint is that of half a step; the least is stated as it is there too.
+        most[0] *= 0.5
+        return Bound(names, self.tension, most, of="tension")
 
     def keep(self, tension: Array, share: float = 0.0) -> bool:
         """Return whether tensions (N) keep to their limits, but for a share of these."""

@@ -18,9 +18,9 @@ from leastaction.apps.marionette.tracking.limits import KINDS, PuppetLimits
 from leastaction.apps.marionette.tracking.priced_limits import PricedLimit, PricedLimits
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.models.marionette import string_lengths
+from leastaction.models.marionette import string_lengths, strings_of
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import OptimizationResult, QuadraticCost, optimize
+from leastaction.optimal import Bound, OptimizationResult, QuadraticCost, optimize
 from leastaction.optimal.settings import Method
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
@@ -120,7 +120,13 @@ def _all_pull(problem: TrackingProblem, x: Array, u: Array) -> bool:
 
 def _priced(problem: TrackingProblem, limits: PuppetLimits, dearer: float) -> list[PricedLimit]:
     """Return limits of the marionette by lengths, with their prices."""
-    m = problem.mechanism
-    return [
-        PricedLimit(each, dearer * _PRICES[kind]) for kind in KINDS for each in limits.of(m, problem.pelvis, {kind})
-    ]
+    m, found = problem.mechanism, []
+    for kind in KINDS:
+        own = limits.of(m, problem.pelvis, {kind})
+        if kind == "tension":
+            share = np.ones(len(problem.t) - 1)
+            share[0] = 0.5  # the first impulse is that of half a step
+            names = [s.name for s in strings_of(m)]
+            own = [Bound(names, share * limits.tension, share * limits.strength, of="tension")]
+        found += [PricedLimit(each, dearer * _PRICES[kind]) for each in own]
+    return found
