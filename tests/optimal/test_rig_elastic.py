@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,9 @@ from leastaction import (
     MidpointSystem,
     MidpointVI,
     QuadraticCost,
+    Status,
     check_derivatives,
+    play,
     project_configuration,
     tx,
     tz,
@@ -105,6 +109,12 @@ def test_a_plan_that_has_no_such_motion_is_kept(
     found_x, found_u = nearest(model, x, u, Q=Q, R=R, least=least)
     np.testing.assert_array_equal(found_x, x)
     np.testing.assert_array_equal(found_u, u)
+
+
+def test_ctrl_c_ends_what_is_played(plan: tuple[MidpointSystem, Array, Array], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(elastic, "optimize", lambda *_, **__: SimpleNamespace(status=Status.INTERRUPTED))
+    with pytest.raises(KeyboardInterrupt):
+        play(plan[0], plan[1:], RIG)
 
 
 def test_strings_may_be_as_slack_as_they_are_planned() -> None:

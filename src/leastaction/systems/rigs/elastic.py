@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import QuadraticCost, optimize
+from leastaction.optimal import QuadraticCost, Status, optimize
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rigs.pushing import Pushing, PushingCost
 from leastaction.systems.rigs.strings import Strings, as_springs
@@ -41,13 +41,19 @@ def nearest(
         What it is to be near by, as of `QuadraticCost`.
     least : mapping of str to float
         By how much strings are to be stretched at the least (m), by name. Others may be as slack as they are planned.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Where Ctrl-C ends the search.
     """
     m = model.mechanism
     springs = MidpointSystem(model.integrator.like(as_springs(m)), model.t)
     strings = Strings(m)
     room = strings.room_along(x[:, : m.nq])
-    for name, stretch in least.items():
-        room[:, strings.names.index(name)] = -stretch
+    for i, name in enumerate(strings.names):
+        if name in least:
+            room[:, i] = -least[name]
     cost = PushingCost(QuadraticCost(x, u, Q=Q, R=R), springs, Pushing(strings, room, _PUSHING))
     try:
         found = optimize(
@@ -55,4 +61,6 @@ def nearest(
         )
     except LeastActionError:
         return x, u
+    if found.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
     return found.x, found.u
