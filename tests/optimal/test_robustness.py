@@ -390,7 +390,7 @@ def test_all_of_the_benchmark(problems, share, indefinite):
     # The rest says when in the motion it was stuck, and what may help.
     assert all("at t = " in o.message for o in outcomes if not o.minimum)
     stuck = [o for o in outcomes if o.status in ("LINE_SEARCH_FAILED", "SADDLE")]
-    assert all(re.search("time step is (too )?coarse", o.message) for o in stuck), [o.name for o in stuck]
+    assert all("time step is coarse" in o.message for o in stuck), [o.name for o in stuck]
 
 
 # Random inputs make it whirl at first, and nothing leads from there to where it is wanted.
