@@ -17,8 +17,11 @@ from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
 from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.problem import DiscreteProblem
+from leastaction.optimal.discrete.trial import try_projection
+from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Loop
-from leastaction.optimal.loop.ending import Outcome, message
+from leastaction.optimal.loop.ending import Outcome, coarse_step, message
+from leastaction.optimal.loop.stages import Stages
 from leastaction.optimal.memory import Place
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
@@ -560,6 +563,53 @@ def test_steps_without_a_solution_are_told_before_derivatives():
     assert "Take steps of time 2 times shorter" in said
     assert "check_derivatives" not in said
     assert "check_derivatives" in message(problem, Outcome(Status.LINE_SEARCH_FAILED, "a cost of 2"))
+
+
+def test_a_coarse_step_that_was_tried_last_is_told_as_one_of_the_last_iterate_is():
+    """The iterate before it may be just below where a step is called coarse, or just above, by rounding."""
+    sound = StepQuality(t=0.08, s=1.97, angle=0.372, variable="pitch")
+    tried = StepQuality(t=0.1, s=771.0, angle=0.764, variable="pitch")
+    problem = SimpleNamespace(worst_step=sound, unfinished="", unmet="")
+    outcome = Outcome(Status.LINE_SEARCH_FAILED, "step 5 could not be solved", barred=True, refused=tried)
+    assert coarse_step(problem, outcome) is tried
+    said = message(problem, outcome)
+    assert said.startswith("The cost falls towards motions that the steps of time cannot follow")
+    assert "Take steps of time 2 times shorter" in said
+    assert "Along the last iterate the coarsest step is that at t = 0.08 s" in said
+    assert "In what was tried last the time step is coarse at t = 0.1 s: s = 771, 'pitch' moved by 0.764 rad" in said
+    # That of the iterate is told alone where it is coarse itself; neither, where constraints are about to lose rank.
+    whirling = SimpleNamespace(worst_step=tried, unfinished="", unmet="")
+    assert coarse_step(whirling, replace(outcome, refused=sound)) is tried
+    assert "tried last" not in message(whirling, replace(outcome, refused=sound))
+    assert coarse_step(problem, replace(outcome, refused=replace(tried, angle=0.05))) is None
+    assert coarse_step(problem, replace(outcome, refused=None)) is None
+
+
+@pytest.mark.parametrize("moved", [0.05, 0.764])
+def test_half_the_steps_of_time_are_tried_for_the_step_that_was_tried_last(moved):
+    tried = StepQuality(t=0.1, s=771.0, angle=moved, variable="pitch")
+    begun = []
+    problem = SimpleNamespace(worst_step=None, begin_finer=lambda: bool(begun.append("finer")))
+    run = SimpleNamespace(schedule=NewtonSchedule(again=True), is_automatic=True, problem=problem)
+    Stages(run)._begin_finer(Outcome(Status.LINE_SEARCH_FAILED, refused=tried))
+    assert begun == ["finer"] * tried.is_coarse
+
+
+def test_what_is_refused_for_a_step_of_time_tells_how_coarse_it_was():
+    given = BY_NAME["pushed body, over, R 1e-06, final 10000, rest"].build()
+    result = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="single", max_iterations=0)
+    x, u = result.x, result.u
+    gain = np.zeros((given.system.N, given.system.nu, given.system.nx))
+    options = {"bound": np.inf, "worst": None, "chunk": 8, "explain": lambda _, refusal: refusal}
+    thrown = u.copy()
+    thrown[3] += 1e6
+    refusal = try_projection(given.system, given.cost, (x, thrown, gain), x[0], **options)
+    assert isinstance(refusal, Refusal)
+    assert refusal.coarsest is not None
+    assert refusal.coarsest.t == pytest.approx(given.system.time(3))
+    assert refusal.coarsest.is_coarse
+    outcome = try_projection(given.system, given.cost, (x, u, gain), x[0], **options)
+    assert isinstance(outcome, Trial)
 
 
 def test_a_finer_grid_saves_what_says_that_time_is_coarse():

@@ -8,6 +8,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from leastaction.numerics.step_quality import StepQuality
+
 Iterate = TypeVar("Iterate")
 
 
@@ -36,7 +38,8 @@ class Refusal:
 
     ``reason``: in words. ``step``: the step of time at which the roll-out ended; None if it came to the end. ``cost``:
     what the trajectory costs at least; NaN if that is not known. ``failed``: whether the roll-out could not be made to
-    its end. ``hopeless``: whether shorter steps along this direction would be refused too.
+    its end. ``hopeless``: whether shorter steps along this direction would be refused too. ``coarsest``: the coarsest
+    step of time of a trial that was refused for one; None where that is not known.
     """
 
     reason: str
@@ -44,6 +47,7 @@ class Refusal:
     cost: float = np.nan
     failed: bool = False
     hopeless: bool = False
+    coarsest: StepQuality | None = None
 
 
 @dataclass(frozen=True)

@@ -222,8 +222,6 @@ class EasedProblem(ShootingProblem):
         """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
         if self.went_finer or self.free_start is not False:
             return False
-        if self.worst_step is None or not self.worst_step.is_coarse:
-            return False
         system, cost = self.system.refined(_PARTS), self.asked.refined(_PARTS)
         eased = None if cost is None else cost.eased(1.0)
         if system is None or cost is None or eased is None:

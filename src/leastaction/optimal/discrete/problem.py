@@ -397,7 +397,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         dx = direction.dx
         if dx is None:
             dx = self._sweep(direction, direction.dx0)[0]
-        return leap(self.system, self.x, length * dx, x, length) or refusal
+        leapt = leap(self.system, self.x, length * dx, x, length)
+        return refusal if leapt is None else replace(leapt, coarsest=refusal.coarsest)
 
     def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
         x, u, self.worst_step = trial.iterate

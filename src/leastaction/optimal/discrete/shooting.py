@@ -251,10 +251,12 @@ class ShootingProblem(DiscreteProblem):
         """Return a curve with its gaps, or which step of it cannot be made."""
         made = self.system.step_each(x, u)
         if not made.complete:
-            return Refusal(f"a step of the curve failed: {made.failure}", made.steps_done, failed=True)
+            reason = f"a step of the curve failed: {made.failure}"
+            return Refusal(reason, made.steps_done, failed=True, coarsest=made.worst_step)
         if self.open_curve is not None and is_too_coarse(made.worst_step, self.worst_step):
             assert made.worst_at is not None
-            return Refusal(f"{self.system.when(made.worst_at)} would be too coarse, {made.worst_step}", made.worst_at)
+            reason = f"{self.system.when(made.worst_at)} would be too coarse, {made.worst_step}"
+            return Refusal(reason, made.worst_at, coarsest=made.worst_step)
         x, u = read_only(x), read_only(u)
         gaps = self.system.difference(made.x, x[1:])
         with np.errstate(over="ignore", invalid="ignore"):

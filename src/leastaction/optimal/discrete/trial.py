@@ -57,10 +57,12 @@ def try_projection(
         worst_here = coarsest([worst_here, part.worst_step])
         x[start + 1 : done + 1] = part.x[1:]
         if not part.complete:
-            return explain(x[: done + 1], Refusal(f"the roll-out failed: {part.failure}", done, failed=True))
+            failed = Refusal(f"the roll-out failed: {part.failure}", done, failed=True, coarsest=worst_here)
+            return explain(x[: done + 1], failed)
         if is_too_coarse(part.worst_step, worst):
             assert part.worst_at is not None
-            return Refusal(f"{system.when(part.worst_at)} would be too coarse, {part.worst_step}", part.worst_at)
+            reason = f"{system.when(part.worst_at)} would be too coarse, {part.worst_step}"
+            return Refusal(reason, part.worst_at, coarsest=worst_here)
         u[start:stop] = part.u
         with np.errstate(over="ignore", invalid="ignore"):
             stage_values[start:stop] = cost.stage_values(states[start:stop], inputs[start:stop], start)

@@ -245,8 +245,6 @@ class LimitedProblem(BarrierProblem):
         """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
         if self.went_finer or self.prefers_gaps or self.is_open:
             return False
-        if self.worst_step is None or not self.worst_step.is_coarse:
-            return False
         system, cost = self.system.refined(_PARTS), self.cost.refined(_PARTS)
         eased = None if cost is None else cost.eased(1.0)
         restated = [limit.refined(_PARTS, self.system.N) for limit in self.stated]

@@ -31,13 +31,15 @@ _LOOKED_BACK, _FAST = 10, 0.9
 class Outcome:
     """How a stage ended: the status, its particulars in words, and the expected decrease there.
 
-    ``barred``: whether the search ended because steps of time had no solution.
+    ``barred``: whether the search ended because steps of time had no solution. ``refused``: the coarsest step of time
+    of what it tried last and refused for it; None where that is not known.
     """
 
     status: Status
     detail: str = ""
     expected: float = np.nan
     barred: bool = False
+    refused: StepQuality | None = None
 
 
 class Found(Exception):
@@ -59,11 +61,19 @@ def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
         parts.append(problem.unmet)
     if worst is not None and status in (*STUCK, Status.NO_DIRECTION):
         parts.append(f"Along the last iterate {worst}.")
-        if worst.is_coarse and status is not Status.STALLED:
-            parts = [_COARSE, *_what_helps(worst), *parts[1:]]
+        coarse = coarse_step(problem, outcome)
+        if coarse is not None and status is not Status.STALLED:
+            tried = [] if coarse is worst else [f"In what was tried last {coarse}."]
+            parts = [_COARSE, *_what_helps(coarse), *parts[1:], *tried]
         elif outcome.barred:
             parts = [_BARRED, *_what_helps(worst), *parts[1:]]
     return " ".join(part for part in parts if part)
+
+
+def coarse_step(problem: Problem[Any, Any, Any], outcome: Outcome) -> StepQuality | None:
+    """Return the step of time that is too long where a run has ended, or in what it tried last; None if none is."""
+    steps = (problem.worst_step, outcome.refused)
+    return next((step for step in steps if step is not None and step.is_coarse), None)
 
 
 def _what_helps(worst: StepQuality) -> list[str]:

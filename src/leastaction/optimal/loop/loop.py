@@ -95,7 +95,8 @@ class Loop:
                     return None
                 run.note_failure(direction.method)
                 if direction.bend < 0.0:
-                    return Outcome(Status.SADDLE, f"The search along it ended: {refusal.reason}.", expected)
+                    ended = f"The search along it ended: {refusal.reason}."
+                    return Outcome(Status.SADDLE, ended, expected, refused=refusal.coarsest)
                 if refusal.hopeless and direction.shift > 0.0:
                     break
         except Found as found:
@@ -109,7 +110,7 @@ class Loop:
                 run.set_shift(0.0)  # what is to be gained is told by a model without
                 return None
             return Outcome(Status.STALLED, notes[-1], expected)
-        return Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected, barred=refusal.failed)
+        return Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected, refusal.failed, refusal.coarsest)
 
     def _accept(self, direction: Direction, step: Step[Any], trial: Trial[Any], note: str) -> Outcome | None:
         run, problem = self.progress, self.progress.problem

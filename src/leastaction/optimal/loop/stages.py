@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.loop.ending import STUCK, Outcome
+from leastaction.optimal.loop.ending import STUCK, Outcome, coarse_step
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.result import Status
 from leastaction.optimal.schedule import NewtonSchedule
@@ -54,7 +54,7 @@ class Stages:
             problem.arrive()
             return False
         # Stages that end at steps of time that are too coarse lead there again, however they are made.
-        if stuck and run.schedule.again and self._begin_finer():
+        if stuck and run.schedule.again and self._begin_finer(outcome):
             return True
         if stuck and not run.schedule.newton and problem.retry_stage():
             self._set_out_again(
@@ -68,7 +68,7 @@ class Stages:
         if stuck and problem.fall_back():
             self._set_out_again("the way before it began again had led further: it goes on there")
             return True
-        return stuck and self._begin_finer()
+        return stuck and self._begin_finer(outcome)
 
     def verdict(self, outcome: Outcome) -> Outcome:
         """Return another outcome than that of the last stage's minimum, if the problem has one."""
@@ -117,10 +117,12 @@ class Stages:
         self._set_out_again(f"began again, {why}")
         return True
 
-    def _begin_finer(self) -> bool:
+    def _begin_finer(self, outcome: Outcome) -> bool:
         """Begin again from what shorter steps of time lead to, once and for the automatic choice only."""
         run = self.run
-        if run.schedule.finer or not run.is_automatic or not run.problem.begin_finer():
+        if run.schedule.finer or not run.is_automatic or coarse_step(run.problem, outcome) is None:
+            return False
+        if not run.problem.begin_finer():
             return False
         run.set_out(NewtonSchedule(again=True, finer=True), "began again, from a minimum with half the steps of time")
         return True
