@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,7 @@ from leastaction import (
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
 from leastaction.optimal import ContinuousQuadraticCost, DiscreteSystem, LinearSystem, solve_linear_quadratic
+from leastaction.optimal.discrete.gap_filter import Curve, Filter
 from leastaction.optimal.discrete.linear_quadratic import sweep_forward
 from optimal.systems import CartPendulum, is_trajectory
 
@@ -496,3 +498,21 @@ def test_where_a_state_alone_leads_nowhere_it_is_held_with_gaps() -> None:
     held = optimize(system, cost, initial=(held_from, start[1]), limits=limits, shooting="multiple")
     assert result.cost == pytest.approx(held.cost, rel=1e-7)
     assert result.cost == pytest.approx(0.5481465, rel=1e-6)  # what Ipopt finds from the straight line to the goal
+
+
+def test_gaps_that_hardly_shrink_are_not_closed_at_any_price():
+    """By the penalty with which a step is one of descent all of them may cost so much; ten times that is too much."""
+    nothing = np.zeros((2, 1))
+
+    def curve(theta, cost):
+        return Curve(nothing, nothing[:1], nothing[:1], nothing[:1], theta, cost, None, cost)
+
+    now, penalty = curve(theta=1.0, cost=2.0), 3.0
+    takes = partial(Filter(1.0).takes, now, length=1.0, fall=-1.0, noise=0.0, penalty=penalty)
+    assert takes(curve(theta=0.9, cost=31.9))
+    assert not takes(curve(theta=0.9, cost=32.1))
+    assert not takes(curve(theta=0.9, cost=np.nan))
+    assert takes(curve(theta=0.9, cost=32.1), noise=0.2)
+    # What is dear there need not be with other gaps.
+    assert takes(curve(theta=0.9, cost=32.1), penalty=3.1)
+    assert not Filter(1.0).takes(curve(0.5, 2.0), curve(0.45, 17.1), length=1.0, fall=-1.0, noise=0.0, penalty=penalty)

@@ -2,7 +2,8 @@
 
 That is told by a filter (A. Waechter and L. T. Biegler, On the implementation of an interior-point filter line-search
 algorithm, 2006, without the barrier): a trial has to lower the cost or the sum of the gaps, against all that was left
-behind. A plain penalty of the gaps would creep: it refuses what a curved valley asks for.
+behind. A plain penalty of the gaps would creep: it refuses what a curved valley asks for. What closing them may cost it
+tells, though: a step on which they hardly shrink, at a cost many times as high, leads far away.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from leastaction.numerics.step_quality import StepQuality
 # their sum may become, and below which part of it the cost alone may be looked at.
 _SHRINK, _FALL = 1e-5, 1e-5
 _MOST, _FEW = 1e4, 1e-4
+# Times the penalty of all gaps may one step cost.
+_DEAREST = 10.0
 
 # It is looked at alone where the gaps are small beside what it may gain: powers of the two, and Armijo's fraction then.
 _COST_POWER, _GAP_POWER, _ARMIJO = 2.3, 1.1, 1e-4
@@ -50,8 +53,11 @@ class Filter:
         self.first = max(1.0, first)
         self.pairs = list(pairs)
 
-    def takes(self, curve: Curve, trial: Curve, length: float, fall: float, noise: float) -> bool:
-        """Whether a trial may follow a curve, along which the cost has the derivative `fall`."""
+    def takes(self, curve: Curve, trial: Curve, length: float, fall: float, noise: float, penalty: float) -> bool:
+        """Whether a trial may follow a curve, along which the cost has the derivative `fall`.
+
+        ``penalty``: of a gap, with which the step is one of descent.
+        """
         theta, cost = curve.theta, curve.cost
         cost_alone = theta <= _FEW * self.first and fall < 0.0 and length * (-fall) ** _COST_POWER > theta**_GAP_POWER
         if cost_alone:
@@ -59,6 +65,7 @@ class Filter:
         else:
             good = trial.theta <= (1.0 - _SHRINK) * theta or trial.cost <= cost - _FALL * theta + noise
         good = good and trial.theta <= _MOST * self.first
+        good = good and trial.cost <= cost + _DEAREST * penalty * theta + noise
         return good and not any(trial.theta > t and trial.cost > c + noise for t, c in self.pairs)
 
     def follow(self, old: Curve, new: Curve, fall: float, noise: float) -> None:

@@ -480,7 +480,7 @@ class ShootingProblem(DiscreteProblem):
         if isinstance(trial, Refusal):
             return trial
         assert self.open_curve is not None
-        if not self.filter.takes(self.open_curve, trial, length, fall, self.noise):
+        if not self.filter.takes(self.open_curve, trial, length, fall, self.noise, self.penalty):
             return Refusal(
                 f"gaps of {trial.theta:.4g} in all and a cost of {trial.cost:.10g}, where there are "
                 f"{self.open_curve.theta:.4g} and {self.open_curve.cost:.10g}"
