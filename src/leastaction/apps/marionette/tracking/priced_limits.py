@@ -16,7 +16,7 @@ from leastaction.optimal import Cost, DiscreteSystem, Limit
 from leastaction.optimal.discrete.cost import AddedCost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.limits.rows import Rows, Weights
-from leastaction.optimal.quantity import Instants, Samples
+from leastaction.optimal.quantity import Instants, Samples, as_slice
 
 
 class PricedLimit(NamedTuple):
@@ -111,8 +111,8 @@ class PricedLimits(AddedCost):
 
     @staticmethod
     def _samples(rows: Rows, k: Instants, x: Array, u: Array, start: int) -> Samples:
-        nothing = np.empty((len(k), 0))
-        return Samples(k, x[k - start], nothing if rows.quantity.of_state else u[k - start], nothing)
+        nothing, here = np.empty((len(k), 0)), as_slice(k - start)
+        return Samples(k, x[here], nothing if rows.quantity.of_state else u[here], nothing)
 
     def _slopes(self, each: _Broken) -> tuple[Array, Instants]:
         """Return the derivatives of a quantity (n, m, c), and by which columns of state and input."""

@@ -29,7 +29,8 @@ _PRICES: Final = {"tension": 1e-3, "joints": 10.0, "speed": 1e-2, "acceleration"
 # Each round asks for as many times the price of the last; less where that is too much at once, in the end hardly more.
 _DEARER, _HARDLY, _DEAREST, _ROUNDS = 10.0, 1.1, 1e5, 20
 _WITHIN, _MARGIN = 1e-4, 1e-3  # of limits, and N of tensions at most, by which they are kept more than they have to be
-_ITERATIONS, _EASY = 25, 7  # of a round, at most, and of one after which more can be asked for at once
+_ITERATIONS, _CONVEX = 25, 12  # of a round, at most, and of one with convex models
+_EASY = 7  # iterations of a round after which more can be asked for at once
 _GAP: Final = 1e-7  # m, rad and so on
 
 
@@ -66,14 +67,18 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
         cost = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, inside, price))
         found = _found(problem, cost, x, u, method)
         made = found is not None and _is_motion(problem, found.x, found.u)
-        if not made and (begun or method == "quasi-newton"):
-            # Again from the same motion, with all derivatives, and with a price that is not as much dearer.
+        if not made and method == "quasi-newton":
+            # Near a motion, where convex models do not lead to it.
             method = "auto"
-            if begun:
-                dearer = math.sqrt(dearer)
-                price /= dearer
-                if dearer < _HARDLY:
-                    break
+            near = (x, u) if found is None else (found.x, found.u)
+            found = _found(problem, cost, *near, method) or _found(problem, cost, x, u, method)
+            made = found is not None and _is_motion(problem, found.x, found.u)
+        if begun and not made:
+            # Again from the same motion, with a price that is not as much dearer.
+            dearer = math.sqrt(dearer)
+            price /= dearer
+            if dearer < _HARDLY:
+                break
             continue
         if found is None:
             break
@@ -102,7 +107,7 @@ def _found(
             shooting="multiple",
             method=method,
             tolerance=1e-2,
-            max_iterations=_ITERATIONS,
+            max_iterations=_CONVEX if method == "quasi-newton" else _ITERATIONS,
         )
     except LeastActionError:
         return None
