@@ -23,7 +23,8 @@ from leastaction.apps.marionette.tracking.ties import FIRM
 from leastaction.apps.marionette.tracking.tracker import AGAIN, GAPS, LOST, PATIENCE, Curve, Tracker
 from leastaction.apps.marionette.tracking.weights import GENTLE
 from leastaction.io.motion.motion import Motion
-from leastaction.models.marionette import tie_strings
+from leastaction.mechanics import Mechanism
+from leastaction.models.marionette import bars_of, held_strings, tie_strings
 from leastaction.optimal import OptimizationResult
 
 _WHOLE: Final = "the parts cannot be joined: the search begins again with all of the motion"
@@ -46,6 +47,14 @@ def begin(tracker: Tracker, resume: TrackingRun | TrackingSearch | None, *, plan
         _search(tracker, resume)
     else:
         tracker.start = hanging
+
+
+def on_one_bar(mechanism: Mechanism) -> bool:
+    """Whether all strings are tied to one bar.
+
+    What strings of any lengths make is far from what the six numbers of its pose do, and no way leads from there.
+    """
+    return len(bars_of(mechanism)) == 1 and not held_strings(mechanism)
 
 
 def _go_on(tracker: Tracker, run: TrackingRun) -> None:
@@ -82,6 +91,14 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
             tracker.others = [(_WHOLE, partial(_searched_by, tracker, plan)), *_elsewhere(tracker)]
             return
         cut_short = None
+    if cut_short is None and on_one_bar(tracker.mechanism):
+        tracker.search = partial(_search_with_motors, tracker, plan, None)
+    else:
+        _search_with_motors(tracker, plan, cut_short)
+
+
+def _search_with_motors(tracker: Tracker, plan: Plan, cut_short: TrackingSearch | None) -> None:
+    """Begin with what motors on all joints lead to, or where a search with them was."""
     stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
     coarse, slow = coarser(plan, tracker.motion)
     # A search that had to take the plan's own steps goes on with them.

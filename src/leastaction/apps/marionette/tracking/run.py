@@ -117,11 +117,11 @@ def track(
     )
     begin(tracker, resume, planned=planned)
     earlier = resume.plan if isinstance(resume, TrackingRun) else None
-    run = _ended(tracker, tying.tied(tracker, tracker.improve(), earlier=earlier))
+    run = _ended(tracker, tying.tied(tracker, earlier=earlier))
     if not _must_be_planned(tracker, run):
         return _with_strings_that_pull(tracker, run)
     _begin_plan(tracker, run, max_iterations)
-    return _ended(tracker, tying.tied(tracker, tracker.improve()))
+    return _ended(tracker, tying.tied(tracker))
 
 
 def _ended(tracker: Tracker, result: OptimizationResult) -> TrackingRun:

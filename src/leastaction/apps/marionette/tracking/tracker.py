@@ -77,6 +77,8 @@ class Tracker:
     start: Curve | OptimizationResult | None = None
     earlier: OptimizationResult | None = None
     kinds: frozenset[str] = frozenset()  # of limits that are stated
+    # How a first trajectory is sought, where it begins with a puppet that is held still and that leads nowhere.
+    search: Callable[[], None] | None = None
     # Where else to begin, with what is said of it.
     others: list[tuple[str, Callable[[], Curve]]] = field(default_factory=list)
     most: float = np.inf  # that a motion may cost to begin with, or it is lost

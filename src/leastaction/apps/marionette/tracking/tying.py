@@ -6,6 +6,7 @@ What `track` does of it, with its `Tracker`. `ties.py` has the price.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
@@ -18,7 +19,7 @@ from leastaction.apps.marionette.tracking.ties import FIRM, LOOSE, Ties
 from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io.motion.motion import Motion
-from leastaction.optimal import OptimizationResult, Status
+from leastaction.optimal import OptimizationResult, Status, optimize
 
 # Iterations in which strings on bars are tied loosely; firmly, but the last time.
 _LEADING: Final = 60
@@ -36,13 +37,21 @@ _NOT_TIED: Final = (
 )
 
 
-def tied(
-    tracker: Tracker, result: OptimizationResult, *, earlier: OptimizationResult | None = None
-) -> OptimizationResult:
-    """Return a motion whose strings on bars hardly vary; from a puppet at rest where a given one leads to none.
+def tied(tracker: Tracker, *, earlier: OptimizationResult | None = None) -> OptimizationResult:
+    """Return what is found from where a tracker stands, with strings on bars that hardly vary.
 
-    ``earlier``: what the run had found that is gone on with.
+    From a puppet at rest where that leads to none, or where nothing else was sought. ``earlier``: what the run had
+    found that is gone on with.
     """
+    if tracker.search is not None:
+        search, tracker.search = tracker.search, None
+        tracker.say("all strings are tied to one bar: it begins with a puppet that is held still")
+        still = _from_still(tracker, None, tracker.left)
+        if still is not None and (still.success or still.status in CUT_SHORT or tracker.left < 1):
+            return still
+        tracker.say("no motion is found from there: it is sought with motors")
+        search()
+    result = tracker.improve()
     if tracker.plan is None or not tracker.plan.varies:
         # Strings that are tied firmly make rounding look like negative curvature: what was a minimum still is.
         if earlier is None or not earlier.success or result.status not in STUCK:
@@ -53,19 +62,34 @@ def tied(
     if found.success or found.status in CUT_SHORT or tracker.left < 1:
         return found
     tracker.say("strings on bars cannot be tied on the motion found: it begins with a puppet that is held still")
+    return _from_still(tracker, found, left) or found
+
+
+def _from_still(tracker: Tracker, near: OptimizationResult | None, left: int) -> OptimizationResult | None:
+    """Return what is found from a puppet that is held still, whose strings are tied firmly.
+
+    ``near``, ``left``: as of `holds_still` and `_tied_from`. None where nothing holds it or strings still vary; then
+    the tracker is as it was.
+    """
     before = tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds
     _take_longer_steps(tracker)
-    try:
-        still = holds_still(tracker, found)
-    except ArgumentError:
-        again = found
-    else:
+    with suppress(ArgumentError):
+        still = holds_still(tracker, near or _wanted(tracker))
         # Its strings keep their lengths: tied loosely it would go back to where it came from.
-        again = _tied_from(tracker, still, FIRM[:1], left)
-    if again is found or (not again.success and tracker.plan.varies):
-        again, tracker.slow = found, None
-        tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds = before
-    return again
+        found = _tied_from(tracker, still, FIRM[:1], left)
+        if found.success or (tracker.plan is not None and not tracker.plan.varies):
+            return found
+    tracker.slow = None
+    tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds = before
+    return None
+
+
+def _wanted(tracker: Tracker) -> OptimizationResult:
+    """Return the wanted motion, which strings do not make, as if it had been found."""
+    plan = tracker.plan
+    assert plan is not None
+    curve = plan.x_reference, plan.u_reference
+    return optimize(plan.system, plan.cost(), initial=curve, shooting="multiple", max_iterations=0)
 
 
 def _tied_from(
