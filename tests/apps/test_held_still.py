@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from apps.motions import PUPPET, captured
-from leastaction.apps.marionette import FORCED, PuppetLimits, load_motion, track, walk_in_place
-from leastaction.apps.marionette.tracking import poses, tying
+from leastaction.apps.choices import Strings
+from leastaction.apps.marionette import FORCED, PuppetLimits, TrackingRun, load_motion, track, walk_in_place
+from leastaction.apps.marionette.tracking import TrackingSearch, beginning, poses, tying
+from leastaction.apps.marionette.tracking.beginning import on_one_bar
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import at_rest, held_still
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
@@ -77,10 +79,86 @@ def test_how_far_strings_will_vary_is_foretold() -> None:
 
 
 def test_on_one_bar_it_begins_with_a_puppet_that_is_held_still(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With longer steps at first; and with motors where no pose is held still, or nothing is found from it."""
-    motion = walk_in_place(0.5, 0.01)
+    """With longer steps at first."""
     monkeypatch.setattr(tying, "_FEW", 10)
-    weights, whole = list[tuple[int, float]](), Tracker.improve
+    weights, said = _told(monkeypatch), list[str]()
+    run = track(marionette(strings="cross"), walk_in_place(0.5, 0.01), progress=said.append)
+    assert run.result.success
+    assert said[0] == "all strings are tied to one bar: it begins with a puppet that is held still"
+    assert not any("motors" in line for line in said)
+    assert weights[:2] == [(25, FIRM[0]), (50, FIRM[0])]
+
+
+@pytest.mark.parametrize("longer", [False, True])
+@pytest.mark.parametrize("held", [False, True])
+def test_where_that_leads_nowhere_it_begins_with_motors(
+    held: bool, longer: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no pose is held still, or nothing is found from it: as if that had not been tried."""
+    motion, puppet = walk_in_place(0.5, 0.01), marionette(strings="cross")
+    if longer:
+        monkeypatch.setattr(tying, "_FEW", 10)
+    weights, said, kept = _told(monkeypatch), list[str](), list[TrackingSearch]()
+    holds_still, more_firmly = tying.holds_still, tying._more_firmly
+
+    def nothing_from(tracker: Tracker, near: OptimizationResult) -> OptimizationResult:
+        if not held:
+            raise ArgumentError("no pose")
+        monkeypatch.setattr(tying, "_more_firmly", not_tied)
+        return holds_still(tracker, near)
+
+    def not_tied(*arguments: Any, **_: Any) -> OptimizationResult:
+        monkeypatch.setattr(tying, "_more_firmly", more_firmly)
+        return replace(arguments[1], status=Status.LINE_SEARCH_FAILED, message=tying._NOT_TIED)
+
+    def keep(found: TrackingRun | TrackingSearch) -> None:
+        if isinstance(found, TrackingSearch):
+            kept.append(found)
+
+    monkeypatch.setattr(tying, "holds_still", nothing_from)
+    run = track(puppet, motion, progress=said.append, checkpoint=keep, checkpoint_seconds=0.0)
+    assert said[1] == "no motion is found from there: it is sought with motors"
+    assert run.result.success
+    assert run.tension.min() >= 0.5
+    assert weights[0] == (25 if longer else 50, LEAST_WEIGHT)
+    monkeypatch.setattr(beginning, "on_one_bar", lambda _: False)
+    np.testing.assert_array_equal(track(puppet, motion).result.x, run.result.x)
+    monkeypatch.setattr(beginning, "on_one_bar", on_one_bar)
+    # A search that was cut short there goes on there.
+    said.clear()
+    search = next(each for each in kept if each.firmness is None and each.stage == 1)
+    track(search.mechanism, search.motion, resume=search, progress=said.append, max_iterations=1)
+    assert said[0].startswith("motors at price")
+
+
+def test_where_nothing_is_found_from_a_puppet_held_still_it_has_its_own_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though longer ones were to be taken for what would be found from there."""
+    monkeypatch.setattr(tying, "_FEW", 10)
+
+    def not_tied(*arguments: Any, **_: Any) -> OptimizationResult:
+        return replace(arguments[1], status=Status.LINE_SEARCH_FAILED, message=tying._NOT_TIED)
+
+    def no_pose(*_: Any) -> OptimizationResult:
+        monkeypatch.setattr(tying, "holds_still", holds_still)
+        raise ArgumentError("no pose")
+
+    holds_still = tying.holds_still
+    monkeypatch.setattr(tying, "_more_firmly", not_tied)
+    monkeypatch.setattr(tying, "holds_still", no_pose)
+    run = track(marionette(strings="cross+legs"), walk_in_place(0.5, 0.01))
+    assert len(run.result.u) == 50
+    assert not run.result.success
+    assert run.tension.min() >= 0.5
+    assert "held still" in run.result.message
+
+
+def test_which_controls_are_one_bar_for_all_strings() -> None:
+    assert [each for each in get_args(Strings) if on_one_bar(marionette(strings=each))] == ["cross"]
+
+
+def _told(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, float]]:
+    """Return a list to which each optimisation of a motion on bars adds its steps, and what lengths weigh."""
+    whole, weights = Tracker.improve, list[tuple[int, float]]()
 
     def improve(self: Tracker) -> OptimizationResult:
         result = whole(self)
@@ -90,38 +168,7 @@ def test_on_one_bar_it_begins_with_a_puppet_that_is_held_still(monkeypatch: pyte
         return result
 
     monkeypatch.setattr(Tracker, "improve", improve)
-    said: list[str] = []
-    run = track(marionette(strings="cross"), motion, progress=said.append)
-    assert run.result.success
-    assert said[0] == "all strings are tied to one bar: it begins with a puppet that is held still"
-    assert not any("motors" in line for line in said)
-    assert weights[:2] == [(25, FIRM[0]), (50, FIRM[0])]
-
-    def held(*_: object) -> OptimizationResult:
-        raise ArgumentError("no pose")
-
-    def stuck(tracker: Tracker, near: OptimizationResult) -> OptimizationResult:
-        found = holds_still(tracker, near)
-        monkeypatch.setattr(tying, "_more_firmly", tie)
-        return found
-
-    def tie(*arguments: Any, **options: Any) -> OptimizationResult:
-        monkeypatch.setattr(tying, "_more_firmly", more_firmly)
-        return replace(arguments[1], status=Status.LINE_SEARCH_FAILED, message=tying._NOT_TIED)
-
-    holds_still, more_firmly = tying.holds_still, tying._more_firmly
-    for found in (held, stuck):
-        monkeypatch.setattr(tying, "holds_still", found)
-        said.clear()
-        weights.clear()
-        with_motors = track(marionette(strings="cross"), motion, progress=said.append)
-        assert "no motion is found from there: it is sought with motors" in said
-        assert any(line.startswith("motors at price") for line in said)
-        assert weights[0] == (25, LEAST_WEIGHT)
-        assert with_motors.result.success
-        assert with_motors.tension.min() >= 0.5
-        assert with_motors.held_error == pytest.approx(run.held_error, abs=0.5)
-        assert with_motors.mechanism.parameters.keys() == run.mechanism.parameters.keys()
+    return weights
 
 
 @pytest.mark.slow
