@@ -22,7 +22,7 @@ from leastaction.apps.marionette.tracking.tying import _expected, _foretold
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion
 from leastaction.models.marionette import REST, marionette
-from leastaction.optimal import OptimizationResult, Status
+from leastaction.optimal import IterationRecord, OptimizationResult, Status
 
 
 def test_a_puppet_that_is_held_still_is_near_all_that_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -129,6 +129,47 @@ def test_where_that_leads_nowhere_it_begins_with_motors(
     search = next(each for each in kept if each.firmness is None and each.stage == 1)
     track(search.mechanism, search.motion, resume=search, progress=said.append, max_iterations=1)
     assert said[0].startswith("motors at price")
+
+
+def test_who_ends_a_search_on_one_bar_gets_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By Ctrl-C, with longer steps or its own, or by a limit on iterations: nothing is sought with motors then."""
+    monkeypatch.setattr(tying, "_FEW", 10)
+    motion, puppet, said = walk_in_place(0.5, 0.01), marionette(strings="cross"), list[str]()
+
+    def stopped(after: int) -> TrackingRun:
+        records = list[IterationRecord]()
+
+        def callback(record: IterationRecord) -> None:
+            records.append(record)
+            if len(records) == after:
+                raise KeyboardInterrupt
+
+        return track(puppet, motion, progress=said.append, callback=callback)
+
+    whole = list[int]()
+    done = track(puppet, motion, callback=lambda record: whole.append(len(record.u)))
+    own = whole.index(50)
+    assert own > 2
+    for after in (2, own + 1):
+        run = stopped(after)
+        assert run.result.status is Status.INTERRUPTED
+        assert run.tension.min() >= 0.5
+        assert len(run.result.u) == 50
+
+    def at_the_limit(tracker: Tracker, *arguments: Any, **options: Any) -> OptimizationResult:
+        found = more_firmly(tracker, *arguments, **options)
+        assert tracker.plan is not None
+        assert tracker.plan.ties is not None
+        tracker.plan.ties.firm, tracker.left = False, 0
+        return replace(found, status=Status.ITERATION_LIMIT)
+
+    more_firmly = tying._more_firmly
+    monkeypatch.setattr(tying, "_more_firmly", at_the_limit)
+    run = track(puppet, motion, progress=said.append)
+    assert run.result.status is Status.ITERATION_LIMIT
+    assert run.held_error == pytest.approx(done.held_error, abs=0.3)
+    assert run.tension.min() >= 0.5
+    assert not any("motors" in line for line in said)
 
 
 def test_where_nothing_is_found_from_a_puppet_held_still_it_has_its_own_steps(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,7 +47,7 @@ def tied(tracker: Tracker, *, earlier: OptimizationResult | None = None) -> Opti
         search, tracker.search = tracker.search, None
         tracker.say("all strings are tied to one bar: it begins with a puppet that is held still")
         still = _from_still(tracker, None, tracker.left)
-        if still is not None and (still.success or still.status in CUT_SHORT or tracker.left < 1):
+        if still is not None:
             return still
         tracker.say("no motion is found from there: it is sought with motors")
         search()
@@ -77,7 +77,9 @@ def _from_still(tracker: Tracker, near: OptimizationResult | None, left: int) ->
         still = holds_still(tracker, near or _wanted(tracker))
         # Its strings keep their lengths: tied loosely it would go back to where it came from.
         found = _tied_from(tracker, still, FIRM[:1], left)
-        if found.success or (tracker.plan is not None and not tracker.plan.varies):
+        if found.success or found.status in CUT_SHORT or tracker.left < 1:
+            return found
+        if tracker.plan is not None and not tracker.plan.varies:
             return found
     tracker.slow = None
     tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds = before
