@@ -19,7 +19,7 @@ from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.apps.marionette.tracking.ties import FIRM, LEAST_WEIGHT
 from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.apps.marionette.tracking.tying import _expected, _foretold
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io import Motion
 from leastaction.models.marionette import REST, marionette
 from leastaction.optimal import IterationRecord, OptimizationResult, Status
@@ -103,7 +103,7 @@ def test_where_that_leads_nowhere_it_begins_with_motors(
 
     def nothing_from(tracker: Tracker, near: OptimizationResult) -> OptimizationResult:
         if not held:
-            raise ArgumentError("no pose")
+            raise (ProjectionError if longer else ArgumentError)("no pose")
         monkeypatch.setattr(tying, "_more_firmly", not_tied)
         return holds_still(tracker, near)
 

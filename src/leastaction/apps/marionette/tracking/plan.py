@@ -214,9 +214,9 @@ class Plan:
 
     def hung(self) -> tuple[Array, Array]:
         """Return what the puppet does where its strings are held, up to a step that fails."""
-        return self.clipped(*self._hanging(), np.zeros((self.system.N, self.system.nu, self.system.nx)))
+        return self.clipped(*self.hanging(), np.zeros((self.system.N, self.system.nu, self.system.nx)))
 
-    def _hanging(self) -> tuple[Array, Array]:
+    def hanging(self) -> tuple[Array, Array]:
         """Return states and inputs of a puppet that hangs from where the motion begins."""
         return (
             np.tile(self.x_reference[0], (len(self.t), 1)),

@@ -17,7 +17,7 @@ from leastaction.apps.marionette.tracking.limits import KINDS
 from leastaction.apps.marionette.tracking.poses import held_still
 from leastaction.apps.marionette.tracking.ties import FIRM, LOOSE, Ties
 from leastaction.apps.marionette.tracking.tracker import Tracker
-from leastaction.errors import ArgumentError, ProjectionError
+from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.io.motion.motion import Motion
 from leastaction.optimal import OptimizationResult, Status, optimize
 
@@ -73,8 +73,8 @@ def _from_still(tracker: Tracker, near: OptimizationResult | None, left: int) ->
     """
     before = tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds
     _take_longer_steps(tracker)
-    with suppress(ArgumentError):
-        still = holds_still(tracker, near or _wanted(tracker))
+    with suppress(LeastActionError):
+        still = holds_still(tracker, near or _hung(tracker))
         # Its strings keep their lengths: tied loosely it would go back to where it came from.
         found = _tied_from(tracker, still, FIRM[:1], left)
         if found.success or found.status in CUT_SHORT or tracker.left < 1:
@@ -86,12 +86,11 @@ def _from_still(tracker: Tracker, near: OptimizationResult | None, left: int) ->
     return None
 
 
-def _wanted(tracker: Tracker) -> OptimizationResult:
-    """Return the wanted motion, which strings do not make, as if it had been found."""
+def _hung(tracker: Tracker) -> OptimizationResult:
+    """Return the puppet's first pose for all time, which its strings do not hold, as if it had been found."""
     plan = tracker.plan
     assert plan is not None
-    curve = plan.x_reference, plan.u_reference
-    return optimize(plan.system, plan.cost(), initial=curve, shooting="multiple", max_iterations=0)
+    return optimize(plan.system, plan.cost(), initial=plan.hanging(), shooting="multiple", max_iterations=0)
 
 
 def _tied_from(
