@@ -1,6 +1,7 @@
 """How a motion whose strings on bars vary in length becomes one on which they keep it, optimisation by optimisation.
 
-What `track` does of it, with its `Tracker`. `ties.py` has the price.
+What `track` does of it, with its `Tracker`. `ties.py` has the price. On one bar for all strings it begins with a puppet
+that is held still; on others where the motion found first cannot be tied.
 """
 
 from __future__ import annotations
