@@ -11,7 +11,7 @@ import pytest
 from apps.motions import PUPPET, captured
 from leastaction.apps.choices import Strings
 from leastaction.apps.marionette import FORCED, PuppetLimits, TrackingRun, load_motion, track, walk_in_place
-from leastaction.apps.marionette.tracking import TrackingSearch, beginning, poses, tying
+from leastaction.apps.marionette.tracking import TrackingSearch, beginning, by_lengths, poses, tying
 from leastaction.apps.marionette.tracking.beginning import on_one_bar
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import at_rest, held_still
@@ -170,6 +170,36 @@ def test_who_ends_a_search_on_one_bar_gets_what_was_found(monkeypatch: pytest.Mo
     assert run.held_error == pytest.approx(done.held_error, abs=0.3)
     assert run.tension.min() >= 0.5
     assert not any("motors" in line for line in said)
+
+
+@pytest.mark.parametrize("own_steps", [False, True])
+def test_a_search_on_one_bar_that_is_ended_far_from_any_motion_goes_on_there(
+    own_steps: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the last bit: what is kept is no puppet held still."""
+    monkeypatch.setattr(tying, "_FEW", 10)
+    motion, puppet, kept, records = walk_in_place(0.5, 0.01), marionette(strings="cross"), [], list[IterationRecord]()
+
+    def ended(record: IterationRecord) -> None:
+        records.append(record)
+        if len(record.u) == (50 if own_steps else 25) and record.iteration > 0:
+            raise KeyboardInterrupt
+
+    whole = track(puppet, motion)
+    settled = by_lengths.settled
+    monkeypatch.setattr(by_lengths, "settled", lambda *_: None)
+    with pytest.raises(KeyboardInterrupt):
+        track(puppet, motion, callback=ended, checkpoint=kept.append, checkpoint_seconds=1e9)
+    search = kept[-1]
+    assert isinstance(search, TrackingSearch)
+    assert search.firmness == FIRM[0]
+    assert len(search.result.u) == (50 if own_steps else 25)
+    monkeypatch.setattr(by_lengths, "settled", settled)
+    again = track(search.mechanism, search.motion, resume=search)
+    np.testing.assert_array_equal(again.result.x, whole.result.x)
+    assert again.effort is not None
+    assert whole.effort is not None
+    assert again.effort.iterations == whole.effort.iterations
 
 
 def test_where_nothing_is_found_from_a_puppet_held_still_it_has_its_own_steps(monkeypatch: pytest.MonkeyPatch) -> None:

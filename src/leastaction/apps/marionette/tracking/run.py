@@ -32,7 +32,7 @@ from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import Mechanism
-from leastaction.optimal import OptimizationResult
+from leastaction.optimal import OptimizationResult, Status
 from leastaction.optimal.loop import Callback
 from leastaction.optimal.settings import Method
 
@@ -97,7 +97,8 @@ def track(
     Raises
     ------
     KeyboardInterrupt
-        For Ctrl-C while a first trajectory is sought; later it ends the optimisation with what it has.
+        For Ctrl-C while a first trajectory is sought, or while strings on bars are tied and no motion with their
+        lengths is near; later it ends the optimisation with what it has.
     ArgumentError
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """
@@ -135,6 +136,8 @@ def _ended(tracker: Tracker, result: OptimizationResult) -> TrackingRun:
         on_bars = tracker.plan is not None and tracker.plan.ties is not None
         return tying.or_still(tracker, run) if on_bars and not result.success else run
     except NotTiedError as error:
+        if result.status is Status.INTERRUPTED:  # the search is kept, and is worth more than a puppet held still
+            raise KeyboardInterrupt from error
         assert tracker.plan is not None
         tracker.say(f"{error}: it is held still")
         return tracker.run_of(tying.holds_still(tracker, result))

@@ -211,6 +211,9 @@ class Tracker:
             tolerance=self._asked_for,
             callback=self._watch,
         )
+        if result.status is Status.INTERRUPTED and plan is not None and plan.varies:
+            # There may be no motion near it on strings that keep their lengths.
+            self.kept(lambda: self._as_search(result), at_once=True)
         if self.there:
             return replace(result, status=Status.CONVERGED, message=_THERE)
         return replace(result, status=Status.ITERATION_LIMIT, message=_CREPT) if self.creeps else result
