@@ -136,7 +136,7 @@ def _ended(tracker: Tracker, result: OptimizationResult) -> TrackingRun:
         on_bars = tracker.plan is not None and tracker.plan.ties is not None
         return tying.or_still(tracker, run) if on_bars and not result.success else run
     except NotTiedError as error:
-        if result.status is Status.INTERRUPTED:  # the search is kept, and is worth more than a puppet held still
+        if result.status is Status.INTERRUPTED:  # what is kept is worth more than a puppet held still
             raise KeyboardInterrupt from error
         assert tracker.plan is not None
         tracker.say(f"{error}: it is held still")
