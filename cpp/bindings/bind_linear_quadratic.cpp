@@ -128,12 +128,12 @@ void set_pattern(LinearQuadraticProblem& problem, const std::optional<Pattern>& 
 }
 
 LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, const Output& C, const Output& b,
-                            const Output& P0, const MaybeOutput& P_all, const MaybeInput& Q, bool Q_diagonal,
-                            const MaybeInput& R, bool R_diagonal, const MaybeInput& S, const MaybeInput& H,
-                            double H_scale, const MaybeInput& q, const MaybeInput& r, const MaybeInput& c,
-                            const MaybeInput& Q_final, const MaybeInput& q_final, const MaybeInput& part,
-                            const MaybePlaces& part_columns, bool regularize, bool use_structure,
-                            const std::optional<Pattern>& pattern) {
+                            const Output& P0, const MaybeOutput& P_all, const MaybeOutput& L_all, const MaybeInput& Q,
+                            bool Q_diagonal, const MaybeInput& R, bool R_diagonal, const MaybeInput& S,
+                            const MaybeInput& H, double H_scale, const MaybeInput& q, const MaybeInput& r,
+                            const MaybeInput& c, const MaybeInput& Q_final, const MaybeInput& q_final,
+                            const MaybeInput& part, const MaybePlaces& part_columns, bool regularize,
+                            bool use_structure, const std::optional<Pattern>& pattern) {
     const auto [N, nx, nu] = sizes(A, B);
     LinearQuadraticProblem problem = dynamics(A, B);
     problem.Q = block(Q, Q_diagonal, N, nx, nx, "Q must have shape (nx) or (nx, nx), or N of them");
@@ -163,7 +163,9 @@ LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, con
     require(has_shape(b, {N + 1, nx}), "b must have shape (N + 1, nx)");
     require(has_shape(P0, {nx, nx}), "P0 must have shape (nx, nx)");
     require(!P_all || has_shape(*P_all, {N + 1, nx, nx}), "P_all must have shape (N + 1, nx, nx)");
-    const LinearQuadraticOutput output{K.data(), C.data(), b.data(), P0.data(), P_all ? P_all->data() : nullptr};
+    require(!L_all || has_shape(*L_all, {N, nu, nu}), "L_all must have shape (N, nu, nu)");
+    const LinearQuadraticOutput output{
+        K.data(), C.data(), b.data(), P0.data(), P_all ? P_all->data() : nullptr, L_all ? L_all->data() : nullptr};
     const LinearQuadraticOptions options{regularize, use_structure};
 
     nb::gil_scoped_release release;
@@ -182,6 +184,20 @@ void forward(const Input& A, const Input& B, const Input& K, const Input& C, con
     require(has_shape(du, {N, nu}), "du must have shape (N, nu)");
     nb::gil_scoped_release release;
     sweep_forward(problem, K.data(), C.data(), dx.data(), du.data());
+}
+
+void drift(const Input& A, const Input& B, const Input& K, const Input& P, const Input& L, const Input& c,
+           const Output& C, const std::optional<Pattern>& pattern) {
+    const auto [N, nx, nu] = sizes(A, B);
+    LinearQuadraticProblem problem = dynamics(A, B);
+    set_pattern(problem, pattern);
+    problem.c = checked(c, {N, nx}, "c must have shape (N, nx)");
+    require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
+    require(has_shape(P, {N + 1, nx, nx}), "P must have shape (N + 1, nx, nx)");
+    require(has_shape(L, {N, nu, nu}), "L must have shape (N, nu, nu)");
+    require(has_shape(C, {N, nu}), "C must have shape (N, nu)");
+    nb::gil_scoped_release release;
+    sweep_drift(problem, K.data(), P.data(), L.data(), C.data());
 }
 
 void adjoint(const Input& A, const Input& B, const Input& K, const Input& q, const Input& r, const Input& q_final,
@@ -215,15 +231,18 @@ void bind_linear_quadratic(nb::module_& m) {
         .def_ro("constant", &Report::constant)
         .def_ro("structured_stages", &Report::structured_stages);
 
-    m.def("solve_linear_quadratic", &solve, "A"_a, "B"_a, "K"_a, "C"_a, "b"_a, "P0"_a, "P_all"_a.none(), nb::kw_only(),
-          "Q"_a.none() = nb::none(), "Q_diagonal"_a = false, "R"_a.none() = nb::none(), "R_diagonal"_a = false,
-          "S"_a.none() = nb::none(), "H"_a.none() = nb::none(), "H_scale"_a = 1.0, "q"_a.none() = nb::none(),
-          "r"_a.none() = nb::none(), "c"_a.none() = nb::none(), "Q_final"_a.none() = nb::none(),
-          "q_final"_a.none() = nb::none(), "part"_a.none() = nb::none(), "part_columns"_a.none() = nb::none(),
-          "regularize"_a = false, "use_structure"_a = true, "pattern"_a.none() = nb::none(),
-          "Backward recursion of the affine LQ problem; writes K, C, b, P0 and, if given, P_all.");
+    m.def("solve_linear_quadratic", &solve, "A"_a, "B"_a, "K"_a, "C"_a, "b"_a, "P0"_a, "P_all"_a.none(),
+          "L_all"_a.none(), nb::kw_only(), "Q"_a.none() = nb::none(), "Q_diagonal"_a = false, "R"_a.none() = nb::none(),
+          "R_diagonal"_a = false, "S"_a.none() = nb::none(), "H"_a.none() = nb::none(), "H_scale"_a = 1.0,
+          "q"_a.none() = nb::none(), "r"_a.none() = nb::none(), "c"_a.none() = nb::none(),
+          "Q_final"_a.none() = nb::none(), "q_final"_a.none() = nb::none(), "part"_a.none() = nb::none(),
+          "part_columns"_a.none() = nb::none(), "regularize"_a = false, "use_structure"_a = true,
+          "pattern"_a.none() = nb::none(),
+          "Backward recursion of the affine LQ problem; writes K, C, b, P0 and, if given, P_all and L_all.");
     m.def("sweep_forward", &forward, "A"_a, "B"_a, "K"_a, "C"_a, "c"_a.none(), "dx"_a, "du"_a,
           "pattern"_a.none() = nb::none(), "Closed-loop linear roll-out from dx[0]; writes dx[1:] and du.");
+    m.def("sweep_drift", &drift, "A"_a, "B"_a, "K"_a, "P"_a, "L"_a, "c"_a, "C"_a, "pattern"_a.none() = nb::none(),
+          "What a drift adds to the feedforward of a problem that was solved; writes C.");
     m.def("sweep_adjoint", &adjoint, "A"_a, "B"_a, "K"_a, "q"_a, "r"_a, "q_final"_a, "z"_a,
           "pattern"_a.none() = nb::none(), "Adjoint of the closed-loop linearisation; writes z.");
 }

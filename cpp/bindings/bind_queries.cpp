@@ -107,6 +107,29 @@ Out point_bent(const Mechanism& m, const In<2>& q, const std::vector<int>& joint
     return out;
 }
 
+Out point_apart_bent(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets,
+                     const In<3>& along, const In<2>& stiff, const In<2>& weight) {
+    const std::size_t n = m.n_variables(), pairs = joints.size() / 2;
+    expect(q.shape(1), n, "q");
+    expect(joints.size(), 2 * pairs, "joints");
+    for (const std::size_t given : {along.shape(0), stiff.shape(0), weight.shape(0)})
+        expect(given, q.shape(0), "along, stiff and weight");
+    for (const std::size_t given : {along.shape(1), stiff.shape(1), weight.shape(1)})
+        expect(given, pairs, "along, stiff and weight");
+    expect(along.shape(2), 3, "along");
+    MovedPoints points = points_behind(m, joints, offsets);
+    Out out = zeros({q.shape(0), n, n});
+    for (std::size_t k = 0; k < q.shape(0); ++k) {
+        points.place_at(q.data() + k * n);
+        for (std::size_t i = 0; i < pairs; ++i) {
+            const std::size_t at = k * pairs + i;
+            points.add_apart(i, pairs + i, vector_at(along.data() + 3 * at), stiff.data()[at], weight.data()[at],
+                             out.data() + n * n * k);
+        }
+    }
+    return out;
+}
+
 }  // namespace
 
 void bind_queries(nb::class_<Mechanism>& mechanism) {
@@ -161,7 +184,11 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
              "How they move along R vectors (N, R, 3), or (1, R, 3), each of one point, by q: (N, R, nq).")
         .def("point_bent", &point_bent, "q"_a, "joints"_a, "offsets"_a, "force"_a, "weight"_a,
              "The sum of their second derivatives along forces (N, P, 3), and of weights (N, P) times the products of "
-             "their first ones, (N, nq, nq).");
+             "their first ones, (N, nq, nq).")
+        .def(
+            "point_apart_bent", &point_apart_bent, "q"_a, "joints"_a, "offsets"_a, "along"_a, "stiff"_a, "weight"_a,
+            "The sum over pairs of points, i and P + i of 2 P, of how far apart they move: products of the derivatives "
+            "along vectors (N, P, 3) times stiff (N, P), and of those of all components times weights (N, P).");
 }
 
 }  // namespace leastaction

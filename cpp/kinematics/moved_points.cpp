@@ -62,4 +62,31 @@ void MovedPoints::add_bent(std::size_t point, const Vec3<double>& f, double w, d
     }
 }
 
+void MovedPoints::add_apart(std::size_t point, std::size_t from, const Vec3<double>& g, double s, double w,
+                            double* out) {
+    const std::size_t n = n_variables();
+    auto& [x, y, z] = apart_;
+    for (auto* component : {&x, &y, &z}) component->assign(n, 0.0);
+    const auto add = [&](const Moved& end, double sign) {
+        for (std::size_t i = 0; i < end.way.size(); ++i) {
+            const Vec3<double> moved = sign * end.l[i];
+            at_.joints()[end.way[i]].each_term([&](int variable, double factor) {
+                const int at = external_[variable];
+                x[at] += factor * moved.x;
+                y[at] += factor * moved.y;
+                z[at] += factor * moved.z;
+            });
+        }
+    };
+    add(points_[point], 1.0);
+    add(points_[from], -1.0);
+    for (std::size_t a = 0; a < n; ++a) {
+        const Vec3<double> moved{x[a], y[a], z[a]};
+        if (moved.x == 0.0 && moved.y == 0.0 && moved.z == 0.0) continue;
+        const Vec3<double> felt = (s * dot(g, moved)) * g + w * moved;
+        double* row = out + a * n;
+        for (std::size_t b = 0; b < n; ++b) row[b] += felt.x * x[b] + felt.y * y[b] + felt.z * z[b];
+    }
+}
+
 }  // namespace leastaction

@@ -6,6 +6,7 @@
 // f . (w_i x l_j) = (f x w_i) . l_j, a product for each pair of joints.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "kinematics/points.hpp"
@@ -27,6 +28,8 @@ public:
     void slope(std::size_t point, const Vec3<double>& g, double* out) const;
     // Adds f . d2p + w dp . dp (n x n).
     void add_bent(std::size_t point, const Vec3<double>& f, double w, double* out) const;
+    // Adds s (g . dd) (g . dd) + w dd . dd (n x n) of d, by which one point is apart from another.
+    void add_apart(std::size_t point, std::size_t from, const Vec3<double>& g, double s, double w, double* out);
 
 private:
     struct Moved {
@@ -39,6 +42,7 @@ private:
     std::vector<int> joints_;  // of all ways, parents before children
     std::vector<double> q_;    // by the internal order
     Placement<double> at_;
+    std::array<std::vector<double>, 3> apart_;  // components of the derivatives by the variables, in add_apart
 };
 
 }  // namespace leastaction

@@ -563,6 +563,9 @@ private:
         });
         K.bottomRows(nx_ - next).setZero();
         Eigen::Map<VectorXd>(output_.C + k * nu_, nu_) = w_;
+        if (output_.L_all != nullptr) {
+            Eigen::Map<RowMajor>(output_.L_all + k * nu_ * nu_, nu_, nu_) = factor_.matrixL();
+        }
         store_value(k);
     }
 

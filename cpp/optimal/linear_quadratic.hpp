@@ -87,13 +87,14 @@ struct LinearQuadraticOptions {
     bool use_structure = true;  // scan G for sparse rows and zero columns
 };
 
-// Where the results go; P_all may be null.
+// Where the results go; P_all and L_all may be null.
 struct LinearQuadraticOutput {
     double* K = nullptr;      // (N, nu, nx)
     double* C = nullptr;      // (N, nu)
     double* b = nullptr;      // (N + 1, nx)
     double* P0 = nullptr;     // (nx, nx)
     double* P_all = nullptr;  // (N + 1, nx, nx)
+    double* L_all = nullptr;  // (N, nu, nu): the factors L of H_uu, lower triangles
 };
 
 struct LinearQuadraticReport {
@@ -115,6 +116,10 @@ LinearQuadraticReport solve_linear_quadratic(const LinearQuadraticProblem& probl
 // dx_{k+1} = A dx + B du + c with du = -K dx - C from dx[0]; dx (N + 1, nx), du (N, nu). With a pattern it reads no more of A
 // and B than that.
 void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const double* C, double* dx, double* du);
+
+// What a drift c adds to C of a problem that was solved, to be followed with its K: the recursion above for vectors alone, with
+// P and L of all stages, as they were written, and no gradient. C (N, nu). Reads no more of A and B than a pattern says.
+void sweep_drift(const LinearQuadraticProblem& problem, const double* K, const double* P, const double* L, double* C);
 
 // z_N = q_N, z_k = q - K'r + (A - BK)'z_{k+1} (dissertation Prop. 7); z (N + 1, nx). With a pattern it reads no more than that.
 void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z);

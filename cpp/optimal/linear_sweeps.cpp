@@ -39,6 +39,29 @@ void each_block(const StageStructure& structure, Index nx, const WithA& with_A, 
     }
 }
 
+// Adds A'z and B'z of stage k, what the structure has of them.
+template <class Vector>
+void add_transposed(const LinearQuadraticProblem& problem, StageStructure& structure, Index k, const Vector& z,
+                    Eigen::Ref<VectorXd> now, Eigen::Ref<VectorXd> input) {
+    const Index nx = problem.nx, nu = problem.nu;
+    const ConstRows A(problem.A + k * nx * nx, nx, nx), B(problem.B + k * nx * nu, nx, nu);
+    structure.read_entries(A.data(), B.data());
+    for (const auto& rows : structure.dense_runs()) {
+        const auto z_rows = z.segment(rows.first, rows.length);
+        each_block(
+            structure, nx,
+            [&](Index first, Index width) {
+                now.segment(first, width).noalias() +=
+                    A.block(rows.first, first, rows.length, width).transpose() * z_rows;
+            },
+            [&](Index first, Index width) {
+                input.segment(first, width).noalias() +=
+                    B.block(rows.first, first, rows.length, width).transpose() * z_rows;
+            });
+    }
+    structure.each_entry([&](Index i, Index j, double value) { (j < nx ? now[j] : input[j - nx]) += value * z[i]; });
+}
+
 template <int width>
 void small_forward(const LinearQuadraticProblem& problem, const double* K, const double* C, double* dx, double* du) {
     const Index nx = problem.nx, nu = problem.nu;
@@ -150,24 +173,28 @@ void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, doubl
         if (problem.q != nullptr) now = ConstVector(problem.q + k * nx, nx);
         input.setZero();
         if (problem.r != nullptr) input = ConstVector(problem.r + k * nu, nu);
-        const ConstRows A(problem.A + k * nx * nx, nx, nx), B(problem.B + k * nx * nu, nx, nu);
-        structure.read_entries(A.data(), B.data());
-        for (const auto& rows : structure.dense_runs()) {
-            const auto z_rows = next.segment(rows.first, rows.length);
-            each_block(
-                structure, nx,
-                [&](Index first, Index width) {
-                    now.segment(first, width).noalias() +=
-                        A.block(rows.first, first, rows.length, width).transpose() * z_rows;
-                },
-                [&](Index first, Index width) {
-                    input.segment(first, width).noalias() +=
-                        B.block(rows.first, first, rows.length, width).transpose() * z_rows;
-                });
-        }
-        structure.each_entry(
-            [&](Index i, Index j, double value) { (j < nx ? now[j] : input[j - nx]) += value * next[i]; });
+        add_transposed(problem, structure, k, next, now, input);
         now.noalias() -= ConstRows(K + k * nu * nx, nu, nx).transpose() * input;
+    }
+}
+
+void sweep_drift(const LinearQuadraticProblem& problem, const double* K, const double* P, const double* L, double* C) {
+    const Index nx = problem.nx, nu = problem.nu;
+    StageStructure structure = structure_of(problem);
+    VectorXd b = VectorXd::Zero(nx), shifted(nx), input(nu);
+    for (Index k = problem.horizon - 1; k >= 0; --k) {
+        // P is symmetric: as it stands, by columns.
+        const Eigen::Map<const Eigen::MatrixXd> P_next(P + (k + 1) * nx * nx, nx, nx);
+        shifted = b;
+        shifted.noalias() += P_next * ConstVector(problem.c + k * nx, nx);
+        b.setZero();
+        input.setZero();
+        add_transposed(problem, structure, k, shifted, b, input);
+        b.noalias() -= ConstRows(K + k * nu * nx, nu, nx).transpose() * input;
+        const auto factor = ConstRows(L + k * nu * nu, nu, nu).triangularView<Eigen::Lower>();
+        factor.solveInPlace(input);
+        factor.transpose().solveInPlace(input);
+        Eigen::Map<VectorXd>(C + k * nu, nu) = input;
     }
 }
 

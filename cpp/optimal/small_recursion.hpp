@@ -220,12 +220,19 @@ private:
     void store(Index k) {
         for (Index u = 0; u < nu_; ++u) std::copy_n(K_[u].data(), nx_, output_.K + (k * nu_ + u) * nx_);
         std::copy_n(w_.data(), nu_, output_.C + k * nu_);
+        if (output_.L_all != nullptr) store_L(output_.L_all + k * nu_ * nu_);
         store_value(k);
     }
 
     void store_value(Index k) const {
         std::copy_n(b_.data(), nx_, output_.b + k * nx_);
         if (output_.P_all != nullptr) store_P(output_.P_all + k * nx_ * nx_);
+    }
+
+    void store_L(double* out) const {
+        for (Index u = 0; u < nu_; ++u) {
+            for (Index v = 0; v < nu_; ++v) out[u * nu_ + v] = v <= u ? V_[v][nx_ + u] : 0.0;
+        }
     }
 
     void store_P(double* out) const {

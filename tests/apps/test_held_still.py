@@ -11,12 +11,13 @@ import pytest
 from apps.motions import PUPPET, captured
 from leastaction.apps.choices import Strings
 from leastaction.apps.marionette import FORCED, PuppetLimits, TrackingRun, load_motion, track, walk_in_place
-from leastaction.apps.marionette.tracking import TrackingSearch, beginning, by_lengths, poses, tying
+from leastaction.apps.marionette.tracking import TrackingSearch, beginning, by_lengths, poses, tracker, tying
 from leastaction.apps.marionette.tracking.beginning import on_one_bar
+from leastaction.apps.marionette.tracking.pace import Pace
 from leastaction.apps.marionette.tracking.plan import Plan
 from leastaction.apps.marionette.tracking.poses import at_rest, held_still
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
-from leastaction.apps.marionette.tracking.ties import FIRM, LEAST_WEIGHT
+from leastaction.apps.marionette.tracking.ties import FIRM, LEAST_WEIGHT, LOOSE
 from leastaction.apps.marionette.tracking.tracker import Tracker
 from leastaction.apps.marionette.tracking.tying import _expected, _foretold
 from leastaction.errors import ArgumentError, ProjectionError
@@ -66,8 +67,9 @@ def test_what_strings_that_are_not_to_be_tied_cost_is_foretold() -> None:
     assert _foretold([1.0], 6) == 1.0
     assert _foretold([1.0, 2.0], 5) == 2.0
     assert _foretold([1.0, 2.0, 3.5], 4) == 3.5  # hardly more than before
-    assert _foretold([1.0, 2.0, 4.5], 4) == 4.5 + 4 * 2.5
-    assert _foretold([1.0, 2.0, 4.5, 5.0], 3) == 5.0
+    assert _foretold([1.0, 2.0, 5.5], 4) == 5.5
+    assert _foretold([1.0, 2.0, 6.5], 4) == 6.5 + 4 * 4.5
+    assert _foretold([1.0, 2.0, 6.5, 7.0], 3) == 7.0
 
 
 def test_how_far_strings_will_vary_is_foretold() -> None:
@@ -221,6 +223,56 @@ def test_where_nothing_is_found_from_a_puppet_held_still_it_has_its_own_steps(mo
     assert not run.result.success
     assert run.tension.min() >= 0.5
     assert "held still" in run.result.message
+
+
+@pytest.mark.parametrize("fails", [1, 2])
+def test_where_nothing_near_a_motion_on_bars_keeps_lengths_it_begins_with_a_puppet_held_still(
+    fails: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once: the pose itself is what is left."""
+    settled, calls, said = by_lengths.settled, list[int](), list[str]()
+
+    def none_near(*arguments: Any) -> Any:
+        calls.append(len(calls))
+        return None if len(calls) <= fails else settled(*arguments)
+
+    monkeypatch.setattr(by_lengths, "settled", none_near)
+    run = track(marionette(strings="cross+legs"), walk_in_place(0.5, 0.02), progress=said.append)
+    assert sum("is near to what was found: it begins with a puppet that is held still" in line for line in said) == 1
+    assert len(calls) == fails + 1
+    assert run.tension.min() >= 0.5
+    assert run.plan is not None
+    stands = bool(np.ptp(run.plan.x, axis=0).max() == 0.0)
+    assert stands == any("it is held still" in line for line in said) == (fails == 2)
+    assert run.result.success == (fails == 1)
+
+
+def test_optimisations_on_bars_that_lead_on_end_where_they_creep(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is to be tied most firmly does not, nor what is on no bars: their optimisations are the last."""
+    paces, weights = list[float](), list[float]()
+
+    class Paced(Pace):
+        def __init__(self, *, hardly: float = 0.0) -> None:
+            super().__init__(hardly=hardly)
+            paces.append(hardly)
+
+    whole = Tracker._optimised
+
+    def optimised(self: Tracker) -> OptimizationResult:
+        result = whole(self)
+        assert self.plan is not None
+        weights.append(np.inf if self.plan.ties is None else self.plan.ties.weight)
+        return result
+
+    monkeypatch.setattr(Tracker, "_optimised", optimised)
+    monkeypatch.setattr(tracker, "Pace", Paced)
+    monkeypatch.setattr(tying, "_SETTLED", 0.0)
+    motion = walk_in_place(0.5, 0.02)
+    track(marionette(strings="cross+legs"), motion)
+    track(marionette(strings=7), motion, planned=True)
+    assert {min(LOOSE), *FIRM, np.inf} <= set(weights)
+    for pace, weight in zip(paces, weights, strict=True):
+        assert pace == (0.002 if weight < FIRM[0] else 0.005 if weight < FIRM[-1] else 0.0)
 
 
 def test_which_controls_are_one_bar_for_all_strings() -> None:

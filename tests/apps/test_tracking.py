@@ -460,7 +460,7 @@ def test_a_search_creeps_that_expects_as_much_from_each_iteration_as_long_before
 
 def test_a_search_that_only_leads_to_the_next_ends_where_its_cost_hardly_changes() -> None:
     def ended(fall: float) -> int | None:
-        its = pace.Pace(passing=True)
+        its = pace.Pace(hardly=0.002)
         for k in range(59):
             record = SimpleNamespace(cost=100.0 * (1.0 - (fall if k > 12 else 0.1)) ** k, expected_decrease=1.0)
             record.snapshot = lambda: SimpleNamespace(limits=None)

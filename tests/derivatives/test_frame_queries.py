@@ -162,6 +162,23 @@ def test_points_move_and_bend_as_their_frames_say(mechanism):
     np.testing.assert_allclose(points.bent(q, force, weight), bent, atol=1e-12)
 
 
+def test_points_move_apart_as_each_of_them_moves(mechanism):
+    rng = np.random.default_rng(14)
+    q = rng.uniform(-1.5, 1.5, (3, mechanism.nq))
+    end = "end" if "end" in mechanism.frames else "head"
+    # Both on one limb, one in the world, and one on two limbs.
+    points = MovedPoints.of(mechanism, ["tip", end, "tip", "tip", "world", end], rng.normal(size=(6, 3)))
+    along, stiff, weight = rng.normal(size=(3, 3, 3)), rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
+    J = points.jacobian(q)
+    D = J[:, :3] - J[:, 3:]
+    np.testing.assert_allclose(points.apart(q), points.places(q)[:, :3] - points.places(q)[:, 3:], atol=1e-14)
+    slopes = np.einsum("npa,npai->npi", along, D)
+    np.testing.assert_allclose(points.apart_slopes(q, along), slopes, atol=1e-12)
+    bent = np.einsum("np,npi,npj->nij", stiff, slopes, slopes) + np.einsum("np,npai,npaj->nij", weight, D, D)
+    np.testing.assert_allclose(points.apart_bent(q, along, stiff, weight), bent, atol=1e-12)
+    assert np.abs(bent).max() > 0.1
+
+
 def along(function, directions):
     """The derivative of a function along directions, by automatic differentiation."""
     for direction in directions:

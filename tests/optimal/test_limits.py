@@ -60,7 +60,7 @@ from leastaction.optimal.line_search import Step, Trial
 from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.quantity import Quantity, Samples, WeightedSum
-from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
+from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem, PlaceCost
 
 N, DT = 150, 0.02
 
@@ -1104,6 +1104,28 @@ def test_what_does_not_bend_has_one_model(cart: MidpointSystem, cost: QuadraticC
         problem.start(REST)
         exact = problem._hessian(1.0)
         assert (problem._hessian(0.0) is exact) is same
+
+
+def test_a_share_of_what_bends_lies_between_none_and_all_of_it(cart: MidpointSystem, cost: QuadraticCost) -> None:
+    """Of cost and limits alike; and what the whole is stays, whichever shares are asked for after it."""
+    rng = np.random.default_rng(5)
+    start = 0.1 * rng.normal(size=(N + 1, 4)), 0.1 * rng.normal(size=(N, 1))
+    settings = optimize(cart, cost, initial=REST, max_iterations=0).settings
+    bent = PlaceCost(cost, cart, {"bob": np.array([0.5, 0.5, 0.0])}, {"bob": 30.0})
+    rows = Keep("bob", outside=Ball((0.3, -0.95, 0.0), 0.05)).rows(cart, 1)
+    problem = LimitedProblem(cart, bent, rows, settings)
+    problem.start(start)
+    whole = problem._hessian(1.0)
+    none, part = (problem._hessian(share).whole() for share in (0.0, 0.3))
+    for low, between, high in zip(none, part, whole.whole(), strict=True):
+        if low is not None:
+            np.testing.assert_allclose(between, low + 0.3 * (high - low), rtol=0, atol=1e-9 * np.abs(high).max())
+    assert np.abs(none.Q - whole.whole().Q).max() > 1.0
+    # Each of the two has a part in that.
+    for other_cost, other_rows in ((cost, rows), (bent, Bound("x", -1.0, 1.0, of="rate").rows(cart, 1))):
+        other = LimitedProblem(cart, other_cost, other_rows, settings)
+        other.start(start)
+        assert np.abs(other._hessian(0.0).whole().Q - other._hessian(1.0).whole().Q).max() > 0.1
 
 
 def test_a_limit_on_a_start_that_costs_nothing_is_enforced(rng):

@@ -12,7 +12,7 @@ from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.hessians import HessianPart, ModelHessian, between, shifted
-from leastaction.optimal.discrete.linear_quadratic import Workspace
+from leastaction.optimal.discrete.linear_quadratic import Workspace, feedforward_of_drift
 from leastaction.optimal.system import Linearization
 
 
@@ -157,6 +157,33 @@ def test_b_is_the_adjoint_of_the_closed_loop(problem):
         K = solution.K[k]
         expected = p["q"][k] - K.T @ p["r"][k] + (p["A"][k] - p["B"][k] @ K).T @ expected
     np.testing.assert_allclose(z[0], expected, rtol=1e-11)
+
+
+def test_a_further_drift_is_solved_for_with_what_was_kept(problem):
+    p = problem
+    solution = solve_linear_quadratic(**p, keep_P=True)
+    further = np.random.default_rng(4).standard_normal(p["c"].shape)
+    wanted = solve_linear_quadratic(**{**p, "c": p["c"] + further})
+    added = feedforward_of_drift(p["A"], p["B"], solution.K, solution.P, solution.factors, further)
+    np.testing.assert_allclose(solution.C + added, wanted.C, rtol=1e-10, atol=1e-11)
+    with pytest.raises(ArgumentError, match=r"factors: got shape"):
+        feedforward_of_drift(p["A"], p["B"], solution.K, solution.P, solution.factors[1:], further)
+
+
+def test_a_further_drift_with_a_pattern_reads_nothing_else():
+    rng = np.random.default_rng(14)
+    A, B = _mechanical(rng, 8)
+    N, nx, nu = B.shape
+    pattern = np.concatenate([A, B], axis=2).any(axis=0)
+    p = _with_drift(rng, N, nx, nu)
+    solution = solve_linear_quadratic(A, B, **p, pattern=pattern, keep_P=True)
+    further = rng.standard_normal((N, nx))
+    wanted = solve_linear_quadratic(A, B, **{**p, "c": p["c"] + further})
+    kept = solution.K, solution.P, solution.factors
+    for each in (A, B):
+        each[:, ~(pattern[:, :nx] if each is A else pattern[:, nx:])] = np.nan
+    added = feedforward_of_drift(A, B, *kept, further, pattern=pattern)
+    np.testing.assert_allclose(solution.C + added, wanted.C, rtol=1e-9, atol=1e-10)
 
 
 @pytest.mark.parametrize("at", [(0, 0, 0), (3, 1, 2), (6, 2, 4)])

@@ -37,6 +37,8 @@ from leastaction.io.results import load_result, save_result
 from leastaction.optimal import ContinuousQuadraticCost, DiscreteSystem, LinearSystem, solve_linear_quadratic
 from leastaction.optimal.discrete.gap_filter import Curve, Filter
 from leastaction.optimal.discrete.linear_quadratic import sweep_forward
+from leastaction.optimal.discrete.shooting import ShootingProblem
+from leastaction.optimal.line_search import Refusal
 from optimal.systems import CartPendulum, is_trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -45,6 +47,41 @@ from benchmarks.robustness_further import FURTHER
 from benchmarks.robustness_problems import PROBLEMS, cart, constant, double_pendulum, posed, waves
 
 BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
+
+
+@pytest.mark.parametrize("free_start", [False, True])
+def test_corrections_of_a_step_close_all_that_was_missed_as_cheaply_as_can_be(rng, monkeypatch, free_start):
+    """Each is the minimum of the step's own model with these gaps too, solved with what that kept."""
+    N, nx = 20, 3
+    A, B = rng.normal(size=(N, nx, nx)) / 2.0, rng.normal(size=(N, nx, 2))
+    system = LinearSystem(A, B)
+    cost = QuadraticCost(rng.normal(size=(N + 1, nx)), np.zeros((N, 2)), Q=[1.0, 0.5, 2.0], R=[0.1, 0.3])
+    start = rng.normal(size=(N + 1, nx)), rng.normal(size=(N, 2))
+    settings = optimize(system, cost, initial=(np.zeros((N + 1, nx)), np.zeros((N, 2))), max_iterations=0).settings
+    problem = ShootingProblem(system, cost, settings, free_start, "at once")
+    problem.start(start)
+    curve = problem.open_curve
+    direction = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
+    missed, moved = [0.1 * rng.normal(size=(N, nx)) for _ in range(3)], []
+
+    def off(dx, du, length):
+        moved.append((dx, du))
+        gaps = missed[len(moved) - 1]
+        theta = curve.theta * (2.0 - 0.1 * len(moved))
+        return curve._replace(gaps=gaps, theta=theta, length=length) if len(moved) < 3 else Refusal("enough")
+
+    monkeypatch.setattr(problem, "_moved", off)
+    monkeypatch.setattr(problem, "_judge", lambda *_: Refusal("never"))
+    assert isinstance(problem.simulate(direction, 1.0, np.inf), Refusal)
+    assert len(moved) == 3
+    q, r, q_final = cost.gradient(*start)
+    for (dx, du), more in zip(moved, (0.0, missed[0], missed[0] + missed[1]), strict=True):
+        model = solve_linear_quadratic(
+            A, B, Q=cost.Q, R=cost.R, Q_final=cost.Q_final, q=q, r=r, q_final=q_final, c=curve.gaps + more
+        )  # fmt: skip
+        wanted = sweep_forward(A, B, model, direction.dx0, c=curve.gaps + more)
+        np.testing.assert_allclose(dx, wanted[0], rtol=0, atol=1e-10 * np.abs(wanted[0]).max())
+        np.testing.assert_allclose(du, wanted[1], rtol=0, atol=1e-10 * np.abs(wanted[1]).max())
 
 
 def balancing(N, poles=4, R=1e-2):

@@ -24,13 +24,14 @@ class AmongCurves(NamedTuple):
     """What a direction among curves with gaps says besides.
 
     ``costates`` (N+1, nx): multipliers of the dynamics at the model's minimum. ``fall``: derivative of the cost alone.
-    ``least``: the model's change of it at its minimum. ``base``: the method of its model, without how that was changed.
+    ``least``: the model's change of it at its minimum. ``P`` (N+1, nx, nx), ``factors`` (N, nu, nu): of its recursion.
     """
 
     costates: Array
     fall: float
     least: float
-    base: str
+    P: Array
+    factors: Array
 
 
 @dataclass(frozen=True)

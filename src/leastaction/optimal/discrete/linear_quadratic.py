@@ -13,7 +13,7 @@ The optimal input is ``du = -K dx - C``, the optimal cost from ``dx_0`` is
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,14 @@ class Workspace:
         self.C = np.empty((N, nu))
         self.b = np.empty((N + 1, nx))
         self.P0 = np.empty((nx, nx))
+        self.kept: tuple[Array, Array] | None = None
+
+    def keep(self) -> tuple[Array, Array]:
+        """Return where P and the factors of all stages are written, if these are kept."""
+        if self.kept is None:
+            N, nu, nx = self.K.shape
+            self.kept = np.empty((N + 1, nx, nx)), np.empty((N, nu, nu))
+        return self.kept
 
 
 @dataclass(frozen=True)
@@ -58,6 +66,8 @@ class LinearQuadraticSolution:
         Quadratic term of the optimal cost at ``k = 0``.
     P : ndarray (N+1, nx, nx) or None
         The same at every k, if asked for.
+    factors : ndarray (N, nu, nu) or None
+        Then too: the Cholesky factors L of ``R + B'PB``, lower triangles.
     constant : float
         Optimal cost for ``dx_0 = 0``. For ``c = 0`` twice this is the derivative of the cost along the solution.
     definite : bool
@@ -82,6 +92,7 @@ class LinearQuadraticSolution:
     b: Array
     P0: Array
     P: Array | None
+    factors: Array | None
     constant: float
     definite: bool
     stage: int | None
@@ -149,7 +160,7 @@ def solve_linear_quadratic(
         others are read at most where rows with more than two meet columns with some; nor is what H holds of states that
         nothing depends on. A `part` may couple these.
     keep_P : bool
-        Return P of every stage.
+        Return P of every stage, and the factors.
     workspace : Workspace, optional
         Where the solution is written; it is overwritten by the next one that uses it.
 
@@ -224,7 +235,7 @@ def recursion(
         A value that is not finite.
     """
     K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
-    P = np.empty((len(b), *P0.shape)) if keep_P else None
+    P, factors = workspace.keep() if keep_P else (None, None)
     (Q, Q_diagonal), (R, R_diagonal) = _block(Q), _block(R)
     small = {"Q": Q, "R": R, "S": S, "q": q, "r": r, "c": c, "Q_final": Q_final, "q_final": q_final}
     columns, matrices = (None, None) if part is None else part
@@ -236,6 +247,7 @@ def recursion(
         b,
         P0,
         P,
+        factors,
         Q_diagonal=Q_diagonal,
         R_diagonal=R_diagonal,
         H=H,
@@ -269,6 +281,7 @@ def recursion(
         b=b,
         P0=P0,
         P=P,
+        factors=factors,
         constant=report.constant if definite else np.nan,
         definite=definite,
         stage=report.stage if report.stage >= 0 else None,
@@ -333,6 +346,13 @@ class Law(Protocol):
         """Feedforward (N, nu)."""
 
 
+class Feedforward(NamedTuple):
+    """A law ``du = -K dx - C``: K (N, nu, nx), C (N, nu)."""
+
+    K: Array
+    C: Array
+
+
 def sweep_forward(
     A: Array,
     B: Array,
@@ -352,6 +372,27 @@ def sweep_forward(
     dx[0] = 0.0 if dx0 is None else as_array(dx0, "dx0", (nx,))
     _core.sweep_forward(A, B, solution.K, solution.C, c, dx, du, _pattern(pattern, (nx, nx + nu)))
     return dx, du
+
+
+def feedforward_of_drift(
+    A: Array, B: Array, K: Array, P: Array, factors: Array, c: Array, *, pattern: ArrayLike | None = None
+) -> Array:
+    """Return what a drift c (N, nx) adds to the feedforward (N, nu) of a problem that was solved, with its gains K.
+
+    ``P``, ``factors``: those of all stages, as kept. Quicker than to solve it again by a factor of ten. With a
+    `pattern` as of `solve_linear_quadratic` nothing else of A, B is read.
+    """
+    A, B = _dynamics(A, B)
+    N, nx, nu = B.shape
+    C = np.empty((N, nu))
+    kept = (
+        _shaped(K, "K", (N, nu, nx)),
+        _shaped(P, "P", (N + 1, nx, nx)),
+        _shaped(factors, "factors", (N, nu, nu)),
+        _shaped(c, "c", (N, nx)),
+    )
+    _core.sweep_drift(A, B, *kept, C, _pattern(pattern, (nx, nx + nu)))
+    return C
 
 
 def adjoint(

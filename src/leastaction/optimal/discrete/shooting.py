@@ -30,7 +30,12 @@ from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import AmongCurves, DiscreteDirection, Iterate
 from leastaction.optimal.discrete.gap_filter import Curve, Filter
 from leastaction.optimal.discrete.hessians import shifted
-from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, Workspace
+from leastaction.optimal.discrete.linear_quadratic import (
+    Feedforward,
+    LinearQuadraticSolution,
+    Workspace,
+    feedforward_of_drift,
+)
 from leastaction.optimal.discrete.problem import DiscreteProblem, least_of
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.discrete.trial import is_too_coarse
@@ -393,7 +398,7 @@ class ShootingProblem(DiscreteProblem):
         return self.curvature
 
     def _solve(
-        self, method: str, workspace: Workspace, scale: float = 0.0, shift: float = 0.0, gaps: Array | None = None
+        self, method: str, workspace: Workspace, scale: float = 0.0, shift: float = 0.0
     ) -> LinearQuadraticSolution:
         if self.open_curve is None:
             return super()._solve(method, workspace, scale, shift)
@@ -402,8 +407,7 @@ class ShootingProblem(DiscreteProblem):
             hessian = shifted(hessian, shift)
         linearization = self._linearize()
         curvature = self._curvature_along(gradient) if method == "newton" else None
-        if gaps is None:
-            gaps = self.open_curve.gaps
+        gaps = self.open_curve.gaps
         with self.clock("lq"):
             return minimise_model(method, linearization, gradient, hessian, curvature, workspace, scale, gaps)
 
@@ -416,6 +420,7 @@ class ShootingProblem(DiscreteProblem):
         dx0 = self._start_step(model)
         dx, du = self._sweep(model, dx0, gaps=self.open_curve.gaps)
         assert model.P is not None
+        assert model.factors is not None
         costates = np.einsum("kij,kj->ki", model.P, dx) + model.b
         q, r, q_final = self._gradient()
         fall = float(np.sum(q * dx[:-1]) + np.sum(r * du) + q_final @ dx[-1])
@@ -426,10 +431,9 @@ class ShootingProblem(DiscreteProblem):
             self.penalty = 2.0 * rise / theta
             self.value = self.open_curve.cost + self.penalty * theta
         slope = min(2.0 * (least - self.penalty * theta), -np.finfo(np.float64).tiny)
-        base = method.removesuffix("-shifted").removesuffix("-damped")
         return DiscreteDirection(
             method, slope, scale, shift, gain=model.K, C=model.C, dx=dx, du=du, dx0=dx0,
-            among=AmongCurves(costates, fall, least, base),
+            among=AmongCurves(costates, fall, least, model.P, model.factors),
         )  # fmt: skip
 
     # ---- Steps ----------------------------------------------------------------------------------
@@ -450,12 +454,12 @@ class ShootingProblem(DiscreteProblem):
         outcome = self._judge(among.fall, length, trial)
         if isinstance(outcome, Trial) or isinstance(trial, Refusal) or length < 1.0 or trial.theta < curve.theta:
             return outcome
-        missed = curve.gaps
+        missed, law = curve.gaps, Feedforward(direction.K, direction.C)
         for _ in range(_CORRECTIONS):
             # The full step missed by this much more than the linear dynamics say.
+            law = self._closing(law, among, trial.gaps)
             missed, before = missed + trial.gaps, trial.theta
-            model = self._solve(among.base, self.spare, direction.curvature_scale, direction.shift, missed)
-            trial = self._moved(*self._sweep(model, direction.dx0, gaps=missed), 1.0)
+            trial = self._moved(*self._sweep(law, direction.dx0, gaps=missed), 1.0)
             if isinstance(trial, Refusal):
                 break
             corrected = self._judge(among.fall, 1.0, trial)
@@ -464,6 +468,14 @@ class ShootingProblem(DiscreteProblem):
             if trial.theta > _LEFT * before:
                 break
         return outcome
+
+    def _closing(self, law: Feedforward, among: AmongCurves, gaps: Array) -> Feedforward:
+        """Return the law that closes some more gaps, as cheaply as the model of a direction says."""
+        linearization = self._linearize()
+        A, B = linearization
+        with self.clock("lq"):
+            more = feedforward_of_drift(A, B, law.K, among.P, among.factors, gaps, pattern=linearization.pattern)
+        return law._replace(C=law.C + more)
 
     def _moved(self, dx: Array, du: Array, length: float) -> Curve | Refusal:
         x, u = self.x + length * dx, self.u + length * du

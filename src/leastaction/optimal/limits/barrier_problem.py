@@ -98,6 +98,7 @@ class BarrierProblem(ShootingProblem):
         self.room: Room | None = None
         # Of both and the duals; None: not yet.
         self.gradient: CostGradient | None = None  # with the barriers
+        self.weighed: tuple[float, ModelHessian] | None = None  # second derivatives, with a share of what bends
         self.central: bool | None = None  # whether the duals are near those of the barrier
         self.newton_change: Sided | None = None  # of the limits, along Newton's undamped direction
         self.are_settled = False  # whether no step of the duals is needed any more
@@ -326,8 +327,8 @@ class BarrierProblem(ShootingProblem):
         sigmas = self.duals.stiffnesses(self._room(), _SOFTER[-1])  # beside stiff ones weights are lost in rounding
         for i in np.flatnonzero(far).tolist():
             sigmas[i] = np.where(self._limits()[i] > _ACTIVE * self.duals.scale[i], 0.0, sigmas[i])
-        hessian = self._weights(sigmas, convex=True)
-        self.exact = self.convex = None  # these are written over
+        hessian = self._weights(sigmas, 0.0)
+        self.weighed = None  # they are written over
         spare = Workspace(self.system.N, self.system.nx, self.system.nu)
         model = minimise_model("quasi-newton", self._linearize(), self._gradient(), hessian, None, spare)
         self._with_start(model, lambda: hessian)
@@ -353,20 +354,26 @@ class BarrierProblem(ShootingProblem):
             self.gradient = self._with_duals(self.duals.of_barrier(self._room()))
         return self.gradient
 
-    def _second_derivatives(self, *, convex: bool) -> ModelHessian:
+    def _hessian(self, share: float = 1.0) -> ModelHessian:
         if not self._begun:
-            return super()._second_derivatives(convex=convex)
-        if convex and self.exact is not None and not self._bends():
-            return self.exact
-        return self._weights(self.duals.stiffnesses(self._room()), convex=convex)
+            return super()._hessian(share)
+        share = share if self._bends() else 1.0
+        if self.weighed is None or self.weighed[0] != share:
+            self.weighed = share, self._weights(self.duals.stiffnesses(self._room()), share)
+        return self.weighed[1]
 
-    def _weights(self, sigmas: Sided, *, convex: bool) -> ModelHessian:
-        """Return the second derivatives of cost and limits, given the stiffnesses of these."""
+    def _weights(self, sigmas: Sided, share: float) -> ModelHessian:
+        """Return the second derivatives of cost and limits, given the stiffnesses of these.
+
+        With a share of what may bend downwards. Those of a share are written over those of others, but of the whole.
+        """
         dynamics = None
         if any(rows.quantity.looks_ahead for rows in self.limited.rows):
             dynamics = np.concatenate(list(self._linearize()), axis=2)
-        plain = self._of_cost(convex=convex)
-        return self.limited.hessian(self.x, self.u, sigmas, self._jacobians(), dynamics, plain=plain, convex=convex)
+        plain = self._of_cost(convex=share == 0.0)
+        if 0.0 < share < 1.0:
+            plain = between(self._of_cost(convex=True), plain, share)
+        return self.limited.hessian(self.x, self.u, sigmas, self._jacobians(), dynamics, plain=plain, share=share)
 
     def _of_cost(self, *, convex: bool) -> ModelHessian:
         """Return the second derivatives of the cost alone."""
@@ -375,7 +382,10 @@ class BarrierProblem(ShootingProblem):
         return self.plain_bend[convex]
 
     def _bends(self) -> bool:
-        """Whether second derivatives have a part that may bend downwards."""
+        """Whether second derivatives have a part that may bend downwards.
+
+        Where they once had one they may have it again, which is not worth another look.
+        """
         if self.has_bends is None:
             both_parts = self._of_cost(convex=True), self._of_cost(convex=False)
             self.has_bends = self.limited.bends(self.x, self.u, *both_parts)
@@ -389,12 +399,13 @@ class BarrierProblem(ShootingProblem):
 
     def forget(self) -> None:
         super().forget()
-        self.values = self.plain_value = self.room = self.jacobians = self.plain = self.has_bends = None
+        self.values = self.plain_value = self.room = self.jacobians = self.plain = None
+        self.has_bends = self.has_bends or None
         self.plain_bend = {}
 
     def _forget_cost(self) -> None:
         super()._forget_cost()
-        self.gradient = self.newton_change = self.central = None
+        self.gradient = self.newton_change = self.central = self.weighed = None
         self.are_settled = False
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
@@ -422,9 +433,9 @@ class BarrierProblem(ShootingProblem):
             return np.inf
         gradient = self._with_duals(self.duals.y)
         curvature = self._curvature_along(gradient)
-        self.exact = self.convex = None  # these are written over
+        self.weighed = None  # they are written over
         for softness in _SOFTER:
-            hessian = self._weights(self.duals.stiffnesses(self._room(), softness), convex=False)
+            hessian = self._weights(self.duals.stiffnesses(self._room(), softness), 1.0)
             left = self._left_of(hessian, gradient, curvature)
             if left is not None:
                 return left
@@ -529,11 +540,8 @@ class BarrierProblem(ShootingProblem):
 
     def _hessian_within(self, share: float, sigmas: Sided) -> ModelHessian:
         """Return second derivatives with other stiffnesses, which are written over those of the iterate."""
-        self.exact = self.convex = None
-        exact = self._weights(sigmas, convex=False)
-        if share == 1.0 or not self._bends():
-            return exact
-        return between(self._weights(sigmas, convex=True), exact, share)
+        self.weighed = None
+        return self._weights(sigmas, share if self._bends() else 1.0)
 
     def promised(self, direction: DiscreteDirection, length: float) -> float:
         if direction.limited is None or self.is_open:

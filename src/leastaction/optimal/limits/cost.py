@@ -103,9 +103,11 @@ class LimitedCost:
         dynamics: Array | None = None,
         *,
         plain: ModelHessian,
-        convex: bool = False,
+        share: float = 1.0,
     ) -> ModelHessian:
-        """Return the second derivatives of the primal-dual model; the next of the same kind are written where they are.
+        """Return the second derivatives of the primal-dual model, which the next are written over.
+
+        Not those of a part over those of the whole, nor the other way round.
 
         Parameters
         ----------
@@ -116,8 +118,8 @@ class LimitedCost:
             Stiffnesses of the limits, and their derivatives there.
         dynamics : ndarray (N, nx, nx+nu) or None
             ``[A B]``, for what looks ahead.
-        convex : bool
-            Whether to leave out what may bend downwards of the limits, as `plain` then does of the cost.
+        share : float
+            Of what may bend downwards of the limits, as `plain` then has of the cost.
         """
         Q, R, S, Q_final, part = plain
         N, nx = len(u), x.shape[1]
@@ -136,24 +138,24 @@ class LimitedCost:
         columns = np.unique(np.concatenate(few))
         if not len(columns):
             return ModelHessian(Q, R, S, Q_final)
-        weights = self._weights(N, columns, convex=convex)
+        weights = self._weights(N, columns, whole=share == 1.0)
         if part is not None:
             part.add_to(weights.matrices[:-1], columns)
         if beside is not None:
             at = np.searchsorted(columns, self.of_states.columns)
             weights.matrices[:-1, at, at] += beside
         for each, jacobian in zip(self.others, jacobians, strict=True):
-            duals = None if convex else each.of(self.duals.y)
+            duals = share * each.of(self.duals.y) if share > 0.0 else None
             each.rows.add_hessian(x, u, jacobian, duals, each.of(sigmas), weights, dynamics)
         return ModelHessian(Q, R, S, Q_final).weighed(columns, weights.matrices)
 
-    def _weights(self, N: int, columns: Instants, *, convex: bool) -> Weights:
+    def _weights(self, N: int, columns: Instants, *, whole: bool) -> Weights:
         """Return an empty sum by some columns, where the last of its kind was."""
-        if convex not in self.spare or len(self.spare[convex].columns) != len(columns):
-            self.spare[convex] = Weights(N, columns)
+        if whole not in self.spare or len(self.spare[whole].columns) != len(columns):
+            self.spare[whole] = Weights(N, columns)
         else:
-            self.spare[convex].clear()
-        return self.spare[convex]
+            self.spare[whole].clear()
+        return self.spare[whole]
 
     def bends(self, x: Array, u: Array, convex: ModelHessian, whole: ModelHessian) -> bool:
         """Whether the convex part of the second derivatives is another than all of them, given those of the cost."""

@@ -18,19 +18,19 @@ LOOKED_BACK: Final = 20
 _NEVER_BEFORE: Final = 3 * LOOKED_BACK
 _AS_MUCH = 0.7  # of the decreases that were expected before are those of a search that gets nowhere
 _LITTLE = 0.01  # of its cost is what such a search gains meanwhile
-# Of a search that only leads to the next: iterations in which its cost hardly changes, and part of it that is little.
-_SHORTLY, _HARDLY = 10, 0.002
+_SHORTLY = 10  # iterations in which the cost of a search that only leads to the next should change
 _SOME, _LESS = 5, 0.1  # iterations that expect so little, and how much less than is tolerated
 
 
 class Pace:
     """How one optimisation gets on. For one thread.
 
-    ``passing``: whether it only leads to the next, and need not come near a minimum.
+    ``hardly``: of a search that only leads to the next, and need not come near a minimum, the part of its cost that is
+    no change.
     """
 
-    def __init__(self, *, passing: bool = False) -> None:
-        self._passing = passing
+    def __init__(self, *, hardly: float = 0.0) -> None:
+        self._hardly = hardly
         self._expected: list[float] = []
         self._costs: list[float] = []
         self._barrier = np.nan  # when it was last looked at
@@ -40,9 +40,9 @@ class Pace:
         self._expected.append(record.expected_decrease)
         self._costs.append(record.cost)
         iterations = len(self._costs) - 1
-        if self._passing and iterations >= 2 * _SHORTLY:
+        if self._hardly > 0.0 and iterations >= 2 * _SHORTLY:
             change = abs(self._costs[-1 - _SHORTLY] - self._costs[-1])
-            if change < _HARDLY * abs(self._costs[-1]):
+            if change < self._hardly * abs(self._costs[-1]):
                 return True
         if iterations < _NEVER_BEFORE - LOOKED_BACK or iterations % LOOKED_BACK:
             return False

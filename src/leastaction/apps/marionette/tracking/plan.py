@@ -55,7 +55,8 @@ class Plan:
         self.problem, self.weights = problem, weights
         self.strings = strings_of(whole)
         by_tension = marionette(strings=set_of(whole), by="tension")
-        numbers = {name: value for name, value in whole.parameters.items() if name in by_tension.parameters}
+        own = by_tension.parameters
+        numbers = {name: value for name, value in whole.parameters.items() if name in own}
         self.mechanism = by_tension.with_parameters(numbers)
         m, t = self.mechanism, problem.t
         self.t, self.dt = t, problem.dt

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Final
 
 from leastaction.apps.choices import Follow
 from leastaction.apps.marionette.tracking import tying
@@ -35,6 +36,8 @@ from leastaction.mechanics import Mechanism
 from leastaction.optimal import OptimizationResult, Status
 from leastaction.optimal.loop import Callback
 from leastaction.optimal.settings import Method
+
+_NONE_NEAR: Final = "strings on bars: no motion in which all of them pull is near to what was found"
 
 
 def track(
@@ -138,6 +141,11 @@ def _ended(tracker: Tracker, result: OptimizationResult) -> TrackingRun:
     except NotTiedError as error:
         if result.status is Status.INTERRUPTED:  # what is kept is worth more than a puppet held still
             raise KeyboardInterrupt from error
+        if not tracker.began_still and tracker.left > 0:
+            tracker.say(f"{_NONE_NEAR}: it begins with a puppet that is held still")
+            again = tying.from_still(tracker, result, tracker.left)
+            if again is not None:
+                return _ended(tracker, again)
         assert tracker.plan is not None
         tracker.say(f"{error}: it is held still")
         return tracker.run_of(tying.holds_still(tracker, result))

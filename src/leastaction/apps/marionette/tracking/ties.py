@@ -48,7 +48,8 @@ class Ties:
         hooks, controls = [string.hook for string in strings], [string.control for string in strings]
         self.ends = MovedPoints.of(by_tension, [*hooks, *controls])
         self.names = tuple(string.length for string in strings)
-        self.lengths = np.array([whole.parameters[name] for name in self.names])
+        numbers = whole.parameters
+        self.lengths = np.array([numbers[name] for name in self.names])
         self.weight, self.firm = LEAST_WEIGHT, False
 
     def priced(self, cost: Cost, system: MidpointSystem) -> Cost:
@@ -57,15 +58,20 @@ class Ties:
 
     def distances(self, x: Array) -> Array:
         """Return how far the ends of each string are apart (N+1, m) in states (N+1, nx)."""
-        return np.asarray(np.linalg.norm(_apart(self.ends, x), axis=2))
+        return np.asarray(np.linalg.norm(self._apart(x), axis=2))
 
     def off(self, x: Array) -> Array:
         """Return how much longer the strings are than they are tied (N+1, m)."""
-        return _off(_apart(self.ends, x), self.lengths)
+        return _off(self._apart(x), self.lengths)
 
     def slopes(self, q: Array) -> Array:
         """Return the derivative (m, nq) of that by the configuration (nq,)."""
-        return np.asarray(_slopes(self.ends, q[None, :], self.lengths)[0])
+        apart = self.ends.apart(q[None, :])
+        return np.asarray(self.ends.apart_slopes(q[None, :], apart / self.lengths[:, None])[0])
+
+    def _apart(self, x: Array) -> Array:
+        """Return where hooks are in states, seen from what their strings are tied to (n, m, 3)."""
+        return self.ends.apart(np.ascontiguousarray(x[:, : self.ends.mechanism.nq]))
 
 
 class TiedCost(CostOfConfigurations):
@@ -85,51 +91,27 @@ class TiedCost(CostOfConfigurations):
         return
 
     def _prices(self, q: Array, start: int) -> Array:  # noqa: ARG002 - strings are tied all along
-        off = _off(_apart(self._ends, q), self._lengths)
+        off = _off(self._ends.apart(q), self._lengths)
         return np.asarray(0.5 * self._weight * np.sum(off**2, axis=1))
 
     def _slopes(self, q: Array) -> Array:
-        off = _off(_apart(self._ends, q), self._lengths)
-        return np.asarray(self._weight * (off[:, None, :] @ _slopes(self._ends, q, self._lengths))[:, 0])
+        apart = self._ends.apart(q)
+        pull = self._weight * _off(apart, self._lengths) / self._lengths
+        return np.asarray(np.sum(self._ends.apart_slopes(q, pull[:, :, None] * apart), axis=1))
 
     def _bends(self, q: Array, *, exact: bool) -> Array:
-        apart = _apart(self._ends, q)
-        moved = _moved(self._ends, q)
-        slopes = _along(apart / self._lengths[:, None], moved)
-        bends = np.asarray(self._weight * (slopes.transpose(0, 2, 1) @ slopes))
+        apart = self._ends.apart(q)
         # Where a string is too long, all that makes it longer bends the price too: D^2 c = (D'D + d . D^2 d) / L.
         pull = self._weight * _off(apart, self._lengths) / self._lengths
-        flat = moved.reshape(len(q), -1, q.shape[1])
         felt = pull if exact else np.maximum(pull, 0.0)  # a string that is too short bends it downwards
-        bends += flat.transpose(0, 2, 1) @ (np.repeat(felt, 3, axis=1)[:, :, None] * flat)
+        stiff = np.tile(self._weight / self._lengths**2, (len(q), 1))
+        bends = self._ends.apart_bent(q, apart, stiff, felt)
         if exact:
             force = pull[:, :, None] * apart
             bends += self._ends.bent(q, np.concatenate([force, -force], axis=1))
         return bends
 
 
-def _apart(ends: MovedPoints, x: Array) -> Array:
-    """Return where hooks are from what their strings are tied to (n, m, 3), in states or configurations (n, ...)."""
-    hooks, controls = np.split(ends.places(np.ascontiguousarray(x[:, : ends.mechanism.nq])), 2, axis=1)
-    return hooks - controls
-
-
 def _off(apart: Array, lengths: Array) -> Array:
     """Return how much longer strings are than their lengths (n, m), whose ends are ``apart``."""
     return np.asarray((np.sum(apart**2, axis=2) - lengths**2) / (2.0 * lengths))
-
-
-def _slopes(ends: MovedPoints, q: Array, lengths: Array) -> Array:
-    """Return the derivatives (n, m, nq) of that by configurations (n, nq)."""
-    return _along(_apart(ends, q) / lengths[:, None], _moved(ends, q))
-
-
-def _moved(ends: MovedPoints, q: Array) -> Array:
-    """Return the derivatives (n, m, 3, nq) of where hooks are from what their strings are tied to."""
-    hooks, controls = np.split(ends.jacobian(np.ascontiguousarray(q)), 2, axis=1)
-    return np.asarray(hooks - controls)
-
-
-def _along(directions: Array, moved: Array) -> Array:
-    """Return how far ends move along directions (n, m, 3): (n, m, nq)."""
-    return np.asarray((directions[:, :, None, :] @ moved)[:, :, 0])

@@ -40,6 +40,8 @@ _GAINED = 0.999  # times its cost is that of a motion with which it is worth to 
 # Tolerances, if none is given: of a puppet that began hanging, of a plan, and where its strings are tied firmly. There
 # one optimisation leads to the next, and most is gained with the first, whose longer steps are cheap.
 _HANGING, _PLANNED, _TIED, _TIED_SLOWLY = 1e-6, 1e-2, 3e-3, 1e-3
+# Parts of the cost that ten iterations hardly change: where strings on bars are tied loosely, and firmly but not last.
+_HARDLY, _HARDLY_FIRM = 0.002, 0.005
 _PLAN_PATIENCE = 150  # iterations of a plan, that then begins elsewhere
 _CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
 _THERE = "The expected decrease of the cost is below the tolerance; what limits are off by is settled on rods."
@@ -79,6 +81,7 @@ class Tracker:
     kinds: frozenset[str] = frozenset()  # of limits that are stated
     # How a first trajectory is sought, where it begins with a puppet that is held still and that leads nowhere.
     search: Callable[[], None] | None = None
+    began_still: bool = False  # whether a puppet that is held still is where all this began
     # Where else to begin, with what is said of it.
     others: list[tuple[str, Callable[[], Curve]]] = field(default_factory=list)
     most: float = np.inf  # that a motion may cost to begin with, or it is lost
@@ -197,7 +200,7 @@ class Tracker:
         """Return what one optimisation finds from where it stands, within the limits that are stated."""
         plan, problem = self.plan, self.problem
         system, cost = (plan.system, plan.cost()) if plan else (problem.system, problem.cost(problem.weights.tension))
-        self.pace, self.creeps, self.there = Pace(passing=self._passes), False, False
+        self.pace, self.creeps, self.there = Pace(hardly=self._hardly), False, False
         result = optimize(
             system,
             cost,
@@ -246,6 +249,13 @@ class Tracker:
         if self.plan.ties is None or self._passes:
             return _PLANNED
         return _TIED if self.slow is None else _TIED_SLOWLY
+
+    @property
+    def _hardly(self) -> float:
+        """The part of its cost by which an optimisation creeps that only leads to the next."""
+        if self.plan is None or self.plan.ties is None or self.plan.ties.weight >= FIRM[-1]:
+            return 0.0
+        return _HARDLY if self._passes else _HARDLY_FIRM
 
     @property
     def _passes(self) -> bool:

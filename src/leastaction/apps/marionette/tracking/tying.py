@@ -25,13 +25,13 @@ from leastaction.optimal import OptimizationResult, Status, optimize
 # Iterations in which strings on bars are tied loosely; firmly, but the last time.
 _LEADING: Final = 60
 _TYING: Final = 200
-_TOO_LOOSE: Final = 0.03  # m, by which strings on bars may not vary any more where their lengths are fixed
+_TOO_LOOSE: Final = 0.04  # m, by which strings on bars may not vary any more where their lengths are fixed
 _SETTLED: Final = 1e-4  # m, by which they may vary to be settled (`settle.py`)
 _NEARLY: Final = 1e-3  # m, the same where they cannot be tied more firmly
 _FIRST: Final = 2  # times that strings are tied, that say nothing of the next
 _LONGEST: Final = 0.021  # s, of the steps with which a captured motion can be searched
 _FEW: Final = 100  # steps, for which a search with longer ones is not worth it
-_GROWS: Final = 2.0  # times what one adds to the cost does the next, where strings are not to be tied
+_GROWS: Final = 4.0  # times what one adds to the cost does the next, where strings are not to be tied
 _GAINS_NOTHING: Final = 1.01  # times its cost is at most that of a minimum found before
 _NOT_TIED: Final = (
     "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
@@ -47,7 +47,7 @@ def tied(tracker: Tracker, *, earlier: OptimizationResult | None = None) -> Opti
     if tracker.search is not None:
         search, tracker.search = tracker.search, None
         tracker.say("all strings are tied to one bar: it begins with a puppet that is held still")
-        still = _from_still(tracker, None, tracker.left)
+        still = from_still(tracker, None, tracker.left)
         if still is not None:
             return still
         tracker.say("no motion is found from there: it is sought with motors")
@@ -63,10 +63,10 @@ def tied(tracker: Tracker, *, earlier: OptimizationResult | None = None) -> Opti
     if found.success or found.status in CUT_SHORT or tracker.left < 1:
         return found
     tracker.say("strings on bars cannot be tied on the motion found: it begins with a puppet that is held still")
-    return _from_still(tracker, found, left) or found
+    return from_still(tracker, found, left) or found
 
 
-def _from_still(tracker: Tracker, near: OptimizationResult | None, left: int) -> OptimizationResult | None:
+def from_still(tracker: Tracker, near: OptimizationResult | None, left: int) -> OptimizationResult | None:
     """Return what is found from a puppet that is held still, whose strings are tied firmly.
 
     ``near``, ``left``: as of `holds_still` and `_tied_from`. None where nothing holds it or strings still vary; then
@@ -78,9 +78,9 @@ def _from_still(tracker: Tracker, near: OptimizationResult | None, left: int) ->
         still = holds_still(tracker, near or _hung(tracker))
         # Its strings keep their lengths: tied loosely it would go back to where it came from.
         found = _tied_from(tracker, still, FIRM[:1], left)
-        if found.success or found.status in CUT_SHORT or tracker.left < 1:
-            return found
-        if tracker.plan is not None and not tracker.plan.varies:
+        lasts = tracker.plan is not None and not tracker.plan.varies
+        if lasts or found.success or found.status in CUT_SHORT or tracker.left < 1:
+            tracker.began_still = True
             return found
     tracker.slow = None
     tracker.mechanism, tracker.problem, tracker.plan, tracker.kinds = before
@@ -248,8 +248,8 @@ def _expected(offs: Sequence[float], remaining: int) -> float:
 def _foretold(costs: Sequence[float], remaining: int) -> float:
     """Return what is to be paid after some more optimisations, by what the earlier ones have cost.
 
-    Near a motion on which strings keep their lengths each soon adds less than the one before. Where it adds more than
-    twice as much there is none near, and the next ones add no less.
+    Near a motion on which strings keep their lengths each soon adds less than the one before. Where it adds several
+    times as much there is none near, and the next ones add no less.
     """
     added = np.diff(costs)
     grows = len(added) > 1 and added[-1] > _GROWS * max(added[-2], 0.0)

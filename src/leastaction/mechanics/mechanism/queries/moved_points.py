@@ -54,3 +54,22 @@ class MovedPoints:
         """
         weight = np.zeros(force.shape[:2]) if weight is None else weight
         return self.mechanism.core.point_bent(q, self.joints, self.offsets, force, weight)
+
+    def apart(self, q: Array) -> Array:
+        """Return where the points of the first half are, seen from those of the second, (N, P/2, 3)."""
+        half = len(self.joints) // 2
+        places = self.places(q)
+        return np.asarray(places[:, :half] - places[:, half:])
+
+    def apart_slopes(self, q: Array, along: Array) -> Array:
+        """Return how far they move apart along vectors (N, P/2, 3): derivatives (N, P/2, nq)."""
+        half = len(self.joints) // 2
+        moved = self.slopes(q, range(2 * half), np.concatenate([along, -along], axis=1))
+        return np.asarray(moved[:, :half] + moved[:, half:])
+
+    def apart_bent(self, q: Array, along: Array, stiff: Array, weight: Array) -> Array:
+        """Return products of the derivatives D (N, P/2, 3, nq) of that, (N, nq, nq), summed over the pairs.
+
+        Of those along vectors (N, P/2, 3) times `stiff` (N, P/2), and of all three times `weight` (N, P/2).
+        """
+        return self.mechanism.core.point_apart_bent(q, self.joints, self.offsets, along, stiff, weight)
