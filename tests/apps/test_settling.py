@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -47,3 +48,20 @@ def test_settling_goes_on_near_a_motion_where_convex_models_do_not_lead_to_it(
         np.testing.assert_array_equal(begun[1][1], x + 1e-5)
         if fails:
             np.testing.assert_array_equal(begun[2][1], x)
+
+
+def test_settling_leaves_no_saddle_for_a_minimum(run: TrackingRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It had spent a minute with steps of a thousandth down negative curvature, where the motion was found."""
+    told, whole = list[Any](), settle.optimize
+
+    def optimised(*arguments: Any, callback: Any, **options: Any) -> OptimizationResult:
+        told.append(callback)
+        return whole(*arguments, callback=callback, **options)
+
+    monkeypatch.setattr(settle, "optimize", optimised)
+    problem = TrackingProblem(run.mechanism, run.motion, FORCED, 1)
+    assert settle.settled(problem, PuppetLimits(), run.result.x, run.result.u) is not None
+    assert told
+    for ends in told:
+        assert ends(SimpleNamespace(method="negative-curvature"))
+        assert not ends(SimpleNamespace(method="newton-damped"))

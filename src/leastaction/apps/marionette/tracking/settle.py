@@ -20,7 +20,7 @@ from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.models.marionette import string_lengths, strings_of
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import Bound, OptimizationResult, QuadraticCost, optimize
+from leastaction.optimal import Bound, IterationRecord, OptimizationResult, QuadraticCost, optimize
 from leastaction.optimal.settings import Method
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
@@ -108,9 +108,15 @@ def _found(
             method=method,
             tolerance=1e-2,
             max_iterations=_CONVEX if method == "quasi-newton" else _ITERATIONS,
+            callback=_is_there,
         )
     except LeastActionError:
         return None
+
+
+def _is_there(record: IterationRecord) -> bool:
+    """Whether there is nothing left but to leave a saddle for a minimum: a motion is wanted, and this is one."""
+    return record.method == "negative-curvature"
 
 
 def _is_motion(problem: TrackingProblem, x: Array, u: Array) -> bool:
