@@ -51,7 +51,7 @@ def test_settling_goes_on_near_a_motion_where_convex_models_do_not_lead_to_it(
 
 
 def test_settling_leaves_no_saddle_for_a_minimum(run: TrackingRun, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It had spent a minute with steps of a thousandth down negative curvature, where the motion was found."""
+    """Steps of a thousandth down negative curvature took most of its time, where the motion was found."""
     told, whole = list[Any](), settle.optimize
 
     def optimised(*arguments: Any, callback: Any, **options: Any) -> OptimizationResult:

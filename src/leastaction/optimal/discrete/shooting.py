@@ -407,9 +407,10 @@ class ShootingProblem(DiscreteProblem):
             hessian = shifted(hessian, shift)
         linearization = self._linearize()
         curvature = self._curvature_along(gradient) if method == "newton" else None
-        gaps = self.open_curve.gaps
         with self.clock("lq"):
-            return minimise_model(method, linearization, gradient, hessian, curvature, workspace, scale, gaps)
+            return minimise_model(
+                method, linearization, gradient, hessian, curvature, workspace, scale, self.open_curve.gaps
+            )
 
     def direction(
         self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0

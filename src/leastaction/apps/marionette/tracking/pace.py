@@ -40,7 +40,7 @@ class Pace:
         self._expected.append(record.expected_decrease)
         self._costs.append(record.cost)
         iterations = len(self._costs) - 1
-        if self._hardly > 0.0 and iterations >= 2 * _SHORTLY:
+        if iterations >= 2 * _SHORTLY:
             change = abs(self._costs[-1 - _SHORTLY] - self._costs[-1])
             if change < self._hardly * abs(self._costs[-1]):
                 return True

@@ -94,15 +94,19 @@ class TiedCost(CostOfConfigurations):
         off = _off(self._ends.apart(q), self._lengths)
         return np.asarray(0.5 * self._weight * np.sum(off**2, axis=1))
 
+    def _pulls(self, apart: Array) -> Array:
+        """Return what the price pulls the ends of strings together with, by how far they are apart (n, m)."""
+        return np.asarray(self._weight * _off(apart, self._lengths) / self._lengths)
+
     def _slopes(self, q: Array) -> Array:
         apart = self._ends.apart(q)
-        pull = self._weight * _off(apart, self._lengths) / self._lengths
+        pull = self._pulls(apart)
         return np.asarray(np.sum(self._ends.apart_slopes(q, pull[:, :, None] * apart), axis=1))
 
     def _bends(self, q: Array, *, exact: bool) -> Array:
         apart = self._ends.apart(q)
         # Where a string is too long, all that makes it longer bends the price too: D^2 c = (D'D + d . D^2 d) / L.
-        pull = self._weight * _off(apart, self._lengths) / self._lengths
+        pull = self._pulls(apart)
         felt = pull if exact else np.maximum(pull, 0.0)  # a string that is too short bends it downwards
         stiff = np.tile(self._weight / self._lengths**2, (len(q), 1))
         bends = self._ends.apart_bent(q, apart, stiff, felt)
