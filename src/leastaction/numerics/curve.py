@@ -108,6 +108,33 @@ class Curve:
         ]
         return cls(places, values)
 
+    @classmethod
+    def from_pieces(cls, breaks: ArrayLike, coefficients: ArrayLike) -> Curve:
+        """Return the curve of given polynomial pieces: one that others define so, no smoother than it is.
+
+        Newton's method and second derivatives see the jumps that it has in its own.
+
+        Parameters
+        ----------
+        breaks : array_like, shape (pieces + 1,)
+            Where the pieces begin and the last one ends, strictly increasing.
+        coefficients : array_like, shape (pieces, degree + 1)
+            Of every piece in ascending powers of ``x - breaks[i]``; degree 14 at most.
+
+        Raises
+        ------
+        DescriptionError
+            If the breaks do not increase, a number is not finite, or the shapes do not fit.
+        """
+        places = as_array(breaks, "Curve: breaks", (None,), error=DescriptionError)
+        given = as_array(coefficients, "Curve: coefficients", (len(places) - 1, None), error=DescriptionError)
+        if len(places) < 2 or np.any(np.diff(places) <= 0.0) or not 1 <= given.shape[1] <= 15:
+            raise DescriptionError(
+                "Curve: expected breaks that increase strictly and 1 to 15 coefficients for each piece between them, "
+                f"got breaks {places.tolist()} and coefficients of shape {given.shape}"
+            )
+        return _restore(places, given)
+
     @property
     def start(self) -> float:
         """Where the given points begin."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from leastaction.mechanics.elements.base import Force
-from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.compiler import Compiler, Paths
 from leastaction.mechanics.elements.fields import CURVE, INPUT, PATH, not_zero
 from leastaction.numerics.curve import Curve
 
@@ -19,7 +18,7 @@ class TendonForce(Force):
 
     Parameters
     ----------
-    frames : sequence of str
+    frames : sequence of str, or mapping of such to float
         Two frames or more, in the order of the string: the ends, and between them the via-points.
     input : str
         The input u: the tension (N) with the gain 1, an activation with the gain of a muscle's strength. New
@@ -42,7 +41,7 @@ class TendonForce(Force):
     must not meet, where the string has no direction.
     """
 
-    frames: Sequence[str] = field(metadata=PATH)
+    frames: Paths = field(metadata=PATH)
     input: str = field(metadata=INPUT)
     gain: float = field(default=1.0, metadata=not_zero("as else the input does nothing"))
     force_length: Curve | None = field(default=None, metadata=CURVE)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Element, Potential
-from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.compiler import Compiler, Paths, Scalar
 from leastaction.mechanics.elements.directions import Direction
 from leastaction.mechanics.elements.fields import (
     AXIS,
@@ -196,7 +196,7 @@ class NonlinearSpring(Potential):
     The parameter ``"spring.scale"`` multiplies the curve; it is 1.
     """
 
-    on: str | Mapping[str, float] | Sequence[str] = field(metadata=SUM_OR_PATH)
+    on: Scalar = field(metadata=SUM_OR_PATH)
     force: Curve = field(metadata=CURVE)
 
     called = "nonlinear_spring"
@@ -216,7 +216,7 @@ class ElasticString(Potential):
 
     Parameters
     ----------
-    frames : sequence of str
+    frames : sequence of str, or mapping of such to float
         Two frames or more, in the order of the string.
     stiffness : float
         The stiffness k of the whole string (N/m).
@@ -239,7 +239,7 @@ class ElasticString(Potential):
     sharp corner, which Newton's method and the step must resolve.
     """
 
-    frames: Sequence[str] = field(metadata=PATH)
+    frames: Paths = field(metadata=PATH)
     stiffness: float = field(metadata=positive(PULLS_BACK, unit="N/m"))
     length: float | str = field(metadata=positive("in metres", unit="m", variable="either"))
     tension_only: bool = field(default=True, metadata=FLAG)
