@@ -158,7 +158,7 @@ class NonlinearDamping(Force):
     reads = "{on}, {coefficients}"
 
     def add_to(self, core: Compiler) -> None:
-        powers = [c for name in self.numbers for c in (0.0, name)]
+        powers = [c for i in range(len(self.coefficients)) for c in (0.0, f"c{2 * i + 1}")]
         _oppose(core, self.on, core.law("polynomial", *powers))
 
 
