@@ -89,6 +89,15 @@ class Followed(Frozen):
         return self.system.trajectory(self.result.x, self.result.u)
 
     @property
+    def t(self) -> Array:
+        """Times of the states (N+1,) (s)."""
+        return self.system.t
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a state, an input or a multiplier over time by name, as the result does."""
+        return self.result[name]
+
+    @property
     def errors(self) -> dict[str, float]:
         """Root mean square distance from what was wanted, where anything was, by name (rad or m)."""
         m = self.system.mechanism
