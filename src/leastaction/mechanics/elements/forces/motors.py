@@ -9,6 +9,7 @@ from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.directions import Direction
 from leastaction.mechanics.elements.fields import AXIS, DYNAMIC_SUM, END, FRAME, INPUT, not_zero
+from leastaction.mechanics.elements.units import common, force_along
 
 _ACTS = "as else the input does nothing"
 
@@ -39,6 +40,10 @@ class JointForce(Force):
     called = "force"
     reads = "{input} on {variable}"
     needs_dynamic = True
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        names = (self.variable,) if isinstance(self.variable, str) else self.variable
+        return {self.input: force_along(common(of.get(name, "") for name in names))}
 
     def add_to(self, core: Compiler) -> None:
         if isinstance(self.variable, str):
@@ -80,6 +85,9 @@ class Motor(Force):
     reads = "{input} turns {frame2} against {frame1} about {axis}, gain {gain}"
     task, turning, needs_dynamic = "follow the motor", True, True
 
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        return {self.input: "N m" if self.gain == 1.0 else ""}
+
     def add_to(self, core: Compiler) -> None:
         core.force(core.angle(self.frame1, self.frame2, self.axis), "gain", self.input)
 
@@ -111,6 +119,9 @@ class LinearMotor(Force):
     called = "linear_motor"
     reads = "{input} between {frame1} and {frame2}, gain {gain}"
     task, needs_dynamic = "follow the motor", True
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        return {self.input: "N" if self.gain == 1.0 else ""}
 
     def add_to(self, core: Compiler) -> None:
         core.force(core.path((self.frame1, self.frame2)), "gain", self.input)

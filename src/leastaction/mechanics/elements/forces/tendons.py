@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from leastaction.mechanics.elements.base import Force
@@ -60,6 +60,10 @@ class TendonForce(Force):
         if self.force_velocity is not None:
             parts.append("force by velocity")
         return ", ".join(parts)
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        is_tension = self.gain == 1.0 and self.force_length is None and self.force_velocity is None
+        return {self.input: "N" if is_tension else ""}
 
     def add_to(self, core: Compiler) -> None:
         # The sign goes into the first factor, so that the gain is what the user gave.
