@@ -9,6 +9,7 @@ from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.directions import Direction, triad, vector
 from leastaction.mechanics.elements.fields import AXIS, FRAME, KINEMATIC
+from leastaction.mechanics.elements.looks import Push, along_axes
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,11 @@ class PointOnPlane(Constraint):
     called = "point_on_plane"
     reads = "{frame} on the plane of {plane} across {normal}"
     task = "keep the point on the plane"
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        x, y, z = (-float(c) for c in vector(self.normal))
+        return (Push(self.frame, (((x, y, z), ""),), axes=self.plane),)
 
     def add_to(self, core: Compiler) -> None:
         normal = vector(self.normal)
@@ -82,6 +88,12 @@ class PointOnLine(Constraint):
     @property
     def equations(self) -> tuple[str, ...]:
         return (".across1", ".across2")
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        across = [tuple(-float(c) for c in side) for side in triad(self.direction)[1:]]
+        terms = tuple(((x, y, z), suffix) for (x, y, z), suffix in zip(across, self.equations, strict=True))
+        return (Push(self.frame, terms, axes=self.line),)
 
     def add_to(self, core: Compiler) -> None:
         for across in triad(self.direction)[1:]:
@@ -133,6 +145,10 @@ class PrescribedPath(Constraint):
     @property
     def equations(self) -> tuple[str, ...]:
         return tuple(f".{axis}" for axis in self.prescribed)
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        return (Push(self.frame, along_axes({axis: f".{axis}" for axis in self.prescribed})),)
 
     def describe(self) -> str:
         return f"{self.frame} at {', '.join(f'{a} = {name}' for a, name in self.prescribed.items())}"

@@ -13,6 +13,7 @@ from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import FRAME
 from leastaction.mechanics.elements.kinds import Kind, Number, Uses
+from leastaction.mechanics.elements.looks import Push, along_axes
 from leastaction.numerics.names import check_name
 
 _Three = tuple[float | str, ...]
@@ -117,6 +118,17 @@ class Wrench(Force):
         if self.torque is not None:
             parts.append(f"torque {_TORQUE.show(tuple(self.torque))}")
         return ", ".join(parts)
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        parts = self.components
+        force, torque = ({axis: parts[letter + axis] for axis in "xyz"} for letter in "ft")
+        axes = self.frame if self.kind == "body" else None
+        found = (
+            Push(self.frame, along_axes(force), axes),
+            Push(self.frame, along_axes(torque), axes, turning=True),
+        )
+        return tuple(push for push in found if push.terms)
 
     def add_to(self, core: Compiler) -> None:
         slots, inputs = [], []
