@@ -10,6 +10,7 @@ from typing import Any
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.kinds import Kind, Uses
+from leastaction.mechanics.elements.units import common
 from leastaction.numerics.arrays import as_number
 from leastaction.numerics.names import check_name
 
@@ -24,6 +25,13 @@ class Factors(dict[Any, float]):
 def of_variables(value: object) -> bool:
     """Whether a scalar is a variable or a sum of some; else it is one of paths."""
     return isinstance(value, str) or (isinstance(value, Mapping) and not any(isinstance(key, tuple) for key in value))
+
+
+def unit_of(scalar: Any, of: Mapping[str, str]) -> str:
+    """Return the unit of a scalar; ``of``: those of the variables that move joints, by name."""
+    if not of_variables(scalar):
+        return "m"
+    return common(of.get(name, "") for name in ((scalar,) if isinstance(scalar, str) else scalar))
 
 
 @dataclass(frozen=True)

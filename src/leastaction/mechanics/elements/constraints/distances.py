@@ -26,7 +26,10 @@ from leastaction.mechanics.elements.fields import (
 )
 from leastaction.mechanics.elements.forces.tendons import TendonForce
 from leastaction.mechanics.elements.kinds import Kind, Polynomial
+from leastaction.mechanics.elements.looks import Look, Push, along_axes
 from leastaction.mechanics.elements.potentials.springs import ElasticString, LinearSpring
+from leastaction.mechanics.elements.scalars import unit_of
+from leastaction.mechanics.elements.units import common
 from leastaction.numerics.arrays import Array
 
 _LENGTH = positive("as a string of zero length has no direction to pull in", unit="m", variable="kinematic")
@@ -59,6 +62,10 @@ class Distance(Constraint):
     task = "hold their distance"
 
     @property
+    def looks(self) -> tuple[Look, ...]:
+        return (Look("string" if isinstance(self.length, str) else "rod", (self.frame1, self.frame2)),)
+
+    @property
     def length_variable(self) -> str | None:
         return self.length if isinstance(self.length, str) else None
 
@@ -74,6 +81,9 @@ class Distance(Constraint):
 
     def as_force(self, tension: str) -> Element:
         return TendonForce((self.frame1, self.frame2), tension, name=self.name)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m^2",)
 
     def add_to(self, core: Compiler) -> None:
         ends = core.point(self.frame1), core.point(self.frame2)
@@ -129,8 +139,15 @@ class PointToPoint(Constraint):
     def equations(self) -> tuple[str, ...]:
         return tuple(f".{axis}" for axis in self.axes)
 
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        return (Push(self.frame1, along_axes({axis: f".{axis}" for axis in self.axes})),)
+
     def as_spring(self, stiffness: float) -> Element:
         return LinearSpring(self.frame1, self.frame2, stiffness, name=self.name)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",) * len(self.equations)
 
     def add_to(self, core: Compiler) -> None:
         first, second = core.point(self.frame1), core.point(self.frame2)
@@ -166,6 +183,7 @@ class PathLength(Constraint):
 
     called = "path_length"
     reads = "{frames}, {length}"
+    seen_as = "string"
 
     @property
     def length_variable(self) -> str | None:
@@ -182,6 +200,9 @@ class PathLength(Constraint):
 
     def as_force(self, tension: str) -> Element:
         return TendonForce(self.frames, tension, name=self.name)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",)
 
     def add_to(self, core: Compiler) -> None:
         core.constraint(core.path(self.frames), "length", self.length)
@@ -214,6 +235,13 @@ class Coupling(Constraint):
 
     called = "coupling"
     reads = "{factors} = {offset}"
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        unit = common(of.get(name, "") for name in self.factors)
+        return dict.fromkeys(super().units(of), unit)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return (common(of.get(name, "") for name in self.factors),)
 
     def add_to(self, core: Compiler) -> None:
         core.constraint(core.sum(self.factors), "offset", self.offset)
@@ -250,6 +278,9 @@ class PolynomialCoupling(Constraint):
 
     called = "polynomial"
     reads = "{on} by {of}, {coefficients}"
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return (unit_of(self.on, of),)
 
     def add_to(self, core: Compiler) -> None:
         law = core.law("polynomial", *(f"c{i}" for i in range(len(self.coefficients))))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler, Scalar
 from leastaction.mechanics.elements.fields import DYNAMIC_SUM_OR_PATH, INPUT, number
+from leastaction.mechanics.elements.scalars import unit_of
+from leastaction.mechanics.elements.units import force_along, rate_of
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,14 @@ class Servo(Force):
                 f"{self.label}: every gain is zero, so the input {self.input!r} does nothing; give gain=, or "
                 "say what is left as a spring and damping"
             )
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        unit = unit_of(self.on, of)
+        if self.stiffness == self.gain:
+            return {self.input: unit}
+        if self.damping == self.gain and self.stiffness is None:
+            return {self.input: rate_of(unit)}
+        return {self.input: force_along(unit) if self.gain == 1.0 else ""}
 
     def describe(self) -> str:
         numbers = {n: x for n, x in self.numbers.items() if not n.startswith("factors.")}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -13,7 +13,9 @@ from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import FRAME
 from leastaction.mechanics.elements.kinds import Kind, Number, Uses
+from leastaction.mechanics.elements.looks import Push
 from leastaction.mechanics.elements.scalars import Factors
+from leastaction.mechanics.elements.units import common
 from leastaction.numerics.names import check_name
 
 Component = float | str | Mapping[str, float]
@@ -33,9 +35,9 @@ def _read_component(value: Any, what: str) -> Component:
 
 def _input_of(component: Component) -> str | None:
     """The input of a component, if it has one."""
-    return (
-        next(iter(component)) if isinstance(component, Mapping) else component if isinstance(component, str) else None
-    )
+    if isinstance(component, Mapping):
+        return next(iter(component))
+    return component if isinstance(component, str) else None
 
 
 def _number_of(component: Component) -> float | None:
@@ -43,6 +45,18 @@ def _number_of(component: Component) -> float | None:
     if isinstance(component, Mapping):
         return next(iter(component.values()))
     return None if isinstance(component, str) else component
+
+
+def _terms(components: Iterable[Component]) -> tuple[tuple[tuple[float, float, float], float | str], ...]:
+    """The terms of a push along x, y and z."""
+    found: list[tuple[tuple[float, float, float], float | str]] = []
+    for component, axis in zip(components, np.eye(3), strict=True):
+        name, number = _input_of(component), _number_of(component)
+        x, y, z = (float(c) for c in (axis if name is None or number is None else number * axis))
+        source = number if name is None else name
+        if source is not None and source != 0.0:
+            found.append(((x, y, z), source))
+    return tuple(found)
 
 
 def _show(component: Component) -> str:
@@ -147,6 +161,20 @@ class Wrench(Force):
         if self.torque is not None:
             parts.append(f"torque {_TORQUE.show(tuple(self.torque))}")
         return ", ".join(parts)
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        given: list[tuple[str, str]] = []
+        for kind, components in ((_FORCE, self.force), (_TORQUE, self.torque)):
+            given += [(each, kind.unit) for each in components or () if isinstance(each, str)]
+        return {name: common(unit for other, unit in given if other == name) for name, _ in given}
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        parts = self.components
+        force, torque = (_terms(parts[letter + axis] for axis in "xyz") for letter in "ft")
+        axes = self.frame if self.kind == "body" else None
+        found = (Push(self.frame, force, axes), Push(self.frame, torque, axes, turning=True))
+        return tuple(push for push in found if push.terms)
 
     def add_to(self, core: Compiler) -> None:
         slots, inputs = [], []
