@@ -1,4 +1,4 @@
-"""The commands for any mechanism: view, simulate, lqr, check, convert, bench. What they need is imported when they run."""
+"""The commands for any mechanism; what they need is imported when they run."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
+from leastaction.apps.cli.mechanism.options import ModelOptions, PoseOptions
 from leastaction.apps.cli.options import OUTPUT
-from leastaction.apps.cli.mechanism.source import ModelOptions, PoseOptions
 from leastaction.errors import ArgumentError
 
 if TYPE_CHECKING:
     from leastaction.mechanics import Trajectory
-
-Json = Annotated[bool, Parameter(group=OUTPUT, negative=())]
 
 
 def view(

@@ -1,4 +1,4 @@
-"""A mechanism at rest: the inputs that hold it, its linear equations about it, and the regulator that keeps it there."""
+"""A mechanism at rest: the inputs that hold it, its linear equations about it, and the regulator that keeps it."""
 
 from __future__ import annotations
 
@@ -102,8 +102,8 @@ class Regulator(Frozen):
 def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None) -> Regulator:
     """Return the linear-quadratic regulator over an endless horizon.
 
-    ``weights`` (2 nd,): of the squares of [dq; dv]. ``effort`` (n_inputs,): of those of du. ``dt``: inputs are held over
-    steps so long (s); None for continuous time.
+    ``weights`` (2 nd,): of the squares of [dq; dv]. ``effort`` (n_inputs,): of those of du. ``dt``: inputs are held
+    over steps so long (s); None for continuous time.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None)
             K = np.linalg.solve(R * dt + B.T @ P @ B, B.T @ P @ A)
     except (LinAlgError, ValueError) as error:
         raise ArgumentError(
-            f"there is no steady regulator with these weights ({str(error).rstrip('.')}): every motion that does not die "
-            "away needs a weight above zero (--weight), and so does every input (--effort)"
+            f"there is no steady regulator with these weights ({str(error).rstrip('.')}): every motion that does not "
+            "die away needs a weight above zero (--weight), and so does every input (--effort)"
         ) from error
     return Regulator(K @ lift.T, np.linalg.eigvals(A - B @ K).astype(complex), dt)

@@ -53,7 +53,9 @@ def joined(vi: MidpointVI, parts: list[Trajectory]) -> Trajectory:
     """Return parts of a motion, each of which begins where the one before ends, as one."""
     last = parts[-1]
     coarsest = max(
-        (part.worst_step for part in parts if part.worst_step is not None), key=lambda each: each.coarseness, default=None
+        (part.worst_step for part in parts if part.worst_step is not None),
+        key=lambda each: each.coarseness,
+        default=None,
     )
     return vi.trajectory(
         np.concatenate([parts[0].t, *(part.t[1:] for part in parts[1:])]),
@@ -66,5 +68,3 @@ def joined(vi: MidpointVI, parts: list[Trajectory]) -> Trajectory:
         worst_step=coarsest,
         singularities=tuple(dict.fromkeys(line for part in parts for line in part.singularities)),
     )
-
-

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
-from cyclopts import Group, Parameter
 
+from leastaction.apps.cli.mechanism.options import ModelOptions, PoseOptions
 from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.io.mechanisms import Model, load
 from leastaction.mechanics import Mechanism, project_configuration
@@ -17,52 +15,7 @@ from leastaction.models import MODELS, build
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import matching
 
-MODEL = Group("Model", sort_key=1)
-STATE = Group("Configuration", sort_key=2)
 MODEL_FILES = (".urdf", ".xml", ".mjcf", ".yaml", ".yml", ".json")
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class ModelOptions:
-    """How a model's file is read.
-
-    Parameters
-    ----------
-    floating
-        Let the base of a URDF move freely; it stands in the world otherwise.
-    fixed
-        Joints to be held at their reference, each with an option of its own.
-    package
-        Folders in which package:// is looked for.
-    repair
-        Give bodies whose inertia cannot be the nearest one that can, in place of an error.
-    strict
-        Make everything that cannot be taken over from the file an error.
-    """
-
-    floating: Annotated[bool, Parameter(group=MODEL, negative=())] = False
-    fixed: Annotated[tuple[str, ...], Parameter(group=MODEL, negative=())] = ()
-    package: Annotated[tuple[Path, ...], Parameter(group=MODEL, negative=())] = ()
-    repair: Annotated[bool, Parameter(group=MODEL, negative=())] = False
-    strict: Annotated[bool, Parameter(group=MODEL, negative=())] = False
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class PoseOptions:
-    """Which configuration is meant.
-
-    Parameters
-    ----------
-    at
-        Keyframe of the file.
-    set
-        Value of a variable, such as elbow=0.5 or elbow=30deg (rad or m); may be given again. Loops are closed from there.
-    """
-
-    at: Annotated[str | None, Parameter(group=STATE)] = None
-    set: Annotated[tuple[str, ...], Parameter(group=STATE, negative=())] = ()
 
 
 def model_of(source: str, options: ModelOptions | None = None) -> Model:
@@ -133,7 +86,7 @@ def numbers_by_name(words: Iterable[str], known: Sequence[str], option: str) -> 
         except ValueError:
             number = np.nan
         if not equals or not np.isfinite(number):
-            raise ArgumentError(f"{option}: got {word!r}, expected a name and a number such as elbow=0.5 or elbow=30deg")
+            raise ArgumentError(f"{option}: got {word!r}, expected a name and a number, elbow=0.5 or elbow=30deg")
         found = matching(known, pattern)
         if not found:
             raise ArgumentError(f"{option}: {unknown('name', pattern, known)}")
@@ -149,6 +102,3 @@ def left_out(model: Model) -> list[dict[str, str]]:
 def inputs_at(mechanism: Mechanism, values: Mapping[str, float]) -> Array:
     """Return inputs (n_inputs,) from values by name; the others are zero."""
     return np.array([values.get(name, 0.0) for name in mechanism.inputs])
-
-
-Format = Literal["text", "json"]
