@@ -52,19 +52,17 @@ def simulated(
 def joined(vi: MidpointVI, parts: list[Trajectory]) -> Trajectory:
     """Return parts of a motion, each of which begins where the one before ends, as one."""
     last = parts[-1]
-    coarsest = max(
-        (part.worst_step for part in parts if part.worst_step is not None),
-        key=lambda each: each.coarseness,
-        default=None,
-    )
+    looked = [part.worst_step for part in parts if part.worst_step is not None]
+    steps = sum(part.steps for part in parts)
+    completed = last.status is SimulationStatus.COMPLETED
     return vi.trajectory(
         np.concatenate([parts[0].t, *(part.t[1:] for part in parts[1:])]),
         np.concatenate([parts[0].x, *(part.x[1:] for part in parts[1:])]),
         np.concatenate([part.u for part in parts]),
         np.concatenate([part.lam for part in parts]),
         status=last.status,
-        message=last.message,
+        message=f"completed {steps} steps" if completed else last.message,
         rank_deficient=any(part.rank_deficient for part in parts),
-        worst_step=coarsest,
+        worst_step=max(looked, key=lambda each: each.coarseness, default=None),
         singularities=tuple(dict.fromkeys(line for part in parts for line in part.singularities)),
     )
