@@ -17,7 +17,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.systems import MidpointSystem, check_derivatives
 
 _CONDITION = 1e10  # of the mass matrix, above which rounding takes more than half of the digits of accelerations
-_DERIVATIVES = 1e-5  # largest relative error beside differences
+_DERIVATIVES = 2e-3  # relative error beside differences, which stiff parts make rough
 
 
 @dataclass(frozen=True)
@@ -142,6 +142,8 @@ def _step(m: Mechanism, q: Array) -> Check:
     v = np.random.default_rng(1).uniform(-1.0, 1.0, m.nq)
     try:
         run = vi.simulate(vi.start(near, project_velocity(m, near, v).v if m.nc else v), t)
+        if run.steps < 2:
+            return Check("derivatives", False, run.message, "steps of 1 ms cannot be made near by")
         report = check_derivatives(MidpointSystem(vi, t), run.x, run.u, tolerance=_DERIVATIVES)
     except LeastActionError as error:
         return Check("derivatives", False, str(error).splitlines()[0], "steps of 1 ms cannot be made near by")

@@ -66,7 +66,7 @@ def configuration_of(model: Model, options: PoseOptions | None = None) -> Array:
     if m.nc == 0:
         return q
     held = [name for name in values if name in m.dynamic]
-    return project_configuration(m, q, hold=held, attempts=10).q
+    return project_configuration(m, q, hold=held, move_kinematic=True, attempts=10).q
 
 
 def numbers_by_name(words: Iterable[str], known: Sequence[str], option: str) -> dict[str, float]:
