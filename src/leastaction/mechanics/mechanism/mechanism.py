@@ -347,6 +347,15 @@ class Mechanism(Compiled):
         """Mass of all bodies (kg), those fixed in the world too."""
         return queries.masses.mass_of(self)
 
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each variable, input and constraint equation by its name, such as "rad", "m", "N m", "m^2".
+
+        "" where there is none, as of products of unit vectors, or where none is known: of a variable that moves joints
+        of both kinds, of a sum of variables with several units, of what a factor or an expression of one's own scales.
+        """
+        return queries.units.units_of(self)
+
     constraint_values = queries.constraints.constraint_values
     constraint_residuals = queries.constraints.constraint_residuals
     constraint_jacobian = queries.constraints.constraint_jacobian
