@@ -53,13 +53,9 @@ def configuration_of(model: Model, options: PoseOptions | None = None) -> Array:
     """
     options = options or PoseOptions()
     m = model.mechanism
-    q = m.configuration()
-    if options.at is not None:
-        if options.at not in model.keyframes:
-            raise unknown("keyframe", options.at, model.keyframes)
-        q = np.asarray(model.keyframes[options.at].q, dtype=float).copy()
-    elif model.keyframes:
-        q = np.asarray(next(iter(model.keyframes.values())).q, dtype=float).copy()
+    if options.at is not None and options.at not in model.keyframes:
+        raise unknown("keyframe", options.at, model.keyframes)
+    q = m.configuration(model.reference if options.at is None else model.keyframes[options.at].q)
     values = numbers_by_name(options.set, m.variables, "--set")
     for name, value in values.items():
         q[m.variables.index(name)] = value
