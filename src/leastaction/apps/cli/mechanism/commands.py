@@ -139,7 +139,7 @@ def lqr(
     """
     import numpy as np
 
-    from leastaction.apps.cli.mechanism.rest import linear_rest, regulator
+    from leastaction.apps.cli.mechanism.rest import gain_table, linear_rest, regulator
     from leastaction.apps.cli.mechanism.source import configuration_of, model_of, numbers_by_name
 
     chosen = model_of(source, model)
@@ -162,18 +162,14 @@ def lqr(
         }))  # fmt: skip
         return 0
     console = Console(highlight=False)
-    table = Table("gain", *m.inputs, box=None, pad_edge=False)
-    for name, column in zip(states, found.K.T, strict=True):
-        table.add_row(name, *(f"{value:.5g}" for value in column))
-    table.add_section()
-    table.add_row("at rest", *(f"{value:.5g}" for value in rest.u))
-    console.print(table)
+    console.print(gain_table(found.K, rest.u, m.inputs, states))
     if dt is None:
         slowest = float(-found.eigenvalues.real.max())
-        console.print(f"u = u_rest - K [q - q_rest; v]; the slowest motion dies away at {slowest:.3g} 1/s")
+        end = f"the slowest motion dies away at {slowest:.3g} 1/s"
     else:
         largest = float(np.abs(found.eigenvalues).max())
-        console.print(f"u = u_rest - K [q - q_rest; v] held over {dt:g} s; what is left after a step: {largest:.4g}")
+        end = f"held over {dt:g} s; what is left after a step: {largest:.4g}"
+    console.print(f"u = u_rest - K [q - q_rest; v]; {end}", markup=False)
     return 0
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
 from leastaction.errors import ArgumentError, some
 from leastaction.mechanics import ContinuousDynamics, Mechanism
@@ -13,6 +15,8 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 
 _AT_REST = 1e-6  # acceleration that is left, by the largest that inputs have to balance
+_SHOWN = 1e-9  # part of the largest gain under which a gain is shown as none
+_COLUMNS = 8  # of a table that a terminal shows
 _REACHED = 1e-9  # singular value under which a mode counts as out of reach, by the size of [A - s I, B]
 
 
@@ -135,3 +139,22 @@ def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None)
             "die away needs a weight above zero (--weight), and so does every input (--effort)"
         ) from error
     return Regulator(K @ lift.T, np.linalg.eigvals(A - B @ K).astype(complex), dt)
+
+
+def gain_table(K: Array, u: Array, inputs: Sequence[str], states: Sequence[str]) -> Table:
+    """Return gains K (n_inputs, nx) and the inputs at rest u (n_inputs,) as a table; a list of those that count if wide."""
+    least = _SHOWN * float(np.abs(K).max(initial=0.0))
+    if len(inputs) > _COLUMNS:
+        table = Table("input", "at rest", "gains", box=None, pad_edge=False)
+        for name, gains, held in zip(inputs, K, u, strict=True):
+            order = np.argsort(-np.abs(gains))[:4]
+            most = ", ".join(f"{states[i]} {gains[i]:.4g}" for i in order if abs(gains[i]) > least)
+            table.add_row(name, f"{held:.4g}", f"{most}, ...")
+        table.caption = "the four largest of each input; --json prints all"
+        return table
+    table = Table("gain", *inputs, box=None, pad_edge=False)
+    for name, column in zip(states, K.T, strict=True):
+        table.add_row(name, *(f"{value:.5g}" if abs(value) > least else "-" for value in column))
+    table.add_section()
+    table.add_row("at rest", *(f"{value:.5g}" if abs(value) > 1e-9 else "0" for value in u))
+    return table
