@@ -110,30 +110,25 @@ class Curve:
 
     @classmethod
     def from_pieces(cls, breaks: ArrayLike, coefficients: ArrayLike) -> Curve:
-        """Return the curve of given polynomial pieces: one that others define so, no smoother than it is.
-
-        Newton's method and second derivatives see the jumps that it has in its own.
+        """Return the curve of given polynomials, as its `breaks` and `coefficients` are.
 
         Parameters
         ----------
         breaks : array_like, shape (pieces + 1,)
             Where the pieces begin and the last one ends, strictly increasing.
         coefficients : array_like, shape (pieces, degree + 1)
-            Of every piece in ascending powers of ``x - breaks[i]``; degree 14 at most.
+            Of every piece in ascending powers of ``x - breaks[i]``.
 
         Raises
         ------
         DescriptionError
-            If the breaks do not increase, a number is not finite, or the shapes do not fit.
+            If a number is not finite, the places do not increase, or there are not as many pieces as places between.
         """
         places = as_array(breaks, "Curve: breaks", (None,), error=DescriptionError)
-        given = as_array(coefficients, "Curve: coefficients", (len(places) - 1, None), error=DescriptionError)
-        if len(places) < 2 or np.any(np.diff(places) <= 0.0) or not 1 <= given.shape[1] <= 15:
-            raise DescriptionError(
-                "Curve: expected breaks that increase strictly and 1 to 15 coefficients for each piece between them, "
-                f"got breaks {places.tolist()} and coefficients of shape {given.shape}"
-            )
-        return _restore(places, given)
+        pieces = as_array(coefficients, "Curve: coefficients", (max(len(places) - 1, 1), None), error=DescriptionError)
+        if len(places) < 2 or np.any(np.diff(places) <= 0.0) or pieces.shape[1] == 0:
+            raise DescriptionError("Curve: expected two breaks at least that increase strictly, and coefficients")
+        return _restore(places, pieces)
 
     @property
     def start(self) -> float:
