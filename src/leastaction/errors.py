@@ -172,6 +172,10 @@ class ModelFileError(LeastActionError, ValueError):
         self.line = line
 
 
+class DocumentError(LeastActionError, ValueError):
+    """A file of a mechanism or a problem is not there, is broken, or says what cannot be."""
+
+
 class OutputError(LeastActionError, OSError):
     """A result cannot be written where it was asked for."""
 
