@@ -21,6 +21,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 0.78, 0.15, 0.62, 0.5  # around all panels, inche
 _ACROSS, _DOWN, _BETWEEN = 0.5, 0.38, 0.62  # between panels, between rows of a group, between groups
 _TALL, _SMALL = 1.45, 0.95  # heights of panels
 _COLUMNS: Final = 4
+_CHARACTERS: Final = 13.0  # of a name that an inch holds
 _TOGETHER: Final = 4  # lines in one panel at the most
 _LEAST: Final = 0.02  # of the largest range in a group: what moves less looks like it
 
@@ -135,7 +136,9 @@ def draw_signals(panel: Panel) -> None:
 def name_lines(panel: Panel) -> None:
     """Write the name of the only signal, or the names of several beside their lines, above a panel."""
     if len(panel.signals) == 1:
-        panel.axes.set_title(panel.signals[0].name, fontweight="bold")
+        name, width = panel.signals[0].name, panel.axes.get_position().width * WIDTH
+        fits = width * _CHARACTERS / len(name)
+        panel.axes.set_title(name, fontweight="bold", fontsize=max(9.0 * min(1.0, fits), 5.5))
     else:
         legend_above(panel.axes)
 

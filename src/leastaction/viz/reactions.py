@@ -37,9 +37,10 @@ def plot_reactions(run: Source, names: str | Sequence[str] = "*", *, title: str 
     Returns
     -------
     Figure
-        A group of panels for each unit: N along a length that is held, N m along an angle. In discrete time the
-        impulse at an instant over the time that it stands for, half of both steps; the first instant is left out, whose
-        impulse depends on how the run was started.
+        A group of panels for each unit: N along a length that is held, N m along an angle; positive where it pushes
+        towards larger values of what the constraint holds, but tensions where they pull. In discrete time the impulse
+        at an instant over the time that it stands for, half of both steps; the first instant is left out, whose impulse
+        depends on how the run was started.
 
     Raises
     ------
@@ -61,18 +62,18 @@ def plot_reactions(run: Source, names: str | Sequence[str] = "*", *, title: str 
 def reactions_of(motion: Trajectory | ContinuousTrajectory) -> list[Signal]:
     """Return the force of every constraint equation over time, of strings their tension."""
     m = motion.mechanism
+    # A multiplier pulls in discrete time, ``-Dh^T lam`` is its impulse; in continuous time ``Dh^T lam`` is its force.
     if isinstance(motion, ContinuousTrajectory):
-        t, q, over = motion.t, motion.q, np.ones(len(motion.t))
-        lam = motion.lam
+        t, q, pulls = motion.t, motion.q, -motion.lam
+        over = np.ones(len(t))
     else:
-        dt = np.diff(motion.t)
-        t, q, lam = motion.t[1:-1], motion.q[1:-1], motion.lam[1:]
-        over = 0.5 * (dt[1:] + dt[:-1])
+        t, q, pulls = motion.t[1:-1], motion.q[1:-1], motion.lam[1:]
+        over = 0.5 * (motion.t[2:] - motion.t[:-2])
     at = dict(zip(m.variables, q.T, strict=True))
     forces: list[Signal] = []
-    for name, unit, column in zip(m.constraints, motion.multiplier_units, lam.T, strict=True):
+    for name, unit, column in zip(m.constraints, motion.multiplier_units, pulls.T, strict=True):
         element = m.elements.get(name)
         tension = None if element is None else element.tension(column, over, at)
-        values, unit = (column / over, _FORCE.get(unit, unit)) if tension is None else (tension, "N")
+        values, unit = (-column / over, _FORCE.get(unit, unit)) if tension is None else (tension, "N")
         forces.append(Signal(name=name, unit=unit, t=t, values=values, kind="multiplier"))
     return forces

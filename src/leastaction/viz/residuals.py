@@ -121,9 +121,7 @@ def _draw(axes: Axes, names: Sequence[str], t: Array, values: Array) -> None:
     order = np.argsort(-values.max(axis=0), kind="stable")
     axes.plot(t, shown[:, order[_NAMED:]], color=PALE, linewidth=0.8, zorder=1)
     for i, look in zip(order[:_NAMED], LINES, strict=False):
-        axes.plot(
-            t, shown[:, i], label=f"{names[i]}: {values[:, i].max():.1e} at most", linewidth=1.2, zorder=2, **look
-        )
+        axes.plot(t, shown[:, i], label=f"{names[i]}: {values[:, i].max():.1e}", linewidth=1.2, zorder=2, **look)
     if len(order) > _NAMED:
         axes.plot([], [], color=PALE, linewidth=0.8, label=f"{len(order) - _NAMED} others")
     axes.yaxis.set_major_locator(LogLocator(numticks=5))
