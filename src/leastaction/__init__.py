@@ -14,6 +14,7 @@ from leastaction._version import __version__
 
 if TYPE_CHECKING:
     from leastaction.errors import LeastActionError
+    from leastaction.io.mechanisms import load
     from leastaction.mechanics import (
         Baumgarte,
         Body,
@@ -155,6 +156,7 @@ else:
         __name__,
         {
             "leastaction.errors": "LeastActionError",
+            "leastaction.io.mechanisms": "load",
             "leastaction.mechanics": (
                 "Baumgarte Body BodyWrench ContinuousDynamics ContinuousTrajectory CoulombFriction Coupling Curve "
                 "Damping Distance Drag ElasticString Event ExpressionConstraint ExpressionForce ExpressionPotential "
@@ -197,8 +199,8 @@ __all__ = [
     "StartResult", "StartStatus", "State", "Status", "TendonForce", "TorsionalSpring", "Trajectory", "Within",
     "__version__", "ball", "by_tensions", "check_consistent", "check_derivatives", "coarse_to_fine", "continuation",
     "controllability", "coordinate", "direction", "distance", "embed", "equilibrium", "follow", "free",
-    "gain_to_continuous", "gain_to_discrete", "input_", "optimize", "optimize_continuous", "parameter", "play", "point",
-    "pose", "prismatic", "project_configuration", "project_velocity", "rate", "receding_horizon", "regulate",
+    "gain_to_continuous", "gain_to_discrete", "input_", "load", "optimize", "optimize_continuous", "parameter", "play",
+    "point", "pose", "prismatic", "project_configuration", "project_velocity", "rate", "receding_horizon", "regulate",
     "regulate_continuous", "relax", "revolute", "rx", "ry", "rz", "screw", "simulate", "speed",
     "steady_state_regulator", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz",
     "unit_vector", "universal", "var", "variable", "warm_start", "world",

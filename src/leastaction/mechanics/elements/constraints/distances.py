@@ -17,6 +17,7 @@ from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import END, FACTORS, FRAME, PATH, number, positive
 from leastaction.mechanics.elements.forces.tendons import TendonForce
 from leastaction.mechanics.elements.kinds import Kind
+from leastaction.mechanics.elements.looks import Look, Push, along_axes
 from leastaction.mechanics.elements.potentials.springs import ElasticString, LinearSpring
 from leastaction.mechanics.elements.units import common
 from leastaction.numerics.arrays import Array
@@ -49,6 +50,10 @@ class Distance(Constraint):
     called = "distance"
     reads = "{frame1} to {frame2}, {length}"
     task = "hold their distance"
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        return (Look("string" if isinstance(self.length, str) else "rod", (self.frame1, self.frame2)),)
 
     @property
     def length_variable(self) -> str | None:
@@ -124,6 +129,10 @@ class PointToPoint(Constraint):
     def equations(self) -> tuple[str, ...]:
         return tuple(f".{axis}" for axis in self.axes)
 
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        return (Push(self.frame1, along_axes({axis: f".{axis}" for axis in self.axes})),)
+
     def as_spring(self, stiffness: float) -> Element:
         return LinearSpring(self.frame1, self.frame2, stiffness, name=self.name)
 
@@ -164,6 +173,7 @@ class PathLength(Constraint):
 
     called = "path_length"
     reads = "{frames}, {length}"
+    seen_as = "string"
 
     @property
     def length_variable(self) -> str | None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import CURVE, INPUT, PATH, not_zero
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.curve import Curve
 
 
@@ -50,6 +53,15 @@ class TendonForce(Force):
 
     called = "tendon"
     reads = "{input} along {frames}"
+    seen_as = "string"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        tension = self.gain * values[self.input]
+        if self.force_length is not None:
+            tension = tension * np.asarray(self.force_length(length), dtype=float)
+        if self.force_velocity is not None:
+            tension = tension * np.asarray(self.force_velocity(rate), dtype=float)
+        return tension
 
     def describe(self) -> str:
         parts = [super().describe()]

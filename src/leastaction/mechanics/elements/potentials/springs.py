@@ -26,6 +26,7 @@ from leastaction.mechanics.elements.fields import (
     positive,
 )
 from leastaction.mechanics.elements.units import common
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.curve import Curve
 
 
@@ -98,6 +99,11 @@ class LinearSpring(Potential):
     called = "spring"
     reads = "{frame1} to {frame2}, {stiffness}, length {length}"
     task = "give way to the spring"
+    seen_as = "spring"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        rest = values[self.length] if isinstance(self.length, str) else self.length
+        return self.stiffness * (length - rest)
 
     @property
     def strings(self) -> tuple[tuple[str, ...], ...]:
@@ -206,6 +212,10 @@ class NonlinearSpring(Potential):
 
     called = "nonlinear_spring"
     reads = "{on}, force {force}"
+    seen_as = "spring"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        return np.asarray(self.force(length), dtype=float)
 
     def add_to(self, core: Compiler) -> None:
         scale = core.parameter("scale", 1.0)
@@ -255,6 +265,13 @@ class ElasticString(Potential):
 
     called = "elastic_string"
     reads = "{frames}, {stiffness}, length {length}"
+    seen_as = "string"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        stretch = length - (values[self.length] if isinstance(self.length, str) else self.length)
+        if self.tension_only:
+            stretch = self.smoothing * np.logaddexp(0.0, stretch / self.smoothing)
+        return self.stiffness * stretch
 
     def describe(self) -> str:
         return f"{super().describe()}, {'tension only' if self.tension_only else 'both ways'}"
