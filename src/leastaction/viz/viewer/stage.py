@@ -77,6 +77,11 @@ class Stage:
         return self.scene.ground if self.scene.ground is not None else float(self._cloud[..., 2].min())
 
     @cached_property
+    def centre(self) -> Array:
+        """The middle of the box of all that is drawn, (3,)."""
+        return np.asarray(0.5 * (self._cloud.min(axis=(0, 1)) + self._cloud.max(axis=(0, 1))))
+
+    @cached_property
     def height(self) -> float:
         """Height above the floor of the highest that is drawn, strings too (m)."""
         tops = [path[:, 2].max() for path in self.scene.points.values()]
