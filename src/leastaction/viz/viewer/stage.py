@@ -20,7 +20,7 @@ from leastaction.viz.viewer.solids import Solid
 
 _SAMPLE_BYTES = 1_100_000  # of all motion in a page
 _SHARP = 1e-3  # of the scene's size: how far a straight line between two samples may be off
-_GREY: Colour = (0.62, 0.66, 0.71, 1.0)  # of a shape to which nobody gave a colour
+_NO_COLOURS = ((0.62, 0.66, 0.71, 1.0), (1.0, 1.0, 1.0, 1.0))  # what shapes have to which nobody gave a colour
 _UNIT = {
     "box": solids.box, "sphere": solids.sphere, "ellipsoid": solids.sphere, "cylinder": solids.cylinder,
     "capsule": solids.capsule,
@@ -165,6 +165,6 @@ def _drawn(shape: Shape, pieces: list[tuple[Solid, Colour | None]], small: dict[
     if shape.kind != "mesh":
         return [Drawn(_UNIT[shape.kind](), shape.frame, matrix, width, shape.color)]
     return [
-        Drawn(small[id(solid)], shape.frame, matrix, 0.0, colour if colour and shape.color == _GREY else shape.color)
+        Drawn(small[id(solid)], shape.frame, matrix, 0.0, colour if colour and shape.color in _NO_COLOURS else shape.color)
         for solid, colour in pieces
     ]

@@ -22,8 +22,8 @@ void main() {
   if (dot(f, v) < 0.) f = -f;
   if (dot(m, f) < 0.) m = -m;
   m = normalize(mix(f, m, smoothstep(.55, .8, dot(m, f)))); // what is a sharp edge stays one
-  vec3 base = pow(colour.rgb, vec3(2.2)); float facing = max(dot(m, light), 0.), sun = facing > 0. ? lit(P + lift * m) : 0.;
-  vec3 c = base * (mix(earth, sky, .5 + .5 * m.z) + 1.05 * facing * sun);
+  vec3 base = pow(colour.rgb, vec3(2.2)); float facing = max(dot(m, light), 0.), sun = facing > 0. ? mix(1., lit(P + lift * m), smoothstep(.02, .3, facing)) : 0.;
+  vec3 c = base * (mix(earth, sky, .5 + .5 * m.z) + .8 * facing * sun);
   c += .10 * sun * pow(max(dot(m, normalize(light + v)), 0.), 40.) + .05 * pow(1. - max(dot(m, v), 0.), 3.) * sky;
   shown = vec4(pow(mix(c, base, flatness), vec3(1. / 2.2)), 1.) * colour.a; shown.a = colour.a;
 }`;

@@ -20,7 +20,7 @@ function setTheme(name) {
   const dark = name === "dark", of = key => css(`--${key}`);
   ink = { paper: of("paper"), sky: of("sky"), line: of("line"), soft: of("soft"), ink: of("ink"), accent: of("accent"), slack: of("slack"), ghost: of("ghost"), input: of("input"), reaction: of("reaction"),
     limit: of("limit"), low: dark ? [0.42, 0.6, 0.77] : [0.32, 0.48, 0.64], high: [0.9, 0.62, 0] };
-  look = { sky: rgb(ink.sky), paper: rgb(ink.paper), line: rgb(ink.line), dark: dark ? 0.4 : 0.2, ambient: dark ? [0.42, 0.46, 0.54] : [0.62, 0.65, 0.7], earth: dark ? [0.14, 0.14, 0.15] : [0.3, 0.28, 0.26] };
+  look = { sky: rgb(ink.sky), paper: rgb(ink.paper), line: rgb(ink.line), dark: dark ? 0.4 : 0.2, ambient: dark ? [0.42, 0.46, 0.54] : [0.54, 0.57, 0.62], earth: dark ? [0.14, 0.14, 0.15] : [0.27, 0.25, 0.24] };
   legend(); drawSpark();
 }
 const LIGHT = unit([0.6 * Math.cos(S.azimuth - 0.65), 0.6 * Math.sin(S.azimuth - 0.65), 1]), WOOD = [0.84, 0.66, 0.45, 1], METAL = [0.55, 0.58, 0.63, 1];
