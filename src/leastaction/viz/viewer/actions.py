@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from leastaction.mechanics import Mechanism
-from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.mechanics.elements.looks import Push
+from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array
 from leastaction.viz.scene import Arrow, Cord
 
@@ -86,7 +86,9 @@ class Actions:
         vector = self._sum(name, push, equations)
         if push.axes is not None:
             vector = np.einsum("nij,nj->ni", self.m.frame_pose(self.q, push.axes)[:, :3, :3], vector)
-        kind: Literal["force", "torque", "reaction"] = "reaction" if equations else "torque" if push.turning else "force"
+        kind: Literal["force", "torque", "reaction"] = (
+            "reaction" if equations else "torque" if push.turning else "force"
+        )
         return Arrow(name=name, kind=kind, place=self.m.positions(self.q, [push.on])[:, 0], vector=vector)
 
     def _of_joints(self, name: str, push: Push) -> list[Arrow]:

@@ -53,7 +53,9 @@ class _Reader:
         unit = root.find(f"{_NO_TAG}asset/{_NO_TAG}unit")
         axis = root.findtext(f"{_NO_TAG}asset/{_NO_TAG}up_axis", "Y_UP").strip()
         self.base = np.eye(4)
-        self.base[:3, :3] = np.array(_UP.get(axis, np.eye(3))) * (float(unit.get("meter", "1")) if unit is not None else 1.0)
+        self.base[:3, :3] = np.array(_UP.get(axis, np.eye(3))) * (
+            float(unit.get("meter", "1")) if unit is not None else 1.0
+        )
 
     def of(self, url: str | None) -> ET.Element:
         return self.ids[(url or "").removeprefix("#")]
@@ -90,7 +92,9 @@ class _Reader:
                 stride = 1 + max(int(i.get("offset", "0")) for i in inputs.values())
                 vertex = inputs["VERTEX"]
                 source = next(
-                    i for i in self.of(vertex.get("source")).findall(f".//{_NO_TAG}input") if i.get("semantic") == "POSITION"
+                    i
+                    for i in self.of(vertex.get("source")).findall(f".//{_NO_TAG}input")
+                    if i.get("semantic") == "POSITION"
                 )
                 p = _numbers(self.of(source.get("source")).find(f"{_NO_TAG}float_array")).reshape(-1, 3)
                 lists = [_numbers(each, np.int64) for each in group.findall(f"{_NO_TAG}p")]

@@ -67,7 +67,9 @@ def decimated(meshes: Sequence[tuple[Solid, float]], most: int = MOST_TRIANGLES)
     whole = [welded(solid) for solid, _ in meshes]
     if sum(len(solid.triangles) for solid in whole) <= most:
         return whole
-    sizes = [float(np.linalg.norm(np.ptp(solid.p, axis=0))) * unit for solid, (_, unit) in zip(whole, meshes, strict=True)]
+    sizes = [
+        float(np.linalg.norm(np.ptp(solid.p, axis=0))) * unit for solid, (_, unit) in zip(whole, meshes, strict=True)
+    ]
     low, high = 1e-5 * max(sizes), 0.2 * max(sizes)
     best = [_clustered(solid, high / unit) for solid, (_, unit) in zip(whole, meshes, strict=True)]
     for _ in range(9):

@@ -38,9 +38,7 @@ def png(
     return png_file(_picture(staged(scenes), time, _checked(size), dark=dark, joints=joints, forces=forces))
 
 
-def gif(
-    scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: bool, joints: bool, forces: bool
-) -> bytes:
+def gif(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: bool, joints: bool, forces: bool) -> bytes:
     """Return a movie as a GIF file.
 
     Raises `ArgumentError`: nothing moves, or Pillow is not installed.
@@ -60,9 +58,7 @@ def gif(
     return file.getvalue()
 
 
-def mp4(
-    scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: bool, joints: bool, forces: bool
-) -> bytes:
+def mp4(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: bool, joints: bool, forces: bool) -> bytes:
     """Return a movie as an MP4 file.
 
     Raises `ArgumentError`: nothing moves, or imageio's FFmpeg is not installed.
@@ -103,7 +99,9 @@ def _differences(picture: Picture) -> Picture:
     return picture - above  # modulo 256, as the format wants it
 
 
-def _picture(stages: Sequence[Stage], time: float, size: tuple[int, int], *, dark: bool, joints: bool, forces: bool) -> Picture:
+def _picture(
+    stages: Sequence[Stage], time: float, size: tuple[int, int], *, dark: bool, joints: bool, forces: bool
+) -> Picture:
     look = DARK_LOOK if dark else LIGHT_LOOK
     ends = np.linspace(0, size[0], len(stages) + 1).astype(int)
     parts = [
@@ -121,7 +119,7 @@ def _pictures(
     if end <= begin:
         raise ArgumentError("nothing moves here, so there is no movie of it; save a .png, a .html or a .glb")
     count = round((end - begin) * as_number(fps, "fps"))
-    if not 0.0 < fps or count > _MOST_PICTURES:
+    if not fps > 0.0 or count > _MOST_PICTURES:
         raise ArgumentError(
             f"fps: got {fps:g}, which makes {count} pictures of {end - begin:g} s; expected a positive number, and at "
             f"most {_MOST_PICTURES} pictures"
@@ -137,7 +135,7 @@ def _span(scenes: Sequence[Scene]) -> tuple[float, float]:
 
 def _checked(size: tuple[int, int]) -> tuple[int, int]:
     width, height = size
-    if not (isinstance(width, int) and isinstance(height, int) and 16 <= min(size) and max(size) <= 8192):
+    if not (isinstance(width, int) and isinstance(height, int) and min(size) >= 16 and max(size) <= 8192):
         raise ArgumentError(f"size: got {size!r}, expected width and height in pixels, 16 to 8192")
     return width, height
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,13 @@ def camera_of(stage: Stage, time: float, width: int, height: int) -> Camera:
     c, s, cy, sy = np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
     axes = np.array([[-sy, cy, 0.0], [-s * cy, -s * sy, c], [-c * cy, -c * sy, -s]])
     return Camera(
-        centre - far * axes[2], axes, 1.25 * min(height, 1.15 * width), width, height, 0.02 * far, far + 12.0 * stage.size
+        centre - far * axes[2],
+        axes,
+        1.25 * min(height, 1.15 * width),
+        width,
+        height,
+        0.02 * far,
+        far + 12.0 * stage.size,
     )
 
 
@@ -70,7 +76,9 @@ def painted(
     light = np.array([0.6 * np.cos(yaw), 0.6 * np.sin(yaw), 1.0])
     light /= np.linalg.norm(light)
     lamp = _Lamp(stage, camera, light, [each for each in solid if not each.flat])
-    image = _ground(stage, camera, look, lamp)
+    # The floor has no sharp edges of its own, so the picture's own pixels do for it.
+    coarse = replace(camera, lens=camera.lens / _FINER, width=width, height=height)
+    image = np.repeat(np.repeat(_ground(stage, coarse, look, lamp), _FINER, axis=0), _FINER, axis=1)
     depth = np.full(image.shape[:2], np.inf)
     for layer, over in ((ghost, False), (solid, True), (paths, True)):
         _lay(layer, camera, look, lamp, image, depth if over else np.full(image.shape[:2], np.inf))
@@ -196,7 +204,9 @@ def _ground(stage: Stage, camera: Camera, look: Look3D, lamp: _Lamp) -> Array:
     height = np.linspace(0.0, 1.0, camera.height)[:, None, None]
     image = np.broadcast_to(look.sky + height * (look.paper - look.sky), (camera.height, camera.width, 3)).copy()
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    ray = np.stack(((x - 0.5 * camera.width) / camera.lens, (0.5 * camera.height - y) / camera.lens, np.ones_like(x)), -1)
+    ray = np.stack(
+        ((x - 0.5 * camera.width) / camera.lens, (0.5 * camera.height - y) / camera.lens, np.ones_like(x)), -1
+    )
     ray = ray @ camera.axes
     drop = stage.floor - camera.eye[2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -210,7 +220,7 @@ def _ground(stage: Stage, camera: Camera, look: Look3D, lamp: _Lamp) -> Array:
     g = at / cell
     wide = [np.abs(np.gradient(g[..., c], axis=0)) + np.abs(np.gradient(g[..., c], axis=1)) for c in (0, 1)]
     apart = [np.abs((g[..., c] - 0.5) % 1.0 - 0.5) / np.maximum(wide[c], 1e-9) for c in (0, 1)]
-    line = np.clip(1.1 - np.minimum(*apart) / _FINER, 0.0, 1.0) * np.clip(1.0 - 2.5 / _FINER * np.maximum(*wide), 0.0, 1.0)
+    line = np.clip(1.1 - np.minimum(*apart), 0.0, 1.0) * np.clip(1.0 - 2.5 * np.maximum(*wide), 0.0, 1.0)
     row, column = np.nonzero(seen)
     fade = 1.0 - far[row, column]
     places = np.column_stack((at[row, column], np.full(len(row), stage.floor)))

@@ -223,7 +223,9 @@ def motion_scene(
 
     wanted = None
     if reference is not None:
-        wanted = as_array(np.atleast_2d(np.asarray(reference, dtype=float)), "reference", (len(t), m.nq), names=m.variables)
+        wanted = as_array(
+            np.atleast_2d(np.asarray(reference, dtype=float)), "reference", (len(t), m.nq), names=m.variables
+        )
     return Scene(
         t=t,
         points=points(q, list(frames)),

@@ -96,7 +96,15 @@ def _of_body(
     elif not body.inertia.any() or not barred:
         shapes.append(Shape(frame=frame, kind="sphere", size=[ball], pose=pose, color=colour))
     if not barred and np.linalg.norm(body.com) > ball:
-        shapes.append(Shape(frame=frame, kind="capsule", size=[radius, np.linalg.norm(body.com)], pose=_along(body.com), color=colour))
+        shapes.append(
+            Shape(
+                frame=frame,
+                kind="capsule",
+                size=[radius, np.linalg.norm(body.com)],
+                pose=_along(body.com),
+                color=colour,
+            )
+        )
     return shapes
 
 
@@ -182,7 +190,7 @@ def _floats(mechanism: Mechanism, joint: int) -> bool:
     def slides(k: int) -> bool:
         return k >= 0 and not tree.joints[k].twist[3:].any()
 
-    children = [[j for j, other in enumerate(tree.joints) if other.parent == k] for k in (joint,)][0]
+    children = next([j for j, other in enumerate(tree.joints) if other.parent == k] for k in (joint,))
     up = tree.joints[joint].parent
     chain = 1
     while slides(up):

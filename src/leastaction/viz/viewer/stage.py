@@ -65,7 +65,7 @@ class Stage:
             place = corners @ each.matrix[:3, :3].T + each.matrix[:3, 3]
             found = place @ pose[:, :3, :3].transpose(0, 2, 1) + pose[:, None, :3, 3]
             if each.width:
-                found = np.concatenate((found - [0, 0, each.width], found + [0, 0, each.width]), axis=1)
+                found = np.concatenate((found - [0, 0, each.width], [*found, 0, 0, each.width]), axis=1)
             parts.append(found)
         if not parts:
             parts = [path[k][:, None] for path in scene.points.values()]
@@ -120,9 +120,7 @@ class Stage:
         most = max(2, int(share * _SAMPLE_BYTES / (count * 4 / 3)))
         sharp = 1.0
         while True:
-            tolerance = np.concatenate(
-                (np.full(moving.shape[1], _SHARP * self.size), 0.02 * np.ptp(told, axis=0))
-            )
+            tolerance = np.concatenate((np.full(moving.shape[1], _SHARP * self.size), 0.02 * np.ptp(told, axis=0)))
             keep = needed(scene.t, np.hstack((moving, told)), sharp * tolerance)
             if len(keep) <= most:
                 return keep
@@ -165,6 +163,8 @@ def _drawn(shape: Shape, pieces: list[tuple[Solid, Colour | None]], small: dict[
     if shape.kind != "mesh":
         return [Drawn(_UNIT[shape.kind](), shape.frame, matrix, width, shape.color)]
     return [
-        Drawn(small[id(solid)], shape.frame, matrix, 0.0, colour if colour and shape.color in _NO_COLOURS else shape.color)
+        Drawn(
+            small[id(solid)], shape.frame, matrix, 0.0, colour if colour and shape.color in _NO_COLOURS else shape.color
+        )
         for solid, colour in pieces
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -162,9 +163,9 @@ def cords(stage: Stage, time: float, look: Look3D, thin: Callable[[Array, float]
         r, g, b = look.low + shade * (_HIGH - look.low)
         colour = look.slack if slack else (r, g, b, 1.0) if known else look.soft if cord.kind == "string" else _METAL
         places = [at_time(scene.points[name], scene.t, time) for name in cord.path]
-        for a, b in zip(places[:-1], places[1:], strict=True):
+        for a, b in itertools.pairwise(places):
             line = thin(0.5 * (a + b), 1.6 + 1.8 * part if known else 1.8)
-            found += _cord(cord.kind, a, b, line, size, colour, slack)
+            found += cord_things(cord.kind, a, b, line, size, colour, slack=slack)
         if cord.kind == "string":
             for place, pixels in ((places[-1], 8.0), (places[0], 4.4)):
                 ball = np.column_stack((thin(place, pixels) * np.eye(3), place))
@@ -172,7 +173,7 @@ def cords(stage: Stage, time: float, look: Look3D, thin: Callable[[Array, float]
     return found
 
 
-def _cord(kind: str, a: Array, b: Array, line: float, size: float, colour: Colour, slack: bool) -> list[Thing]:
+def cord_things(kind: str, a: Array, b: Array, line: float, size: float, colour: Colour, *, slack: bool) -> list[Thing]:
     """Return one piece of a cord."""
     if kind == "spring":
         return [Thing(solids.coil(), between(a, b, 0.028 * size), max(0.0045 * size, 0.8 * line), colour)]
@@ -244,7 +245,7 @@ def traces(stage: Stage, time: float, look: Look3D, thin: Callable[[Array, float
             if name not in group or scene.t.size < 2:
                 continue
             path = np.column_stack([np.interp(times, scene.t, column) for column in group[name].T])
-            for s, (a, b) in enumerate(zip(path[:-1], path[1:], strict=True)):
+            for s, (a, b) in enumerate(itertools.pairwise(path)):
                 if np.linalg.norm(b - a) > 1e-7:
                     faded = (*colour[:3], 0.75 * (s + 1) / 48)
                     found.append(Thing(solids.capsule(), between(a, b), thin(b, 1.9), faded, 1.0))

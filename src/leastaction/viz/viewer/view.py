@@ -64,7 +64,7 @@ class View:
         path: str | os.PathLike[str],
         *,
         at: float | None = None,
-        size: tuple[int, int] = (1200, 800),
+        size: tuple[int, int] | None = None,
         fps: float = 25.0,
         dark: bool = False,
     ) -> Path:
@@ -78,7 +78,7 @@ class View:
         at : float, optional
             Time of a picture (s); its beginning if not given.
         size : tuple of int, optional
-            Width and height of pictures and movies, in pixels.
+            Width and height in pixels; 1200 by 800 of pictures and 720 by 480 of movies if not given.
         fps : float, optional
             Pictures a second of a movie.
         dark : bool, optional
@@ -100,11 +100,12 @@ class View:
         from leastaction.viz.viewer.gltf import glb
         from leastaction.viz.viewer.movies import gif, mp4, png
 
+        still, moving = size or (1200, 800), size or (720, 480)
         made: dict[str, Callable[[], bytes]] = {
             ".html": lambda: self.page().encode("utf-8"),
-            ".png": lambda: png(self.scenes, at=at, size=size, dark=dark, joints=self.joints, forces=self.forces),
-            ".gif": lambda: gif(self.scenes, size=size, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
-            ".mp4": lambda: mp4(self.scenes, size=size, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
+            ".png": lambda: png(self.scenes, at=at, size=still, dark=dark, joints=self.joints, forces=self.forces),
+            ".gif": lambda: gif(self.scenes, size=moving, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
+            ".mp4": lambda: mp4(self.scenes, size=moving, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
             ".glb": lambda: glb(self.scenes),
         }
         ending = Path(path).suffix.lower()
