@@ -247,6 +247,15 @@ T Lagrangian<T>::potential_energy() const {
     return energy;
 }
 
+template <class T>
+double Lagrangian<T>::potential_size() const
+    requires std::is_same_v<T, double>
+{
+    double size = std::abs(mechanism_.fixed_potential);
+    for (int i = 0; i < mechanism_.n_massive; ++i) size += std::abs(dot(mechanism_.gravity, h_own_[i]));
+    return size;
+}
+
 template class Lagrangian<double>;
 template class Lagrangian<Dual<double>>;
 template class Lagrangian<HyperDual>;

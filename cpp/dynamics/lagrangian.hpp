@@ -76,6 +76,9 @@ public:
 
     T kinetic_energy() const;    // at the point of the last gradient
     T potential_energy() const;  // of uniform gravity
+    // The sum of its terms' sizes.
+    double potential_size() const
+        requires std::is_same_v<T, double>;
 
     Placement<T> at;
     std::vector<T> L_q, L_v;

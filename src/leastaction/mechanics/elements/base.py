@@ -139,6 +139,18 @@ class Element(abc.ABC):
         """Suffixes of the scalar constraint equations that the element adds; ("",) for a single one."""
         return ()
 
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        """Return the units of inputs, and of variables that prescribe numbers of it, by name; as far as it knows them.
+
+        ``of``: units of the variables that move joints, by name.
+        """
+        values = ((kind, getattr(self, name)) for name, kind, _ in _declared(type(self)))
+        return {name: unit for kind, value in values for name, unit in kind.prescribed(value).items()}
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        """Return the unit of each of its `equations`, "" where it knows none; ``of`` as above."""
+        return ("",) * len(self.equations)
+
     @property
     def strings(self) -> tuple[tuple[str, ...], ...]:
         """Paths of frames whose length it is made of, so that no piece of them may be zero."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from leastaction.errors import DescriptionError
@@ -39,6 +40,9 @@ class PointOnPlane(Constraint):
     called = "point_on_plane"
     reads = "{frame} on the plane of {plane} across {normal}"
     task = "keep the point on the plane"
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",)
 
     @property
     def pushes(self) -> tuple[Push, ...]:
@@ -88,6 +92,9 @@ class PointOnLine(Constraint):
     @property
     def equations(self) -> tuple[str, ...]:
         return (".across1", ".across2")
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m", "m")
 
     @property
     def pushes(self) -> tuple[Push, ...]:
@@ -152,6 +159,12 @@ class PrescribedPath(Constraint):
 
     def describe(self) -> str:
         return f"{self.frame} at {', '.join(f'{a} = {name}' for a, name in self.prescribed.items())}"
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        return dict.fromkeys(self.prescribed.values(), "m")
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",) * len(self.equations)
 
     def add_to(self, core: Compiler) -> None:
         world = core.context.world

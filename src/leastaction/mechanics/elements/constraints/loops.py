@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -74,6 +75,9 @@ class HingeLoop(Constraint):
 
     def describe(self) -> str:
         return super().describe() + (", planar" if self.planar else "")
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m", "m") if self.planar else ("m", "m", "m", "", "")
 
     def add_to(self, core: Compiler) -> None:
         along, *across = triad(self.axis)

@@ -10,6 +10,7 @@ from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.directions import Direction, triad
 from leastaction.mechanics.elements.fields import AXIS, DYNAMIC_SUM, END, FRAME, INPUT, not_zero
 from leastaction.mechanics.elements.looks import Push
+from leastaction.mechanics.elements.units import common, force_along
 from leastaction.numerics.arrays import Array
 
 _ACTS = "as else the input does nothing"
@@ -41,6 +42,10 @@ class JointForce(Force):
     called = "force"
     reads = "{input} on {variable}"
     needs_dynamic = True
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        names = (self.variable,) if isinstance(self.variable, str) else self.variable
+        return {self.input: force_along(common(of.get(name, "") for name in names))}
 
     @property
     def pushes(self) -> tuple[Push, ...]:
@@ -87,6 +92,9 @@ class Motor(Force):
     reads = "{input} turns {frame2} against {frame1} about {axis}, gain {gain}"
     task, turning, needs_dynamic = "follow the motor", True, True
 
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        return {self.input: "N m" if self.gain == 1.0 else ""}
+
     @property
     def pushes(self) -> tuple[Push, ...]:
         x, y, z = (self.gain * float(c) for c in triad(self.axis)[0])
@@ -127,6 +135,9 @@ class LinearMotor(Force):
 
     def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
         return -self.gain * values[self.input]
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        return {self.input: "N" if self.gain == 1.0 else ""}
 
     def add_to(self, core: Compiler) -> None:
         core.force(core.path((self.frame1, self.frame2)), "gain", self.input)

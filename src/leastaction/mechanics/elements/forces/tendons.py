@@ -73,6 +73,10 @@ class TendonForce(Force):
             parts.append("force by velocity")
         return ", ".join(parts)
 
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        is_tension = self.gain == 1.0 and self.force_length is None and self.force_velocity is None
+        return {self.input: "N" if is_tension else ""}
+
     def add_to(self, core: Compiler) -> None:
         # The sign goes into the first factor, so that the gain is what the user gave.
         fl, fv = self.force_length, self.force_velocity

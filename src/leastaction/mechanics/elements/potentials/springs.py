@@ -25,6 +25,7 @@ from leastaction.mechanics.elements.fields import (
     number,
     positive,
 )
+from leastaction.mechanics.elements.units import common
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.curve import Curve
 
@@ -55,6 +56,10 @@ class JointSpring(Potential):
 
     called = "joint_spring"
     reads = "{variable}, stiffness {stiffness}, rest {rest}"
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        names = (self.variable,) if isinstance(self.variable, str) else self.variable
+        return dict.fromkeys(super().units(of), common(of.get(name, "") for name in names))
 
     def add_to(self, core: Compiler) -> None:
         s, rest = core.less(core.sum(self.variable), "rest", self.rest)
