@@ -2,7 +2,7 @@
 
 Describe a mechanism (`Mechanism`), simulate it (`MidpointVI`), steer it (`MidpointSystem`, `optimize`). The same in
 continuous time: `simulate`, `MechanismSystem`, `optimize_continuous`.
-Ready mechanisms are in `leastaction.models`, files in `leastaction.io`, pictures in `leastaction.viz`.
+See it (`show`). Ready mechanisms are in `leastaction.models`, files in `leastaction.io`, pictures in `leastaction.viz`.
 """
 
 from __future__ import annotations
@@ -151,6 +151,7 @@ if TYPE_CHECKING:
         relax,
         warm_start,
     )
+    from leastaction.viz import show
 else:
     __getattr__, __dir__ = lazily(
         __name__,
@@ -182,6 +183,7 @@ else:
                 "Ball Box Followed HalfSpace Keep MechanismSystem MidpointSystem PlaceCost Played Rig SmoothCost "
                 "by_tensions check_derivatives embed follow play relax warm_start"
             ),
+            "leastaction.viz": "show",
         },
     )
 
@@ -191,9 +193,9 @@ __all__ = [
     "Equal", "Event", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "Feedback", "FinalTime",
     "FixedOrientation", "Followed", "FunctionQuantity", "Gravity", "HalfSpace", "HingeLoop", "HybridWrench",
     "IntegrationStatus", "InverseSquareGravity", "IterationTable", "JointForce", "JointSpring", "Keep",
-    "LeastActionError", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MechanismSystem", "MidpointSystem",
-    "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "Parameter", "PathLength",
-    "Periodic", "PlaceCost", "Played", "PointOnLine", "PointOnPlane", "PointToPoint", "PrescribedMotion",
+    "LeastActionError", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MechanismSystem",
+    "MidpointSystem", "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "Parameter",
+    "PathLength", "Periodic", "PlaceCost", "Played", "PointOnLine", "PointOnPlane", "PointToPoint", "PrescribedMotion",
     "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential",
     "QuadraticCost", "Rig", "SimulationStatus", "SmoothCost", "SpatialWrench", "StageRecord", "StageTable",
     "StartResult", "StartStatus", "State", "Status", "TendonForce", "TorsionalSpring", "Trajectory", "Within",
@@ -201,7 +203,7 @@ __all__ = [
     "controllability", "coordinate", "direction", "distance", "embed", "equilibrium", "follow", "free",
     "gain_to_continuous", "gain_to_discrete", "input_", "load", "optimize", "optimize_continuous", "parameter", "play",
     "point", "pose", "prismatic", "project_configuration", "project_velocity", "rate", "receding_horizon", "regulate",
-    "regulate_continuous", "relax", "revolute", "rx", "ry", "rz", "screw", "simulate", "speed",
+    "regulate_continuous", "relax", "revolute", "rx", "ry", "rz", "screw", "show", "simulate", "speed",
     "steady_state_regulator", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz",
     "unit_vector", "universal", "var", "variable", "warm_start", "world",
 ]  # fmt: skip
