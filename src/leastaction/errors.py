@@ -158,8 +158,18 @@ class MotionFileError(LeastActionError, ValueError):
     """A motion file is truncated, is not of the format that it claims, or does not fit the mechanism."""
 
 
-class DocumentError(LeastActionError, ValueError):
-    """A file of a mechanism or a problem is not there, is broken, or says what cannot be."""
+class ModelFileError(LeastActionError, ValueError):
+    """A file of a mechanism, or of a problem, cannot be read, holds none, or says what cannot be.
+
+    Attributes
+    ----------
+    line : int or None
+        The line of the file, where it is known.
+    """
+
+    def __init__(self, message: str, *, line: int | None = None) -> None:
+        super().__init__(message)
+        self.line = line
 
 
 class OutputError(LeastActionError, OSError):

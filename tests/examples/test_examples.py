@@ -243,7 +243,7 @@ def test_cart_pendulum_in_both_kinds_of_time(monkeypatch: pytest.MonkeyPatch) ->
     example = load("06_cart_pendulum", monkeypatch)
     continuous = example.embedded_continuously(example.STEEP)
     assert all(run.success for run in continuous)
-    x, _ = continuous[-1].trajectory.sample(example.T)
+    x, _ = continuous[-1].dense.sample(example.T)
     assert np.abs(x[:, 1] - example.embedded(example.STEEP)[-1].x[:, 1]).max() < np.radians(4.0)
 
 

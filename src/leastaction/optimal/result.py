@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
@@ -17,6 +18,7 @@ from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.memory import Memory
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.settings import Settings
+from leastaction.optimal.system import System
 
 
 class Status(Enum):
@@ -256,6 +258,12 @@ class OptimizationResult(Frozen):
         What was found beside the inputs, by name. The trajectory is one of ``system.with_parameters(result.unknowns)``.
     memory : Memory or None
         What resuming needs of a run that may begin again; None of others.
+    t : ndarray (N+1,)
+        Times of the states (s); their indices, of a system that knows no time.
+    state_names, input_names : tuple of str
+        Names of the columns of `x` and of `u`, by which ``result["elbow"]`` finds them.
+    system : System or None
+        What the system told of itself, for the `trajectory` of a mechanism; None of a system of anything else.
     """
 
     status: Status
@@ -276,6 +284,72 @@ class OptimizationResult(Frozen):
     gap: float = field(default=0.0, kw_only=True)
     unknowns: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), kw_only=True)
     memory: Memory | None = field(default=None, kw_only=True)
+    t: Array = field(default_factory=lambda: np.empty(0), kw_only=True)
+    state_names: tuple[str, ...] = field(default=(), kw_only=True)
+    input_names: tuple[str, ...] = field(default=(), kw_only=True)
+    system: System | None = field(default=None, kw_only=True, repr=False, compare=False, metadata={"recorded": False})
+
+    def __post_init__(self) -> None:
+        # Of systems without, and files of before they were known.
+        if len(self.t) == 0:
+            object.__setattr__(self, "t", np.arange(len(self.x), dtype=np.float64))
+        for name, letter, values in (("state_names", "x", self.x), ("input_names", "u", self.u)):
+            if not getattr(self, name):
+                object.__setattr__(self, name, tuple(f"{letter}[{i}]" for i in range(values.shape[-1])))
+        super().__post_init__()
+
+    @property
+    def trajectory(self) -> Any:
+        """The trajectory of the mechanism that was steered, with what it knows by name and its multipliers.
+
+        Returns
+        -------
+        Trajectory or ContinuousTrajectory
+            In the system's kind of time.
+
+        Raises
+        ------
+        ArgumentError
+            Where the system is of no mechanism, or multiple shooting left gaps between the steps.
+        """
+        if self.system is None:
+            raise ArgumentError(
+                "result.trajectory: the result knows no mechanism: its system is of none, or makes steps of its own, "
+                "or it was saved by an older leastaction. Take x, u and t, or system.trajectory(x, u) of a "
+                "MidpointSystem"
+            )
+        if self.gap > 0.0:
+            raise ArgumentError(
+                f"result.trajectory: the run ended with gaps between its steps, of {self.gap:.2g} in parts of the "
+                "states' sizes, so (x, u) is no motion. Go on with resume=result"
+            )
+        return self.system.motion(self)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a state, an input or, of a mechanism, a multiplier over time by name.
+
+        ``name``: one of `state_names`, such as "elbow" or "p_elbow", of `input_names`, or of what `trajectory` knows
+        beside them, the mechanism's constraints. What is prescribed has one name as state and input: its states are
+        returned. Raises `ArgumentError` for an unknown name.
+        """
+        for names, values in ((self.state_names, self.x), (self.input_names, self.u)):
+            if name in names:
+                return values[:, names.index(name)]
+        if self.system is not None and self.gap == 0.0:
+            found: Array = self.trajectory[name]
+            return found
+        known = (*self.state_names, *self.input_names)
+        raise ArgumentError(f"unknown name {name!r}; {closest(name, known, what='states and inputs')}")
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the columns of `x`, such as "rad"; "" where none is known."""
+        return ("",) * len(self.state_names) if self.system is None else self.system.state_units
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the columns of `u`, likewise."""
+        return ("",) * len(self.input_names) if self.system is None else self.system.input_units
 
     @property
     def iterations(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,7 @@ from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
 from leastaction.numerics.frozen import changed, restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
@@ -80,6 +81,28 @@ class MidpointSystem(DiscreteSystem):
         m = self.mechanism
         return (*m.inputs, *m.variables[m.nd :])[i]
 
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        units = state_units(self.mechanism, momenta=True)
+        return (*units, *multiplier_units(self.mechanism, impulses=True)) if self.multipliers else units
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        m, units = self.mechanism, self.mechanism.units
+        return tuple(units[name] for name in (*m.inputs, *m.kinematic))
+
+    def told(self) -> MidpointSystem | None:
+        """Return the system without what a subclass adds; None of one that steps otherwise, or has other states."""
+        if type(self) is MidpointSystem:
+            return self
+        plain = MidpointSystem(self.integrator, self.t, multipliers=self.multipliers)
+        plain.first_share = self.first_share
+        same = (plain.nx, plain.nu, plain.N) == (self.nx, self.nu, self.N)
+        return plain if same and type(self).f is MidpointSystem.f else None
+
+    def motion(self, result: Any) -> Trajectory:
+        return self.trajectory(result.x, result.u)
+
     def window(self, start: int, stop: int) -> DiscreteSystem:
         check_window(start, stop, self.N)
         return self._remade(self.integrator, self.t[start : stop + 1], self._share(start))
@@ -99,6 +122,10 @@ class MidpointSystem(DiscreteSystem):
 
     def time(self, k: int) -> float:
         return float(self.t[k])
+
+    @property
+    def times(self) -> Array:
+        return self.t
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         """Return the directions (nx, n) in which an initial state may move; see `DiscreteSystem`.

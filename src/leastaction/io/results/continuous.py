@@ -56,9 +56,9 @@ class ContinuousContent:
         common = OptimizationResult(**_common(result))
         return cls(
             common=common,
-            nx=result.trajectory.nx,
+            nx=result.dense.nx,
             t=result.t,
-            trajectory=Pieces.of(result.trajectory.xu),
+            trajectory=Pieces.of(result.dense.xu),
             feedback=Pieces.of(result.feedback),
             projection=Pieces.of(result.projection),
             accuracy=result.accuracy,
@@ -68,9 +68,8 @@ class ContinuousContent:
     def result(self) -> ContinuousOptimizationResult:
         """Return the result."""
         return ContinuousOptimizationResult(
-            **_common(self.common),
-            t=self.t,
-            trajectory=DenseTrajectory(self.trajectory.function(), self.nx),
+            **{**_common(self.common), "t": self.t},
+            dense=DenseTrajectory(self.trajectory.function(), self.nx),
             feedback=self.feedback.function(),
             projection=self.projection.function(),
             accuracy=self.accuracy,

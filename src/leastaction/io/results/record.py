@@ -87,7 +87,8 @@ def save_record(
     path : path
         The file, by custom with the ending ``.npz``. The name is used as given.
     content : dataclass
-        Of arrays, numbers, texts, enums, lists, mappings, and dataclasses of these.
+        Of arrays, numbers, texts, enums, lists, mappings, and dataclasses of these. A field whose metadata say
+        ``"recorded": False`` is left out, and has its default when the file is read.
     provenance : Provenance, optional
         Now, if not given.
     arrays : mapping of str to array, optional
@@ -190,7 +191,8 @@ def _without_arrays(value: Any, name: str, arrays: dict[str, ArrayLike]) -> Any:
         arrays[name] = value
         return None
     if is_dataclass(value):
-        value = {field.name: getattr(value, field.name) for field in fields(value)}
+        kept = [field.name for field in fields(value) if field.metadata.get("recorded", True)]
+        value = {name: getattr(value, name) for name in kept}
     if isinstance(value, Mapping):
         prefix = f"{name}." if name else ""
         return {key: _without_arrays(v, f"{prefix}{key}", arrays) for key, v in value.items()}

@@ -10,6 +10,7 @@ import numpy as np
 
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
+from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.step_quality import StepQuality
@@ -115,6 +116,14 @@ class Trajectory(BaseTrajectory[State]):
     def x(self) -> Array:
         """States ``[q; rho; p; v_rho]``, shape (N+1, nx)."""
         return np.hstack([self.q, self.p, self.v_rho])
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        return state_units(self.mechanism, momenta=True)
+
+    @property
+    def multiplier_units(self) -> tuple[str, ...]:
+        return multiplier_units(self.mechanism, impulses=True)
 
     @property
     def u(self) -> Array:

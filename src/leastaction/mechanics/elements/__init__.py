@@ -25,6 +25,7 @@ from leastaction.mechanics.elements.forces.motors import JointForce, LinearMotor
 from leastaction.mechanics.elements.forces.tendons import TendonForce
 from leastaction.mechanics.elements.forces.wrenches import BodyWrench, HybridWrench, SpatialWrench, Wrench
 from leastaction.mechanics.elements.kinds import Uses
+from leastaction.mechanics.elements.looks import Look, Push
 from leastaction.mechanics.elements.potentials.gravity import Gravity, InverseSquareGravity
 from leastaction.mechanics.elements.potentials.springs import (
     ElasticString,
@@ -38,8 +39,8 @@ __all__ = [
     "BodyWrench", "Compiler", "Constraint", "Context", "CoulombFriction", "Coupling", "Damping", "Distance", "Drag",
     "ElasticString", "Element", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "FixedOrientation",
     "Force", "FunctionReport", "Gravity", "HingeLoop", "HybridWrench", "InverseSquareGravity", "JointForce",
-    "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Motor", "NonlinearDamping", "NonlinearSpring",
-    "Parts", "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "Potential", "PrescribedPath",
-    "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "SpatialWrench", "TendonForce",
-    "TorsionalSpring", "Uses", "Wrench", "check_function",
+    "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Look", "Motor", "NonlinearDamping",
+    "NonlinearSpring", "Parts", "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "Potential",
+    "PrescribedPath", "Push", "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "SpatialWrench",
+    "TendonForce", "TorsionalSpring", "Uses", "Wrench", "check_function",
 ]  # fmt: skip

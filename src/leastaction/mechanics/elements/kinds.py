@@ -83,6 +83,10 @@ class Kind(abc.ABC):
         """Return the value with another number of one parameter, not checked yet."""
         raise NotImplementedError
 
+    def prescribed(self, value: Any) -> dict[str, str]:
+        """The units of variables that stand for a number, by their names."""
+        return {}
+
     def show(self, value: Any) -> str:
         """Return a value as text."""
         return str(value)
@@ -195,6 +199,9 @@ class NumberOrVariable(Kind):
 
     def read(self, value: object, what: str) -> float | str:
         return check_name(value, what) if isinstance(value, str) else self.number.read(value, what)
+
+    def prescribed(self, value: float | str) -> dict[str, str]:
+        return {value: self.number.unit} if isinstance(value, str) else {}
 
 
 @dataclass(frozen=True)

@@ -350,6 +350,15 @@ class Mechanism(Compiled):
         """Mass of all bodies (kg), those fixed in the world too."""
         return queries.masses.mass_of(self)
 
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each variable, input and constraint equation by its name, such as "rad", "m", "N m", "m^2".
+
+        "" where there is none, as of products of unit vectors, or where none is known: of a variable that moves joints
+        of both kinds, of a sum of variables with several units, of what a factor or an expression of one's own scales.
+        """
+        return queries.units.units_of(self)
+
     constraint_values = queries.constraints.constraint_values
     constraint_residuals = queries.constraints.constraint_residuals
     constraint_jacobian = queries.constraints.constraint_jacobian
@@ -379,7 +388,7 @@ class Mechanism(Compiled):
 
         Raises
         ------
-        DocumentError
+        ModelFileError
             For another ending, or an element that no file can say: one that calls Python.
         OutputError
             If the file cannot be written.
@@ -399,7 +408,7 @@ class Mechanism(Compiled):
 
         Raises
         ------
-        DocumentError
+        ModelFileError
             For a file that is not there or is broken, and for what does not fit, with its line and place in the file.
         DescriptionError
             For a mechanism that cannot be, such as one with a dynamic variable that moves no mass.

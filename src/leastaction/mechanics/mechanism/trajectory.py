@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Generic, TypeVar
 
 from leastaction.errors import ArgumentError, closest, unknown
@@ -92,6 +94,24 @@ class BaseTrajectory(Frozen, ABC, Generic[S_co]):
     @abstractmethod
     def energy(self) -> Energy:
         """Return the energy along the motion (J)."""
+
+    @property
+    @abstractmethod
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the entries of the state vector."""
+
+    @property
+    @abstractmethod
+    def multiplier_units(self) -> tuple[str, ...]:
+        """Units of the multipliers: of forces, or in discrete time of impulses."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each variable, input and multiplier by name; "" where none is known (see `Mechanism.units`)."""
+        m = self.mechanism
+        multipliers = dict(zip(m.constraints, self.multiplier_units, strict=True))
+        units = m.units
+        return MappingProxyType({**multipliers, **{name: units[name] for name in (*m.inputs, *m.variables)}})
 
     def __getitem__(self, name: str) -> Array:
         """Return a variable, an input or a multiplier over time by name."""

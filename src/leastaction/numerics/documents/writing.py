@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from leastaction.errors import DocumentError
+from leastaction.errors import ModelFileError
 from leastaction.numerics.documents.dialect import dumper
 from leastaction.numerics.documents.document import NOTATIONS, Notation
 from leastaction.numerics.files import write_text
@@ -29,11 +29,11 @@ def document_text(data: Any, notation: Notation) -> str:
 def write_document(path: str | os.PathLike[str], data: Any) -> Path:
     """Write plain data as its ending says, whole or not at all.
 
-    Returns the file. Raises `DocumentError` for another ending than ``.yaml``, ``.yml`` and ``.json``, `OutputError`
+    Returns the file. Raises `ModelFileError` for another ending than ``.yaml``, ``.yml`` and ``.json``, `OutputError`
     where the file cannot be written.
     """
     file = Path(path)
     notation = NOTATIONS.get(file.suffix.lower())
     if notation is None:
-        raise DocumentError(f"{file}: got the ending {file.suffix!r}, expected one of {', '.join(NOTATIONS)}")
+        raise ModelFileError(f"{file}: got the ending {file.suffix!r}, expected one of {', '.join(NOTATIONS)}")
     return write_text(file, document_text(data, notation))

@@ -162,8 +162,8 @@ class ContinuousOptimizationResult(OptimizationResult):
     ----------
     t : ndarray (n+1,)
         Times of the samples (s): the ends of the trajectory's pieces.
-    trajectory : DenseTrajectory
-        The trajectory as functions of time.
+    dense : DenseTrajectory
+        The states and inputs as functions of time.
     feedback : PiecewisePolynomial
         Gains (nu, nx) about it as a function of time, ``u = u_opt - K (x - x_opt)``.
     projection : PiecewisePolynomial
@@ -176,7 +176,7 @@ class ContinuousOptimizationResult(OptimizationResult):
     """
 
     t: Array
-    trajectory: DenseTrajectory
+    dense: DenseTrajectory
     feedback: PiecewisePolynomial
     projection: PiecewisePolynomial
     accuracy: Accuracy

@@ -26,7 +26,7 @@ from leastaction.numerics.arrays import (
 from leastaction.numerics.frozen import Frozen
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.limits.limit import Limit
-from leastaction.optimal.optimize import optimize
+from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.following.cost import following_cost
 from leastaction.systems.following.curves import held_still, through, wanted_curve, with_inputs
@@ -87,6 +87,15 @@ class Followed(Frozen):
     def trajectory(self) -> Trajectory:
         """The motion, by names."""
         return self.system.trajectory(self.result.x, self.result.u)
+
+    @property
+    def t(self) -> Array:
+        """Times of the states (N+1,) (s)."""
+        return self.system.t
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a state, an input or a multiplier over time by name, as the result does."""
+        return self.result[name]
 
     @property
     def errors(self) -> dict[str, float]:

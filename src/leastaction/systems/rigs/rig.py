@@ -15,6 +15,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_mapping
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
+from leastaction.systems.quantities.discrete import quantity_of
 
 _MOST = 1e12  # rad, m, s or N/m: squares and quotients of larger numbers overflow, and no rig has them
 
@@ -136,6 +137,15 @@ class Played(Frozen):
     def q(self) -> Array:
         """Configurations (N+1, nq)."""
         return self.x[:, : self.mechanism.nq]
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a variable, a momentum ("p_elbow"), a rate ("v_hook") or an input over time by name."""
+        m = self.mechanism
+        state = quantity_of(m, "state", self.t, multipliers=False).names
+        for names, values in ((state, self.x), ((*m.inputs, *m.kinematic), self.u)):
+            if name in names:
+                return values[:, names.index(name)]
+        raise ArgumentError(f"unknown name {name!r}; {closest(name, (*state, *m.inputs), what='states and inputs')}")
 
     def off(self, wanted: ArrayLike, names: str | Sequence[str] = "*") -> float:
         """Return the root mean square distance of dynamic variables from configurations (N+1, nq) or (N+1, nd).

@@ -17,7 +17,9 @@ from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import END, FACTORS, FRAME, PATH, number, positive
 from leastaction.mechanics.elements.forces.tendons import TendonForce
 from leastaction.mechanics.elements.kinds import Kind
+from leastaction.mechanics.elements.looks import Look, Push, along_axes
 from leastaction.mechanics.elements.potentials.springs import ElasticString, LinearSpring
+from leastaction.mechanics.elements.units import common
 from leastaction.numerics.arrays import Array
 
 _LENGTH = positive("as a string of zero length has no direction to pull in", unit="m", variable="kinematic")
@@ -50,6 +52,10 @@ class Distance(Constraint):
     task = "hold their distance"
 
     @property
+    def looks(self) -> tuple[Look, ...]:
+        return (Look("string" if isinstance(self.length, str) else "rod", (self.frame1, self.frame2)),)
+
+    @property
     def length_variable(self) -> str | None:
         return self.length if isinstance(self.length, str) else None
 
@@ -65,6 +71,9 @@ class Distance(Constraint):
 
     def as_force(self, tension: str) -> Element:
         return TendonForce((self.frame1, self.frame2), tension, name=self.name)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m^2",)
 
     def add_to(self, core: Compiler) -> None:
         ends = core.point(self.frame1), core.point(self.frame2)
@@ -120,8 +129,15 @@ class PointToPoint(Constraint):
     def equations(self) -> tuple[str, ...]:
         return tuple(f".{axis}" for axis in self.axes)
 
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        return (Push(self.frame1, along_axes({axis: f".{axis}" for axis in self.axes})),)
+
     def as_spring(self, stiffness: float) -> Element:
         return LinearSpring(self.frame1, self.frame2, stiffness, name=self.name)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",) * len(self.equations)
 
     def add_to(self, core: Compiler) -> None:
         first, second = core.point(self.frame1), core.point(self.frame2)
@@ -157,6 +173,7 @@ class PathLength(Constraint):
 
     called = "path_length"
     reads = "{frames}, {length}"
+    seen_as = "string"
 
     @property
     def length_variable(self) -> str | None:
@@ -173,6 +190,9 @@ class PathLength(Constraint):
 
     def as_force(self, tension: str) -> Element:
         return TendonForce(self.frames, tension, name=self.name)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",)
 
     def add_to(self, core: Compiler) -> None:
         core.constraint(core.path(self.frames), "length", self.length)
@@ -205,6 +225,13 @@ class Coupling(Constraint):
 
     called = "coupling"
     reads = "{factors} = {offset}"
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        unit = common(of.get(name, "") for name in self.factors)
+        return dict.fromkeys(super().units(of), unit)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return (common(of.get(name, "") for name in self.factors),)
 
     def add_to(self, core: Compiler) -> None:
         core.constraint(core.sum(self.factors), "offset", self.offset)

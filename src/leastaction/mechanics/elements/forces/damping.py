@@ -14,6 +14,7 @@ from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import DYNAMIC, END, positive
 from leastaction.mechanics.elements.kinds import Kind, Number, Uses
 from leastaction.mechanics.elements.scalars import Factors
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import check_name
 
 _COEFFICIENT = Number(lambda c: c >= 0.0, "zero or more", "as damping opposes the motion")
@@ -219,6 +220,10 @@ class LinearDamper(Force):
     called = "damper"
     reads = "{frame1} to {frame2}, {coefficient}"
     task = "give way to the damper"
+    seen_as = "damper"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        return self.coefficient * rate
 
     def add_to(self, core: Compiler) -> None:
         length = core.path((self.frame1, self.frame2))

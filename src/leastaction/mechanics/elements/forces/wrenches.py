@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -13,6 +13,8 @@ from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import FRAME
 from leastaction.mechanics.elements.kinds import Kind, Number, Uses
+from leastaction.mechanics.elements.looks import Push, along_axes
+from leastaction.mechanics.elements.units import common
 from leastaction.numerics.names import check_name
 
 _Three = tuple[float | str, ...]
@@ -117,6 +119,23 @@ class Wrench(Force):
         if self.torque is not None:
             parts.append(f"torque {_TORQUE.show(tuple(self.torque))}")
         return ", ".join(parts)
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        given: list[tuple[str, str]] = []
+        for kind, components in ((_FORCE, self.force), (_TORQUE, self.torque)):
+            given += [(each, kind.unit) for each in components or () if isinstance(each, str)]
+        return {name: common(unit for other, unit in given if other == name) for name, _ in given}
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        parts = self.components
+        force, torque = ({axis: parts[letter + axis] for axis in "xyz"} for letter in "ft")
+        axes = self.frame if self.kind == "body" else None
+        found = (
+            Push(self.frame, along_axes(force), axes),
+            Push(self.frame, along_axes(torque), axes, turning=True),
+        )
+        return tuple(push for push in found if push.terms)
 
     def add_to(self, core: Compiler) -> None:
         slots, inputs = [], []

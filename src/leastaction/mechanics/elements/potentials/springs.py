@@ -25,6 +25,8 @@ from leastaction.mechanics.elements.fields import (
     number,
     positive,
 )
+from leastaction.mechanics.elements.units import common
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.curve import Curve
 
 
@@ -54,6 +56,10 @@ class JointSpring(Potential):
 
     called = "joint_spring"
     reads = "{variable}, stiffness {stiffness}, rest {rest}"
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        names = (self.variable,) if isinstance(self.variable, str) else self.variable
+        return dict.fromkeys(super().units(of), common(of.get(name, "") for name in names))
 
     def add_to(self, core: Compiler) -> None:
         s, rest = core.less(core.sum(self.variable), "rest", self.rest)
@@ -93,6 +99,11 @@ class LinearSpring(Potential):
     called = "spring"
     reads = "{frame1} to {frame2}, {stiffness}, length {length}"
     task = "give way to the spring"
+    seen_as = "spring"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        rest = values[self.length] if isinstance(self.length, str) else self.length
+        return self.stiffness * (length - rest)
 
     @property
     def strings(self) -> tuple[tuple[str, ...], ...]:
@@ -201,6 +212,10 @@ class NonlinearSpring(Potential):
 
     called = "nonlinear_spring"
     reads = "{on}, force {force}"
+    seen_as = "spring"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        return np.asarray(self.force(length), dtype=float)
 
     def add_to(self, core: Compiler) -> None:
         scale = core.parameter("scale", 1.0)
@@ -250,6 +265,13 @@ class ElasticString(Potential):
 
     called = "elastic_string"
     reads = "{frames}, {stiffness}, length {length}"
+    seen_as = "string"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        stretch = length - (values[self.length] if isinstance(self.length, str) else self.length)
+        if self.tension_only:
+            stretch = self.smoothing * np.logaddexp(0.0, stretch / self.smoothing)
+        return self.stiffness * stretch
 
     def describe(self) -> str:
         return f"{super().describe()}, {'tension only' if self.tension_only else 'both ways'}"

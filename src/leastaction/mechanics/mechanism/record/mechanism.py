@@ -49,7 +49,7 @@ def mechanism_type() -> Any:
 def plan_data(settled: Plan) -> dict[str, Any]:
     """Return a mechanism as plain data, from which `plan_of` makes the same one.
 
-    Raises `DocumentError` for what no file can say, such as an element in Python.
+    Raises `ModelFileError` for what no file can say, such as an element in Python.
     """
     data: dict[str, Any] = {"leastaction": FORMAT}
     if settled.tree.frames[0].name != "world":
@@ -67,7 +67,7 @@ def plan_data(settled: Plan) -> dict[str, Any]:
 
 
 def plan_of(document: Document) -> Plan:
-    """Return the mechanism that a document describes; raise a `DocumentError` with the place of what is wrong."""
+    """Return the mechanism that a document describes; raise a `ModelFileError` with the place of what is wrong."""
     check_format(document.data, FORMAT, document)
     record = document.read_as(mechanism_type())
     world = "world" if record.world is UNSET else record.world
@@ -85,7 +85,7 @@ def plan_of(document: Document) -> Plan:
 
 
 def check_format(data: Mapping[str, Any], expected: str, document: Document) -> None:
-    """Raise a `DocumentError` unless the data say that they are of a format."""
+    """Raise a `ModelFileError` unless the data say that they are of a format."""
     found = data.get("leastaction")
     if found is None:
         raise document.error((), f"the key 'leastaction' is missing; the first line is `leastaction: {expected}`")

@@ -272,7 +272,7 @@ def optimize(
         rate, accuracy = cast(ContinuousCost, cost), accuracy or Accuracy()
         problem = _continuous_problem(system, rate, limits, free, settings, accuracy, horizon, collocate=collocate)
         if isinstance(initial, ContinuousOptimizationResult) and not isinstance(problem, CollocationProblem):
-            initial = initial.trajectory
+            initial = initial.dense
     # Threads of BLAS gain nothing on many matrices of a few hundred rows, and wait for each other on a busy machine:
     # such a matrix was factored in 73 ms instead of 1.
     with _libraries().limit(limits=1, user_api="blas") if isinstance(problem, CollocationProblem) else nullcontext():
