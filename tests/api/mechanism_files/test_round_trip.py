@@ -20,11 +20,12 @@ from fuzz.questions import changes
 from leastaction.errors import ModelFileError
 from leastaction.mechanics import Potential
 from leastaction.mechanics.mechanism.record import mechanism_type
-from leastaction.mechanics.mechanism.record.schema import SCHEMA_FILE, schema_text
+from leastaction.mechanics.mechanism.record.schema import SCHEMA_FILE
 from leastaction.models import MODELS
 from leastaction.models import build as build_model
 from leastaction.models.broad_hand import broad_hand
 from leastaction.models.chain import pendulum_chain
+from leastaction.numerics.documents import schema_text
 
 pytestmark = pytest.mark.filterwarnings("ignore::leastaction.errors.UnitWarning")
 CASES = Path(os.environ.get("CONFORMANCE_DIR") or Path(__file__).resolve().parents[4] / "shared" / "conformance")

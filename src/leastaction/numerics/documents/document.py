@@ -128,6 +128,19 @@ def document_of(text: str, notation: Notation, *, title: str = "the text", folde
     return Document(title, data, text, folder)
 
 
+def check_format(document: Document, expected: str) -> None:
+    """Raise a `ModelFileError` unless a document says that it is of a format, such as ``"mechanism 1"``."""
+    found = document.data.get("leastaction")
+    if found is None:
+        raise document.error((), f"the key 'leastaction' is missing; the first line is `leastaction: {expected}`")
+    if found == expected:
+        return
+    kind, _, version = str(found).partition(" ")
+    if kind == expected.partition(" ")[0] and version.isdigit():
+        raise document.error(("leastaction",), f"got version {version}, expected {expected!r}; update leastaction")
+    raise document.error(("leastaction",), f"got {found!r}, expected {expected!r}")
+
+
 def _json(text: str, title: str) -> Any:
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)

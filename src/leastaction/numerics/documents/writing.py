@@ -7,6 +7,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from leastaction.errors import ModelFileError
 from leastaction.numerics.documents.dialect import dumper
 from leastaction.numerics.documents.document import NOTATIONS, Notation
@@ -24,6 +26,12 @@ def document_text(data: Any, notation: Notation) -> str:
     return str(
         yaml.dump(data, Dumper=dumper(), sort_keys=False, allow_unicode=True, default_flow_style=None, width=_WIDTH)
     )
+
+
+def schema_text(kind: Any) -> str:
+    """Return the JSON schema of a type of documents: editors complete and check by it while a file is written."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(kind)}
+    return json.dumps(schema, indent=1) + "\n"
 
 
 def write_document(path: str | os.PathLike[str], data: Any) -> Path:
