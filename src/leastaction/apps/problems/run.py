@@ -12,7 +12,7 @@ from rich.console import Console
 
 from leastaction.apps.problems.problem import ProblemFile
 from leastaction.apps.problems.report import RESULT, remove_report, write_report
-from leastaction.errors import ArgumentError, LeastActionError, OutputError
+from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.io.results import load_result, save_result
 from leastaction.optimal import IterationRecord, IterationTable, StageRecord, StageTable, Status
 from leastaction.systems import Followed, follow
@@ -89,7 +89,7 @@ def run_problem(
     except KeyboardInterrupt:
         complain(f"interrupted; the result is in {folder / RESULT}. Go on with: {again}")
         return INTERRUPTED
-    except OutputError as error:
+    except LeastActionError as error:
         complain(f"{error}. The result itself is in {folder / RESULT}")
         return STUCK
     for name, about in written.items():

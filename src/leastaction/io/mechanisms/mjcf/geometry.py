@@ -116,7 +116,7 @@ def mesh(vertices: Array, triangles: Array, how: MeshMass) -> Moments:
     if how == "legacy":
         parts = np.abs(parts)
     second = _second(corners - center, parts, 1.0 / 20.0)
-    return Moments(volume, center, np.trace(second) * np.eye(3) - second)
+    return Moments(float(parts.sum()), center, np.trace(second) * np.eye(3) - second)
 
 
 def _second(corners: Array, weights: Array, factor: float) -> Array:
