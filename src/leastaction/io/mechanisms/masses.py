@@ -73,7 +73,7 @@ def _with_small_masses(links: Sequence[LinkPart], changes: list[LeftOut]) -> lis
     small = MassPart(_SHARE * mass, np.zeros(3), 0.4 * _SHARE * mass * _RADIUS**2 * np.eye(3))
     result = list(links)
     for index, (link, pose, total) in enumerate(zip(links, poses, sums, strict=True)):
-        twists = [twist for joint in link.joints if not joint.prescribed for twist in _twists(joint, pose)]
+        twists = [twist for joint in link.joints for twist in _twists(joint, pose)]
         if all(twist @ total @ twist > 1e-13 * _scale(total, twist) for twist in twists):
             continue
         result[index] = replace(link, mass=small if link.mass is None else _sum(link.mass, small))
