@@ -15,7 +15,8 @@ import mujoco
 import leastaction
 from leastaction import ContinuousDynamics
 from leastaction.errors import ModelFileError
-from leastaction.io.mechanisms import Model
+from leastaction.io.mechanisms import Model, rotations
+from leastaction.io.mechanisms.poses import rotation_of
 from oracles import mujoco_models
 
 INERTIAL = '<inertial pos="0.1 0 .2" mass="2" diaginertia=".1 .2 .25"/>'
@@ -57,7 +58,7 @@ FORCES = {
     ),
     "servos by their damping ratio": (
         '<position name="p" joint="a" kp="20" dampratio=".7" gear="2"/><position joint="c" kp="8" dampratio="1"/>'
-        '<position tendon="sum" kp="20" dampratio="1.2" gear="2"/>'
+        '<position tendon="sum" kp="20" dampratio="1.2" gear="2"/><position tendon="tackle" kp="9" dampratio=".4"/>'
     ),
     "a damper": '<damper joint="b" kv="3" ctrlrange="0 1"/><damper tendon="tackle" kv="2" ctrlrange="0 2"/>',
     "general ones": (
@@ -116,7 +117,7 @@ def assert_same_forces(file: Path, model: Model) -> None:
         M = np.zeros((m.nv, m.nv))
         mujoco.mj_fullM(m, d, M)
         wanted = d.qfrc_bias - d.qfrc_passive - d.qfrc_actuator + M @ a
-        got = dynamics.inverse_dynamics(q, v, a, u)
+        got = dynamics.inverse_dynamics(q, v, a, u=u)
         np.testing.assert_allclose(mechanism.mass_matrix(q), M, rtol=0, atol=1e-10 * np.abs(M).max())
         np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
 
@@ -149,8 +150,8 @@ def test_a_tendon_has_friction_inertia_and_limits(tmp_path: Path) -> None:
     model = leastaction.load(file)
     assert model.mechanism.elements["friction.sum"].force == 0.4
     assert [each.name for each in model.left_out] == ["range of the tendon 'plain'"]
-    (bound,) = [each for each in model.limits if each.max == 1.0 and each.min == -0.5]
-    assert dict(bound.on) == {"a": 1.5, "b": -0.7, "c": 2.0}
+    (bound,) = [each for each in model.limits if not isinstance(each.names, str)]
+    assert dict(bound.names) == {"a": 1.5, "b": -0.7, "c": 2.0}
     assert_same_forces(file, model)
 
 
@@ -163,7 +164,7 @@ def test_limits_of_inputs(tmp_path: Path) -> None:
         '<intvelocity name="i" joint="a" kp="4" actrange="-1 1" ctrlrange="-9 9"/><motor name="free" joint="c"/>'
     )
     model = leastaction.load(written(tmp_path, ARM + f"<actuator>{text}</actuator>"))
-    found = {each.on: (each.min, each.max) for each in model.limits if each.of == "input"}
+    found = {each.names: (each.min, each.max) for each in model.limits if each.of == "input"}
     assert found == {
         "m": (-2.0, 3.0), "n": (-8.0, 6.0), "g": (-1.0, 3.0), "p": (-0.375, 0.875), "q": (0.0, 1.0), "i": (-1.0, 1.0)
     }  # fmt: skip
@@ -230,7 +231,10 @@ def test_equalities(tmp_path: Path, name: str) -> None:
         mujoco.mj_forward(m, d)
         J = np.zeros((d.nefc, m.nv))
         J[:] = d.efc_J.reshape(d.nefc, m.nv)
-        residuals, jacobian = model.mechanism.constraint_residuals(q), model.mechanism.constraint_jacobian(q)
+        residuals, jacobian = (
+            list(model.mechanism.constraint_residuals(q).values()),
+            model.mechanism.constraint_jacobian(q),
+        )
         np.testing.assert_allclose(residuals, d.efc_pos, rtol=0, atol=1e-10)
         np.testing.assert_allclose(jacobian, J, rtol=0, atol=1e-10)
 
@@ -238,34 +242,43 @@ def test_equalities(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize("more", ["", 'relpose=".1 .2 .3 .9 .1 .2 .3" anchor=".1 .1 0"', 'anchor=".1 .2 .3"'])
 @pytest.mark.parametrize("ends", ['body1="slider" body2="upper"', 'body1="lower"', 'site1="s1" site2="u2"'])
 def test_a_weld(tmp_path: Path, ends: str, more: str) -> None:
-    """Its place is the same; of its turn both vanish together, with the same directions where they do."""
+    """Where MuJoCo's equations hold ours do, and there are six."""
     if "site" in ends and more:
         pytest.skip("of sites a weld has no pose")
-    free = f'<worldbody><body name="loose" pos="1 2 3" euler="10 20 30"><freejoint name="f"/>{INERTIAL}</body></worldbody>'
+    free = (
+        f'<worldbody><body name="loose" pos="1 2 3" euler="10 20 30"><freejoint name="f"/>{INERTIAL}</body></worldbody>'
+    )
     body = ends.replace('"slider"', '"loose"').replace('"lower"', '"loose"').replace('site1="s1"', 'site1="at"')
     free = free.replace("</body>", '<site name="at" pos=".1 .2 0" euler="5 6 7"/></body>')
-    file = written(tmp_path, ARM + free + f'<equality><weld {body} {more}/></equality>')
-    model = leastaction.load(file, strict=True)
-    mechanism = model.mechanism
+    file = written(tmp_path, ARM + free + f"<equality><weld {body} {more}/></equality>")
+    mechanism = leastaction.load(file, strict=True).mechanism
     m, d = compiled(file, "EQUALITY")
-    held = {name: mechanism.configuration(model.reference)[i] for i, name in enumerate("abc")}
-    guess = mechanism.configuration(model.reference)
-    found = leastaction.project_configuration(mechanism, guess, fixed=list(held))
-    q = found.q if hasattr(found, "q") else found
-    assert np.abs(mechanism.constraint_residuals(q)).max() < 1e-9
-    joints = mujoco_models.joints_of(file)
-    values = dict(zip(mechanism.variables, q, strict=True))
-    d.qpos[:] = np.concatenate(
-        [
-            [values[j.name]] if j.kind in ("hinge", "slide") else
-            [*(values[f"f.{x}"] for x in "xyz"),
-             *mujoco_models.quaternion(np.array([values[f"f.r{x}"] for x in "xyz"]))]
-            for j in joints
-        ]
-    )  # fmt: skip
+    mujoco.mj_forward(m, d)
+    free, other = ("at", "u2") if "site" in ends else ("loose", "upper" if "slider" in ends else "world")
+    kind = "site" if "site" in ends else "xbody"
+    first, second, loose = (_pose(d, *of) for of in ((kind, free), (kind, other), ("xbody", "loose")))
+    relative = np.eye(4) if "site" in ends else np.linalg.inv(first) @ second
+    if "relpose" in more:
+        relative = np.eye(4)
+        R = rotation_of([0.9, 0.1, 0.2, 0.3])
+        relative[:3, :3], relative[:3, 3] = R, np.array([0.1, 0.2, 0.3]) - R @ [0.1, 0.1, 0.0]
+    wanted = second @ np.linalg.inv(relative) @ np.linalg.inv(first) @ loose
+    angles = rotations.angles_of(wanted[:3, :3])
+    d.qpos[3:] = np.concatenate([wanted[:3, 3], mujoco_models.quaternion(angles)])
     mujoco.mj_forward(m, d)
     assert d.nefc == 6
-    assert np.abs(d.efc_pos).max() < 1e-7
+    assert np.abs(d.efc_pos).max() < 1e-12
+    q = np.concatenate([d.qpos[:3], wanted[:3, 3], angles])
+    assert max(map(abs, mechanism.constraint_residuals(q).values())) < 1e-12
+    assert mechanism.constraint_rank(q) == 6
+
+
+def _pose(d: Any, kind: str, name: str) -> np.ndarray:
+    pose = np.eye(4)
+    if name != "world":
+        part = d.site(name) if kind == "site" else d.body(name)
+        pose[:3, :3], pose[:3, 3] = part.xmat.reshape(3, 3), part.xpos
+    return pose
 
 
 def test_what_does_not_hold_is_left_out(tmp_path: Path) -> None:
