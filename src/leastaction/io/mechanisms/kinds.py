@@ -50,7 +50,7 @@ def kind_of(root: ET.Element, path: Path) -> Literal["urdf", "mjcf"]:
     if root.tag == "mujoco":
         return "mjcf"
     if root.tag == "robot":
-        macro = [e.tag for e in root.iter() if isinstance(e.tag, str) and e.tag.startswith("{") and "xacro" in e.tag]
+        macro = [e.tag for e in root.iter() if str(e.tag).startswith("{") and "xacro" in str(e.tag)]
         if macro or path.suffix == ".xacro":
             raise ModelFileError(
                 f"{path}: this is a xacro file, from which a URDF is made; run `xacro {path.name} > robot.urdf` and "

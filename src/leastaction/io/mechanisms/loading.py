@@ -104,7 +104,7 @@ def load(
 
 
 def _own(file: Path) -> Model:
-    mechanism = Mechanism.load(file)  # type: ignore[attr-defined]
+    mechanism = Mechanism.load(file)
     return Model(mechanism=mechanism, name=file.stem)
 
 
