@@ -33,9 +33,19 @@ class Point:
     Jv: np.ndarray
 
 
-def smooth(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism without the dry friction of its joints."""
+ACTIVE = ("motor.", "servo.", "muscle.", "passive.")
+
+
+def without_friction(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without the dry friction of its joints and tendons."""
     return mechanism.with_exchanged({name: () for name in mechanism.elements if name.startswith("friction.")})
+
+
+def smooth(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without dry friction, and without its actuators."""
+    return mechanism.with_exchanged(
+        {name: () for name in mechanism.elements if name.startswith(("friction.", *ACTIVE))}
+    )
 
 
 def joints_of(path: Path) -> tuple[JointPart, ...]:
