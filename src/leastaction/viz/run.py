@@ -77,7 +77,7 @@ def plot_run(
     parts = [signal for signal in selected if signal not in inputs], [signal for signal in selected if signal in inputs]
     groups = [group for part in parts for group in by_unit(part)]
     marked = any(signal.name in {**wanted, **bounds} for signal in selected)
-    figure, panels = signal_panels(groups, title, one_each=marked)
+    figure, panels = signal_panels(groups, title, one_each=marked, headed=marked)
     for panel in panels:
         _draw(panel, wanted, bounds)
         limit_time(panel.axes, run.t)
