@@ -115,7 +115,9 @@ class Stage:
         most = max(2, int(share * _SAMPLE_BYTES / (count * 4 / 3)))
         sharp = 1.0
         while True:
-            tolerance = np.concatenate((np.full(moving.shape[1], _SHARP * self.size), 0.02 * np.ptp(told, axis=0)))
+            tolerance = np.concatenate(
+                (np.full(moving.shape[1], _SHARP * self.size), 0.02 * np.ptp(told, axis=0))
+            )
             keep = needed(scene.t, np.hstack((moving, told)), sharp * tolerance)
             if len(keep) <= most:
                 return keep
