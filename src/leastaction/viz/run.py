@@ -16,7 +16,7 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.result import OptimizationResult
 from leastaction.viz.bounds import ACTIVE, LIMIT, DrawnBound, draw_bound, reported_bounds, stated_bounds
-from leastaction.viz.figures import BLUE, ORANGE, at_least, styled
+from leastaction.viz.figures import ORANGE, at_least, styled
 from leastaction.viz.panels import LINES, Panel, by_unit, draw_line, limit_time, name_lines, signal_panels, widen
 from leastaction.viz.signals import Signal, Source, check_source, chosen, drawn_unit, inputs_of, states_of
 
@@ -30,7 +30,7 @@ Reference = Source | tuple[npt.ArrayLike, npt.ArrayLike] | npt.ArrayLike | None
 
 @styled
 def plot_run(
-    run: Source,
+    run: Source | Mapping[str, Source],
     names: str | Sequence[str] | None = None,
     *,
     reference: Reference = None,
@@ -41,8 +41,9 @@ def plot_run(
 
     Parameters
     ----------
-    run : Trajectory, ContinuousTrajectory or OptimizationResult
-        What is drawn.
+    run : Trajectory, ContinuousTrajectory or OptimizationResult, or a mapping of these
+        What is drawn. Several runs by their labels are drawn over each other; names, limits and the time axis are those
+        of the first.
     names : str or sequence of str, optional
         Of states and inputs, with wildcards, such as ``["theta", "finger.*"]``: variables and inputs if left out; of a
         result that is of no mechanism all states.
@@ -67,7 +68,12 @@ def plot_run(
     ArgumentError
         For what is no run, unknown names, or a reference of another shape.
     """
-    check_source(run, "plot_run")
+    runs = run if isinstance(run, Mapping) else {"run": run}
+    if not runs:
+        raise ArgumentError("plot_run: got no runs, expected one at least")
+    for each in runs.values():
+        check_source(each, "plot_run")
+    run, *others = runs.values()
     states, inputs = states_of(run), inputs_of(run)
     selected = [*_shown_by_itself(run, states), *inputs]
     if names is not None:
@@ -79,12 +85,17 @@ def plot_run(
         bounds = stated_bounds(checked_limits(limits), [*states, *inputs])
     parts = [signal for signal in selected if signal not in inputs], [signal for signal in selected if signal in inputs]
     groups = [group for part in parts for group in by_unit(part)]
-    marked = any(signal.name in {**wanted, **bounds} for signal in selected)
-    figure, panels = signal_panels(groups, title, one_each=marked)
+    marked = len(runs) > 1 or any(signal.name in {**wanted, **bounds} for signal in selected)
+    compared = [{signal.name: signal for signal in (*states_of(other), *inputs_of(other))} for other in others]
+    figure, panels = signal_panels(groups, title, one_each=marked, headed=marked)
     for panel in panels:
         _draw(panel, wanted, bounds)
+        for known, look in zip(compared, LINES[1:], strict=False):
+            for signal in panel.signals:
+                if signal.name in known:
+                    draw_line(panel.axes, known[signal.name], linewidth=1.2, zorder=2.8, **look)
         limit_time(panel.axes, run.t)
-    _explain(figure, panels, wanted, bounds)
+    _explain(figure, panels, list(runs), wanted, bounds)
     return figure
 
 
@@ -148,7 +159,11 @@ def _draw(panel: Panel, wanted: Mapping[str, Signal], bounds: Mapping[str, list[
 
 
 def _explain(
-    figure: Figure, panels: list[Panel], wanted: Mapping[str, Signal], bounds: Mapping[str, list[DrawnBound]]
+    figure: Figure,
+    panels: list[Panel],
+    runs: list[str],
+    wanted: Mapping[str, Signal],
+    bounds: Mapping[str, list[DrawnBound]],
 ) -> None:
     """Write once, in the upper right corner, what is drawn beside the lines."""
     from matplotlib.lines import Line2D
@@ -157,7 +172,9 @@ def _explain(
     names = {signal.name for panel in panels for signal in panel.signals}
     handles: list[Line2D | Patch] = []
     if names & set(wanted):
-        handles += [Line2D([], [], **{**_WANTED, "label": "reference"}), Line2D([], [], color=BLUE, label="run")]
+        handles.append(Line2D([], [], **{**_WANTED, "label": "reference"}))
+    if handles or len(runs) > 1:
+        handles += [Line2D([], [], label=label, **look) for label, look in zip(runs, LINES, strict=False)]
     shown = [bound for name in names for bound in bounds.get(name, [])]
     if shown:
         handles.append(Line2D([], [], **{**LIMIT, "label": "limit"}))
