@@ -32,7 +32,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
     for (auto* a : {&q1, &q2, &q_mid_, &v_, &still_, &expected_v_}) sized(*a, nq);
-    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
+    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_, &inertia_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
     for (auto* a : {&residual, &residual_kept_, &residual_scale, &first_scale_, &correction_}) sized(*a, ny);
@@ -257,13 +257,19 @@ bool MidpointStep::refresh(double dt, bool in_tree) {
 
 bool MidpointStep::factor_tree(double dt) {
     lagrangian_.composites();
+    std::fill(diagonal_.begin(), diagonal_.end(), 0.0);
+    std::fill(inertia_.begin(), inertia_.end(), 0.0);
+    each_rotor_inertia(*mechanism_, [&](int i, double inertia) {
+        if (i >= nd_) return;
+        inertia_[i] += inertia;
+        diagonal_[i] -= inertia / dt;
+    });
     for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
         const int i = mechanism_->joints[joint].variable;
         if (i >= nd_) continue;
         const JointVectors at = lagrangian_.vectors(joint);
-        note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, 0.0));
+        note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, inertia_[i]));
     }
-    std::fill(diagonal_.begin(), diagonal_.end(), 0.0);
     element_matrix(dt, [&](int i, int, double value) { diagonal_[i] += value; });
     if (!tree_->factor(lagrangian_, dt, diagonal_.data())) return false;
     if (loops_ && !loops_fail_) {

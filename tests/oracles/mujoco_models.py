@@ -16,7 +16,6 @@ from leastaction import ContinuousDynamics, Mechanism
 from leastaction.io.mechanisms import LeftOut, Model, rotations
 from leastaction.io.mechanisms.mjcf import read_mjcf
 from leastaction.io.mechanisms.names import settle
-from leastaction.io.mechanisms.poses import rotation_of
 from leastaction.io.mechanisms.parts import JointPart
 
 OFF = ("CONTACT", "LIMIT", "FRICTIONLOSS", "EQUALITY", "ACTUATION", "CLAMPCTRL")
@@ -119,7 +118,7 @@ def compiled(path: Path, left_out: tuple[LeftOut, ...] = ()) -> tuple[Any, Any]:
 
 
 def errors(path: Path, model: Model, points: int = 2) -> dict[str, float]:
-    """Return how far the mass matrix, the force at rest and that of a motion are from MuJoCo's, relative to its size."""
+    """Return how far mass matrix, force at rest and force in motion are from MuJoCo's, relative to its size."""
     m, d = compiled(path, model.left_out)
     mechanism, joints, rng = smooth(model.mechanism), joints_of(path), np.random.default_rng(1)
     dynamics = ContinuousDynamics(mechanism)

@@ -9,7 +9,7 @@ from leastaction.io.mechanisms import rotations
 from leastaction.io.mechanisms.model import LeftOut
 from leastaction.io.mechanisms.names import Names
 from leastaction.io.mechanisms.parts import JointPart
-from leastaction.mechanics import CoulombFriction, Damping, JointForce, JointSpring, NonlinearDamping
+from leastaction.mechanics import Armature, CoulombFriction, Damping, JointForce, JointSpring, NonlinearDamping
 from leastaction.mechanics.description.affine import Affine
 from leastaction.mechanics.elements import Element
 
@@ -42,8 +42,11 @@ def elements_of_joints(names: Names) -> tuple[list[Element], list[LeftOut]]:
         elif joint.friction:
             why = "it drives the motion on" if joint.friction < 0.0 else f"the joint follows {', '.join(value.names)}"
             left_out.append(LeftOut(f"friction of the joint {name!r}", why))
-        if joint.armature:
-            left_out.append(LeftOut(f"armature of the joint {name!r}", "no element has it yet"))
+        if joint.armature > 0.0:
+            on = value.names[0] if value.plain else dict(value.terms)
+            elements.append(Armature(on, joint.armature, name=f"armature.{name}"))
+        elif joint.armature:
+            left_out.append(LeftOut(f"armature of the joint {name!r}", "it is negative"))
     if damping:
         elements.insert(0, Damping(damping, name="damping"))
     return elements, left_out

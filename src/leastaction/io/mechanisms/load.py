@@ -19,7 +19,7 @@ from leastaction.io.mechanisms.names import Names, settle
 from leastaction.io.mechanisms.parts import Robot
 from leastaction.io.mechanisms.tree import tree_of
 from leastaction.io.mechanisms.urdf import read_urdf
-from leastaction.mechanics import Gravity, JointForce, Mechanism
+from leastaction.mechanics import Armature, Gravity, JointForce, Mechanism
 from leastaction.mechanics.elements import Element
 from leastaction.numerics.arrays import as_choice, as_flag
 from leastaction.optimal import Bound
@@ -122,7 +122,12 @@ def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | N
     if spec is not None:
         from leastaction.io.mechanisms.mjcf import elements_of, keyframes_of
 
-        found = elements_of(spec, names, actuators=which is None)
+        rotors = [each for each in elements if isinstance(each, Armature)]
+
+        def bare(more: Sequence[Element]) -> Mechanism:
+            return _compiled(robot, names, [*rotors, *more])
+
+        found = elements_of(spec, names, bare, actuators=which is None)
         elements += found.elements
         limits += found.limits
         left_out += found.left_out

@@ -75,7 +75,7 @@ function tool(label, key, title, letter) {
   b.onclick = () => { show[key] = !show[key]; if (key === "follow") shift = [0, 0, 0]; b.setAttribute("aria-pressed", show[key]); legend(); dirty = true; };
   element("tools").append(b); keys[letter] = b;
 }
-if (!still) tool("Follow", "follow", "Follow with the camera", "f");
+if (!still && some(p => p.focus >= 0)) tool("Follow", "follow", "Follow with the camera", "f");
 if (show.reference) tool("Reference", "reference", "Show the reference pose", "r");
 if (show.cords) tool(some(p => p.cords.some(c => c[2] === "string")) ? "Strings" : "Springs", "cords", "Show strings and springs", "s");
 if (show.trace) tool("Paths", "trace", "Show the paths", "p");

@@ -87,7 +87,7 @@ function draw() {
     }
     const floor = [seen.centre[0], seen.centre[1], panel.floor];
     panel.centre = project(seen.centre);
-    if (paint) paint({ box: box.map(x => Math.round(x * ratio)), camera: seen.matrix, eye: seen.eye, light: LIGHT, lamp: sun(panel, seen.centre), things, ghosts, look, ground: { middle: floor, reach: 9 * S.grid > 3 * S.size ? 9 * S.grid : 3 * S.size } });
+    if (paint) paint({ box: box.map(x => Math.round(x * ratio)), camera: seen.matrix, eye: seen.eye, light: LIGHT, ...sun(panel, seen.centre), things, ghosts, look, ground: { middle: floor, reach: 9 * S.grid > 3 * S.size ? 9 * S.grid : 3 * S.size } });
     if (show.joints) names(panel, box);
   });
   readout();
