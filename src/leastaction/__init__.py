@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from leastaction._version import __version__
 from leastaction.errors import LeastActionError
+from leastaction.io.motion.read import read_motion
+from leastaction.io.results.open import open  # noqa: A004 - as `gzip.open` is
 from leastaction.mechanics import (
     Baumgarte,
     Body,
@@ -160,8 +162,8 @@ __all__ = [
     "StartResult", "StartStatus", "State", "Status", "TendonForce", "TorsionalSpring", "Trajectory", "Within",
     "__version__", "ball", "by_tensions", "check_consistent", "check_derivatives", "coarse_to_fine", "continuation",
     "controllability", "coordinate", "direction", "distance", "embed", "equilibrium", "follow", "free",
-    "gain_to_continuous", "gain_to_discrete", "input_", "optimize", "optimize_continuous", "parameter", "play", "point",
-    "pose", "prismatic", "project_configuration", "project_velocity", "rate", "receding_horizon", "regulate",
+    "gain_to_continuous", "gain_to_discrete", "input_", "open", "optimize", "optimize_continuous", "parameter", "play", "point",
+    "pose", "prismatic", "project_configuration", "project_velocity", "rate", "read_motion", "receding_horizon", "regulate",
     "regulate_continuous", "relax", "revolute", "rx", "ry", "rz", "screw", "simulate", "speed",
     "steady_state_regulator", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz",
     "unit_vector", "universal", "var", "variable", "warm_start", "world",

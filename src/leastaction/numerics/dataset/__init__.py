@@ -1,0 +1,8 @@
+"""Runs and results as plain data with names, dimensions and units, and as files of several kinds."""
+
+from __future__ import annotations
+
+from leastaction.numerics.dataset.dataset import STEP, TIME, Column, Dataset, Savable, table
+from leastaction.numerics.dataset.provenance import Provenance
+
+__all__ = ["STEP", "TIME", "Column", "Dataset", "Provenance", "Savable", "table"]
