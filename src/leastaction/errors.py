@@ -158,6 +158,10 @@ class MotionFileError(LeastActionError, ValueError):
     """A motion file is truncated, is not of the format that it claims, or does not fit the mechanism."""
 
 
+class DocumentError(LeastActionError, ValueError):
+    """A file of a mechanism or a problem is not there, is broken, or says what cannot be."""
+
+
 class OutputError(LeastActionError, OSError):
     """A result cannot be written where it was asked for."""
 

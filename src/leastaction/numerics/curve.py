@@ -108,6 +108,28 @@ class Curve:
         ]
         return cls(places, values)
 
+    @classmethod
+    def from_pieces(cls, breaks: ArrayLike, coefficients: ArrayLike) -> Curve:
+        """Return the curve of given polynomials, as its `breaks` and `coefficients` are.
+
+        Parameters
+        ----------
+        breaks : array_like, shape (pieces + 1,)
+            Where the pieces begin and the last one ends, strictly increasing.
+        coefficients : array_like, shape (pieces, degree + 1)
+            Of every piece in ascending powers of ``x - breaks[i]``.
+
+        Raises
+        ------
+        DescriptionError
+            If a number is not finite, the places do not increase, or there are not as many pieces as places between.
+        """
+        places = as_array(breaks, "Curve: breaks", (None,), error=DescriptionError)
+        pieces = as_array(coefficients, "Curve: coefficients", (max(len(places) - 1, 1), None), error=DescriptionError)
+        if len(places) < 2 or np.any(np.diff(places) <= 0.0) or pieces.shape[1] == 0:
+            raise DescriptionError("Curve: expected two breaks at least that increase strictly, and coefficients")
+        return _restore(places, pieces)
+
     @property
     def start(self) -> float:
         """Where the given points begin."""

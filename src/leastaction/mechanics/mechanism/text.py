@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from leastaction.errors import DocumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 
 
 def text_of(mechanism: Mechanism) -> str | None:
-    """Return a mechanism as text; None where it holds functions of Python, which no text can say."""
-    del mechanism
-    return None
+    """Return a mechanism as text, as its file in JSON holds it; None where it has elements that no file can say."""
+    from leastaction.mechanics.mechanism.record.mechanism import plan_data  # here, so that to import is quick
+    from leastaction.numerics.documents.writing import document_text
+
+    try:
+        return document_text(plan_data(mechanism._plan), "json")
+    except DocumentError:
+        return None
 
 
 def mechanism_of(text: str) -> Mechanism:
@@ -16,4 +22,7 @@ def mechanism_of(text: str) -> Mechanism:
 
     Raises `DescriptionError` for a text that says none.
     """
-    raise NotImplementedError(text[:60])
+    from leastaction.mechanics.mechanism.record.mechanism import plan_of
+    from leastaction.numerics.documents.document import document_of
+
+    return Mechanism._of(plan_of(document_of(text, "json", title="the mechanism in it")))
