@@ -298,6 +298,9 @@ class OptimizationResult(Frozen, Savable):
         for name, letter, values in (("state_names", "x", self.x), ("input_names", "u", self.u)):
             if not getattr(self, name):
                 object.__setattr__(self, name, tuple(f"{letter}[{i}]" for i in range(values.shape[-1])))
+        for name in ("timings", "unknowns"):
+            if isinstance(getattr(self, name), dict):
+                object.__setattr__(self, name, MappingProxyType(getattr(self, name)))
         super().__post_init__()
 
     @property

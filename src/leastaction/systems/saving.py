@@ -27,7 +27,7 @@ def dataset_with_multipliers(result: Any, settings: Mapping[str, Any], *, impuls
         kind="",
         t=result.t,
         arrays=arrays,
-        dims={name: (STEP if impulses else TIME, "constraint") for name in arrays},
+        dims=dict.fromkeys(arrays, (STEP if impulses else TIME, "constraint")),
         labels=labels,
         units={name: multiplier_units(m, impulses=impulses) for name in arrays},
         system=settings,

@@ -30,6 +30,8 @@ def read_table_motion(path: str | os.PathLike[str]) -> Motion:
         table = read_table(source)
     except ResultFileError as error:
         raise MotionFileError(str(error)) from error
+    if not table.columns:
+        raise MotionFileError(f"{source}: holds no columns but the time, expected some with names")
     for column in table.columns:
         if column.unit not in _FACTORS:
             raise MotionFileError(
@@ -39,8 +41,8 @@ def read_table_motion(path: str | os.PathLike[str]) -> Motion:
         missing = np.flatnonzero(~np.isfinite(column.values))
         if len(missing):
             raise MotionFileError(
-                f"{source}: {column.name} is {column.values[missing[0]]} at t = {table.t[missing[0]]:g} s, expected finite "
-                "values; leave the column out, or fill it"
+                f"{source}: {column.name} is {column.values[missing[0]]} at t = {table.t[missing[0]]:g} s, expected "
+                "finite values; leave the column out, or fill it"
             )
     found = motion_of(table)
     if found is None:

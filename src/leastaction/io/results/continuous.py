@@ -1,4 +1,4 @@
-"""What has to fit in a result in continuous time that is read from a file."""
+"""A result in continuous time that is read from a file, and what has to fit in it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,20 @@ import numpy as np
 from leastaction.errors import ResultFileError
 from leastaction.io.results.checks import check_history, check_shapes
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.continuous.content import ContinuousContent, Pieces
+from leastaction.optimal import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.continuous.content import ContinuousContent, Pieces, common_of
+
+
+def result_of(content: ContinuousContent) -> ContinuousOptimizationResult:
+    """Return the result that a file holds."""
+    return ContinuousOptimizationResult(
+        **{**common_of(content.common), "t": content.t},
+        dense=DenseTrajectory(content.trajectory.function(), content.nx),
+        feedback=content.feedback.function(),
+        projection=content.projection.function(),
+        accuracy=content.accuracy,
+        jumps=content.jumps,
+    )
 
 
 def check_continuous(content: ContinuousContent, source: str) -> None:

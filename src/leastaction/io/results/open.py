@@ -6,29 +6,32 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from leastaction.errors import LeastActionError, ResultFileError
 from leastaction.io.motion.motion import Motion
 from leastaction.io.motion.table import motion_of
 from leastaction.io.results.checks import check_result
-from leastaction.io.results.continuous import check_continuous
+from leastaction.io.results.continuous import check_continuous, result_of
 from leastaction.io.results.record import damaged, record_of
 from leastaction.io.results.runs import run_of
 from leastaction.io.results.systems import system_of
 from leastaction.mechanics import ContinuousTrajectory, Mechanism, Trajectory
 from leastaction.mechanics.mechanism.text import mechanism_of
 from leastaction.numerics.arrays import require_instance
-from leastaction.numerics.dataset import Dataset
-from leastaction.numerics.dataset.files import check_fit, read
+from leastaction.numerics.dataset import Dataset, Table
+from leastaction.numerics.dataset.files import read
+from leastaction.numerics.dataset.text import check_fit
 from leastaction.optimal import OptimizationResult
 from leastaction.optimal.continuous.content import ContinuousContent
 from leastaction.systems import Played
 
+Opened: TypeAlias = Trajectory | ContinuousTrajectory | OptimizationResult | Played | Motion | Table
+
 
 def open(  # noqa: A001 - `leastaction.open` is what it is called by
     path: str | os.PathLike[str], *, mechanism: Mechanism | None = None
-) -> Trajectory | ContinuousTrajectory | OptimizationResult | Played | Motion | Dataset:
+) -> Opened:
     """Give back what was saved by ``run.save``, ``result.save`` or ``motion.save``.
 
     Parameters
@@ -43,7 +46,7 @@ def open(  # noqa: A001 - `leastaction.open` is what it is called by
 
     Returns
     -------
-    Trajectory, ContinuousTrajectory, OptimizationResult, Played, Motion or Dataset
+    Trajectory, ContinuousTrajectory, OptimizationResult, Played, Motion or Table
         A result knows its `system`, as far as its mechanism is known, and `optimize` goes on with it (``resume``).
 
     Raises
@@ -59,11 +62,11 @@ def open(  # noqa: A001 - `leastaction.open` is what it is called by
     dataset = read(source)
     opened = _OPENED.get(dataset.kind)
     if opened is None:
-        advice = "leastaction.apps.marionette.load_run reads it" if "Marionette" in dataset.kind else "Give another file"
-        raise ResultFileError(
-            f"{source} holds a {dataset.kind}, expected one of {', '.join(_OPENED)}. {advice}"
-        )
-    return opened(source, dataset, mechanism)
+        is_marionette = dataset.kind.startswith("Marionette")
+        advice = "leastaction.apps.marionette.load_run reads it" if is_marionette else "Give another file"
+        raise ResultFileError(f"{source} holds a {dataset.kind}, expected one of {', '.join(_OPENED)}. {advice}")
+    found: Opened = opened(source, dataset, mechanism)
+    return found
 
 
 def _mechanism(source: Path, dataset: Dataset, given: Mechanism | None) -> Mechanism | None:
@@ -92,7 +95,7 @@ def _result(source: Path, dataset: Dataset, given: Mechanism | None) -> Optimiza
         content = record_of(source, dataset, ContinuousContent).content
         check_continuous(content, str(source))
         try:
-            result = content.result()
+            result = result_of(content)
         except (TypeError, ValueError) as error:
             raise damaged(source, error) from error
     else:
@@ -104,9 +107,9 @@ def _result(source: Path, dataset: Dataset, given: Mechanism | None) -> Optimiza
     return replace(result, system=system_of(source, dataset.system, m, result))
 
 
-def _table(source: Path, dataset: Dataset, given: Mechanism | None) -> Motion | Dataset:  # noqa: ARG001 - as of others
+def _table(source: Path, dataset: Dataset, given: Mechanism | None) -> Motion | Table:  # noqa: ARG001 - as of others
     check_fit(source, dataset)
-    return motion_of(dataset) or dataset
+    return motion_of(dataset) or Table(dataset)
 
 
 _OPENED: Final[Mapping[str, Callable[[Path, Dataset, Mechanism | None], Any]]] = {

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ResultFileError
 from leastaction.numerics.dataset import Dataset, Provenance
 from leastaction.numerics.dataset.archive import read_archive, write_archive
-from leastaction.numerics.dataset.files import FORMAT_VERSION, parsed, text_of
 from leastaction.numerics.dataset.plain import plain, restored
+from leastaction.numerics.dataset.text import FORMAT_VERSION, parsed, text_of
 
 __all__ = ["FORMAT_VERSION", "Provenance", "Record", "load_record", "record_of", "save_record"]
 

@@ -155,7 +155,7 @@ class BaseTrajectory(Frozen, Savable, ABC, Generic[S_co]):
 def named_arrays(
     m: Mechanism, state_units: tuple[str, ...], is_continuous: bool, multiplier_units: tuple[str, ...]
 ) -> dict[str, tuple[str, str, tuple[str, ...], tuple[str, ...]]]:
-    """Return dimensions, names and units of the arrays of a trajectory: (rows, columns, names, units) by their names."""
+    """Return rows, columns, names of columns and their units, of the arrays of a trajectory by their names."""
     row, units, rates = TIME if is_continuous else STEP, m.units, state_units[m.nq :]
     accelerations = tuple(rate_of(units[name], 2) for name in m.variables)
     return {

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from leastaction.numerics.dataset.dataset import STEP, TIME, Column, Dataset, Savable, table
+from leastaction.numerics.dataset.dataset import STEP, TIME, Column, Dataset, table
 from leastaction.numerics.dataset.provenance import Provenance
+from leastaction.numerics.dataset.savable import Savable, Table
 
-__all__ = ["STEP", "TIME", "Column", "Dataset", "Provenance", "Savable", "table"]
+__all__ = ["STEP", "TIME", "Column", "Dataset", "Provenance", "Savable", "Table", "table"]

@@ -5,22 +5,15 @@ Everything that is saved becomes a `Dataset` first, and every kind of file is wr
 
 from __future__ import annotations
 
-import os
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.dataset.provenance import Provenance
-
-if TYPE_CHECKING:
-    import pandas
-    import xarray
 
 AnyArray = NDArray[Any]
 
@@ -110,91 +103,9 @@ class Dataset:
         named = {column.name: column.values for column in self.columns}
         if name in named or name in self.arrays:
             return named[name] if name in named else self.arrays[name]
-        raise ArgumentError(f"unknown name {name!r}; {closest(name, (*named, *self.arrays), what='columns and arrays')}")
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write a file; see `Savable.save`."""
-        from leastaction.numerics.dataset.files import write
-
-        return write(self, path)
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return the columns as a table; see `Savable.to_pandas`."""
-        from leastaction.numerics.dataset.frames import to_pandas
-
-        return to_pandas(self)
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return the arrays that have dimensions; see `Savable.to_xarray`."""
-        from leastaction.numerics.dataset.frames import to_xarray
-
-        return to_xarray(self)
-
-
-class Savable(ABC):
-    """What can be saved as a file and become a table: runs and results."""
-
-    @abstractmethod
-    def dataset(self) -> Dataset:
-        """Return all of it as plain data."""
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write it into a file, whole or not at all; an existing file is replaced in one step.
-
-        Parameters
-        ----------
-        path : path
-            Its ending says what is written: ``.h5`` (or ``.hdf5``) and ``.npz`` hold everything, the mechanism too,
-            and `leastaction.open` gives it back bit by bit; ``.csv`` holds the columns over time, a line for each
-            instant, and ``.mat`` the arrays for MATLAB.
-
-        Returns
-        -------
-        Path
-            The file written.
-
-        Raises
-        ------
-        ArgumentError
-            Another ending, or content that is no plain data.
-        OutputError
-            The file could not be written; an older file of that name is untouched.
-        MissingExtraError
-            h5py is not installed, which ``.h5`` needs.
-        """
-        return self.dataset().save(path)
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return the columns over time as a table: one row for each instant, one column for each name.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Its index is the time (s); what belongs to steps has NaN in the last row. ``.attrs["units"]`` are the units
-            by column.
-
-        Raises
-        ------
-        MissingExtraError
-            pandas is not installed.
-        """
-        return self.dataset().to_pandas()
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return the arrays with their dimensions, names and units.
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions are "time", "step" (with the time at which it begins), and what entries are, with their names.
-            ``.attrs["units"]`` of an array is its unit; where entries differ, the coordinate ``<array>_units``.
-
-        Raises
-        ------
-        MissingExtraError
-            xarray is not installed.
-        """
-        return self.dataset().to_xarray()
+        raise ArgumentError(
+            f"unknown name {name!r}; {closest(name, (*named, *self.arrays), what='columns and arrays')}"
+        )
 
 
 def table(

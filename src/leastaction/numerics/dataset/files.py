@@ -3,54 +3,30 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
-
-import msgspec
-import numpy as np
+from typing import Final
 
 from leastaction.errors import ArgumentError, ResultFileError
-from leastaction.numerics.dataset.archive import Archive, read_archive, write_archive
+from leastaction.numerics.dataset.archive import read_archive, write_archive
 from leastaction.numerics.dataset.dataset import Dataset
-from leastaction.numerics.dataset.provenance import Provenance
-
-FORMAT_VERSION: Final = 2
-"""Of the text in a file; those of before datasets lack the names and units in it, and nothing else."""
+from leastaction.numerics.dataset.hdf5 import read_hdf5, write_hdf5
+from leastaction.numerics.dataset.matlab import write_matlab
+from leastaction.numerics.dataset.tables import read_table, write_table
+from leastaction.numerics.dataset.text import parsed, text_of
 
 _MAGIC: Final = ((b"\x89HDF\r\n\x1a\n", ".h5"), (b"PK", ".npz"))
 _AGAIN: Final = "Copy it again, or run the optimisation again"
 
 
-class FileFormat(msgspec.Struct):
-    """As much of the text in a file as says whether the rest can be understood."""
-
-    format: Literal["leastaction run"]
-    format_version: Annotated[int, msgspec.Meta(ge=1)]
-    versions: dict[str, str]
-
-
-class FileText(FileFormat):
-    """The text in a file: all that is no array."""
-
-    kind: str
-    created: str
-    content: dict[str, Any]
-    dims: dict[str, tuple[str, ...]] = {}  # noqa: RUF012 - msgspec copies it
-    labels: dict[str, tuple[str, ...]] = {}  # noqa: RUF012
-    units: dict[str, str | tuple[str, ...]] = {}  # noqa: RUF012
-    system: dict[str, Any] = {}  # noqa: RUF012
-    model: str | None = None
-
-
 def write(dataset: Dataset, path: str | os.PathLike[str]) -> Path:
     """Write a dataset as its ending says; see `Savable.save`."""
     target = Path(path)
-    known = _writers()
-    writer = known.get(target.suffix.lower())
+    writer = _WRITERS.get(target.suffix.lower())
     if writer is None:
+        known = ", ".join(_WRITERS)
         raise ArgumentError(
-            f"path: got {target.name!r}, whose ending {target.suffix!r} says nothing, expected one of {', '.join(known)}"
+            f"path: got {target.name!r}, whose ending {target.suffix!r} says nothing, expected one of {known}"
         )
     return writer(dataset, target)
 
@@ -63,92 +39,10 @@ def read(path: str | os.PathLike[str]) -> Dataset:
     source = Path(path)
     kind = _kind_of(source)
     if kind == ".h5":
-        from leastaction.numerics.dataset.hdf5 import read_hdf5
-
         return parsed(source, read_hdf5(source))
     if kind == ".npz":
         return parsed(source, read_archive(source))
-    from leastaction.numerics.dataset.tables import read_table
-
     return read_table(source)
-
-
-def text_of(dataset: Dataset) -> str:
-    """Return what of a dataset is no array as JSON; raise an `ArgumentError` where it is no plain data."""
-    text = {
-        "format": "leastaction run",
-        "format_version": FORMAT_VERSION,
-        "versions": dict(dataset.provenance.versions),
-        "kind": dataset.kind,
-        "created": dataset.provenance.created,
-        "content": dataset.content,
-        "dims": dataset.dims,
-        "labels": dataset.labels,
-        "units": dataset.units,
-        "system": dataset.system,
-        "model": dataset.model,
-    }
-    try:
-        return msgspec.json.encode(text).decode()
-    except (TypeError, ValueError, RecursionError) as error:
-        raise ArgumentError(
-            f"{dataset.kind}: only arrays, numbers, texts, lists, mappings and dataclasses of these can be saved "
-            f"({error})"
-        ) from error
-
-
-def parsed(source: Path, archive: Archive) -> Dataset:
-    """Return a text and arrays as a dataset; raise a `ResultFileError` for what is none, or of another format."""
-    try:
-        found = msgspec.json.decode(archive.text, type=FileFormat)
-        if found.format_version != FORMAT_VERSION:
-            raise _unknown_format(source, found)
-        text = msgspec.json.decode(archive.text, type=FileText)
-    except ResultFileError:
-        raise
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise ResultFileError(f"{source} is damaged or of another version: {error}. {_AGAIN}") from error
-    return Dataset(
-        kind=text.kind,
-        t=archive.arrays.get("t", np.empty(0)),
-        arrays=archive.arrays,
-        dims=text.dims,
-        labels=text.labels,
-        units=text.units,
-        content=text.content,
-        system=text.system,
-        model=text.model,
-        provenance=Provenance(text.created, text.versions),
-    )
-
-
-def check_fit(source: Path, dataset: Dataset) -> None:
-    """Raise a `ResultFileError` unless arrays have the dimensions, names and units that the dataset says."""
-    for name, dims in dataset.dims.items():
-        array = dataset.arrays.get(name)
-        if array is None or array.ndim != len(dims):
-            raise ResultFileError(f"{source} contradicts itself: {name} is no array of {len(dims)} dimensions. {_AGAIN}")
-        for size, dim in zip(array.shape, dims, strict=True):
-            if dim in dataset.labels and len(dataset.labels[dim]) != size:
-                raise ResultFileError(
-                    f"{source} contradicts itself: {name} has {size} entries along {dim}, of which there are "
-                    f"{len(dataset.labels[dim])} names. {_AGAIN}"
-                )
-        unit = dataset.units.get(name, "")
-        if not isinstance(unit, str) and len(unit) != array.shape[-1]:
-            raise ResultFileError(f"{source} contradicts itself: {name} has {len(unit)} units. {_AGAIN}")
-
-
-def _unknown_format(source: Path, found: FileFormat) -> ResultFileError:
-    maker = found.versions.get("leastaction", "another version")
-    advice = (
-        f"Upgrade leastaction (it was written by {maker})"
-        if found.format_version > FORMAT_VERSION
-        else f"Run the optimisation again (it was written by {maker}); numpy.load still reads its arrays"
-    )
-    return ResultFileError(
-        f"{source} has format {found.format_version}, this leastaction reads {FORMAT_VERSION}. {advice}"
-    )
 
 
 def _kind_of(source: Path) -> str:
@@ -175,14 +69,10 @@ def _kind_of(source: Path) -> str:
     return ".csv" if ending == ".csv" else ".npz"
 
 
-def _writers() -> dict[str, Callable[[Dataset, Path], Path]]:
-    from leastaction.numerics.dataset.hdf5 import write_hdf5
-    from leastaction.numerics.dataset.matlab import write_matlab
-    from leastaction.numerics.dataset.tables import write_table
+def _write_archive(dataset: Dataset, path: Path) -> Path:
+    return write_archive(path, text_of(dataset), dataset.arrays)
 
-    def write_npz(dataset: Dataset, path: Path) -> Path:
-        return write_archive(path, text_of(dataset), dataset.arrays)
 
-    return {
-        ".h5": write_hdf5, ".hdf5": write_hdf5, ".npz": write_npz, ".csv": write_table, ".mat": write_matlab,
-    }  # fmt: skip
+_WRITERS: Final[Mapping[str, Callable[[Dataset, Path], Path]]] = {
+    ".h5": write_hdf5, ".hdf5": write_hdf5, ".npz": _write_archive, ".csv": write_table, ".mat": write_matlab,
+}  # fmt: skip

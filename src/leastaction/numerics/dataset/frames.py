@@ -10,27 +10,27 @@ from leastaction.numerics.dataset.dataset import STEP, TIME, Dataset
 from leastaction.numerics.extras import extra
 
 if TYPE_CHECKING:
-    import pandas
+    import pandas as pd
     import xarray
 
 
-def to_pandas(dataset: Dataset) -> pandas.DataFrame:
+def to_pandas(dataset: Dataset) -> pd.DataFrame:
     """Return the columns over time; see `Savable.to_pandas`."""
-    pd = extra("pandas", of="data", why="to_pandas")
+    pandas = extra("pandas", of="data", why="to_pandas")
     n = len(dataset.t)
     columns = {}
     for column in dataset.columns:
         values = np.full(n, np.nan)
         values[: len(column.values)] = column.values
         columns[column.name] = values
-    frame = pd.DataFrame(columns, index=pd.Index(np.array(dataset.t), name="t"))
+    frame: pd.DataFrame = pandas.DataFrame(columns, index=pandas.Index(np.array(dataset.t), name="t"))
     frame.attrs = {"kind": dataset.kind, "units": {column.name: column.unit for column in dataset.columns}}
-    return frame  # type: ignore[no-any-return]
+    return frame
 
 
 def to_xarray(dataset: Dataset) -> xarray.Dataset:
     """Return the arrays that have dimensions; see `Savable.to_xarray`."""
-    xr = extra("xarray", of="data", why="to_xarray")
+    module = extra("xarray", of="data", why="to_xarray")
     coords: dict[str, Any] = {TIME: (TIME, np.array(dataset.t), {"units": "s"})}
     used = {dim for dims in dataset.dims.values() for dim in dims}
     if STEP in used:
@@ -42,10 +42,12 @@ def to_xarray(dataset: Dataset) -> xarray.Dataset:
         if short == "t":
             continue  # the coordinate
         unit = dataset.units.get(name, "")
-        attributes = {}
+        about = {}
         if isinstance(unit, str):
-            attributes["units"] = unit
+            about["units"] = unit
         else:
             coords[f"{short}_units"] = (dims[-1], list(unit))
-        variables[short] = (dims, np.array(dataset.arrays[name]), attributes)
-    return xr.Dataset(variables, coords=coords, attrs={"kind": dataset.kind, "created": dataset.provenance.created})  # type: ignore[no-any-return]
+        variables[short] = (dims, np.array(dataset.arrays[name]), about)
+    attributes = {"kind": dataset.kind, "created": dataset.provenance.created}
+    found: xarray.Dataset = module.Dataset(variables, coords=coords, attrs=attributes)
+    return found

@@ -16,6 +16,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, OutputError, ResultFileError
 from leastaction.numerics.dataset.archive import Archive
 from leastaction.numerics.dataset.dataset import AnyArray, Dataset
+from leastaction.numerics.dataset.text import text_of
 from leastaction.numerics.extras import extra
 from leastaction.numerics.files import write_bytes
 
@@ -28,8 +29,6 @@ _MOST_DEPTH: Final = 32
 
 def write_hdf5(dataset: Dataset, path: Path) -> Path:
     """Write a dataset; an existing file is replaced in one step."""
-    from leastaction.numerics.dataset.files import text_of
-
     h5py = extra("h5py", of="data", why=f"{path.name}")
     text = text_of(dataset)
     stream = io.BytesIO()
@@ -43,7 +42,9 @@ def write_hdf5(dataset: Dataset, path: Path) -> Path:
                 if array.dtype.kind not in _KINDS:
                     raise ArgumentError(f"{name}: got an array of {array.dtype}, expected real numbers")
                 # Sums by which damage is seen.
-                written = file.create_dataset(name.replace(".", "/"), data=array, fletcher32=array.size > 0 < array.ndim)
+                written = file.create_dataset(
+                    name.replace(".", "/"), data=array, fletcher32=array.size > 0 < array.ndim
+                )
                 _describe(written, dataset, name)
     except (OSError, RuntimeError, ValueError) as error:
         if isinstance(error, ArgumentError):

@@ -17,7 +17,7 @@ _LONGEST = 63  # of MATLAB's names
 
 
 def write_matlab(dataset: Dataset, path: Path) -> Path:
-    """Write a dataset as variables of MATLAB: ``t``, ``columns.<name>``, ``units.<name>``, ``arrays.<name>``, ``names``.
+    """Write a dataset as variables: ``t``, ``columns.<name>``, ``units.<name>``, ``names.<name>``, ``arrays.<name>``.
 
     Names are made such as MATLAB takes; ``names`` has the original ones.
     """

@@ -50,7 +50,8 @@ def restored(kind: type[T], content: Any, arrays: Mapping[str, NDArray[Any]]) ->
     Raises `msgspec.ValidationError`, `KeyError`, `TypeError` or `ValueError` for what is of other types.
     """
     _filled(content, arrays)
-    return _converted(kind, content)
+    found: T = _converted(kind, content)
+    return found
 
 
 def restored_fields(kind: Any, content: Any, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:

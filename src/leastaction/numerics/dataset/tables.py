@@ -29,8 +29,8 @@ def write_table(dataset: Dataset, path: Path) -> Path:
     for column in columns:
         if column.name != column.name.strip() or column.name.endswith("]") or column.name in _TIMES:
             raise ArgumentError(
-                f"{path.name}: the name {column.name!r} cannot stand in the header of a table, where a unit in brackets "
-                "follows and the first column is the time. Save it as .h5 or .npz, or rename it"
+                f"{path.name}: the name {column.name!r} cannot stand in the header of a table, where a unit in "
+                "brackets follows and the first column is the time. Save it as .h5 or .npz, or rename it"
             )
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -56,8 +56,8 @@ def read_table(source: Path) -> Dataset:
     units = [(each["unit"] or "").strip() if each else "" for each in found]
     if names[0] not in _TIMES:
         raise ResultFileError(
-            f"{source}, line {first}: the first column is {names[0][:60]!r}, expected the time, such as 't [s]', and then "
-            "names with their units, such as 'elbow [rad]'"
+            f"{source}, line {first}: the first column is {names[0][:60]!r}, expected the time, such as 't [s]', and "
+            "then names with their units, such as 'elbow [rad]'"
         )
     if units[0] not in ("", "s"):
         raise ResultFileError(f"{source}, line {first}: the time is in {units[0]!r}, expected seconds, 't [s]'")
@@ -102,14 +102,11 @@ def _rows(source: Path) -> list[tuple[int, list[str]]]:
     if len(content) > _MOST_BYTES:
         raise ResultFileError(f"{source} is larger than {_MOST_BYTES} bytes. Cut it, or save it as .npz")
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    rows = []
     try:
-        for row in reader:
-            if any(each.strip() for each in row) and not row[0].startswith("#"):
-                rows.append((reader.line_num, row))
+        rows = [(reader.line_num, row) for row in reader]
     except csv.Error as error:
         raise ResultFileError(f"{source}, line {reader.line_num}: {error}; expected fields between commas") from error
-    return rows
+    return [(line, row) for line, row in rows if any(each.strip() for each in row) and not row[0].startswith("#")]
 
 
 def _number(source: Path, line: int, name: str, text: str) -> float:

@@ -8,7 +8,6 @@ from typing import Any
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.result import OptimizationResult
 
 
@@ -48,9 +47,9 @@ class ContinuousContent:
     jumps: tuple[float, ...]
 
     @classmethod
-    def of(cls, result: ContinuousOptimizationResult) -> ContinuousContent:
+    def of(cls, result: Any) -> ContinuousContent:
         """Return what a file holds of a result."""
-        common = OptimizationResult(**_common(result))
+        common = OptimizationResult(**common_of(result))
         return cls(
             common=common,
             nx=result.dense.nx,
@@ -62,17 +61,7 @@ class ContinuousContent:
             jumps=tuple(result.jumps),
         )
 
-    def result(self) -> ContinuousOptimizationResult:
-        """Return the result."""
-        return ContinuousOptimizationResult(
-            **{**_common(self.common), "t": self.t},
-            dense=DenseTrajectory(self.trajectory.function(), self.nx),
-            feedback=self.feedback.function(),
-            projection=self.projection.function(),
-            accuracy=self.accuracy,
-            jumps=self.jumps,
-        )
 
-
-def _common(result: OptimizationResult) -> dict[str, Any]:
+def common_of(result: OptimizationResult) -> dict[str, Any]:
+    """Return the fields of a result that those in either kind of time have."""
     return {field.name: getattr(result, field.name) for field in fields(OptimizationResult)}

@@ -13,6 +13,7 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.dataset import TIME, Dataset
 from leastaction.numerics.piecewise import PiecewisePolynomial, Through, approximate
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
+from leastaction.optimal.continuous.content import ContinuousContent
 from leastaction.optimal.continuous.horizon import first_mesh
 from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.result import OptimizationResult, dataset_of
@@ -184,6 +185,4 @@ class ContinuousOptimizationResult(OptimizationResult):
     jumps: tuple[float, ...]
 
     def dataset(self) -> Dataset:
-        from leastaction.optimal.continuous.content import ContinuousContent  # which makes results
-
         return dataset_of(self, ContinuousContent.of(self), steps=TIME, prefix="common.")
