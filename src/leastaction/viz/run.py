@@ -140,7 +140,7 @@ def _with_gaps(given: Any, shape: tuple[int | None, ...]) -> Array:
 def _lonely(values: Array) -> list[int]:
     """Return the instants at which something is wanted, but not before and after."""
     there = np.concatenate([[False], ~np.isnan(values), [False]])
-    return np.flatnonzero(there[1:-1] & ~there[:-2] & ~there[2:]).tolist()  # type: ignore[no-any-return]
+    return np.flatnonzero(there[1:-1] & ~there[:-2] & ~there[2:]).tolist()
 
 
 def _draw(panel: Panel, wanted: Mapping[str, Signal], bounds: Mapping[str, list[DrawnBound]]) -> None:
