@@ -158,6 +158,20 @@ class MotionFileError(LeastActionError, ValueError):
     """A motion file is truncated, is not of the format that it claims, or does not fit the mechanism."""
 
 
+class ModelFileError(LeastActionError, ValueError):
+    """A file of a mechanism cannot be read, holds no mechanism, or says what no mechanism can be.
+
+    Attributes
+    ----------
+    line : int or None
+        The line of the file, where it is known.
+    """
+
+    def __init__(self, message: str, *, line: int | None = None) -> None:
+        super().__init__(message)
+        self.line = line
+
+
 class DocumentError(LeastActionError, ValueError):
     """A file of a mechanism or a problem is not there, is broken, or says what cannot be."""
 

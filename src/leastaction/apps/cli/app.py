@@ -16,6 +16,7 @@ from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
+from leastaction.apps.cli.mechanism import commands
 from leastaction.apps.cli.options import (
     MOTION,
     OUTPUT,
@@ -56,6 +57,9 @@ app = App(
     print_error=False,
     suppress_keyboard_interrupt=False,
 )
+app.register_install_completion_command()
+for _command in (commands.view, commands.simulate, commands.lqr, commands.check, commands.convert, commands.bench):
+    app.command(_command)
 
 
 @app.command

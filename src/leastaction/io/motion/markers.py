@@ -53,7 +53,7 @@ class Markers:
             raise ArgumentError(f"names: got {twice!r} twice, expected a name of its own for each marker")
         if t.ndim != 1 or places.shape != (len(t), len(names), 3):
             raise ArgumentError(
-                f"places: got shape {places.shape}, expected {(t.size, len(names), 3)}: for each time and marker a place"
+                f"places: got shape {places.shape}, expected {(t.size, len(names), 3)}, for times and markers"
             )
         if not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
             raise ArgumentError("t: expected finite times that increase (s)")

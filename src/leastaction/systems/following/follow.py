@@ -26,7 +26,7 @@ from leastaction.numerics.arrays import (
 from leastaction.numerics.frozen import Frozen
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.limits.limit import Limit
-from leastaction.optimal.optimize import optimize
+from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.following.cost import following_cost
 from leastaction.systems.following.curves import held_still, through, wanted_curve, with_inputs

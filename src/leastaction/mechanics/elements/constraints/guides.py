@@ -10,6 +10,7 @@ from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.directions import Direction, triad, vector
 from leastaction.mechanics.elements.fields import AXIS, FRAME, KINEMATIC
+from leastaction.mechanics.elements.looks import Push, along_axes
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,11 @@ class PointOnPlane(Constraint):
 
     def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
         return ("m",)
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        x, y, z = (-float(c) for c in vector(self.normal))
+        return (Push(self.frame, (((x, y, z), ""),), axes=self.plane),)
 
     def add_to(self, core: Compiler) -> None:
         normal = vector(self.normal)
@@ -89,6 +95,12 @@ class PointOnLine(Constraint):
 
     def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
         return ("m", "m")
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        across = [tuple(-float(c) for c in side) for side in triad(self.direction)[1:]]
+        terms = tuple(((x, y, z), suffix) for (x, y, z), suffix in zip(across, self.equations, strict=True))
+        return (Push(self.frame, terms, axes=self.line),)
 
     def add_to(self, core: Compiler) -> None:
         for across in triad(self.direction)[1:]:
@@ -140,6 +152,10 @@ class PrescribedPath(Constraint):
     @property
     def equations(self) -> tuple[str, ...]:
         return tuple(f".{axis}" for axis in self.prescribed)
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        return (Push(self.frame, along_axes({axis: f".{axis}" for axis in self.prescribed})),)
 
     def describe(self) -> str:
         return f"{self.frame} at {', '.join(f'{a} = {name}' for a, name in self.prescribed.items())}"

@@ -12,6 +12,7 @@ from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.directions import Direction, triad
 from leastaction.mechanics.elements.fields import AXIS, FLAG, FRAME, ROTATION
+from leastaction.mechanics.elements.looks import Push, along_axes
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,14 @@ class HingeLoop(Constraint):
     @property
     def equations(self) -> tuple[str, ...]:
         return (".across1", ".across2") if self.planar else (".x", ".y", ".z", ".tilt1", ".tilt2")
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        if not self.planar:
+            return (Push(self.frame1, along_axes({axis: f".{axis}" for axis in "xyz"})),)
+        across = [tuple(float(c) for c in side) for side in triad(self.axis)[1:]]
+        terms = tuple(((x, y, z), suffix) for (x, y, z), suffix in zip(across, self.equations, strict=True))
+        return (Push(self.frame1, terms, axes=self.frame1),)
 
     def describe(self) -> str:
         return super().describe() + (", planar" if self.planar else "")

@@ -25,6 +25,9 @@ from leastaction.mechanics.mechanism.record.types import Matrix, Strict
 from leastaction.numerics.curve import Curve
 from leastaction.numerics.documents import Document, Place
 
+THROUGH = " -> "
+"""Between the frames of a path that is a key, as of a sum of paths by their factors."""
+
 
 class CurveRecord(Strict, kw_only=True):
     """A smooth curve: through points (x, y), or of polynomials as a `Curve` has them."""
@@ -177,7 +180,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return float(value)
     if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items()}
+        return {_key(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, (tuple, list)):
         return [_plain(entry) for entry in value]
     if isinstance(value, np.ndarray):
@@ -189,6 +192,11 @@ def _plain(value: Any) -> Any:
     from leastaction.mechanics.expressions.text import expression_text
 
     return expression_text(value)
+
+
+def _key(key: str | tuple[str, ...]) -> str:
+    """Return the key of a mapping as text: of a path through frames these, one after the other."""
+    return key if isinstance(key, str) else THROUGH.join(key)
 
 
 # In
@@ -223,12 +231,22 @@ def _value(value: Any, hint: Any, name: str) -> Any:
     if isinstance(value, Strict):
         name_of = type(value).__name__
         return _made(next(part for part in _leaves(hint) if getattr(part, "__name__", "") == name_of), value)
+    if isinstance(value, dict) and any(_by_paths(part) for part in parts):
+        return {tuple(key.split(THROUGH)) if THROUGH in key else key: entry for key, entry in value.items()}
     if isinstance(value, list):
         inner = next((part for part in parts if get_args(part)), Any)
         return [_value(entry, Union[get_args(inner) or (Any,)], name) for entry in value]  # noqa: UP007
     if isinstance(value, str) and float in parts and UNIT.match(value):
         raise DescriptionError(f"{name}: got {value!r}, expected a number in SI units without a unit, or a variable")
     return value
+
+
+def _by_paths(hint: Any) -> bool:
+    """Whether a type is a mapping of paths."""
+    arguments = get_args(hint)
+    origin = get_origin(hint)
+    mapping = isinstance(origin, type) and issubclass(origin, Mapping)
+    return mapping and get_origin(arguments[0]) is tuple
 
 
 def _leaves(hint: Any) -> Iterator[Any]:
