@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from leastaction.errors import LeastActionError
     from leastaction.io.mechanisms import load
     from leastaction.io.motion import read_motion
-    from leastaction.io.results.open import open  # noqa: A004 - as `gzip.open` is
+    from leastaction.io.results.opening import open  # noqa: A004 - as `gzip.open` is
     from leastaction.mechanics import (
         Armature,
         Baumgarte,
@@ -164,7 +164,7 @@ else:
             "leastaction.errors": "LeastActionError",
             "leastaction.io.mechanisms": "load",
             "leastaction.io.motion": "read_motion",
-            "leastaction.io.results.open": "open",
+            "leastaction.io.results.opening": "open",
             "leastaction.mechanics": (
                 "Armature Baumgarte Body BodyWrench ContinuousDynamics ContinuousTrajectory CoulombFriction Coupling "
                 "Curve Damping Distance Drag ElasticString Event ExpressionConstraint ExpressionForce "

@@ -90,7 +90,7 @@ class Markers:
         steps = int(np.floor(duration / dt + 1e-9))
         if steps < 1 or count_steps(duration, dt) < 1:
             raise ArgumentError(f"dt: got {dt:g} s, longer than the capture of {duration:g} s")
-        t = dt * np.arange(steps + 1)
+        t = dt * np.arange(steps + 1, dtype=np.float64)
         inside = np.minimum(self.t[0] + t, self.t[-1])
         after = np.clip(np.searchsorted(self.t, inside, side="left"), 1, len(self.t) - 1)
         share = ((inside - self.t[after - 1]) / (self.t[after] - self.t[after - 1]))[:, None, None]
