@@ -159,7 +159,7 @@ class MotionFileError(LeastActionError, ValueError):
 
 
 class ModelFileError(LeastActionError, ValueError):
-    """A file of a mechanism cannot be read, holds no mechanism, or says what no mechanism can be.
+    """A file of a mechanism, or of a problem, cannot be read, holds none, or says what cannot be.
 
     Attributes
     ----------
@@ -170,10 +170,6 @@ class ModelFileError(LeastActionError, ValueError):
     def __init__(self, message: str, *, line: int | None = None) -> None:
         super().__init__(message)
         self.line = line
-
-
-class DocumentError(LeastActionError, ValueError):
-    """A file of a mechanism or a problem is not there, is broken, or says what cannot be."""
 
 
 class OutputError(LeastActionError, OSError):

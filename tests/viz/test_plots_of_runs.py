@@ -302,3 +302,21 @@ def test_reactions_in_continuous_time_are_those_of_steps() -> None:
     assert discrete.unit == continuous.unit == "N"
     np.testing.assert_allclose(discrete.values, continuous.values[1:-1], rtol=1e-6)
     assert abs(continuous.values[0]) == pytest.approx(9.81)
+
+
+def test_several_runs_are_drawn_over_each_other(cart: Trajectory) -> None:
+    other = simulate(cart_pendulum(), [0.0, 0.3], None, T[:26])
+    figure = plot_run({"pushed": cart, "let go": other}, ["theta", "p_x"])
+    panels = axes_of(figure)
+    first, second = panels["theta"].lines
+    np.testing.assert_allclose(first.get_ydata(), np.degrees(cart["theta"]))
+    np.testing.assert_allclose(second.get_ydata(), np.degrees(other["theta"]))
+    assert first.get_color() != second.get_color()
+    assert len(panels["p_x"].lines) == 1  # the other one has velocities
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["pushed", "let go"]
+    assert panels["theta"].get_xlim() == (0.0, 1.0)
+    with pytest.raises(ArgumentError, match="got no runs"):
+        plot_run({})
+    with pytest.raises(ArgumentError, match="got ndarray, expected a run"):
+        plot_run({"pushed": cart, "let go": cart.q})  # type: ignore[dict-item]

@@ -125,7 +125,7 @@ class Stage:
             keep = needed(scene.t, np.hstack((moving, told)), sharp * tolerance)
             if len(keep) <= most:
                 return keep
-            sharp *= 1.5
+            sharp *= 1.2 * (len(keep) / most) ** 2  # a curve is off by the square of the step
 
 
 def staged(scenes: Sequence[Scene]) -> tuple[Stage, ...]:
