@@ -24,6 +24,20 @@ from leastaction.io.results import (
 )
 
 __all__ = [
-    "Capture", "Gap", "Joint", "Markers", "Motion", "forward_kinematics", "load_record", "load_result", "read_amc",
-    "open", "read_bvh", "read_capture", "read_markers", "read_motion", "save_record", "save_result",
+    "Capture",
+    "Gap",
+    "Joint",
+    "Markers",
+    "Motion",
+    "forward_kinematics",
+    "load_record",
+    "load_result",
+    "open",
+    "read_amc",
+    "read_bvh",
+    "read_capture",
+    "read_markers",
+    "read_motion",
+    "save_record",
+    "save_result",
 ]  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from leastaction.errors import DocumentError
+from leastaction.errors import ModelFileError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 
 
@@ -13,7 +13,7 @@ def text_of(mechanism: Mechanism) -> str | None:
 
     try:
         return document_text(plan_data(mechanism._plan), "json")
-    except DocumentError:
+    except ModelFileError:
         return None
 
 
