@@ -15,7 +15,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-PROGRAM = next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None)
+PROGRAM = next(
+    (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
+)
 _OPTIONS = (
     "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking --hide-scrollbars "
     "--disable-component-update --disable-sync --use-angle=swiftshader --enable-unsafe-swiftshader "
@@ -111,7 +113,13 @@ class Browser:
 
     def _send(self, content: bytes) -> None:
         mask, size = os.urandom(4), len(content)
-        length = struct.pack(">B", 128 | size) if size < 126 else struct.pack(">BH", 254, size) if size < 65536 else struct.pack(">BQ", 255, size)
+        length = (
+            struct.pack(">B", 128 | size)
+            if size < 126
+            else struct.pack(">BH", 254, size)
+            if size < 65536
+            else struct.pack(">BQ", 255, size)
+        )
         self._socket.sendall(b"\x81" + length + mask + bytes(c ^ mask[i % 4] for i, c in enumerate(content)))
 
     def _receive(self) -> bytes:

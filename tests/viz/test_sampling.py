@@ -51,7 +51,9 @@ def test_a_long_motion_is_thinned_until_it_fits() -> None:
 
 
 def test_instants_are_added_where_a_run_is_coarse() -> None:
-    np.testing.assert_allclose(refined(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.9e-2]), 1e-3), [0, 1, *(1 + np.arange(1, 4) / 3)])
+    np.testing.assert_allclose(
+        refined(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.9e-2]), 1e-3), [0, 1, *(1 + np.arange(1, 4) / 3)]
+    )
     m = Mechanism([rz("a"), [ty(-1.0, mass=1.0)]], [Gravity((0.0, -9.81, 0.0))])
     (scene,) = show(simulate(m, [0.0], [12.0], np.linspace(0.0, 1.0, 6))).scenes  # two radians from one to the next
     assert scene.t.size > 40

@@ -39,7 +39,9 @@ def test_a_body_is_drawn_as_the_box_that_has_its_inertia() -> None:
 
 
 def test_a_slide_is_on_a_rail_and_not_on_a_post() -> None:
-    m = Mechanism([tx("x", name="cart", mass=2.0), [rz("a"), [ty(-1.0, name="bob", mass=1.0)]]], [Gravity((0, -9.81, 0))])
+    m = Mechanism(
+        [tx("x", name="cart", mass=2.0), [rz("a"), [ty(-1.0, name="bob", mass=1.0)]]], [Gravity((0, -9.81, 0))]
+    )
     scene = only(show(simulate(m, [0.5, 2.0], None, np.linspace(0.0, 1.0, 21))))
     assert {(bone.start, bone.end) for bone in scene.bones} == {("rz(a)", "bob")}
     rail, hinge = sorted(scene.marks, key=lambda mark: mark.kind, reverse=True)
@@ -119,10 +121,14 @@ def test_a_reaction_is_an_arrow_that_carries_the_weight() -> None:
 
 
 def test_motors_are_torques_along_their_axes() -> None:
-    m = Mechanism([rz("a", mass=1.0, inertia=[0.1] * 3), [tx("x", mass=1.0)]], [JointForce("a", "turn"), JointForce("x", "push")])
+    m = Mechanism(
+        [rz("a", mass=1.0, inertia=[0.1] * 3), [tx("x", mass=1.0)]], [JointForce("a", "turn"), JointForce("x", "push")]
+    )
     run = simulate(m, [0.0, 1.0], None, np.linspace(0.0, 0.1, 3), inputs=[2.0, 3.0])
     arrows = {arrow.kind: arrow for arrow in only(show(run, up="z")).arrows}
-    np.testing.assert_allclose(arrows["torque"].vector, np.broadcast_to([0.0, 0.0, 2.0], (len(arrows["torque"].vector), 3)))
+    np.testing.assert_allclose(
+        arrows["torque"].vector, np.broadcast_to([0.0, 0.0, 2.0], (len(arrows["torque"].vector), 3))
+    )
     np.testing.assert_allclose(arrows["force"].vector[0], [3.0, 0.0, 0.0])
 
 

@@ -108,4 +108,3 @@ class Actions:
                 kind: Literal["force", "torque"] = "torque" if w.any() else "force"
                 found.append(Arrow(name=name, kind=kind, place=place, vector=size[:, None] * axis))
         return found
-
