@@ -32,6 +32,11 @@ _OPTIONS = [
     "--remote-debugging-port=0",
     "--force-color-profile=srgb",
 ]
+_OPTIONS = (
+    "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking --hide-scrollbars "
+    "--disable-component-update --disable-sync --use-angle=swiftshader --enable-unsafe-swiftshader "
+    "--remote-debugging-port=0 --force-color-profile=srgb"
+).split()
 _PATIENCE = 60.0  # seconds
 
 

@@ -67,6 +67,8 @@ class Stage:
             if each.width:
                 half = np.array([0.0, 0.0, each.width])
                 found = np.concatenate((found - half, found + half), axis=1)
+                rise = np.array([0.0, 0.0, each.width])
+                found = np.concatenate((found - rise, found + rise), axis=1)
             parts.append(found)
         if not parts:
             parts = [path[k][:, None] for path in scene.points.values()]
