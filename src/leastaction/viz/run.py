@@ -89,11 +89,7 @@ def plot_run(
     compared = [{signal.name: signal for signal in (*states_of(other), *inputs_of(other))} for other in others]
     figure, panels = signal_panels(groups, title, one_each=marked, headed=marked)
     for panel in panels:
-        _draw(panel, wanted, bounds)
-        for known, look in zip(compared, LINES[1:], strict=False):
-            for signal in panel.signals:
-                if signal.name in known:
-                    draw_line(panel.axes, known[signal.name], linewidth=1.2, zorder=2.8, **look)
+        _draw(panel, compared, wanted, bounds)
         limit_time(panel.axes, run.t)
     _explain(figure, panels, list(runs), wanted, bounds)
     return figure
@@ -144,10 +140,22 @@ def _lonely(values: Array) -> list[int]:
 
 
 def _draw(panel: Panel, wanted: Mapping[str, Signal], bounds: Mapping[str, list[DrawnBound]]) -> None:
+def _draw(
+    panel: Panel,
+    compared: list[dict[str, Signal]],
+    wanted: Mapping[str, Signal],
+    bounds: Mapping[str, list[DrawnBound]],
+) -> None:
     for signal, look in zip(panel.signals, LINES, strict=False):
+        # Of another mechanism the unit may not be known.
         if (other := wanted.get(signal.name)) is not None:
             draw_line(panel.axes, other, marker="o", markevery=_lonely(other.values), **_WANTED)
+            draw_line(panel.axes, replace(other, unit=signal.unit), **_WANTED)
         draw_line(panel.axes, signal, label=signal.name, linewidth=1.3, zorder=3, **look)
+        for known, another in zip(compared, LINES[1:], strict=False):
+            if signal.name in known:
+                same = replace(known[signal.name], unit=signal.unit)
+                draw_line(panel.axes, same, linewidth=1.2, zorder=2.8, **another)
         factor = drawn_unit(signal.unit)[0]
         at_least(panel.axes, panel.least)
         lines = bounds.get(signal.name, [])
