@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from leastaction.errors import LeastActionError
     from leastaction.io import open, read_motion  # noqa: A004 - as `gzip.open` is
     from leastaction.io.mechanisms import load
-    from leastaction.io.results.open import open  # noqa: A004 - as `gzip.open` is
     from leastaction.mechanics import (
         Armature,
         Baumgarte,
@@ -162,7 +161,6 @@ else:
         __name__,
         {
             "leastaction.errors": "LeastActionError",
-            "leastaction.io.results.open": "open",
             "leastaction.io": "open read_motion",
             "leastaction.io.mechanisms": "load",
             "leastaction.mechanics": (
