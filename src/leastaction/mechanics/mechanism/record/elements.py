@@ -25,7 +25,6 @@ from leastaction.mechanics.mechanism.record.types import Matrix, Strict
 from leastaction.numerics.curve import Curve
 from leastaction.numerics.documents import Document, Place
 
-
 THROUGH = " -> "
 """Between the frames of a path that is a key, as of a sum of paths by their factors."""
 
