@@ -17,12 +17,12 @@ from leastaction.io.mechanisms import LeftOut
 
 HEAD = """# Models that were tried
 
-Made by `python -m benchmarks.models FOLDER ...`. Every file is loaded with `leastaction.load(file)`, or where that says so
-with `inertia="repair"` (marked *). q: variables; u: inputs; h: constraint equations; limits: ready `Bound`s. What is
+Made by `python -m benchmarks.models FOLDER ...`. Every file is loaded with `leastaction.load(file)`, or where that says
+so with `inertia="repair"` (marked *). q: variables; u: inputs; h: constraint equations; limits: ready `Bound`s. What is
 left out is counted by kind; cameras, lights, sensors and the look of planes are not listed. The dynamics of what is
 there are held against Pinocchio (URDF) and MuJoCo (MJCF) in `tests/io/mechanisms/`.
 """
-_SEEN = ("camera", "light", "sensor", "the look of", "mesh '", "geoms that touch", "collision shape", "<")
+_SEEN = ("camera", "light", "sensor", "the look of", "mesh '", "touching geom", "collision shape", "<")
 
 
 def main(folders: Iterable[str]) -> None:

@@ -2,7 +2,7 @@
 
 Describe a mechanism (`Mechanism`), simulate it (`MidpointVI`), steer it (`MidpointSystem`, `optimize`). The same in
 continuous time: `simulate`, `MechanismSystem`, `optimize_continuous`.
-Ready mechanisms are in `leastaction.models`, files in `leastaction.io`, pictures in `leastaction.viz`.
+See it (`show`). Ready mechanisms are in `leastaction.models`, files in `leastaction.io`, pictures in `leastaction.viz`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from leastaction._version import __version__
 
 if TYPE_CHECKING:
     from leastaction.errors import LeastActionError
+    from leastaction.io import open  # noqa: A004
     from leastaction.io.mechanisms import load
     from leastaction.mechanics import (
         Armature,
@@ -154,11 +155,13 @@ if TYPE_CHECKING:
         relax,
         warm_start,
     )
+    from leastaction.viz import show
 else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
             "leastaction.errors": "LeastActionError",
+            "leastaction.io": "open",
             "leastaction.io.mechanisms": "load",
             "leastaction.mechanics": (
                 "Armature Baumgarte Body BodyWrench ContinuousDynamics ContinuousTrajectory CoulombFriction Coupling "
@@ -185,6 +188,7 @@ else:
                 "Ball Box Followed HalfSpace Keep MechanismSystem MidpointSystem PlaceCost Played Rig SmoothCost "
                 "by_tensions check_derivatives embed follow play relax warm_start"
             ),
+            "leastaction.viz": "show",
         },
     )
 
@@ -193,18 +197,19 @@ __all__ = [
     "ContinuousQuadraticCost", "ContinuousTrajectory", "CoulombFriction", "Coupling", "Curve", "Damping", "Distance",
     "Drag", "ElasticString", "Equal", "Event", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential",
     "Feedback", "FinalTime", "FixedOrientation", "Followed", "FunctionQuantity", "Gravity", "HalfSpace", "HingeLoop",
-    "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "IterationTable", "JointForce", "JointSpring",
-    "Keep", "LeastActionError", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MechanismSystem",
-    "MidpointSystem", "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "Parameter",
-    "PathLength", "Periodic", "PlaceCost", "Played", "PointOnLine", "PointOnPlane", "PointToPoint",
-    "PolynomialCoupling", "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce",
-    "PythonFunction", "PythonPotential", "QuadraticCost", "Rig", "Servo", "SimulationStatus", "SmoothCost",
-    "SpatialWrench", "StageRecord", "StageTable", "StartResult", "StartStatus", "State", "Status", "TendonForce",
-    "TorsionalSpring", "Trajectory", "Within", "__version__", "ball", "by_tensions", "check_consistent",
-    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "coordinate", "direction", "distance",
-    "embed", "equilibrium", "follow", "free", "gain_to_continuous", "gain_to_discrete", "input_", "load", "optimize",
+    "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "IterationTable", "JointForce", "JointSpring", "Keep",
+    "LeastActionError", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MechanismSystem", "MidpointSystem",
+    "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "Parameter", "PathLength",
+    "Periodic", "PlaceCost", "Played", "PointOnLine", "PointOnPlane", "PointToPoint", "PolynomialCoupling",
+    "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction",
+    "PythonPotential", "QuadraticCost", "Rig", "Servo", "SimulationStatus", "SmoothCost", "SpatialWrench",
+    "StageRecord", "StageTable", "StartResult", "StartStatus", "State", "Status", "TendonForce", "TorsionalSpring",
+    "Trajectory", "Within", "__version__", "ball", "by_tensions", "check_consistent", "check_derivatives",
+    "coarse_to_fine", "continuation", "controllability", "coordinate", "direction", "distance", "embed", "equilibrium",
+    "follow", "free", "gain_to_continuous", "gain_to_discrete", "input_", "load", "open", "optimize",
     "optimize_continuous", "parameter", "play", "point", "pose", "prismatic", "project_configuration",
-    "project_velocity", "rate", "receding_horizon", "regulate", "regulate_continuous", "relax", "revolute", "rx",
-    "ry", "rz", "screw", "simulate", "speed", "steady_state_regulator", "to_continuous", "to_discrete", "to_momentum",
-    "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal", "var", "variable", "warm_start", "world",
+    "project_velocity", "rate", "read_motion", "receding_horizon", "regulate", "regulate_continuous", "relax",
+    "revolute", "rx", "ry", "rz", "screw", "show", "simulate", "speed", "steady_state_regulator", "to_continuous",
+    "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal", "var",
+    "variable", "warm_start", "world",
 ]  # fmt: skip

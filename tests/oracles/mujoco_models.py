@@ -143,7 +143,9 @@ def errors(path: Path, model: Model, points: int = 2) -> dict[str, float]:
             mujoco.mj_fullM(m, d, M)
             wanted = p.J.T @ (d.qfrc_bias - d.qfrc_passive + M @ Jv)
             got = dynamics.inverse_dynamics(p.q, v, np.zeros(mechanism.nq))
-            size = np.abs(p.J.T) @ (np.abs(d.qfrc_bias) + np.abs(d.qfrc_passive) + np.abs(M) @ np.abs(Jv))
+            size = np.abs(p.J.T) @ (
+                np.abs(d.qfrc_bias) + np.abs(d.qfrc_passive) + np.abs(M) @ (np.abs(Jv) + (p.J @ v) ** 2)
+            )
             worst[name] = max(worst[name], _ratio(got - wanted, size))
         wanted = p.J.T @ M @ p.J
         worst["mass"] = max(worst["mass"], _ratio(mechanism.mass_matrix(p.q) - wanted, wanted))

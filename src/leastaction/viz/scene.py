@@ -142,7 +142,7 @@ class Scene:
     traces
         Names of the points whose paths are drawn.
     focus
-        Name of the point that the camera follows; the first one when empty.
+        Name of the point that the camera follows; when empty it stays where it is.
     ground
         Height of the floor, m; the lowest point of any bone when None.
     title

@@ -33,7 +33,7 @@ def put(place: Branch, joint: JointPart, options: FrameOptions) -> Branch:
     inner = FrameOptions(name=f"{joint.name}.pivot") if shifted else options
     if shifted:
         place = place.pose(translation=joint.point)
-    place = place.put(make(joint.name, kinematic=joint.prescribed, **inner))
+    place = place.put(make(joint.name, **inner))
     return place.pose(translation=-joint.point, **options) if shifted else place
 
 
@@ -89,6 +89,7 @@ def left_out_of(joint: JointPart) -> list[LeftOut]:
         ("stiffness", any(joint.stiffness)),
         ("armature", joint.armature != 0.0),
         ("frictionloss", joint.friction != 0.0),
+        ("springdamper", joint.settles is not None),
         ("range", joint.range != (None, None)),
     ]
     why = f"a {joint.kind} joint has three angles, and this is not about any of them"

@@ -65,20 +65,20 @@ def decimated(meshes: Sequence[tuple[Solid, float]], most: int = MOST_TRIANGLES)
     on the planes of the triangles there; the grid is as coarse as is needed, and as fine for all.
     """
     whole = [welded(solid) for solid, _ in meshes]
-    if sum(len(solid.triangles) for solid in whole) <= most:
+    if triangle_count(whole) <= most:
         return whole
     sizes = [
         float(np.linalg.norm(np.ptp(solid.p, axis=0))) * unit for solid, (_, unit) in zip(whole, meshes, strict=True)
     ]
-    low, high = 1e-5 * max(sizes), 0.2 * max(sizes)
-    best = [_clustered(solid, high / unit) for solid, (_, unit) in zip(whole, meshes, strict=True)]
-    for _ in range(9):
-        cell = float(np.sqrt(low * high))
+    cell = max(sizes) / 200.0
+    best = whole
+    for _ in range(7):
         trial = [_within(solid, cell / unit) for solid, (_, unit) in zip(whole, meshes, strict=True)]
-        if sum(len(solid.triangles) for solid in trial) <= most:
-            best, high = trial, cell
-        else:
-            low = cell
+        count = triangle_count(trial)
+        best = trial if count <= most or triangle_count(best) > most else best
+        if 0.8 * most <= count <= most:
+            break
+        cell *= float(np.sqrt(count / (0.92 * most)))  # so many triangles cover a surface
     return best
 
 
@@ -100,8 +100,7 @@ def _clustered(solid: Solid, cell: float) -> Solid:
     """Return a mesh with the vertices of each cell merged, where the planes of its triangles meet best."""
     p, triangles = solid.p, solid.triangles
     keys = np.floor((p - p.min(axis=0)) / cell).astype(np.int64)
-    _, place = np.unique(keys, axis=0, return_inverse=True)
-    place = place.reshape(-1)
+    _, place = np.unique(_packed(keys), return_inverse=True)
     count = int(place.max()) + 1
     a, b, c = (p[triangles[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)  # as long as twice the area, which weighs it
@@ -125,14 +124,19 @@ def _clustered(solid: Solid, cell: float) -> Solid:
 
 def _merged(p: Array, keys: Triangles, triangles: Triangles) -> Solid:
     """Return a mesh with one vertex for each key, and without the triangles that vanish."""
-    _, first, place = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    moved = place.reshape(-1)[triangles]
+    _, first, place = np.unique(_packed(keys), return_index=True, return_inverse=True)
+    moved = place[triangles]
     kept = (moved[:, 0] != moved[:, 1]) & (moved[:, 1] != moved[:, 2]) & (moved[:, 2] != moved[:, 0])
     moved = moved[kept]
-    _, once = np.unique(np.sort(moved, axis=1), axis=0, return_index=True)
+    _, once = np.unique(_packed(np.sort(moved, axis=1)), return_index=True)
     moved = moved[np.sort(once)]
     used, index = np.unique(moved, return_inverse=True)
     return Solid(p[first][used], index.reshape(-1, 3))
+
+
+def _packed(keys: Triangles) -> Triangles:
+    """Return three whole numbers below 2^21 as one each."""
+    return np.asarray((keys[:, 0] << 42) | (keys[:, 1] << 21) | keys[:, 2])
 
 
 def triangle_count(solids: Iterable[Solid]) -> int:

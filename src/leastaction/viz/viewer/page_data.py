@@ -128,10 +128,11 @@ def _panel(stage: Stage, meshes: _Meshes, share: float) -> dict[str, Any]:
             for mark in scene.marks
         ],
         "limits": [[limit.name, [list(span) for span in limit.spans]] for limit in scene.limits],
-        "focus": index[scene.followed],
+        "focus": index[scene.focus] if scene.focus else -1,
+        "spot": stage.centre.tolist(),
         "floor": stage.floor,
         "middle": stage.floor + 0.5 * stage.height,
-        "height": float(np.median(scene.points[scene.followed][:, 2])),
+        "height": float(np.median(scene.points[scene.focus][:, 2]) if scene.focus else stage.centre[2]),
         "size": stage.size,
     }
 

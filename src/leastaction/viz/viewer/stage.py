@@ -20,7 +20,7 @@ from leastaction.viz.viewer.solids import Solid
 
 _SAMPLE_BYTES = 1_100_000  # of all motion in a page
 _SHARP = 1e-3  # of the scene's size: how far a straight line between two samples may be off
-_GREY: Colour = (0.62, 0.66, 0.71, 1.0)  # of a shape to which nobody gave a colour
+_NO_COLOURS = ((0.62, 0.66, 0.71, 1.0), (1.0, 1.0, 1.0, 1.0))  # what shapes have to which nobody gave a colour
 _UNIT = {
     "box": solids.box, "sphere": solids.sphere, "ellipsoid": solids.sphere, "cylinder": solids.cylinder,
     "capsule": solids.capsule,
@@ -65,7 +65,8 @@ class Stage:
             place = corners @ each.matrix[:3, :3].T + each.matrix[:3, 3]
             found = place @ pose[:, :3, :3].transpose(0, 2, 1) + pose[:, None, :3, 3]
             if each.width:
-                found = np.concatenate((found - [0, 0, each.width], found + [0, 0, each.width]), axis=1)
+                half = np.array([0.0, 0.0, each.width])
+                found = np.concatenate((found - half, found + half), axis=1)
             parts.append(found)
         if not parts:
             parts = [path[k][:, None] for path in scene.points.values()]
@@ -75,6 +76,11 @@ class Stage:
     def floor(self) -> float:
         """Height of the floor (m): as given, or just under the lowest of what is drawn."""
         return self.scene.ground if self.scene.ground is not None else float(self._cloud[..., 2].min())
+
+    @cached_property
+    def centre(self) -> Array:
+        """The middle of the box of all that is drawn, (3,)."""
+        return np.asarray(0.5 * (self._cloud.min(axis=(0, 1)) + self._cloud.max(axis=(0, 1))))
 
     @cached_property
     def height(self) -> float:
@@ -115,13 +121,11 @@ class Stage:
         most = max(2, int(share * _SAMPLE_BYTES / (count * 4 / 3)))
         sharp = 1.0
         while True:
-            tolerance = np.concatenate(
-                (np.full(moving.shape[1], _SHARP * self.size), 0.02 * np.ptp(told, axis=0))
-            )
+            tolerance = np.concatenate((np.full(moving.shape[1], _SHARP * self.size), 0.02 * np.ptp(told, axis=0)))
             keep = needed(scene.t, np.hstack((moving, told)), sharp * tolerance)
             if len(keep) <= most:
                 return keep
-            sharp *= 1.5
+            sharp *= 1.2 * (len(keep) / most) ** 2  # a curve is off by the square of the step
 
 
 def staged(scenes: Sequence[Scene]) -> tuple[Stage, ...]:
@@ -160,6 +164,8 @@ def _drawn(shape: Shape, pieces: list[tuple[Solid, Colour | None]], small: dict[
     if shape.kind != "mesh":
         return [Drawn(_UNIT[shape.kind](), shape.frame, matrix, width, shape.color)]
     return [
-        Drawn(small[id(solid)], shape.frame, matrix, 0.0, colour if colour and shape.color == _GREY else shape.color)
+        Drawn(
+            small[id(solid)], shape.frame, matrix, 0.0, colour if colour and shape.color in _NO_COLOURS else shape.color
+        )
         for solid, colour in pieces
     ]

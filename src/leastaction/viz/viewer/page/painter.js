@@ -15,15 +15,15 @@ float lit(vec3 q) {
   return sum / 25.;
 }`;
 const BODY = HEAD + LIT + `
-in vec3 P, M; in float along; uniform vec4 colour; uniform vec3 eye, light, sky, earth; uniform float dash, flatness; out vec4 shown;
+in vec3 P, M; in float along; uniform vec4 colour; uniform vec3 eye, light, sky, earth; uniform float dash, flatness, lift; out vec4 shown;
 void main() {
   if (dash > 0. && fract(along * dash) > .55) discard;
   vec3 v = normalize(eye - P), f = normalize(cross(dFdx(P), dFdy(P))), m = normalize(M);
   if (dot(f, v) < 0.) f = -f;
   if (dot(m, f) < 0.) m = -m;
   m = normalize(mix(f, m, smoothstep(.55, .8, dot(m, f)))); // what is a sharp edge stays one
-  vec3 base = pow(colour.rgb, vec3(2.2)); float facing = max(dot(m, light), 0.), sun = facing > 0. ? lit(P + .004 * m) : 0.;
-  vec3 c = base * (mix(earth, sky, .5 + .5 * m.z) + 1.05 * facing * sun);
+  vec3 base = pow(colour.rgb, vec3(2.2)); float facing = max(dot(m, light), 0.), sun = facing > 0. ? mix(1., lit(P + lift * m), smoothstep(.02, .3, facing)) : 0.;
+  vec3 c = base * (mix(earth, sky, .5 + .5 * m.z) + .8 * facing * sun);
   c += .10 * sun * pow(max(dot(m, normalize(light + v)), 0.), 40.) + .05 * pow(1. - max(dot(m, v), 0.), 3.) * sky;
   shown = vec4(pow(mix(c, base, flatness), vec3(1. / 2.2)), 1.) * colour.a; shown.a = colour.a;
 }`;
@@ -92,7 +92,7 @@ function painter(canvas) {
     gl.bindVertexArray(shape.vao); gl.drawElements(gl.TRIANGLES, shape.count, gl.UNSIGNED_INT, 0);
   }
   // things: { mesh, A, width, colour, dash, flat }; ghosts are laid over at once, so that overlapping limbs do not add up.
-  return function paint({ box, camera, eye, light, lamp, things, ghosts, look, ground }) {
+  return function paint({ box, camera, eye, light, lamp, reach, things, ghosts, look, ground }) {
     gl.bindFramebuffer(gl.FRAMEBUFFER, target); gl.viewport(0, 0, SHADOW, SHADOW); gl.disable(gl.SCISSOR_TEST); gl.depthMask(true); gl.clear(gl.DEPTH_BUFFER_BIT);
     gl.useProgram(cast.made); gl.uniformMatrix4fv(cast.at.camera, false, lamp);
     for (const each of things) if (!each.flat) put(cast, each);
@@ -107,7 +107,7 @@ function painter(canvas) {
         put(floor, { mesh: -1, A: [ground.reach, 0, 0, 0, ground.reach, 0, 0, 0, 1, ...ground.middle] });
         gl.disable(gl.BLEND); gl.depthMask(true);
       } else {
-        gl.uniform3fv(body.at.eye, eye); gl.uniform3fv(body.at.light, light); gl.uniform3fv(body.at.sky, look.ambient); gl.uniform3fv(body.at.earth, look.earth);
+        gl.uniform3fv(body.at.eye, eye); gl.uniform1f(body.at.lift, 6 * reach / SHADOW); gl.uniform3fv(body.at.light, light); gl.uniform3fv(body.at.sky, look.ambient); gl.uniform3fv(body.at.earth, look.earth);
         if (ghosts.length) { // only what is nearest of them, and behind all else: it nearly coincides with it
           gl.enable(gl.BLEND); gl.colorMask(false, false, false, false); for (const each of ghosts) put(body, each);
           gl.colorMask(true, true, true, true); gl.depthFunc(gl.LEQUAL); for (const each of ghosts) put(body, each); gl.depthFunc(gl.LESS);
