@@ -29,7 +29,7 @@ def converted(source: Path, target: Path, options: ModelOptions | None = None) -
     if kind == "model":
         return model_of(str(source), options).mechanism.save(target)
     if kind == "run":
-        from leastaction.io import open as open_file
+        from leastaction.io.results.open import open as open_file
 
         return open_file(source).save(target)
     from leastaction.io import read_motion
