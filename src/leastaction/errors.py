@@ -176,6 +176,10 @@ class OutputError(LeastActionError, OSError):
     """A result cannot be written where it was asked for."""
 
 
+class MissingExtraError(LeastActionError, ImportError):
+    """A package is not installed that something needs which not everybody wants; the message says how to get it."""
+
+
 class ResultFileError(LeastActionError, ValueError):
     """A saved result cannot be read back, or belongs to another mechanism."""
 
