@@ -171,7 +171,7 @@ def test_ctrl_c_keeps_the_last_iterate(folder: Path) -> None:
         ("model: cart.yaml", "model: {file: cart.yaml, fixd: []}", r"line 3: model\.fixd: unknown key; did you mean"),
         ("title:", "titel:", r"line 2: titel: unknown key; did you mean 'title'"),
         ("dt: 0.02", "dt: 20 ms", r"line 4: time\.dt: got '20 ms', expected a number; without a unit"),
-        ("dt: 0.02", "dt: -1", r"line 4: time\.dt: got -1: expected float > 0"),
+        ("dt: 0.02", "dt: -1", r"line 4: time\.dt: got -1, expected a number > 0"),
         ("dt: 0.02", "dt: 1e-9", r"line 4: time: got 1e\+09 steps"),
         (", dt: 0.02", "", r"line 4: time: expected either steps"),
         ("q: {theta: 0.1}", "q: {thta: 0.1}", r"line 5: start: unknown variable 'thta'; did you mean 'theta'"),
