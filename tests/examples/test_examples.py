@@ -20,7 +20,7 @@ pytest.importorskip("matplotlib")
 
 from matplotlib.image import imread
 
-from leastaction import Status
+from leastaction import Bound, MidpointSystem, MidpointVI, QuadraticCost, Status, optimize
 from leastaction.apps.marionette import load_motion, track, walk_in_place
 from leastaction.mechanics import Stability
 from leastaction.models.marionette import marionette
@@ -375,40 +375,35 @@ def test_marionette_follows_a_real_capture_in_continuous_time(monkeypatch: pytes
 
 def test_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     example = load("17_hand", monkeypatch)
-    result = example.solve()
-    free, pulled = result.free, result.pulled
+    free, pulled = example.solve()
     assert free.status is Status.CONVERGED
     assert pulled.status is Status.CONVERGED
     assert np.mean(free.u < 0.0) > 0.5
     assert pulled.u.min() >= 0.0
     assert free.cost < pulled.cost
-    third = result.mechanism.variables.index("middle.dip")
-    off = result.off(pulled)
+    off = example.off(pulled)
     assert np.sqrt(np.mean(off**2)) < 0.3
-    assert np.abs(off[:, third]).max() < 1.0
+    assert np.abs(off[:, example.HAND.variables.index("middle.dip")]).max() < 1.0
     # It is a fist in between.
-    assert pulled.x[100, third] > np.radians(50.0)
+    assert pulled["middle.dip"][100] > np.radians(50.0)
 
 
 @pytest.mark.slow
 def test_hand_that_only_pulls_from_the_first_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
     """From the wanted motion, which is none of the hand's and which its projection loses, without the free optimum."""
     example = load("17_hand", monkeypatch)
-    m = example.hand()
-    system = example.MidpointSystem(example.MidpointVI(m), example.T)
-    angles = example.wanted(m)
-    curve, slack = np.hstack([angles, np.zeros_like(angles)]), np.zeros((system.N, system.nu))
-    cost = example.QuadraticCost(
-        curve, slack, Q=[1.0] * m.nq + [0.0] * m.nq, R=[example.EFFORT] * m.n_inputs
-    )  # fmt: skip
-    limits = [example.Bound("*", min=0.0, of="input")]
-    result = example.optimize(system, cost, initial=(curve, slack), limits=limits)
+    m = example.HAND
+    system = MidpointSystem(MidpointVI(m), example.T)
+    curve, slack = np.hstack([example.WANTED, np.zeros_like(example.WANTED)]), np.zeros((system.N, system.nu))
+    cost = QuadraticCost(curve, slack, Q=[1.0] * m.nq + [0.0] * m.nq, R=[example.EFFORT] * m.n_inputs)
+    limits = [Bound("*", min=0.0, of="input")]
+    result = optimize(system, cost, initial=(curve, slack), limits=limits)
     assert result.status is Status.CONVERGED, result.message
     assert result.iterations <= 60
     assert result.u.min() >= 0.0
     # There are several minima, of 4.8193 and 4.8221 among others; whichever it is, it is one.
     assert result.cost < 5.0
-    again = example.optimize(system, cost, initial=result, limits=limits, tolerance=1e-12)
+    again = optimize(system, cost, initial=result, limits=limits, tolerance=1e-12)
     assert again.status is Status.CONVERGED, again.message
     assert again.cost == pytest.approx(result.cost, rel=1e-8)
 
@@ -448,10 +443,13 @@ def test_radial_engine(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_screw(monkeypatch: pytest.MonkeyPatch) -> None:
     example = load("13_screw", monkeypatch)
-    result = example.solve()
-    assert result.apart < 1e-9
-    assert result.off < 1e-4
-    np.testing.assert_allclose(result.thrust[1:], result.expected[1:], rtol=1e-6)
+    runs = example.solve()
+    angle, thrust = example.closed_form()
+    for run in runs.values():
+        np.testing.assert_allclose(run["angle"], runs["a screw joint"]["angle"], atol=1e-9)
+        np.testing.assert_allclose(run["angle"], angle, atol=1e-4)
+    found = example.thrust(runs["two variables and a constraint"])
+    np.testing.assert_allclose(found, thrust[1:-1], rtol=1e-6)
 
 
 def test_spline_spring(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -465,13 +463,13 @@ def test_spline_spring(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_free_start(monkeypatch: pytest.MonkeyPatch) -> None:
     example = load("15_free_start", monkeypatch)
-    result = example.solve()
-    for held, free in zip(result.held, result.free, strict=True):
+    for price in example.PRICES.values():
+        held, free = example.solve(price)
         assert held.success
         assert free.success
         assert free.cost < 0.25 * held.cost
-        assert result.off(free) < 0.5 * result.off(held)
-    assert np.abs(result.free[1].u).mean() < 0.3 * np.abs(result.held[1].u).mean()
+        assert example.off(free) < 0.5 * example.off(held)
+    assert np.abs(free.u).mean() < 0.3 * np.abs(held.u).mean()
 
 
 def test_extensor_network(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,20 +18,11 @@ from typing import Any, Self
 PROGRAM = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
 )
-_OPTIONS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--hide-scrollbars",
-    "--disable-component-update",
-    "--disable-sync",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--remote-debugging-port=0",
-    "--force-color-profile=srgb",
-]
+_OPTIONS = (
+    "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking --hide-scrollbars "
+    "--disable-component-update --disable-sync --use-angle=swiftshader --enable-unsafe-swiftshader "
+    "--remote-debugging-port=0 --force-color-profile=srgb"
+).split()
 _PATIENCE = 60.0  # seconds
 
 
