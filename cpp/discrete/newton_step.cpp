@@ -223,6 +223,7 @@ void MidpointStep::add_elements() {
         stored_ += local_.value;
         stored_size_ += std::abs(local_.value);
     }
+    if (!with_forces_) return;
     for_each_entry(m.forces, middle(), force_, [&](int i, double f) {
         if (i < nd_) f_[i] += f;
     });
@@ -236,6 +237,7 @@ void MidpointStep::element_matrix(double dt, const Add& add) {
     for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_, [&](int i, int j, double bend) {
         if (i < nd_ && j < nd_) add(i, j, -0.25 * dt * bend);
     });
+    if (!with_forces_) return;
     const auto by_variable = [&](int i, int j, double f_q, double f_v) {
         if (i < nd_ && j < nd_) add(i, j, km * (0.5 * f_q + f_v / dt));
     };

@@ -33,9 +33,19 @@ class Point:
     Jv: np.ndarray
 
 
-def smooth(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism without the dry friction of its joints."""
+ACTIVE = ("motor.", "servo.", "muscle.", "passive.")
+
+
+def without_friction(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without the dry friction of its joints and tendons."""
     return mechanism.with_exchanged({name: () for name in mechanism.elements if name.startswith("friction.")})
+
+
+def smooth(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without dry friction, and without its actuators."""
+    return mechanism.with_exchanged(
+        {name: () for name in mechanism.elements if name.startswith(("friction.", *ACTIVE))}
+    )
 
 
 def joints_of(path: Path) -> tuple[JointPart, ...]:
@@ -132,7 +142,9 @@ def errors(path: Path, model: Model, points: int = 2) -> dict[str, float]:
             mujoco.mj_fullM(m, d, M)
             wanted = p.J.T @ (d.qfrc_bias - d.qfrc_passive + M @ Jv)
             got = dynamics.inverse_dynamics(p.q, v, np.zeros(mechanism.nq))
-            size = np.abs(p.J.T) @ (np.abs(d.qfrc_bias) + np.abs(d.qfrc_passive) + np.abs(M) @ np.abs(Jv))
+            size = np.abs(p.J.T) @ (
+                np.abs(d.qfrc_bias) + np.abs(d.qfrc_passive) + np.abs(M) @ (np.abs(Jv) + (p.J @ v) ** 2)
+            )
             worst[name] = max(worst[name], _ratio(got - wanted, size))
         wanted = p.J.T @ M @ p.J
         worst["mass"] = max(worst["mass"], _ratio(mechanism.mass_matrix(p.q) - wanted, wanted))

@@ -48,7 +48,7 @@ def gif(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: boo
     except ImportError as error:
         raise ArgumentError(_missing("a .gif", "Pillow")) from error
     # Browsers show no more than 50 pictures a second, and count in hundredths of it.
-    pause = max(2, round(100.0 / as_number(fps, "fps")))
+    pause = max(2, round(100.0 / _rate(fps)))
     pictures = _pictures(scenes, 100.0 / pause, size, dark=dark, joints=joints, forces=forces)
     frames = [Image.fromarray(picture) for picture in pictures]
     middle = frames[len(frames) // 2].quantize(colors=255, dither=Image.Dither.NONE)
@@ -71,7 +71,7 @@ def mp4(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: boo
     with tempfile.TemporaryDirectory(prefix="leastaction-") as folder:
         path = Path(folder) / "movie.mp4"
         writer: Any = imageio_ffmpeg.write_frames(
-            str(path), even, fps=as_number(fps, "fps"), quality=8, macro_block_size=2, ffmpeg_log_level="error"
+            str(path), even, fps=_rate(fps), quality=8, macro_block_size=2, ffmpeg_log_level="error"
         )
         writer.send(None)
         for picture in _pictures(scenes, fps, (even[0], even[1]), dark=dark, joints=joints, forces=forces):
@@ -131,6 +131,13 @@ def _pictures(
 
 def _span(scenes: Sequence[Scene]) -> tuple[float, float]:
     return min(float(scene.t[0]) for scene in scenes), max(float(scene.t[-1]) for scene in scenes)
+
+
+def _rate(fps: float) -> float:
+    rate = as_number(fps, "fps")
+    if rate <= 0.0:
+        raise ArgumentError(f"fps: got {rate:g}, expected a positive number of pictures a second")
+    return rate
 
 
 def _checked(size: tuple[int, int]) -> tuple[int, int]:

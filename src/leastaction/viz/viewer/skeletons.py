@@ -55,6 +55,7 @@ def skeleton(mechanism: Mechanism, q: Array) -> Skeleton:
     bones = []
     for i, length in lengths.items():
         r = min(radius, 0.2 * length) * (0.35 if frames[i].name in seen_alone else 1.0)
+        r *= 1.0 + 0.02 * (frames[i].joint % 4)  # where links meet, one of them is the outer
         carrier = frames[frames[i].parent].name
         bones.append(Bone(start=carrier, end=frames[i].name, radius=r, color=link_colour(frames[i].joint)))
     barred = {frames[i].joint for i in lengths if frames[i].name not in seen_alone}

@@ -65,7 +65,8 @@ class Stage:
             place = corners @ each.matrix[:3, :3].T + each.matrix[:3, 3]
             found = place @ pose[:, :3, :3].transpose(0, 2, 1) + pose[:, None, :3, 3]
             if each.width:
-                found = np.concatenate((found - [0, 0, each.width], [*found, 0, 0, each.width]), axis=1)
+                rise = np.array([0.0, 0.0, each.width])
+                found = np.concatenate((found - rise, found + rise), axis=1)
             parts.append(found)
         if not parts:
             parts = [path[k][:, None] for path in scene.points.values()]
@@ -124,7 +125,7 @@ class Stage:
             keep = needed(scene.t, np.hstack((moving, told)), sharp * tolerance)
             if len(keep) <= most:
                 return keep
-            sharp *= 1.5
+            sharp *= 1.2 * (len(keep) / most) ** 2  # a curve is off by the square of the step
 
 
 def staged(scenes: Sequence[Scene]) -> tuple[Stage, ...]:

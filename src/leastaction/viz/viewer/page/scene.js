@@ -90,6 +90,8 @@ function draw() {
     if (paint) paint({ box: box.map(x => Math.round(x * ratio)), camera: seen.matrix, eye: seen.eye, light: LIGHT, ...sun(panel, seen.centre), things, ghosts, look, ground: { middle: floor, reach: 9 * S.grid > 3 * S.size ? 9 * S.grid : 3 * S.size } });
     if (show.joints) names(panel, box);
   });
+  pen.fillStyle = ink.line;
+  for (const [x, y, w, h] of boxes().slice(1)) if (x) pen.fillRect(x, 0, 1, H); else pen.fillRect(0, H - y - h, w, 1);
   readout();
 }
 function names(panel, box) {
