@@ -136,6 +136,7 @@ private:
     void note_inertia(int i, double inertia) {
         if (std::isfinite(inertia)) root_inertia_[i] = std::sqrt(std::abs(inertia));
     }
+    bool correct_limit(double tau);
     bool is_trusted(double dt, const StepReport& report);
     bool turns_as_expected(double dt) const;
     bool keeps_constraint_directions() const;
@@ -162,6 +163,7 @@ private:
     std::unique_ptr<LoopNewton> loops_;    // null: not for this mechanism, or nothing gained; else tree_ is there too
     LoopNewton::Constraints start_, end_;  // for loops_
     bool have_C1_ = false, have_C2_ = false;
+    bool with_forces_ = true;  // all forces but those by one number or input
     bool loops_fail_ = false;  // at the limit of the path that is followed
     Placement<double> at1_, at2_;
     LocalTaylor<double> local_;
@@ -169,6 +171,7 @@ private:
     std::vector<double> q_mid_, v_, f_, still_;
     double potential_size_ = 0;            // of the largest slope of a potential
     double stored_ = 0, stored_size_ = 0;  // energy in potentials, and the sum of their sizes
+    std::vector<double> inertia_;   // that rotors give each dynamic variable alone
     std::vector<double> diagonal_;  // what forces and potentials add to the Newton matrix's, where they add to no more
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;

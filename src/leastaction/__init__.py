@@ -14,8 +14,10 @@ from leastaction._version import __version__
 
 if TYPE_CHECKING:
     from leastaction.errors import LeastActionError
+    from leastaction.io import open  # noqa: A004
     from leastaction.io.mechanisms import load
     from leastaction.mechanics import (
+        Armature,
         Baumgarte,
         Body,
         BodyWrench,
@@ -53,6 +55,7 @@ if TYPE_CHECKING:
         PointOnLine,
         PointOnPlane,
         PointToPoint,
+        PolynomialCoupling,
         PrescribedMotion,
         PrescribedPath,
         Projection,
@@ -60,6 +63,7 @@ if TYPE_CHECKING:
         PythonForce,
         PythonFunction,
         PythonPotential,
+        Servo,
         SimulationStatus,
         SpatialWrench,
         State,
@@ -157,18 +161,19 @@ else:
         __name__,
         {
             "leastaction.errors": "LeastActionError",
+            "leastaction.io": "open",
             "leastaction.io.mechanisms": "load",
             "leastaction.mechanics": (
-                "Baumgarte Body BodyWrench ContinuousDynamics ContinuousTrajectory CoulombFriction Coupling Curve "
-                "Damping Distance Drag ElasticString Event ExpressionConstraint ExpressionForce ExpressionPotential "
-                "Feedback FixedOrientation Gravity HingeLoop HybridWrench IntegrationStatus InverseSquareGravity "
-                "JointForce JointSpring LinearDamper LinearMotor LinearSpring Mechanism MidpointVI Motor "
-                "NonlinearDamping NonlinearSpring PathLength PointOnLine PointOnPlane PointToPoint PrescribedMotion "
-                "PrescribedPath Projection PythonConstraint PythonForce PythonFunction PythonPotential "
-                "SimulationStatus SpatialWrench State TendonForce TorsionalSpring Trajectory ball check_consistent "
-                "equilibrium free gain_to_continuous gain_to_discrete pose prismatic project_configuration "
-                "project_velocity revolute rx ry rz screw simulate to_continuous to_discrete to_momentum to_velocity "
-                "twist tx ty tz universal var world"
+                "Armature Baumgarte Body BodyWrench ContinuousDynamics ContinuousTrajectory CoulombFriction Coupling "
+                "Curve Damping Distance Drag ElasticString Event ExpressionConstraint ExpressionForce "
+                "ExpressionPotential Feedback FixedOrientation Gravity HingeLoop HybridWrench IntegrationStatus "
+                "InverseSquareGravity JointForce JointSpring LinearDamper LinearMotor LinearSpring Mechanism "
+                "MidpointVI Motor NonlinearDamping NonlinearSpring PathLength PointOnLine PointOnPlane PointToPoint "
+                "PolynomialCoupling PrescribedMotion PrescribedPath Projection PythonConstraint PythonForce "
+                "PythonFunction PythonPotential Servo SimulationStatus SpatialWrench State TendonForce "
+                "TorsionalSpring Trajectory ball check_consistent equilibrium free gain_to_continuous "
+                "gain_to_discrete pose prismatic project_configuration project_velocity revolute rx ry rz screw "
+                "simulate to_continuous to_discrete to_momentum to_velocity twist tx ty tz universal var world"
             ),
             "leastaction.mechanics.expressions": (
                 "coordinate direction distance input_ parameter point rate speed unit_vector variable"
@@ -188,22 +193,23 @@ else:
     )
 
 __all__ = [
-    "Ball", "Baumgarte", "Body", "BodyWrench", "Bound", "Box", "ContinuousDynamics", "ContinuousQuadraticCost",
-    "ContinuousTrajectory", "CoulombFriction", "Coupling", "Curve", "Damping", "Distance", "Drag", "ElasticString",
-    "Equal", "Event", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "Feedback", "FinalTime",
-    "FixedOrientation", "Followed", "FunctionQuantity", "Gravity", "HalfSpace", "HingeLoop", "HybridWrench",
-    "IntegrationStatus", "InverseSquareGravity", "IterationTable", "JointForce", "JointSpring", "Keep",
-    "LeastActionError", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MechanismSystem",
-    "MidpointSystem", "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "Parameter",
-    "PathLength", "Periodic", "PlaceCost", "Played", "PointOnLine", "PointOnPlane", "PointToPoint", "PrescribedMotion",
-    "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential",
-    "QuadraticCost", "Rig", "SimulationStatus", "SmoothCost", "SpatialWrench", "StageRecord", "StageTable",
-    "StartResult", "StartStatus", "State", "Status", "TendonForce", "TorsionalSpring", "Trajectory", "Within",
-    "__version__", "ball", "by_tensions", "check_consistent", "check_derivatives", "coarse_to_fine", "continuation",
-    "controllability", "coordinate", "direction", "distance", "embed", "equilibrium", "follow", "free",
-    "gain_to_continuous", "gain_to_discrete", "input_", "load", "optimize", "optimize_continuous", "parameter", "play",
-    "point", "pose", "prismatic", "project_configuration", "project_velocity", "rate", "receding_horizon", "regulate",
-    "regulate_continuous", "relax", "revolute", "rx", "ry", "rz", "screw", "show", "simulate", "speed",
-    "steady_state_regulator", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz",
-    "unit_vector", "universal", "var", "variable", "warm_start", "world",
+    "Armature", "Ball", "Baumgarte", "Body", "BodyWrench", "Bound", "Box", "ContinuousDynamics",
+    "ContinuousQuadraticCost", "ContinuousTrajectory", "CoulombFriction", "Coupling", "Curve", "Damping", "Distance",
+    "Drag", "ElasticString", "Equal", "Event", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential",
+    "Feedback", "FinalTime", "FixedOrientation", "Followed", "FunctionQuantity", "Gravity", "HalfSpace", "HingeLoop",
+    "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "IterationTable", "JointForce", "JointSpring", "Keep",
+    "LeastActionError", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MechanismSystem", "MidpointSystem",
+    "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "Parameter", "PathLength",
+    "Periodic", "PlaceCost", "Played", "PointOnLine", "PointOnPlane", "PointToPoint", "PolynomialCoupling",
+    "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction",
+    "PythonPotential", "QuadraticCost", "Rig", "Servo", "SimulationStatus", "SmoothCost", "SpatialWrench",
+    "StageRecord", "StageTable", "StartResult", "StartStatus", "State", "Status", "TendonForce", "TorsionalSpring",
+    "Trajectory", "Within", "__version__", "ball", "by_tensions", "check_consistent", "check_derivatives",
+    "coarse_to_fine", "continuation", "controllability", "coordinate", "direction", "distance", "embed", "equilibrium",
+    "follow", "free", "gain_to_continuous", "gain_to_discrete", "input_", "load", "open", "optimize",
+    "optimize_continuous", "parameter", "play", "point", "pose", "prismatic", "project_configuration",
+    "project_velocity", "rate", "read_motion", "receding_horizon", "regulate", "regulate_continuous", "relax",
+    "revolute", "rx", "ry", "rz", "screw", "show", "simulate", "speed", "steady_state_regulator", "to_continuous",
+    "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal", "var",
+    "variable", "warm_start", "world",
 ]  # fmt: skip

@@ -16,7 +16,6 @@ from leastaction import ContinuousDynamics, Mechanism
 from leastaction.io.mechanisms import LeftOut, Model, rotations
 from leastaction.io.mechanisms.mjcf import read_mjcf
 from leastaction.io.mechanisms.names import settle
-from leastaction.io.mechanisms.poses import rotation_of
 from leastaction.io.mechanisms.parts import JointPart
 
 OFF = ("CONTACT", "LIMIT", "FRICTIONLOSS", "EQUALITY", "ACTUATION", "CLAMPCTRL")
@@ -34,9 +33,19 @@ class Point:
     Jv: np.ndarray
 
 
-def smooth(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism without the dry friction of its joints."""
+ACTIVE = ("motor.", "servo.", "muscle.", "passive.")
+
+
+def without_friction(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without the dry friction of its joints and tendons."""
     return mechanism.with_exchanged({name: () for name in mechanism.elements if name.startswith("friction.")})
+
+
+def smooth(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without dry friction, and without its actuators."""
+    return mechanism.with_exchanged(
+        {name: () for name in mechanism.elements if name.startswith(("friction.", *ACTIVE))}
+    )
 
 
 def joints_of(path: Path) -> tuple[JointPart, ...]:
@@ -119,7 +128,7 @@ def compiled(path: Path, left_out: tuple[LeftOut, ...] = ()) -> tuple[Any, Any]:
 
 
 def errors(path: Path, model: Model, points: int = 2) -> dict[str, float]:
-    """Return how far the mass matrix, the force at rest and that of a motion are from MuJoCo's, relative to its size."""
+    """Return how far mass matrix, force at rest and force in motion are from MuJoCo's, relative to its size."""
     m, d = compiled(path, model.left_out)
     mechanism, joints, rng = smooth(model.mechanism), joints_of(path), np.random.default_rng(1)
     dynamics = ContinuousDynamics(mechanism)
@@ -133,7 +142,9 @@ def errors(path: Path, model: Model, points: int = 2) -> dict[str, float]:
             mujoco.mj_fullM(m, d, M)
             wanted = p.J.T @ (d.qfrc_bias - d.qfrc_passive + M @ Jv)
             got = dynamics.inverse_dynamics(p.q, v, np.zeros(mechanism.nq))
-            size = np.abs(p.J.T) @ (np.abs(d.qfrc_bias) + np.abs(d.qfrc_passive) + np.abs(M) @ np.abs(Jv))
+            size = np.abs(p.J.T) @ (
+                np.abs(d.qfrc_bias) + np.abs(d.qfrc_passive) + np.abs(M) @ (np.abs(Jv) + (p.J @ v) ** 2)
+            )
             worst[name] = max(worst[name], _ratio(got - wanted, size))
         wanted = p.J.T @ M @ p.J
         worst["mass"] = max(worst["mass"], _ratio(mechanism.mass_matrix(p.q) - wanted, wanted))

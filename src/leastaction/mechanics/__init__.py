@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, momentum_by
     from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory
     from leastaction.mechanics.elements import (
+        Armature,
         BodyWrench,
         Constraint,
         CoulombFriction,
@@ -74,12 +75,14 @@ if TYPE_CHECKING:
         PointOnLine,
         PointOnPlane,
         PointToPoint,
+        PolynomialCoupling,
         Potential,
         PrescribedPath,
         PythonConstraint,
         PythonForce,
         PythonFunction,
         PythonPotential,
+        Servo,
         SpatialWrench,
         TendonForce,
         TorsionalSpring,
@@ -124,12 +127,12 @@ else:
             "leastaction.mechanics.discrete.step_sensitivity": "StepSensitivity momentum_by",
             "leastaction.mechanics.discrete.trajectory": "SimulationStatus State Trajectory",
             "leastaction.mechanics.elements": (
-                "BodyWrench Constraint CoulombFriction Coupling Damping Distance Drag ElasticString Element "
+                "Armature BodyWrench Constraint CoulombFriction Coupling Damping Distance Drag ElasticString Element "
                 "ExpressionConstraint ExpressionForce ExpressionPotential FixedOrientation Force FunctionReport "
                 "Gravity HingeLoop HybridWrench InverseSquareGravity JointForce JointSpring LinearDamper LinearMotor "
-                "LinearSpring Motor NonlinearDamping NonlinearSpring PathLength PointOnLine PointOnPlane "
-                "PointToPoint Potential PrescribedPath PythonConstraint PythonForce PythonFunction PythonPotential "
-                "SpatialWrench TendonForce TorsionalSpring Wrench check_function"
+                "LinearSpring Motor NonlinearDamping NonlinearSpring PathLength PointOnLine PointOnPlane PointToPoint "
+                "PolynomialCoupling Potential PrescribedPath PythonConstraint PythonForce PythonFunction "
+                "PythonPotential Servo SpatialWrench TendonForce TorsionalSpring Wrench check_function"
             ),
             "leastaction.mechanics.mechanism.mechanism": "Mechanism",
             "leastaction.mechanics.mechanism.queries.function_derivatives": "FunctionDerivatives",
@@ -139,20 +142,20 @@ else:
     )
 
 __all__ = [
-    "AccelerationDerivatives", "AccelerationTensors", "Accelerations", "Affine", "Baumgarte", "Body", "BodyWrench",
-    "Branch", "Composition", "ConfigurationProjection", "Constraint", "ContinuousDynamics", "ContinuousState",
-    "ContinuousTrajectory", "Contradiction", "CoulombFriction", "Coupling", "Curve", "Damping", "Distance", "Drag",
-    "Drift", "ElasticString", "Element", "Energy", "Equilibrium", "Event", "EventRecord", "ExpressionConstraint",
-    "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation", "Force", "Frame", "FunctionDerivatives",
-    "FunctionReport", "Gravity", "HingeLoop", "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "JointForce",
-    "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MidpointVI", "Motor",
-    "NonlinearDamping", "NonlinearSpring", "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "Potential",
-    "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction",
-    "PythonPotential", "Sensitivity", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step",
-    "StepDerivatives", "StepSensitivity", "StepTensors", "TendonForce", "TorsionalSpring", "Trajectory",
-    "VelocityProjection", "Wrench", "ball", "check_consistent", "check_function", "equilibrium",
-    "find_contradiction", "free", "gain_to_continuous", "gain_to_discrete", "legendre_jacobian", "momentum_by", "pose",
-    "prismatic", "project_configuration", "project_velocity", "revolute", "rx", "ry", "rz", "screw", "simulate",
-    "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal", "var",
-    "world",
+    "AccelerationDerivatives", "AccelerationTensors", "Accelerations", "Affine", "Armature", "Baumgarte", "Body",
+    "BodyWrench", "Branch", "Composition", "ConfigurationProjection", "Constraint", "ContinuousDynamics",
+    "ContinuousState", "ContinuousTrajectory", "Contradiction", "CoulombFriction", "Coupling", "Curve", "Damping",
+    "Distance", "Drag", "Drift", "ElasticString", "Element", "Energy", "Equilibrium", "Event", "EventRecord",
+    "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation", "Force",
+    "Frame", "FunctionDerivatives", "FunctionReport", "Gravity", "HingeLoop", "HybridWrench", "IntegrationStatus",
+    "InverseSquareGravity", "JointForce", "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism",
+    "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "PathLength", "PointOnLine", "PointOnPlane",
+    "PointToPoint", "PolynomialCoupling", "Potential", "PrescribedMotion", "PrescribedPath", "Projection",
+    "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "Sensitivity", "Servo",
+    "SimulationStatus", "SpatialWrench", "Stability", "State", "Step", "StepDerivatives", "StepSensitivity",
+    "StepTensors", "TendonForce", "TorsionalSpring", "Trajectory", "VelocityProjection", "Wrench", "ball",
+    "check_consistent", "check_function", "equilibrium", "find_contradiction", "free", "gain_to_continuous",
+    "gain_to_discrete", "legendre_jacobian", "momentum_by", "pose", "prismatic", "project_configuration",
+    "project_velocity", "revolute", "rx", "ry", "rz", "screw", "simulate", "to_continuous", "to_discrete",
+    "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal", "var", "world",
 ]  # fmt: skip

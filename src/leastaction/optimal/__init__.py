@@ -12,6 +12,7 @@ from leastaction._names import lazily
 
 if TYPE_CHECKING:
     from leastaction.optimal.checks import DerivativeReport, check_derivatives
+    from leastaction.optimal.checks.descent import CostAlong, cost_along
     from leastaction.optimal.continuous import (
         Accuracy,
         ContinuousCost,
@@ -64,6 +65,7 @@ else:
         __name__,
         {
             "leastaction.optimal.checks": "DerivativeReport check_derivatives",
+            "leastaction.optimal.checks.descent": "CostAlong cost_along",
             "leastaction.optimal.continuous": (
                 "Accuracy ContinuousCost ContinuousLinearQuadraticSolution ContinuousOptimizationResult "
                 "ContinuousProjection ContinuousQuadraticCost ContinuousRollout ContinuousSystem DenseTrajectory "
@@ -100,14 +102,14 @@ else:
 __all__ = [
     "Accuracy", "Bound", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
     "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Controllability",
-    "ControllabilityWindow", "Cost", "CostGradient", "CostHessian", "DenseTrajectory", "DerivativeReport",
-    "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem", "FunctionQuantity",
-    "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit", "LimitReport",
-    "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem", "Linearization", "ModelHessian",
+    "ControllabilityWindow", "Cost", "CostAlong", "CostGradient", "CostHessian", "DenseTrajectory", "DerivativeReport",
+    "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem",
+    "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit", "LimitReport", "LimitState",
+    "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem", "Linearization", "ModelHessian",
     "OptimizationHistory", "OptimizationResult", "Parameter", "Periodic", "PiecewisePolynomial", "Projection",
     "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout", "Settings", "StageRecord", "StageTable",
     "StartResult", "StartStatus", "Status", "Unknown", "WindowCost", "WindowSystem", "Within", "adjoint",
-    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "optimize", "optimize_continuous",
-    "receding_horizon", "regulate", "regulate_continuous", "resample", "solve_continuous_linear_quadratic",
-    "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
+    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "cost_along", "optimize",
+    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
+    "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

@@ -21,6 +21,7 @@ from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
+from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
@@ -28,6 +29,7 @@ from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities.discrete import KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
+from leastaction.systems.saving import dataset_with_multipliers
 
 _OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
 
@@ -102,6 +104,12 @@ class MidpointSystem(DiscreteSystem):
 
     def motion(self, result: Any) -> Trajectory:
         return self.trajectory(result.x, result.u)
+
+    def dataset(self, result: Any) -> Dataset:
+        vi = self.integrator
+        settings = {name: getattr(vi, name) for name in ("split", "tolerance", "max_iterations", "threads")}
+        own = {"multipliers": self.multipliers, "first_share": self.first_share, "at_instants": list(vi.at_instants)}
+        return dataset_with_multipliers(result, {"name": "MidpointSystem", **settings, **own}, impulses=True)
 
     def window(self, start: int, stop: int) -> DiscreteSystem:
         check_window(start, stop, self.N)

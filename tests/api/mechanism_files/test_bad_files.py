@@ -13,7 +13,7 @@ import pytest
 
 import leastaction as la
 from api.mechanism_files.back import from_text, text_of
-from leastaction.errors import DescriptionError, DocumentError, LeastActionError, OutputError
+from leastaction.errors import DescriptionError, LeastActionError, ModelFileError, OutputError
 from leastaction.models import build
 
 GOOD = """\
@@ -73,7 +73,7 @@ def test_the_good_one_is_good() -> None:
 )  # fmt: skip
 def test_what_is_wrong_is_said_with_its_place(old: str, new: str, message: str) -> None:
     assert old in GOOD
-    with pytest.raises(DocumentError, match=message):
+    with pytest.raises(ModelFileError, match=message):
         from_text(GOOD.replace(old, new, 1))
 
 
@@ -94,7 +94,7 @@ def test_what_is_wrong_is_said_with_its_place(old: str, new: str, message: str) 
 def test_an_expression_runs_nothing(expression: str, message: str) -> None:
     pytest.importorskip("sympy")
     text = GOOD + f'  - {{type: ExpressionPotential, expression: "{expression}"}}\n'
-    with pytest.raises(DocumentError, match=rf"line 16: elements\[2\].*{message}"):
+    with pytest.raises(ModelFileError, match=rf"line 16: elements\[2\].*{message}"):
         from_text(text)
 
 
@@ -113,12 +113,12 @@ def test_broken_text_has_its_line(tmp_path: Path) -> None:
     }
     for name, (content, message) in cases.items():
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(DocumentError, match=message):
+        with pytest.raises(ModelFileError, match=message):
             la.Mechanism.load(tmp_path / name)
-    with pytest.raises(DocumentError, match="there is no such file"):
+    with pytest.raises(ModelFileError, match="there is no such file"):
         la.Mechanism.load(tmp_path / "none.yaml")
     (tmp_path / "folder.yaml").mkdir()
-    with pytest.raises(DocumentError, match="it is a folder"):
+    with pytest.raises(ModelFileError, match="it is a folder"):
         la.Mechanism.load(tmp_path / "folder.yaml")
 
 
@@ -150,9 +150,9 @@ def test_nothing_is_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
     for wrong in (tmp_path / "none" / "m.yaml", tmp_path):
-        with pytest.raises((OutputError, DocumentError)):
+        with pytest.raises((OutputError, ModelFileError)):
             mechanism.save(wrong)
-    with pytest.raises(DocumentError, match=r"ending '\.xml'"):
+    with pytest.raises(ModelFileError, match=r"ending '\.xml'"):
         mechanism.save(tmp_path / "m.xml")
 
 

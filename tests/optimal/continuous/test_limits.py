@@ -245,7 +245,7 @@ def test_a_run_goes_on_with_its_duals(bounded):
 
 def test_limits_over_time_can_be_drawn(bounded):
     result = bounded[3]
-    figure = plot_limits(result.t, result.limits)
+    figure = plot_limits(result)
     assert len(figure.axes) == 4
     assert "u[0] <= 0.5" in str(result.limits)
 

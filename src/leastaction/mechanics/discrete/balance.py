@@ -84,8 +84,8 @@ class DiscreteBalance(Frozen):
     def __str__(self) -> str:
         """Return the balance in a sentence."""
         return self.complaint or (
-            f"energy: {self.lost:.2g} J of {self.scale:.3g} J lost beside the work that was done, swinging by "
-            f"{self.swing:.2g} J"
+            f"energy: {abs(self.lost):.2g} J of {self.scale:.3g} J {'gained' if self.lost < 0 else 'lost'} beside the "
+            f"work that was done, swinging by {self.swing:.2g} J"
         )
 
 

@@ -165,6 +165,11 @@ class Element(abc.ABC):
         return None
 
     @property
+    def geared(self) -> Mapping[str, float]:
+        """The variables whose motion turns it as a rotor, by their factors; none if it has no inertia."""
+        return {}
+
+    @property
     def weighed(self) -> tuple[str, ...]:
         """Frames whose mass it took over from their bodies as a number of its own."""
         return ()

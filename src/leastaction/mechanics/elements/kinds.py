@@ -221,6 +221,26 @@ class Vector(Kind):
         return f"({', '.join(f'{number:g}' for number in value)})"
 
 
+@dataclass(frozen=True)
+class Polynomial(Kind):
+    """The coefficients of a polynomial, the parameters c0, c1 and so on; two at least, or it would be a constant."""
+
+    def read(self, value: Any, what: str) -> tuple[float, ...]:
+        listed = isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, (str, bytes))
+        if not listed or not 2 <= len(value) <= 16:
+            raise DescriptionError(f"{what}: expected a list of two to sixteen numbers c0, c1, c2, ..., got {value!r}")
+        return tuple(Number().read(c, f"{what}: c{i}") for i, c in enumerate(value))
+
+    def numbers(self, field: str, value: Sequence[float]) -> dict[str, float]:
+        return {f"c{i}": c for i, c in enumerate(value)}
+
+    def with_number(self, field: str, value: Sequence[float], parameter: str, number: float) -> tuple[float, ...]:
+        return tuple({**self.numbers(field, value), parameter: number}.values())
+
+    def show(self, value: Sequence[float]) -> str:
+        return ", ".join(f"{name} {c:g}" for name, c in self.numbers("", value).items())
+
+
 # Others
 
 

@@ -132,7 +132,7 @@ class Mechanism(Compiled):
         vars(self).update(fields)
         if like is None:
             check_names(self.tree, context.parameters)
-            check_masses(self.tree, self.variables, self.core)
+            check_masses(self.tree, settled.rotors, self.variables, self.core)
 
     # Names
 
@@ -301,7 +301,7 @@ class Mechanism(Compiled):
         )
         result = self._of(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
         if tree is not self.tree:
-            check_masses(tree, self.variables, result.core, self.core)
+            check_masses(tree, result._plan.rotors, self.variables, result.core, self.core)
         return result
 
     def slots_of_elements(self, names: Sequence[str]) -> list[int] | None:
@@ -388,7 +388,7 @@ class Mechanism(Compiled):
 
         Raises
         ------
-        DocumentError
+        ModelFileError
             For another ending, or an element that no file can say: one that calls Python.
         OutputError
             If the file cannot be written.
@@ -408,7 +408,7 @@ class Mechanism(Compiled):
 
         Raises
         ------
-        DocumentError
+        ModelFileError
             For a file that is not there or is broken, and for what does not fit, with its line and place in the file.
         DescriptionError
             For a mechanism that cannot be, such as one with a dynamic variable that moves no mass.

@@ -42,12 +42,14 @@ class Masses:
             how == from_geom.mjINERTIAFROMGEOM_AUTO and not body.explicitinertial
         ):
             part = self._from_geoms(body, name)
-        elif body.explicitinertial:
-            part = self._written(body)
         else:
             part = None
+        if part is None and body.explicitinertial:
+            part = self._written(body)
         if compiler.boundmass > 0.0 or compiler.boundinertia > 0.0 or compiler.balanceinertia:
-            part = _bounded(part or MassPart(0.0, np.zeros(3), np.zeros((3, 3))), compiler)
+            # As the compiler has it, the centre of a body without any mass lies as far from it as it from its parent.
+            place = pose_in_body(body, self._spec)[:3, 3]
+            part = _bounded(part or MassPart(0.0, place, np.zeros((3, 3))), compiler)
         return part if part is not None and (part.mass or part.inertia.any()) else None
 
     def _written(self, body: Any) -> MassPart:

@@ -21,9 +21,11 @@ def joints_of(element: ET.Element, left_out: list[LeftOut]) -> tuple[JointPart, 
     what = f"joint {name!r}"
     if kind not in _KINDS:
         raise ModelFileError(f"{what}: its type is {kind!r}, expected one of {', '.join(_KINDS)}")
-    for tag in ("safety_controller", "calibration"):
-        if element.find(tag) is not None:
-            left_out.append(LeftOut(f"{tag} of the joint {name!r}", "a mechanism has no use for it"))
+    left_out += [
+        LeftOut(f"{tag} of the joint {name!r}", "a mechanism has no use for it")
+        for tag in ("safety_controller", "calibration")
+        if element.find(tag) is not None
+    ]
     if kind == "fixed":
         return ()
     if kind == "floating":

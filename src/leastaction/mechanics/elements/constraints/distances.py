@@ -13,12 +13,22 @@ import numpy as np
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Constraint, Element
-from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.fields import END, FACTORS, FRAME, PATH, number, positive
+from leastaction.mechanics.elements.compiler import Compiler, Paths, Scalar
+from leastaction.mechanics.elements.fields import (
+    END,
+    FACTORS,
+    FRAME,
+    OTHER_SUM_OR_PATH,
+    PATH,
+    SUM_OR_PATH,
+    number,
+    positive,
+)
 from leastaction.mechanics.elements.forces.tendons import TendonForce
-from leastaction.mechanics.elements.kinds import Kind
+from leastaction.mechanics.elements.kinds import Kind, Polynomial
 from leastaction.mechanics.elements.looks import Look, Push, along_axes
 from leastaction.mechanics.elements.potentials.springs import ElasticString, LinearSpring
+from leastaction.mechanics.elements.scalars import unit_of
 from leastaction.mechanics.elements.units import common
 from leastaction.numerics.arrays import Array
 
@@ -151,7 +161,7 @@ class PathLength(Constraint):
 
     Parameters
     ----------
-    frames : sequence of str
+    frames : sequence of str, or mapping of such to float
         Two frames or more, in the order of the string: the ends, and between them the via-points, such
         as pulleys of no radius.
     length : float or str
@@ -168,7 +178,7 @@ class PathLength(Constraint):
     The multiplier is the impulse of the tension. Consecutive frames must not meet, where the string has no direction.
     """
 
-    frames: Sequence[str] = field(metadata=PATH)
+    frames: Paths = field(metadata=PATH)
     length: float | str = field(metadata=_LENGTH)
 
     called = "path_length"
@@ -235,3 +245,43 @@ class Coupling(Constraint):
 
     def add_to(self, core: Compiler) -> None:
         core.constraint(core.sum(self.factors), "offset", self.offset)
+
+
+@dataclass(frozen=True)
+class PolynomialCoupling(Constraint):
+    """Couple two scalars by a polynomial: ``h = s - (c0 + c1 x + c2 x^2 + ...)``, such as a knee's rolling.
+
+    Parameters
+    ----------
+    on : str, mapping of str to float, or sequence of str
+        What s is: a variable, a sum of some by their factors, or the length of a path through the origins of frames, or
+        of several with a factor each, as in `PathLength`.
+    of : str, mapping of str to float, or sequence of str
+        What x is, likewise.
+    coefficients : sequence of float
+        c0, c1, c2, ..., two to sixteen.
+
+    Raises
+    ------
+    DescriptionError
+        If ``on`` or ``of`` is none of these, or the coefficients are not two to sixteen numbers.
+
+    Notes
+    -----
+    The parameters are ``"polynomial.c0"`` and so on; the factors of the sums are ``"polynomial.factors.a"`` of s and
+    ``"polynomial.of.b"`` of x. A linear one of variables is a `Coupling`.
+    """
+
+    on: Scalar = field(metadata=SUM_OR_PATH)
+    of: Scalar = field(metadata=OTHER_SUM_OR_PATH)
+    coefficients: Sequence[float] = field(metadata={"kind": Polynomial()})
+
+    called = "polynomial"
+    reads = "{on} by {of}, {coefficients}"
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return (unit_of(self.on, of),)
+
+    def add_to(self, core: Compiler) -> None:
+        law = core.law("polynomial", *(f"c{i}" for i in range(len(self.coefficients))))
+        core.constraint(core.difference(core.along(self.on), core.along(self.of, "of"), law))

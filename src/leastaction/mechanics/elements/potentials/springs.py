@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Element, Potential
-from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.compiler import Compiler, Paths, Scalar
 from leastaction.mechanics.elements.directions import Direction
 from leastaction.mechanics.elements.fields import (
     AXIS,
@@ -207,14 +207,16 @@ class NonlinearSpring(Potential):
     The parameter ``"spring.scale"`` multiplies the curve; it is 1.
     """
 
-    on: str | Mapping[str, float] | Sequence[str] = field(metadata=SUM_OR_PATH)
+    on: Scalar = field(metadata=SUM_OR_PATH)
     force: Curve = field(metadata=CURVE)
 
     called = "nonlinear_spring"
     reads = "{on}, force {force}"
     seen_as = "spring"
 
-    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array | None:
+        if isinstance(self.on, Mapping):
+            return None  # its pieces pull differently, by the length of all
         return np.asarray(self.force(length), dtype=float)
 
     def add_to(self, core: Compiler) -> None:
@@ -231,7 +233,7 @@ class ElasticString(Potential):
 
     Parameters
     ----------
-    frames : sequence of str
+    frames : sequence of str, or mapping of such to float
         Two frames or more, in the order of the string.
     stiffness : float
         The stiffness k of the whole string (N/m).
@@ -254,7 +256,7 @@ class ElasticString(Potential):
     sharp corner, which Newton's method and the step must resolve.
     """
 
-    frames: Sequence[str] = field(metadata=PATH)
+    frames: Paths = field(metadata=PATH)
     stiffness: float = field(metadata=positive(PULLS_BACK, unit="N/m"))
     length: float | str = field(metadata=positive("in metres", unit="m", variable="either"))
     tension_only: bool = field(default=True, metadata=FLAG)
@@ -267,7 +269,9 @@ class ElasticString(Potential):
     reads = "{frames}, {stiffness}, length {length}"
     seen_as = "string"
 
-    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array | None:
+        if isinstance(self.frames, Mapping):
+            return None  # its pieces pull differently, by the length of all
         stretch = length - (values[self.length] if isinstance(self.length, str) else self.length)
         if self.tension_only:
             stretch = self.smoothing * np.logaddexp(0.0, stretch / self.smoothing)

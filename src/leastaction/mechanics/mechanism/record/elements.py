@@ -17,13 +17,16 @@ import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from leastaction.errors import DescriptionError, DocumentError
+from leastaction.errors import DescriptionError, ModelFileError
 from leastaction.mechanics import elements
 from leastaction.mechanics.elements import Element, kinds
 from leastaction.mechanics.mechanism.record.frames import UNIT
 from leastaction.mechanics.mechanism.record.types import Matrix, Strict
 from leastaction.numerics.curve import Curve
 from leastaction.numerics.documents import Document, Place
+
+THROUGH = " -> "
+"""Between the frames of a path that is a key, as of a sum of paths by their factors."""
 
 
 class CurveRecord(Strict, kw_only=True):
@@ -132,20 +135,20 @@ def _plain_type(hint: Any) -> Any:
 def element_data(element: Element) -> dict[str, Any]:
     """Return an element as plain data.
 
-    Raises `DocumentError` for one that calls Python, or that is no class of the package.
+    Raises `ModelFileError` for one that calls Python, or that is no class of the package.
     """
     kind = type(element).__name__
     if _classes().get(kind) is not type(element):
-        raise DocumentError(f"{element.label}: it is a class of your own, which no file can say; use a pickle")
+        raise ModelFileError(f"{element.label}: it is a class of your own, which no file can say; use a pickle")
     if kind not in element_types():
-        raise DocumentError(
+        raise ModelFileError(
             f"{element.label}: it calls functions in Python, which no file can say; write it as an Expression "
             f"({kind.replace('Python', 'Expression')}), or use a pickle"
         )
     try:
         return {"type": kind, **_fields(element)}
     except DescriptionError as error:
-        raise DocumentError(f"{element.label}: {error}") from None
+        raise ModelFileError(f"{element.label}: {error}") from None
 
 
 def _fields(given: Any) -> dict[str, Any]:
@@ -177,7 +180,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return float(value)
     if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items()}
+        return {_key(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, (tuple, list)):
         return [_plain(entry) for entry in value]
     if isinstance(value, np.ndarray):
@@ -191,11 +194,16 @@ def _plain(value: Any) -> Any:
     return expression_text(value)
 
 
+def _key(key: str | tuple[str, ...]) -> str:
+    """Return the key of a mapping as text: of a path through frames these, one after the other."""
+    return key if isinstance(key, str) else THROUGH.join(key)
+
+
 # In
 
 
 def element_of(record: Strict, document: Document, place: Place) -> Element:
-    """Return the element of a record; raise a `DocumentError` with the place of what is wrong."""
+    """Return the element of a record; raise a `ModelFileError` with the place of what is wrong."""
     kind = _classes()[str(record.__struct_config__.tag)]
     try:
         made: Element = _made(kind, record)
@@ -223,12 +231,22 @@ def _value(value: Any, hint: Any, name: str) -> Any:
     if isinstance(value, Strict):
         name_of = type(value).__name__
         return _made(next(part for part in _leaves(hint) if getattr(part, "__name__", "") == name_of), value)
+    if isinstance(value, dict) and any(_by_paths(part) for part in parts):
+        return {tuple(key.split(THROUGH)) if THROUGH in key else key: entry for key, entry in value.items()}
     if isinstance(value, list):
         inner = next((part for part in parts if get_args(part)), Any)
         return [_value(entry, Union[get_args(inner) or (Any,)], name) for entry in value]  # noqa: UP007
     if isinstance(value, str) and float in parts and UNIT.match(value):
         raise DescriptionError(f"{name}: got {value!r}, expected a number in SI units without a unit, or a variable")
     return value
+
+
+def _by_paths(hint: Any) -> bool:
+    """Whether a type is a mapping of paths."""
+    arguments = get_args(hint)
+    origin = get_origin(hint)
+    mapping = isinstance(origin, type) and issubclass(origin, Mapping)
+    return mapping and get_origin(arguments[0]) is tuple
 
 
 def _leaves(hint: Any) -> Iterator[Any]:
