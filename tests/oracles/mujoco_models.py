@@ -121,7 +121,10 @@ def compiled(path: Path, left_out: tuple[LeftOut, ...] = ()) -> tuple[Any, Any]:
             if f"{what} of the joint {name!r}" in said:
                 setattr(joint, what, none)
     for tendon in spec.tendons:
-        if f"tendon {tendon.name!r}" in said:
+        whole = any(each.name == f"tendon {tendon.name!r}" for each in left_out)
+        if f"armature of the tendon {tendon.name!r}" in said:
+            tendon.armature = 0.0
+        if whole:
             tendon.stiffness, tendon.damping, tendon.armature = [0.0] * 3, [0.0] * 3, 0.0
     m = spec.compile()
     return m, mujoco.MjData(m)
