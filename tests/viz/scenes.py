@@ -9,7 +9,18 @@ import numpy as np
 import pytest
 
 from leastaction import (
-    Gravity, HybridWrench, LinearDamper, LinearSpring, Mechanism, Trajectory, MidpointVI, load, show, simulate, tx, tz,
+    Gravity,
+    HybridWrench,
+    LinearDamper,
+    LinearSpring,
+    Mechanism,
+    MidpointVI,
+    Trajectory,
+    load,
+    show,
+    simulate,
+    tx,
+    tz,
 )  # fmt: skip
 from leastaction.models.four_bars import at_angle, four_bars
 from leastaction.models.hand import hand, posture

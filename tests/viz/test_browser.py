@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from viz import scenes
-from viz.chromium import PROGRAM, Browser
 
 from leastaction import show
 from leastaction.viz import View
+from viz import scenes
+from viz.chromium import PROGRAM, Browser
 
 pytestmark = [
     pytest.mark.browser,

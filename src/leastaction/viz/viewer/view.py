@@ -80,7 +80,7 @@ class View:
         size : tuple of int, optional
             Width and height in pixels; 1200 by 800 of pictures and 720 by 480 of movies if not given.
         fps : float, optional
-            Pictures a second of a movie.
+            Pictures a second of a movie; a .gif has 50 at the most.
         dark : bool, optional
             Whether pictures and movies have a dark background.
 

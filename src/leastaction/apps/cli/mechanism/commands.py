@@ -42,7 +42,7 @@ def view(
         shown: Any = model_of(source, model)
         seen = show(shown, q=configuration_of(shown, pose))
     else:
-        from leastaction.io.results.open import open as open_file
+        from leastaction.io import open as open_file
 
         seen = show(open_file(source))
     if out is None:

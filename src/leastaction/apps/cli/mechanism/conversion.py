@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from leastaction.apps.cli.mechanism.source import MODEL_FILES, ModelOptions, model_of
+from leastaction.apps.cli.mechanism.options import ModelOptions
+from leastaction.apps.cli.mechanism.source import MODEL_FILES, model_of
 from leastaction.errors import ArgumentError
 
 _RUNS = (".h5", ".npz")
@@ -29,7 +30,7 @@ def converted(source: Path, target: Path, options: ModelOptions | None = None) -
     if kind == "model":
         return model_of(str(source), options).mechanism.save(target)
     if kind == "run":
-        from leastaction.io.results.open import open as open_file
+        from leastaction.io import open as open_file
 
         return open_file(source).save(target)
     from leastaction.io import read_motion

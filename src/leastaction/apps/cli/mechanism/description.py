@@ -57,7 +57,7 @@ def _read(file: str) -> Any:
     """Return the model, run or result of a file; None for a run of the marionette, which has a form of its own."""
     if not Path(file).suffix or Path(file).suffix.lower() in MODEL_FILES:
         return model_of(file)
-    from leastaction.io.results.open import open as open_file
+    from leastaction.io import open as open_file
 
     try:
         return open_file(file)
