@@ -107,7 +107,7 @@ def _clustered(solid: Solid, cell: float) -> Solid:
     area = np.linalg.norm(normal, axis=1)
     unit = normal / np.maximum(area, 1e-300)[:, None]
     mean = np.stack([np.bincount(place, p[:, k], count) for k in range(3)], -1)
-    mean /= np.bincount(place, minlength=count)[:, None]
+    mean = mean / np.bincount(place, minlength=count)[:, None]
     H, g = np.zeros((count, 3, 3)), np.zeros((count, 3))
     for corner in range(3):
         at = place[triangles[:, corner]]

@@ -83,7 +83,7 @@ def painted(
     for layer, over in ((ghost, False), (solid, True), (paths, True)):
         _lay(layer, camera, look, lamp, image, depth if over else np.full(image.shape[:2], np.inf))
     fine = image.reshape(height, _FINER, width, _FINER, 3).mean(axis=(1, 3))
-    return (np.clip(fine, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return np.asarray(np.clip(fine, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)
 
 
 def _lay(layer: Sequence[Thing], camera: Camera, look: Look3D, lamp: _Lamp, image: Array, depth: Array) -> None:

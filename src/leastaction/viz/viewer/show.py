@@ -252,7 +252,7 @@ def _floating(m: Mechanism) -> str:
 
 def active_limits(report: LimitReport, t: Array) -> tuple[ActiveLimit, ...]:
     """Return when which limit of an optimisation holds the motion back. ``t`` (N+1,): the times of its instants."""
-    found = []
+    found: list[ActiveLimit] = []
     for state in report.sides:
         times = state.t if state.t is not None else t[np.minimum(state.k, len(t) - 1)]
         ends = np.append(times[1:], min(2.0 * times[-1] - times[-2], t[-1]) if len(times) > 1 else times[-1])

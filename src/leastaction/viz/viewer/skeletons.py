@@ -1,4 +1,4 @@
-"""What a mechanism is seen as without shapes: bars between its frames, balls and boxes of its bodies, and its joints."""
+"""What a mechanism is seen as without shapes: bars between frames, balls and boxes of bodies, and its joints."""
 
 from __future__ import annotations
 
@@ -93,15 +93,15 @@ def _of_body(
     shapes = []
     ball = 2.0 * radius * float(np.clip((body.mass / usual) ** (1.0 / 3.0), 0.6, 2.0))
     if carriage and not barred:
-        shapes.append(Shape(frame=frame, kind="box", size=[2.2 * ball] * 3, pose=pose, color=colour))
+        shapes.append(Shape(frame=frame, kind="box", size=np.full(3, 2.2 * ball), pose=pose, color=colour))
     elif not body.inertia.any() or not barred:
-        shapes.append(Shape(frame=frame, kind="sphere", size=[ball], pose=pose, color=colour))
+        shapes.append(Shape(frame=frame, kind="sphere", size=np.array([ball]), pose=pose, color=colour))
     if not barred and np.linalg.norm(body.com) > ball:
         shapes.append(
             Shape(
                 frame=frame,
                 kind="capsule",
-                size=[radius, np.linalg.norm(body.com)],
+                size=np.array([radius, np.linalg.norm(body.com)]),
                 pose=_along(body.com),
                 color=colour,
             )

@@ -65,8 +65,8 @@ class Stage:
             place = corners @ each.matrix[:3, :3].T + each.matrix[:3, 3]
             found = place @ pose[:, :3, :3].transpose(0, 2, 1) + pose[:, None, :3, 3]
             if each.width:
-                rise = np.array([0.0, 0.0, each.width])
-                found = np.concatenate((found - rise, found + rise), axis=1)
+                half = np.array([0.0, 0.0, each.width])
+                found = np.concatenate((found - half, found + half), axis=1)
             parts.append(found)
         if not parts:
             parts = [path[k][:, None] for path in scene.points.values()]

@@ -49,15 +49,35 @@ def _rgb(text: str) -> Array:
 
 
 LIGHT_LOOK = Look3D(
-    sky=_rgb("#ffffff"), paper=_rgb("#f4f5f7"), line=_rgb("#c3c9d1"), soft=_colour("#626b77"), accent=_colour("#0072b2"),
-    slack=_colour("#c2187e"), ghost=_colour("#009e73", 0.42), push=_colour("#d55e00"), reaction=_colour("#7b5bb5"),
-    low=np.array([0.32, 0.48, 0.64]), ambient=np.array([0.54, 0.57, 0.62]), earth=np.array([0.27, 0.25, 0.24]), shade=0.2,
-)  # fmt: skip
+    sky=_rgb("#ffffff"),
+    paper=_rgb("#f4f5f7"),
+    line=_rgb("#c3c9d1"),
+    soft=_colour("#626b77"),
+    accent=_colour("#0072b2"),
+    slack=_colour("#c2187e"),
+    ghost=_colour("#009e73", 0.42),
+    push=_colour("#d55e00"),
+    reaction=_colour("#7b5bb5"),
+    low=np.array([0.32, 0.48, 0.64]),
+    ambient=np.array([0.54, 0.57, 0.62]),
+    earth=np.array([0.27, 0.25, 0.24]),
+    shade=0.2,
+)
 DARK_LOOK = Look3D(
-    sky=_rgb("#20252d"), paper=_rgb("#14171c"), line=_rgb("#3d4551"), soft=_colour("#a3adb9"), accent=_colour("#56b4e9"),
-    slack=_colour("#ff6ec7"), ghost=_colour("#2fd0a0", 0.42), push=_colour("#ff9d5c"), reaction=_colour("#b79cf0"),
-    low=np.array([0.42, 0.6, 0.77]), ambient=np.array([0.42, 0.46, 0.54]), earth=np.array([0.14, 0.14, 0.15]), shade=0.4,
-)  # fmt: skip
+    sky=_rgb("#20252d"),
+    paper=_rgb("#14171c"),
+    line=_rgb("#3d4551"),
+    soft=_colour("#a3adb9"),
+    accent=_colour("#56b4e9"),
+    slack=_colour("#ff6ec7"),
+    ghost=_colour("#2fd0a0", 0.42),
+    push=_colour("#ff9d5c"),
+    reaction=_colour("#b79cf0"),
+    low=np.array([0.42, 0.6, 0.77]),
+    ambient=np.array([0.42, 0.46, 0.54]),
+    earth=np.array([0.14, 0.14, 0.15]),
+    shade=0.4,
+)
 _HIGH = np.array([0.9, 0.62, 0.0])
 
 
