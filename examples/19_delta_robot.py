@@ -1,4 +1,4 @@
-"""A delta robot from its MJCF carries something over in 0.3 s: six loops closed, torques and angles within their limits.
+"""A delta robot from its MJCF carries something over in 0.3 s: six loops closed, torques and angles within limits.
 
 The file holds the platform by six rods with a `connect` each. Here these are constraints that hold to rounding; the
 motion that is found keeps to what the motors and joints of the file can do.

@@ -14,7 +14,7 @@ from leastaction._version import __version__
 
 if TYPE_CHECKING:
     from leastaction.errors import LeastActionError
-    from leastaction.io import open  # noqa: A004
+    from leastaction.io import open, read_motion  # noqa: A004 - as `gzip.open` is
     from leastaction.io.mechanisms import load
     from leastaction.mechanics import (
         Armature,
@@ -161,7 +161,7 @@ else:
         __name__,
         {
             "leastaction.errors": "LeastActionError",
-            "leastaction.io": "open",
+            "leastaction.io": "open read_motion",
             "leastaction.io.mechanisms": "load",
             "leastaction.mechanics": (
                 "Armature Baumgarte Body BodyWrench ContinuousDynamics ContinuousTrajectory CoulombFriction Coupling "

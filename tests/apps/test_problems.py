@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from leastaction.apps.problems.run import solve
 from leastaction.apps.problems.schema import SCHEMA_FILE
 from leastaction.errors import ArgumentError, ModelFileError
 from leastaction.io import load_result
+from leastaction.io.mechanisms import load as load_model
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.numerics.documents import schema_text
 
@@ -169,7 +171,7 @@ def test_ctrl_c_keeps_the_last_iterate(folder: Path) -> None:
         ("model: cart.yaml", "model: {file: cart.yaml, fixd: []}", r"line 3: model\.fixd: unknown key; did you mean"),
         ("title:", "titel:", r"line 2: titel: unknown key; did you mean 'title'"),
         ("dt: 0.02", "dt: 20 ms", r"line 4: time\.dt: got '20 ms', expected a number; without a unit"),
-        ("dt: 0.02", "dt: -1", r"line 4: time\.dt: got -1: expected float > 0"),
+        ("dt: 0.02", "dt: -1", r"line 4: time\.dt: got -1, expected a number > 0"),
         ("dt: 0.02", "dt: 1e-9", r"line 4: time: got 1e\+09 steps"),
         (", dt: 0.02", "", r"line 4: time: expected either steps"),
         ("q: {theta: 0.1}", "q: {thta: 0.1}", r"line 5: start: unknown variable 'thta'; did you mean 'theta'"),
@@ -313,3 +315,31 @@ def test_mechanism_files_of_the_examples_are_as_they_are_written() -> None:
     for name in ("arm", "four_bar_linkage"):
         mechanism = Mechanism.load(EXAMPLES / f"{name}.yaml")
         assert mechanism.nd == (2 if name == "arm" else 3)
+
+
+def test_the_files_that_the_docs_show_are_read(folder: Path) -> None:
+    page = (EXAMPLES.parents[1] / "docs" / "files.md").read_text("utf-8")
+    blocks = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    assert len(blocks) == 3
+    for block in blocks:
+        path = write(folder, block)
+        if "mechanism 1" in block:
+            assert Mechanism.load(path).nd == 2
+        else:
+            assert load_problem(path).title == load_problem(EXAMPLES / "cart_pendulum.yaml").title
+
+
+def test_a_model_of_a_file_with_its_limits(folder: Path) -> None:
+    arm = EXAMPLES.parent / "models" / "arm.urdf"
+    text = f"""
+leastaction: problem 1
+model: {{file: {json.dumps(str(arm))}}}
+model_limits: true
+time: {{duration: 0.5, steps: 25}}
+wanted: [{{type: constant, name: %s, value: 0.2}}]
+start: {{q: {{}}}}
+"""
+    name = load_model(arm).mechanism.variables[0]
+    problem = load_problem(write(folder, text % json.dumps(name)))
+    assert problem.limits == load_model(arm).limits
+    assert solve(problem).result.success

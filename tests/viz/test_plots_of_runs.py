@@ -30,6 +30,7 @@ from leastaction import (
     tx,
     ty,
     tz,
+    var,
 )
 from leastaction.errors import ArgumentError
 from leastaction.models import build, four_bars
@@ -316,7 +317,26 @@ def test_several_runs_are_drawn_over_each_other(cart: Trajectory) -> None:
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["pushed", "let go"]
     assert panels["theta"].get_xlim() == (0.0, 1.0)
+    # A variable that moves joints of both kinds has no unit of its own: it is drawn as that of the first run.
+    nut = Mechanism([tz(0.1 * var("theta")), [rz(var("theta"), mass=1.0, inertia=(1.0, 1.0, 1.0))]], [Gravity()])
+    vi = MidpointVI(nut)
+    turned = vi.simulate(vi.start([0.3]), T)
+    drawn = plot_run({"pushed": cart, "nut": turned}, "theta", reference=turned).axes[0].lines
+    for line_ in (drawn[0], drawn[2]):
+        np.testing.assert_allclose(line_.get_ydata(), np.degrees(turned["theta"]))
     with pytest.raises(ArgumentError, match="got no runs"):
         plot_run({})
     with pytest.raises(ArgumentError, match="got ndarray, expected a run"):
         plot_run({"pushed": cart, "let go": cart.q})  # type: ignore[dict-item]
+
+
+def test_figures_are_written_under_each_other(cart: Trajectory, tmp_path: Any) -> None:
+    from matplotlib.image import imread
+
+    tall, low = plot_run(cart), plot_energy(cart)
+    both = imread(save_png([tall, low], tmp_path / "both.png", dpi=50))
+    heights = [imread(save_png(figure, tmp_path / "one.png", dpi=50)).shape[0] for figure in (tall, low)]
+    assert both.shape[:2] == (sum(heights), 400)
+    assert (both[: heights[0]].min(), both[heights[0] :].min()) < (0.5, 0.5)
+    with pytest.raises(ArgumentError, match="got no figures"):
+        save_png([], tmp_path / "none.png")

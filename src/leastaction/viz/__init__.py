@@ -19,6 +19,7 @@ from leastaction.viz.energy import plot_energy
 from leastaction.viz.feedback import plot_feedback
 from leastaction.viz.figures import save_png
 from leastaction.viz.limits import plot_limits
+from leastaction.viz.poses import plot_poses
 from leastaction.viz.reactions import plot_reactions
 from leastaction.viz.residuals import plot_residuals
 from leastaction.viz.run import plot_run
@@ -31,29 +32,8 @@ from leastaction.viz.viewer.show import show
 from leastaction.viz.viewer.view import View
 
 __all__ = [
-    "ActiveLimit",
-    "Arrow",
-    "Bone",
-    "Cord",
-    "JointMark",
-    "Scene",
-    "TrackingErrors",
-    "View",
-    "animation_page",
-    "mechanism_scene",
-    "plot_convergence",
-    "plot_descent",
-    "plot_energy",
-    "plot_feedback",
-    "plot_limits",
-    "plot_reactions",
-    "plot_residuals",
-    "plot_run",
-    "plot_snapshots",
-    "plot_strings",
-    "plot_tracking",
-    "save_png",
-    "show",
-    "tracking_errors",
-    "write_animation",
+    "ActiveLimit", "Arrow", "Bone", "Cord", "JointMark", "Scene", "TrackingErrors", "View", "animation_page",
+    "mechanism_scene", "plot_convergence", "plot_descent", "plot_energy", "plot_feedback", "plot_limits", "plot_poses",
+    "plot_reactions", "plot_residuals", "plot_run", "plot_snapshots", "plot_strings", "plot_tracking", "save_png",
+    "show", "tracking_errors", "write_animation",
 ]  # fmt: skip

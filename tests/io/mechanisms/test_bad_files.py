@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import leastaction
-from leastaction.errors import ArgumentError, LeastActionError, ModelFileError
+from leastaction.errors import ArgumentError, LeastActionError, MissingExtraError, ModelFileError
 
 BAD = {
     "an empty file": ("", "the file is empty"),
@@ -100,7 +100,7 @@ def test_mjcf_without_mujoco_says_what_to_install(tmp_path: Path, monkeypatch: p
     monkeypatch.setitem(sys.modules, "mujoco", None)
     file = tmp_path / "model.xml"
     file.write_text("<mujoco><worldbody><body/></worldbody></mujoco>")
-    with pytest.raises(ImportError, match=r"pip install 'leastaction\[models\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install 'leastaction\[models\]'"):
         leastaction.load(file)
 
 

@@ -197,17 +197,23 @@ def _motion(wanted: MotionOptions) -> Motion | AtSpeeds:
 
 
 @app.command
-def info(file: Path, /) -> int:
-    """Show what is in a result file: how the run ended, tracking errors, string tensions.
+def info(file: str, /, *, json: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False) -> int:
+    """Show what is in a file: a run and how it ended, a result with its limits, a model and what was left out of it.
 
     Parameters
     ----------
     file
-        trajectory.npz of an earlier run.
+        A run or a result (.h5, .npz), a run of the marionette (trajectory.npz), or a model: URDF, MJCF, YAML, the name
+        of a ready one.
+    json
+        Print it as JSON.
     """
-    from leastaction.apps.cli.report import describe
+    from leastaction.apps.cli.mechanism.description import facts_of, text_of
 
-    Console(highlight=False).print(describe(file))
+    if json:
+        print(facts_of(file))
+    else:
+        Console(highlight=False).print(text_of(file))
     return 0
 
 

@@ -80,7 +80,8 @@ def _value(node: ast.expr | ast.keyword, t: Array) -> Any:
         if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
             return _BINARY[type(node.op)](_value(node.left, t), _value(node.right, t))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
-            return _FUNCTIONS[node.func.id](*(_value(part, t) for part in [*node.args, *node.keywords]))
+            arguments: list[ast.expr | ast.keyword] = [*node.args, *node.keywords]
+            return _FUNCTIONS[node.func.id](*(_value(part, t) for part in arguments))
     raise ArgumentError(
         f"{brief(ast.unparse(node))!r}: expected numbers, t, pi, + - * / ** and {', '.join(sorted(_FUNCTIONS))}"
     )

@@ -45,7 +45,7 @@ class TimePart(Part, kw_only=True):
     """The horizon: its length (s), and the number of steps or their length (s)."""
 
     duration: Annotated[float, Meta(gt=0.0)]
-    steps: Annotated[int, Meta(ge=1)] | UnsetType = UNSET
+    steps: Annotated[int, Meta(ge=1, le=1_000_000)] | UnsetType = UNSET
     dt: Annotated[float, Meta(gt=0.0)] | UnsetType = UNSET
 
 

@@ -74,7 +74,7 @@ def load(
         anything left out.
     ArgumentError
         For an unknown joint in ``fixed`` or ``motors``, or another argument that cannot be.
-    ImportError
+    MissingExtraError
         For an MJCF without the package ``mujoco``.
     """
     file = Path(fspath(path))

@@ -53,7 +53,7 @@ class Markers:
             raise ArgumentError(f"names: got {twice!r} twice, expected a name of its own for each marker")
         if t.ndim != 1 or places.shape != (len(t), len(names), 3):
             raise ArgumentError(
-                f"places: got shape {places.shape}, expected {(t.size, len(names), 3)}: for each time and marker a place"
+                f"places: got shape {places.shape}, expected {(t.size, len(names), 3)}, for times and markers"
             )
         if not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
             raise ArgumentError("t: expected finite times that increase (s)")
@@ -90,7 +90,7 @@ class Markers:
         steps = int(np.floor(duration / dt + 1e-9))
         if steps < 1 or count_steps(duration, dt) < 1:
             raise ArgumentError(f"dt: got {dt:g} s, longer than the capture of {duration:g} s")
-        t = dt * np.arange(steps + 1)
+        t = dt * np.arange(steps + 1, dtype=np.float64)
         inside = np.minimum(self.t[0] + t, self.t[-1])
         after = np.clip(np.searchsorted(self.t, inside, side="left"), 1, len(self.t) - 1)
         share = ((inside - self.t[after - 1]) / (self.t[after] - self.t[after - 1]))[:, None, None]

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from leastaction.errors import ResultFileError
-from leastaction.io.results.open import open as open_file
+from leastaction.io.results.opening import open as open_file
 from leastaction.numerics.arrays import require_instance
 from leastaction.optimal import OptimizationResult
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from leastaction.apps.cli.mechanism.source import MODEL_FILES, ModelOptions, model_of
+from leastaction.apps.cli.mechanism.options import ModelOptions
+from leastaction.apps.cli.mechanism.source import MODEL_FILES, model_of
 from leastaction.errors import ArgumentError
 
 _RUNS = (".h5", ".npz")

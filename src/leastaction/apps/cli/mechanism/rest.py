@@ -78,7 +78,7 @@ def linear_rest(mechanism: Mechanism, q: Array) -> LinearRest:
     n, nd = basis.shape[1], m.nd
     A = np.block([[np.zeros((n, n)), np.eye(n)], [basis.T @ d.a_dq[:, :nd] @ basis, basis.T @ d.a_dv[:, :nd] @ basis]])
     B = np.vstack([np.zeros((n, m.n_inputs)), basis.T @ d.a_du])
-    return LinearRest(m, np.asarray(q), u, basis, A, B)
+    return LinearRest(m, np.asarray(q), np.asarray(u, dtype=float), basis, A, B)
 
 
 def _null_space(jacobian: Array) -> Array:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from leastaction.errors import MissingExtraError
 from leastaction.io.mechanisms.mjcf.geometry import Moments, mesh
 from leastaction.io.mechanisms.mjcf.spec import mujoco_module
 from leastaction.io.mechanisms.poses import pose_of, rotation_of
@@ -121,7 +122,7 @@ def read_triangles(file: Path) -> Triangles | None:
     try:
         import trimesh
     except ImportError as error:
-        raise ImportError(
+        raise MissingExtraError(
             f"the mass of {file.name} is that of a mesh, which trimesh reads; install it with: "
             "pip install 'leastaction[models]'"
         ) from error
