@@ -70,7 +70,11 @@ def test_a_slide_is_on_a_rail_and_not_on_a_post() -> None:
     assert kinds == {"cart": "box", "bob": "sphere"}
 
 
-def test_a_floating_base_of_three_slides_has_no_rails() -> None:
+def test_what_floats_has_no_rails() -> None:
+    plane = Mechanism([tx("x"), [tz("z", name="bob", mass=1.0)]])
+    gantry = Mechanism([tx("x", mass=1.0), [tz("z", name="bob", mass=1.0)]])
+    assert [mark.name for mark in only(show(plane)).marks] == []
+    assert [mark.name for mark in only(show(gantry)).marks] == ["x", "z"]
     m = marionette()
     scene = only(show(m, q=rest_pose(m)))
     assert all(mark.kind != "slide" for mark in scene.marks)

@@ -120,7 +120,7 @@ def _scene(
     if not isinstance(run, BaseTrajectory):
         raise ArgumentError(f"show: the trajectory of a {type(what).__name__} is no motion of a mechanism")
     scene = _run_scene(run, shapes=own, reference=reference, traces=traces, up=up, title=called)
-    report = getattr(what, "limits", None)
+    report = getattr(getattr(what, "result", what), "limits", None)  # what was followed has its result within
     return replace(scene, limits=active_limits(report, run.t)) if isinstance(report, LimitReport) else scene
 
 
