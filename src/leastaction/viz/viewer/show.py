@@ -120,7 +120,7 @@ def _scene(
     if not isinstance(run, BaseTrajectory):
         raise ArgumentError(f"show: the trajectory of a {type(what).__name__} is no motion of a mechanism")
     scene = _run_scene(run, shapes=own, reference=reference, traces=traces, up=up, title=called)
-    report = getattr(what, "limits", None)
+    report = getattr(getattr(what, "result", what), "limits", None)  # what was followed has its result within
     return replace(scene, limits=active_limits(report, run.t)) if isinstance(report, LimitReport) else scene
 
 
@@ -256,12 +256,8 @@ def active_limits(report: LimitReport, t: Array) -> tuple[ActiveLimit, ...]:
     for state in report.sides:
         times = state.t if state.t is not None else t[np.minimum(state.k, len(t) - 1)]
         ends = np.append(times[1:], min(2.0 * times[-1] - times[-2], t[-1]) if len(times) > 1 else times[-1])
-        for column, label in enumerate(state.labels):
-            if state.equation:
-                continue
+        for column, label in enumerate(() if state.equation else state.labels):
             on = np.flatnonzero(state.active[:, column])
             groups = np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else []
-            spans = tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)
-            if spans:
-                found.append(ActiveLimit(name=label, spans=spans))
-    return tuple(found)
+            found.append(ActiveLimit(name=label, spans=tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)))
+    return tuple(limit for limit in found if limit.spans)
