@@ -135,7 +135,7 @@ class Capture:
             name = f"{joint}_{'r' if turn else 't'}{channel[0].lower()}"
             again = sum(other.partition("#")[0] == name for other in names)
             names.append(f"{name}#{again + 1}" if again else name)
-        values = self.values * np.where(turns, np.pi / 180.0, metres)
+        values = np.asarray(self.values * np.where(turns, np.pi / 180.0, metres), dtype=np.float64)
         return Motion(tuple(names), self.frame_time * np.arange(self.n_frames), values, self.path)
 
     def describe_gaps(self) -> str:

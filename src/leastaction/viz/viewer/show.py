@@ -243,10 +243,10 @@ def _floating(m: Mechanism) -> str:
     for group, indices in m.tree.compositions:
         if group.kind == "free":
             return m.tree.frames[indices[-1]].name
-    row: list[str] = []
-    for at in m.tree.frames[1:4]:
-        if at.frame.twist is not None and not at.frame.twist[3:].any() and at.frame.variables:
-            row.append(at.name)
+    first = m.tree.frames[1:4]
+    row = [
+        at.name for at in first if at.frame.twist is not None and not at.frame.twist[3:].any() and at.frame.variables
+    ]
     return row[-1] if len(row) == 3 else ""
 
 
