@@ -209,3 +209,12 @@ def test_what_cannot_be_shown() -> None:
         show(run, reference=np.zeros((3, 1)))
     with pytest.raises(ArgumentError, match=r"which is not there.*packages="):
         show(m, shapes=[Shape(frame="arm", kind="mesh", size=np.ones(3), file=Path("absent.stl"))]).page()
+
+
+def test_shapes_that_are_wholly_transparent_are_not_drawn() -> None:
+    """They would hide what is behind them; where all are, bodies are drawn as without shapes."""
+    m = Mechanism([rz("angle", name="arm", mass=1.0, inertia=(0.1, 0.1, 0.1))])
+    seen = Shape(frame="arm", kind="sphere", size=[0.1])
+    touched = Shape(frame="arm", kind="sphere", size=[0.3], color=(0.0, 0.0, 1.0, 0.0))
+    assert only(show(m, shapes=[seen, touched])).shapes == (seen,)
+    assert touched not in only(show(m, shapes=[touched])).shapes
