@@ -12,6 +12,7 @@ from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.mechanics.elements.units import rate_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
+from leastaction.mechanics.mechanism.queries.units import input_units
 from leastaction.mechanics.mechanism.text import text_of
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.dataset import STEP, TIME, Dataset, Savable
@@ -164,6 +165,6 @@ def named_arrays(
         "v_rho": (TIME, "rate", tuple(f"v_{name}" for name in m.kinematic), rates[m.nd :]),
         "v": (TIME, "velocity", tuple(f"v_{name}" for name in m.variables), rates),
         "a": (TIME, "acceleration", tuple(f"a_{name}" for name in m.variables), accelerations),
-        "inputs": (row, "input", m.inputs, tuple(units[name] for name in m.inputs)),
+        "inputs": (row, "input", m.inputs, input_units(m)),
         "lam": (row, "constraint", m.constraints, multiplier_units),
     }
