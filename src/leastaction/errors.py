@@ -192,6 +192,10 @@ class EnergyBalanceWarning(UserWarning):
     """A simulation lost or gained energy beside the work that was done."""
 
 
+class SwingWarning(UserWarning):
+    """A curve through points swings: between two of them it is far from all that are near."""
+
+
 class SingularityWarning(UserWarning):
     """A joint came so near to a singularity of its angles that they no longer follow its motion well."""
 

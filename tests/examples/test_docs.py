@@ -19,7 +19,7 @@ CODE = [
 # What a block needs beside the package, by what it says.
 NEEDS = {
     "sympy": r"(import|from) sympy\b", "jax": r"(import|from) jax\b", "h5py": r"\.h5\b", "pandas": "to_pandas",
-    "xarray": "to_xarray", "ezc3d": r"\bezc3d\b",
+    "xarray": "to_xarray", "mujoco": r"\.(xml|urdf)\b", "ezc3d": r"\bezc3d\b",
 }  # fmt: skip
 
 
@@ -28,6 +28,7 @@ def test_the_code_runs(page: Path, block: str, tmp_path: Path, monkeypatch: pyte
     for optional, words in NEEDS.items():
         if re.search(words, block):
             pytest.importorskip(optional)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)  # where it may write
     exec(compile(block, page.name, "exec"), {})
 

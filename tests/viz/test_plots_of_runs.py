@@ -140,6 +140,16 @@ def test_limits_of_a_result_are_shaded_where_its_report_says_so() -> None:
     assert len(panels["theta"].lines) == 2  # no limit, but a reference
 
 
+def test_reference_has_gaps_where_nothing_was_wanted(cart: Trajectory) -> None:
+    keyframes = np.full(cart.q.shape, np.nan)
+    keyframes[[10, -1], 1] = 3.0
+    panels = axes_of(plot_run(cart, reference=keyframes))
+    assert len(panels["x"].lines) == 1
+    dots = panels["theta"].lines[0]
+    assert dots.get_marker() == "o"
+    assert list(dots.get_markevery()) == [10, len(cart.t) - 1]
+
+
 def test_reference_is_a_run_a_result_or_arrays_of_the_first_columns(cart: Trajectory) -> None:
     other = pushed_cart(2.0)
     for reference in (other, other.q, other.x, (other.x, other.inputs)):

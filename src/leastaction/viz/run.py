@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
-from leastaction.numerics.arrays import as_array
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.rigs.rig import Played
@@ -58,7 +60,8 @@ def plot_run(
         result that is of no mechanism all states.
     reference : run, result, (x, u) or x, optional
         What was wanted, drawn broad and pale: found by name in a run or a result. Of arrays x has one row per instant
-        and all states, or their first columns, such as the variables alone (N+1, nq); u is as the run's.
+        and all states, or their first columns, such as the variables alone (N+1, nq); u is as the run's. NaN is where
+        nothing was wanted; an instant between such is a dot.
     limits : sequence of Limit, optional
         Each `Bound` on what is drawn is drawn too, and the time is shaded in which the run is on it or beyond. Of a
         result that has limits theirs are drawn, and shaded where they hold the motion back.
@@ -121,14 +124,30 @@ def _wanted(reference: Reference, states: list[Signal], inputs: list[Signal], n:
     found: dict[Key, Signal] = {}
     for given, signals in pairs:
         rows = n if signals is states else len(signals[0].t) if signals else n - 1
-        values = as_array(given, "plot_run: reference", (rows, None))
+        values = _with_gaps(given, (rows, None))
         if values.shape[1] > len(signals):
             raise ArgumentError(
                 f"plot_run: reference: got {values.shape[1]} columns, expected those of {len(signals)} "
                 f"{'states' if signals is states else 'inputs'} at most: {', '.join(s.name for s in signals[:8])} ..."
             )
-        found |= {s.key: replace(s, values=column) for s, column in zip(signals, values.T, strict=False)}
+        columns = [(s, column) for s, column in zip(signals, values.T, strict=False) if not np.isnan(column).all()]
+        found |= {s.key: replace(s, values=column) for s, column in columns}
     return found
+
+
+def _with_gaps(given: Any, shape: tuple[int | None, ...]) -> Array:
+    """Return a reference as an array, with NaN where it has any."""
+    gaps: Any = False
+    with suppress(TypeError, ValueError):
+        gaps = np.isnan(np.asarray(given, dtype=np.float64))
+    values = as_array(np.where(gaps, 0.0, given) if np.any(gaps) else given, "plot_run: reference", shape)
+    return np.where(gaps, np.nan, values)
+
+
+def _lonely(values: Array) -> list[int]:
+    """Return the instants at which something is wanted, but not before and after."""
+    there = np.concatenate([[False], ~np.isnan(values), [False]])
+    return np.flatnonzero(there[1:-1] & ~there[:-2] & ~there[2:]).tolist()
 
 
 def _draw(
@@ -140,7 +159,8 @@ def _draw(
     for signal, look in zip(panel.signals, LINES, strict=False):
         # Of another mechanism the unit may not be known.
         if (other := wanted.get(signal.key)) is not None:
-            draw_line(panel.axes, replace(other, unit=signal.unit), **_WANTED)
+            lonely = _lonely(other.values)
+            draw_line(panel.axes, replace(other, unit=signal.unit), marker="o", markevery=lonely, **_WANTED)
         draw_line(panel.axes, signal, label=signal.name, linewidth=1.3, zorder=3, **look)
         for known, another in zip(compared, LINES[1:], strict=False):
             if signal.key in known:

@@ -288,7 +288,7 @@ def torsional_spring(p: Plant) -> list[Element]:
 
 def curve(p: Plant, low: float, high: float) -> la.Curve:
     x = np.linspace(low, high, 9)
-    return la.Curve(x, 2.0 + np.sin(3.0 * x + p.number(0.0, 6.0)))
+    return la.Curve(x, 2.0 + np.sin(9.0 * x / (high - low) + p.number(0.0, 6.0)))
 
 
 @case("potential", "NonlinearSpring")

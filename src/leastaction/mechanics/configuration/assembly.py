@@ -97,6 +97,26 @@ def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = 1
         )
 
 
+def check_lengths(mechanism: Mechanism, q: Array, t: Array | None = None) -> None:
+    """Raise an `ArgumentError` for a prescribed length that is not positive, in q (nq,), or in (N, nq) at times t (N,).
+
+    A string of no length has no direction to pull in.
+    """
+    rows = q if q.ndim == 2 else q[None, :]
+    for name, element in mechanism.elements.items():
+        variable = element.length_variable
+        if variable is None:
+            continue
+        lengths = rows[:, mechanism.variables.index(variable)]
+        if np.any(lengths <= 0.0):
+            k = int(np.argmax(lengths <= 0.0))
+            when = "" if t is None else f" at t = {t[k]:.6g} s"
+            raise ArgumentError(
+                f"{name}: its length {variable!r} is {lengths[k]:.6g} m{when}, expected a positive one, as a string of "
+                f"zero length has no direction to pull in. Set {variable!r} in the configuration"
+            )
+
+
 def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "") -> None:
     """Raise an `InconsistentStartError` unless a velocity keeps the constraints; ``instead``: what else may be done."""
     if mechanism.nc == 0:
@@ -155,7 +175,8 @@ def project_configuration(
     Raises
     ------
     ArgumentError
-        For a wrong shape, a value that is not finite, an unknown name or a weight that is not positive.
+        For a wrong shape, a value that is not finite, an unknown name, a weight that is not positive, or prescribed
+        lengths of zero or less that lead nowhere.
     ContradictoryConstraintsError
         If constraints contradict each other or are out of reach: names them, and the held variables that
         stand in the way.
@@ -173,6 +194,7 @@ def project_configuration(
     residuals = dict(zip(mechanism.constraints, (float(h) for h in values), strict=True))
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q_near))
     if not np.all(np.isfinite(values) & (np.abs(values) <= limits)):
+        check_lengths(mechanism, q_near)
         contradiction = None
         if np.all(np.isfinite(values)):
             contradiction = find_contradiction(mechanism, q_near, hold=hold, move_kinematic=move_kinematic)

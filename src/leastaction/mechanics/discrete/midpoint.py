@@ -23,13 +23,13 @@ from leastaction.errors import (
     CoarseStepWarning,
     closest,
 )
-from leastaction.mechanics.configuration.assembly import check_consistent, check_velocity
+from leastaction.mechanics.configuration.assembly import check_consistent, check_lengths, check_velocity
 from leastaction.mechanics.discrete import derivatives as differentiate
 from leastaction.mechanics.discrete import functions, simulation
 from leastaction.mechanics.discrete import sensitivity as of_trajectories
 from leastaction.mechanics.discrete import step_sensitivity as of_steps
 from leastaction.mechanics.discrete.integrator import Integrator
-from leastaction.mechanics.discrete.outcome import check_lengths, quality_of, step_error
+from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import (
     State,

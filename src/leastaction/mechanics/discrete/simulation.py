@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, CoarseStepWarning, StepError
+from leastaction.mechanics.configuration.assembly import check_lengths
 from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of, tell
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
-from leastaction.mechanics.discrete.outcome import check_lengths, quality_of, step_error
+from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.trajectory import (
     SimulationStatus,
     State,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.mechanics.discrete.balance import DiscreteBalance
+from leastaction.mechanics.discrete.tensions import tensions
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
@@ -93,7 +94,7 @@ class Trajectory(BaseTrajectory[State]):
     inputs : ndarray, shape (N, n_inputs)
         Force inputs, held over each step.
     lam : ndarray, shape (N, nc)
-        Multipliers of each step: impulses ``Dh(q_k)^T lam_k`` act at its start.
+        Multipliers of each step: impulses ``-Dh(q_k)^T lam_k`` act at its start.
     p : ndarray, shape (N+1, nd)
         Discrete momenta of the dynamic variables.
     v_rho : ndarray, shape (N+1, nrho)
@@ -192,27 +193,14 @@ class Trajectory(BaseTrajectory[State]):
         return self.mechanism.energy(0.5 * (self.q[1:] + self.q[:-1]), self.v)
 
     def tensions(self) -> dict[str, Array]:
-        """Return the tension of every string (`Distance` and `PathLength` constraints) over each step.
+        """Return the tension of every string over each step: `strings.tensions` says what counts as one.
 
         Returns
         -------
         dict of str to ndarray, shape (N,)
-            Newtons, positive where the string pulls: ``lam / dt`` of a path, whose multiplier is an impulse, and ``2 L
-            lam / dt`` with the length at the step's start of a distance, for the constraint ``h = |p1 - p2|^2 - L^2``.
-
-        Notes
-        -----
-        An impulse at an instant makes up for the halves of the two steps that meet there. At a start that
-        was given by a velocity there is no step before, so the first impulse, and with it the first
-        tension, is half of what follows.
+            Newtons, positive where the string pulls.
         """
-        m, dt = self.mechanism, np.diff(self.t)
-        start = dict(zip(m.variables, self.q[:-1].T, strict=True))
-        impulse = dict(zip(m.constraints, self.lam.T, strict=True))
-        tensions = {
-            name: element.tension(impulse[name], dt, start) for name, element in m.elements.items() if name in impulse
-        }
-        return {name: tension for name, tension in tensions.items() if tension is not None}
+        return tensions(self)
 
 
 def trajectory_of(m: Mechanism, t: Array, x: Array, u: Array, lam: Array, **told: Any) -> Trajectory:

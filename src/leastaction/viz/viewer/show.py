@@ -120,7 +120,7 @@ def _scene(
     if not isinstance(run, BaseTrajectory):
         raise ArgumentError(f"show: the trajectory of a {type(what).__name__} is no motion of a mechanism")
     scene = _run_scene(run, shapes=own, reference=reference, traces=traces, up=up, title=called)
-    report = getattr(what, "limits", None)
+    report = getattr(getattr(what, "result", what), "limits", None)  # what was followed has its result within
     return replace(scene, limits=active_limits(report, run.t)) if isinstance(report, LimitReport) else scene
 
 
@@ -243,25 +243,21 @@ def _floating(m: Mechanism) -> str:
     for group, indices in m.tree.compositions:
         if group.kind == "free":
             return m.tree.frames[indices[-1]].name
-    row: list[str] = []
-    for at in m.tree.frames[1:4]:
-        if at.frame.twist is not None and not at.frame.twist[3:].any() and at.frame.variables:
-            row.append(at.name)
+    first = m.tree.frames[1:4]
+    row = [
+        at.name for at in first if at.frame.twist is not None and not at.frame.twist[3:].any() and at.frame.variables
+    ]
     return row[-1] if len(row) == 3 else ""
 
 
 def active_limits(report: LimitReport, t: Array) -> tuple[ActiveLimit, ...]:
     """Return when which limit of an optimisation holds the motion back. ``t`` (N+1,): the times of its instants."""
-    found = []
+    found: list[ActiveLimit] = []
     for state in report.sides:
         times = state.t if state.t is not None else t[np.minimum(state.k, len(t) - 1)]
         ends = np.append(times[1:], min(2.0 * times[-1] - times[-2], t[-1]) if len(times) > 1 else times[-1])
-        for column, label in enumerate(state.labels):
-            if state.equation:
-                continue
+        for column, label in enumerate(() if state.equation else state.labels):
             on = np.flatnonzero(state.active[:, column])
             groups = np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else []
-            spans = tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)
-            if spans:
-                found.append(ActiveLimit(name=label, spans=spans))
-    return tuple(found)
+            found.append(ActiveLimit(name=label, spans=tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)))
+    return tuple(limit for limit in found if limit.spans)

@@ -154,7 +154,8 @@ def _response(along: Along, names: Names, bare: Bare) -> tuple[Array, Array]:
     m = _measured(along, bare)
     q = _reference(m, names)
     slopes = m.constraint_jacobian(q)[0, : m.nd]
-    return slopes, np.linalg.solve(m.mass_matrix(q)[: m.nd, : m.nd], slopes)
+    accelerations: Array = np.asarray(np.linalg.solve(m.mass_matrix(q)[: m.nd, : m.nd], slopes), dtype=np.float64)
+    return slopes, accelerations
 
 
 def slack_length(along: Along, names: Names, bare: Bare) -> float:
