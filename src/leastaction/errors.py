@@ -159,7 +159,7 @@ class MotionFileError(LeastActionError, ValueError):
 
 
 class ModelFileError(LeastActionError, ValueError):
-    """A file of a mechanism cannot be read, holds no mechanism, or says what no mechanism can be.
+    """A file of a mechanism, or of a problem, cannot be read, holds none, or says what cannot be.
 
     Attributes
     ----------
@@ -172,12 +172,12 @@ class ModelFileError(LeastActionError, ValueError):
         self.line = line
 
 
-class DocumentError(LeastActionError, ValueError):
-    """A file of a mechanism or a problem is not there, is broken, or says what cannot be."""
-
-
 class OutputError(LeastActionError, OSError):
     """A result cannot be written where it was asked for."""
+
+
+class MissingExtraError(LeastActionError, ImportError):
+    """A package is not installed that something needs which not everybody wants; the message says how to get it."""
 
 
 class ResultFileError(LeastActionError, ValueError):

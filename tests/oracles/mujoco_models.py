@@ -33,9 +33,19 @@ class Point:
     Jv: np.ndarray
 
 
-def smooth(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism without the dry friction of its joints."""
+ACTIVE = ("motor.", "servo.", "muscle.", "passive.")
+
+
+def without_friction(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without the dry friction of its joints and tendons."""
     return mechanism.with_exchanged({name: () for name in mechanism.elements if name.startswith("friction.")})
+
+
+def smooth(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without dry friction, and without its actuators."""
+    return mechanism.with_exchanged(
+        {name: () for name in mechanism.elements if name.startswith(("friction.", *ACTIVE))}
+    )
 
 
 def joints_of(path: Path) -> tuple[JointPart, ...]:
@@ -102,7 +112,8 @@ def compiled(path: Path, left_out: tuple[LeftOut, ...] = ()) -> tuple[Any, Any]:
         spec.option.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
     spec.option.density = spec.option.viscosity = 0.0
     spec.option.wind = [0.0, 0.0, 0.0]
-    said = " | ".join(each.name for each in left_out)
+    names = {each.name for each in left_out}
+    said = " | ".join(names)
     for joint in spec.joints:
         name = joint.name or joint.parent.name
         if f"springdamper of the joint {name!r}" in said:
@@ -111,7 +122,9 @@ def compiled(path: Path, left_out: tuple[LeftOut, ...] = ()) -> tuple[Any, Any]:
             if f"{what} of the joint {name!r}" in said:
                 setattr(joint, what, none)
     for tendon in spec.tendons:
-        if f"tendon {tendon.name!r}" in said:
+        if f"armature of the tendon {tendon.name!r}" in said:
+            tendon.armature = 0.0
+        if f"tendon {tendon.name!r}" in names or f"wrapping of the tendon {tendon.name!r}" in said:
             tendon.stiffness, tendon.damping, tendon.armature = [0.0] * 3, [0.0] * 3, 0.0
     m = spec.compile()
     return m, mujoco.MjData(m)
@@ -132,10 +145,52 @@ def errors(path: Path, model: Model, points: int = 2) -> dict[str, float]:
             mujoco.mj_fullM(m, d, M)
             wanted = p.J.T @ (d.qfrc_bias - d.qfrc_passive + M @ Jv)
             got = dynamics.inverse_dynamics(p.q, v, np.zeros(mechanism.nq))
-            size = np.abs(p.J.T) @ (np.abs(d.qfrc_bias) + np.abs(d.qfrc_passive) + np.abs(M) @ np.abs(Jv))
+            size = np.abs(p.J.T) @ (
+                np.abs(d.qfrc_bias) + np.abs(d.qfrc_passive) + np.abs(M) @ (np.abs(Jv) + (p.J @ v) ** 2)
+            )
             worst[name] = max(worst[name], _ratio(got - wanted, size))
         wanted = p.J.T @ M @ p.J
         worst["mass"] = max(worst["mass"], _ratio(mechanism.mass_matrix(p.q) - wanted, wanted))
+    return worst
+
+
+def error_of_actuators(path: Path, model: Model, points: int = 2) -> float | None:
+    """Return how far the forces of the actuators are from MuJoCo's; None where there are none to compare.
+
+    Without limits of inputs and forces, and with inputs for states of activation.
+    """
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    mechanism, wrapped = without_friction(model.mechanism), " | ".join(each.name for each in model.left_out)
+    inputs, unknown = [], []
+    for number, actuator in enumerate(list(spec.actuators)):
+        actuator.forcelimited = actuator.actlimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        name = actuator.name or f"{actuator.target}.motor{number}"
+        known = [each for each in (f"{name}.input", name) if each in mechanism.inputs]
+        if not known or f"wrapping of the tendon {actuator.target!r}" in wrapped:
+            unknown.append(actuator)
+        else:
+            inputs.append(known[0])
+    for actuator in unknown:
+        spec.delete(actuator)
+    if not inputs:
+        return None
+    m = spec.compile()
+    d, rng, joints = mujoco.MjData(m), np.random.default_rng(2), joints_of(path)
+    alone = ContinuousDynamics(smooth(mechanism))
+    driven, worst = ContinuousDynamics(mechanism), 0.0
+    for _ in range(points):
+        p = random_point(joints, mechanism, rng)
+        ctrl, u = rng.uniform(0.0, 1.0, m.nu), np.zeros(mechanism.n_inputs)
+        u[[mechanism.inputs.index(name) for name in inputs]] = ctrl
+        d.qpos[:], d.qvel[:], d.ctrl[:] = p.qpos, p.qvel, ctrl
+        for i in np.flatnonzero(m.actuator_actnum):
+            d.act[m.actuator_actadr[i]] = ctrl[i]
+        mujoco.mj_forward(m, d)
+        still = np.zeros(mechanism.nq)
+        got = alone.inverse_dynamics(p.q, p.v, still) - driven.inverse_dynamics(p.q, p.v, still, u=u)
+        size = np.abs(p.J.T) @ np.abs(d.qfrc_actuator)
+        worst = max(worst, _ratio(got - p.J.T @ d.qfrc_actuator, np.maximum(size, 1e-6)))
     return worst
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from viz import scenes
-from viz.chromium import PROGRAM, Browser
 
 from leastaction import show
 from leastaction.viz import View
+from viz import scenes
+from viz.chromium import PROGRAM, Browser
 
 pytestmark = [
     pytest.mark.browser,
@@ -141,8 +141,7 @@ def test_a_notebook_shows_it_in_a_frame(browser: Browser, tmp_path: Path) -> Non
     page.write_text(f"<!DOCTYPE html><script>const draw = () => 0;</script>{scenes.four_bar()._repr_html_()}")
     browser.show(page)
     inner = "document.querySelector('iframe').contentWindow"
-    browser.compute(
-        f"new Promise(done => {{ const wait = () => {inner}.document.getElementById('rows')?.rows.length ? done(1) : setTimeout(wait, 50); wait(); }})"
-    )
+    rows = f"{inner}.document.getElementById('rows')?.rows.length"
+    browser.compute(f"new Promise(done => {{ const wait = () => {rows} ? done(1) : setTimeout(wait, 50); wait(); }})")
     assert browser.compute(f"{inner}.document.querySelector('h1').textContent") == "Four-bar"
     assert browser.complaints == []

@@ -30,6 +30,7 @@ from leastaction import (
     tx,
     ty,
     tz,
+    var,
 )
 from leastaction.errors import ArgumentError
 from leastaction.models import build, four_bars
@@ -137,6 +138,16 @@ def test_limits_of_a_result_are_shaded_where_its_report_says_so() -> None:
     reference = panels["x"].lines[0]
     np.testing.assert_array_equal(reference.get_ydata(), x[:, 0])
     assert len(panels["theta"].lines) == 2  # no limit, but a reference
+
+
+def test_reference_has_gaps_where_nothing_was_wanted(cart: Trajectory) -> None:
+    keyframes = np.full(cart.q.shape, np.nan)
+    keyframes[[10, -1], 1] = 3.0
+    panels = axes_of(plot_run(cart, reference=keyframes))
+    assert len(panels["x"].lines) == 1
+    dots = panels["theta"].lines[0]
+    assert dots.get_marker() == "o"
+    assert list(dots.get_markevery()) == [10, len(cart.t) - 1]
 
 
 def test_reference_is_a_run_a_result_or_arrays_of_the_first_columns(cart: Trajectory) -> None:
@@ -302,3 +313,60 @@ def test_reactions_in_continuous_time_are_those_of_steps() -> None:
     assert discrete.unit == continuous.unit == "N"
     np.testing.assert_allclose(discrete.values, continuous.values[1:-1], rtol=1e-6)
     assert abs(continuous.values[0]) == pytest.approx(9.81)
+
+
+def test_several_runs_are_drawn_over_each_other(cart: Trajectory) -> None:
+    other = simulate(cart_pendulum(), [0.0, 0.3], None, T[:26])
+    figure = plot_run({"pushed": cart, "let go": other}, ["theta", "p_x"])
+    panels = axes_of(figure)
+    first, second = panels["theta"].lines
+    np.testing.assert_allclose(first.get_ydata(), np.degrees(cart["theta"]))
+    np.testing.assert_allclose(second.get_ydata(), np.degrees(other["theta"]))
+    assert first.get_color() != second.get_color()
+    assert len(panels["p_x"].lines) == 1  # the other one has velocities
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["pushed", "let go"]
+    assert panels["theta"].get_xlim() == (0.0, 1.0)
+    # A variable that moves joints of both kinds has no unit of its own: it is drawn as that of the first run.
+    nut = Mechanism([tz(0.1 * var("theta")), [rz(var("theta"), mass=1.0, inertia=(1.0, 1.0, 1.0))]], [Gravity()])
+    vi = MidpointVI(nut)
+    turned = vi.simulate(vi.start([0.3]), T)
+    drawn = plot_run({"pushed": cart, "nut": turned}, "theta", reference=turned).axes[0].lines
+    for line_ in (drawn[0], drawn[2]):
+        np.testing.assert_allclose(line_.get_ydata(), np.degrees(turned["theta"]))
+    with pytest.raises(ArgumentError, match="got no runs"):
+        plot_run({})
+    with pytest.raises(ArgumentError, match="got ndarray, expected a run"):
+        plot_run({"pushed": cart, "let go": cart.q})  # type: ignore[dict-item]
+
+
+def test_figures_are_written_under_each_other(cart: Trajectory, tmp_path: Any) -> None:
+    from matplotlib.image import imread
+
+    tall, low = plot_run(cart), plot_energy(cart)
+    both = imread(save_png([tall, low], tmp_path / "both.png", dpi=50))
+    heights = [imread(save_png(figure, tmp_path / "one.png", dpi=50)).shape[0] for figure in (tall, low)]
+    assert both.shape[:2] == (sum(heights), 400)
+    assert (both[: heights[0]].min(), both[heights[0] :].min()) < (0.5, 0.5)
+    with pytest.raises(ArgumentError, match="got no figures"):
+        save_png([], tmp_path / "none.png")
+
+
+def test_an_input_may_have_the_name_of_a_variable() -> None:
+    m = Mechanism([rz("arm", mass=1.0, inertia=(1.0, 1.0, 1.0))], [JointForce("arm", input="arm")])
+    vi = MidpointVI(m)
+    run = vi.simulate(vi.start([0.0]), T, inputs=2.0 * np.ones((50, 1)))
+    angle, torque = plot_run(run, reference=(run.q, run.inputs), limits=[Bound("arm", max=2.0)]).axes
+    assert [axes.get_ylabel() for axes in (angle, torque)] == ["angle (°)", "torque (N m)"]
+    np.testing.assert_allclose(angle.lines[1].get_ydata(), np.degrees(run.q[:, 0]))
+    assert set(torque.lines[1].get_ydata()) == {2.0}
+    assert (len(angle.lines), len(torque.lines)) == (2, 3)  # a limit is one of the input first
+    assert shaded(torque) == [(0.0, 1.0)]
+    (angle, _) = plot_run(run, limits=[Bound("arm", max=2.0, of="variable")]).axes
+    assert set(np.round(angle.lines[1].get_ydata(), 9)) == {round(np.degrees(2.0), 9)}
+    cost = QuadraticCost(np.ones((51, 2)), np.zeros((50, 1)), Q=[1.0, 0.0], R=[1e-3])
+    limits = [Bound("arm", max=0.4, of="input"), Bound("arm", max=0.1, of="variable")]
+    result = optimize(MidpointSystem(vi, T), cost, initial=(np.zeros(2), np.zeros((50, 1))), limits=limits)
+    angle, torque = plot_run(result).axes
+    assert set(np.round(angle.lines[1].get_ydata(), 6)) == {round(np.degrees(0.1), 6)}
+    assert set(np.round(torque.lines[1].get_ydata(), 6)) == {0.4}

@@ -12,6 +12,8 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.dataset import STEP, TIME, Dataset, Savable
+from leastaction.numerics.dataset.plain import plain
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
@@ -215,7 +217,7 @@ class HistoryBuilder:
 
 
 @dataclass(frozen=True)
-class OptimizationResult(Frozen):
+class OptimizationResult(Frozen, Savable):
     """An optimised trajectory, the feedback that holds it, and how it was found.
 
     Frozen, so any number of threads may share it; so may runs that go on from it.
@@ -296,6 +298,9 @@ class OptimizationResult(Frozen):
         for name, letter, values in (("state_names", "x", self.x), ("input_names", "u", self.u)):
             if not getattr(self, name):
                 object.__setattr__(self, name, tuple(f"{letter}[{i}]" for i in range(values.shape[-1])))
+        for name in ("timings", "unknowns"):
+            if isinstance(getattr(self, name), dict):
+                object.__setattr__(self, name, MappingProxyType(getattr(self, name)))
         super().__post_init__()
 
     @property
@@ -351,6 +356,9 @@ class OptimizationResult(Frozen):
         """Units of the columns of `u`, likewise."""
         return ("",) * len(self.input_names) if self.system is None else self.system.input_units
 
+    def dataset(self) -> Dataset:
+        return dataset_of(self, self, steps=STEP)
+
     @property
     def iterations(self) -> int:
         """Number of iterations, those of the runs resumed included."""
@@ -372,3 +380,33 @@ class OptimizationResult(Frozen):
         if self.worst_step is not None:
             lines.append(str(self.worst_step))
         return "\n".join(lines)
+
+
+def dataset_of(result: OptimizationResult, content: object, *, steps: str, prefix: str = "") -> Dataset:
+    """Return a result as plain data.
+
+    ``content``: the dataclass that holds all of it, where the fields that all results have begin with ``prefix``.
+    ``steps``: the dimension of what has a row for each input.
+    """
+    arrays: dict[str, Any] = {}
+    rest = plain(content, arrays)
+    names = {"state": result.state_names, "input": result.input_names}
+    units = {"x": result.state_units, "u": result.input_units}
+    dims = {"x": (TIME, "state"), "u": (steps, "input"), "K": (steps, "input", "state")}
+    history = {f"history.{each}": ("iteration",) for each in vars(result.history) if each != "method"}
+    dims |= {**history, "history.cost": ("iterate",)}
+    about = None if result.system is None else result.system.dataset(result)
+    if about is not None:
+        arrays |= about.arrays
+    own = {f"{prefix}{name}": each for name, each in dims.items() if f"{prefix}{name}" in arrays}
+    return Dataset(
+        kind=type(content).__name__,
+        t=result.t,
+        arrays=arrays,
+        dims={"t": (TIME,), **own, **(about.dims if about else {})},
+        labels={**names, **(about.labels if about else {})},
+        units={"t": "s", **{f"{prefix}{name}": each for name, each in units.items()}, **(about.units if about else {})},
+        content=rest,
+        system=about.system if about else {},
+        model=about.model if about else None,
+    )

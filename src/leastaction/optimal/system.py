@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_count
+from leastaction.numerics.dataset import Dataset
 from leastaction.optimal.quantity import Entries, Quantity
 
 SecondOrder = Callable[[Array], Array]
@@ -170,6 +171,10 @@ class System(ABC):
     def motion(self, result: Any) -> Any:
         """Return the trajectory of the mechanism that a result of this system is; for what `told` returns."""
         raise NotImplementedError(f"{type(self).__name__} is of no mechanism")
+
+    def dataset(self, result: Any) -> Dataset | None:  # noqa: ARG002 - overridden
+        """Return what a file of a result says of the system: its settings, its mechanism, and arrays that it adds."""
+        return None
 
     def input_name(self, i: int) -> str:
         """Return how to speak of entry i of the inputs in messages."""

@@ -16,12 +16,14 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics, as_dyn
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.elements.units import rate_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.units import state_units
+from leastaction.mechanics.mechanism.queries.units import input_units, state_units
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.dataset import Dataset
 from leastaction.optimal.continuous import ContinuousSystem
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities.continuous import KINDS, points_of, quantity_of
+from leastaction.systems.saving import dataset_with_multipliers
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class MechanismSystem(ContinuousSystem):
     @property
     def input_units(self) -> tuple[str, ...]:
         m, units = self.mechanism, self.mechanism.units
-        return (*(units[name] for name in m.inputs), *(rate_of(units[name], 2) for name in m.kinematic))
+        return (*input_units(m), *(rate_of(units[name], 2) for name in m.kinematic))
 
     def told(self) -> MechanismSystem | None:
         """Return the system without what a subclass adds; None of one with rates of its own."""
@@ -131,6 +133,11 @@ class MechanismSystem(ContinuousSystem):
         plain = MechanismSystem(self.dynamics)
         own = type(self).f is not MechanismSystem.f or type(self).rates is not MechanismSystem.rates
         return None if own or (plain.nx, plain.nu) != (self.nx, self.nu) else plain
+
+    def dataset(self, result: Any) -> Dataset:
+        names = "constraint_damping", "constraint_stiffness", "threads"
+        settings = {name: getattr(self.dynamics, name) for name in names}
+        return dataset_with_multipliers(result, {"name": "MechanismSystem", **settings}, impulses=False)
 
     def motion(self, result: Any) -> ContinuousTrajectory:
         m = self.mechanism

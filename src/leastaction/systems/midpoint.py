@@ -19,8 +19,9 @@ from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
+from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
+from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
@@ -28,6 +29,7 @@ from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities.discrete import KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
+from leastaction.systems.saving import dataset_with_multipliers
 
 _OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
 
@@ -89,7 +91,7 @@ class MidpointSystem(DiscreteSystem):
     @property
     def input_units(self) -> tuple[str, ...]:
         m, units = self.mechanism, self.mechanism.units
-        return tuple(units[name] for name in (*m.inputs, *m.kinematic))
+        return (*input_units(m), *(units[name] for name in m.kinematic))
 
     def told(self) -> MidpointSystem | None:
         """Return the system without what a subclass adds; None of one that steps otherwise, or has other states."""
@@ -102,6 +104,12 @@ class MidpointSystem(DiscreteSystem):
 
     def motion(self, result: Any) -> Trajectory:
         return self.trajectory(result.x, result.u)
+
+    def dataset(self, result: Any) -> Dataset:
+        vi = self.integrator
+        settings = {name: getattr(vi, name) for name in ("split", "tolerance", "max_iterations", "threads")}
+        own = {"multipliers": self.multipliers, "first_share": self.first_share, "at_instants": list(vi.at_instants)}
+        return dataset_with_multipliers(result, {"name": "MidpointSystem", **settings, **own}, impulses=True)
 
     def window(self, start: int, stop: int) -> DiscreteSystem:
         check_window(start, stop, self.N)

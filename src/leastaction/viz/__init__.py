@@ -13,13 +13,13 @@ Matplotlib comes with the extra ``viz`` and is imported only when a figure is ma
 
 from __future__ import annotations
 
-from leastaction.viz.animation import animation_page, write_animation
 from leastaction.viz.convergence import plot_convergence
 from leastaction.viz.descent import plot_descent
 from leastaction.viz.energy import plot_energy
 from leastaction.viz.feedback import plot_feedback
 from leastaction.viz.figures import save_png
 from leastaction.viz.limits import plot_limits
+from leastaction.viz.poses import plot_poses
 from leastaction.viz.reactions import plot_reactions
 from leastaction.viz.residuals import plot_residuals
 from leastaction.viz.run import plot_run
@@ -27,33 +27,13 @@ from leastaction.viz.scene import ActiveLimit, Arrow, Bone, Cord, JointMark, Sce
 from leastaction.viz.snapshots import plot_snapshots
 from leastaction.viz.strings import plot_strings
 from leastaction.viz.tracking import TrackingErrors, plot_tracking, tracking_errors
+from leastaction.viz.viewer.animation import animation_page, write_animation
 from leastaction.viz.viewer.show import show
 from leastaction.viz.viewer.view import View
 
 __all__ = [
-    "ActiveLimit",
-    "Arrow",
-    "Bone",
-    "Cord",
-    "JointMark",
-    "Scene",
-    "TrackingErrors",
-    "View",
-    "animation_page",
-    "mechanism_scene",
-    "plot_convergence",
-    "plot_descent",
-    "plot_energy",
-    "plot_feedback",
-    "plot_limits",
-    "plot_reactions",
-    "plot_residuals",
-    "plot_run",
-    "plot_snapshots",
-    "plot_strings",
-    "plot_tracking",
-    "save_png",
-    "show",
-    "tracking_errors",
-    "write_animation",
+    "ActiveLimit", "Arrow", "Bone", "Cord", "JointMark", "Scene", "TrackingErrors", "View", "animation_page",
+    "mechanism_scene", "plot_convergence", "plot_descent", "plot_energy", "plot_feedback", "plot_limits", "plot_poses",
+    "plot_reactions", "plot_residuals", "plot_run", "plot_snapshots", "plot_strings", "plot_tracking", "save_png",
+    "show", "tracking_errors", "write_animation",
 ]  # fmt: skip

@@ -62,7 +62,7 @@ def plot_descent(
         raise ArgumentError("methods: got none, expected some of 'newton', 'quasi-newton', 'steepest'")
     curves = [cost_along(system, cost, initial, method=name, horizon=horizon) for name in names]
     row = Row(count=len(curves), height=2.6, label="cost")
-    figure, ((*panels,),) = stack([row], title, xlabel="step length", top=0.85)
+    figure, ((*panels,),) = stack([row], title, xlabel="step length", headed=True)
     for curve, axes in zip(curves, panels, strict=True):
         axes.plot(curve.gamma, curve.cost, color=BLUE, linewidth=1.6, marker="o", markersize=3, label="cost", zorder=3)
         axes.plot(curve.gamma, curve.linear, color=GREEN, linestyle=(0, (1.2, 1.6)), linewidth=1.6, label="linear")

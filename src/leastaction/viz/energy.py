@@ -92,17 +92,9 @@ def work_and_energy(run: Trajectory | ContinuousTrajectory) -> WorkAndEnergy:
 
 
 def _in_steps(run: Trajectory) -> WorkAndEnergy:
-    m, dt, v = run.mechanism, np.diff(run.t), run.v
-    q = 0.5 * (run.q[1:] + run.q[:-1])
-    power = [m.core.force(*state) @ state[1] for state in zip(q, v, run.inputs, strict=True)]
-    done = dt * np.array(power, dtype=float)
-    # From the middle of a step to that of the next: half of what is done in each, and what drives at the instant.
-    between = 0.5 * (done[1:] + done[:-1])
-    if m.nrho and len(dt) > 1:
-        way = np.diff(run.rho, axis=0)
-        between += np.sum(MidpointVI(m).driving_force(run) * 0.5 * (way[1:] + way[:-1]), axis=1)
-    work = np.concatenate([[0.0], np.cumsum(between)])
-    return WorkAndEnergy(t=0.5 * (run.t[1:] + run.t[:-1]), energy=run.energy(), work=work)
+    energy = run.energy()
+    work = energy.total - energy.total[0] - MidpointVI(run.mechanism).balance(run).residual
+    return WorkAndEnergy(t=0.5 * (run.t[1:] + run.t[:-1]), energy=energy, work=work)
 
 
 def _in_time(run: ContinuousTrajectory) -> WorkAndEnergy:

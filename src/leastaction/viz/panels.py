@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH: Final = 8.0  # of a figure, inches: about 800 pixels on a page
-_LEFT, _RIGHT, _TOP, _BOTTOM = 0.78, 0.15, 0.62, 0.5  # around all panels, inches
+_LEFT, _RIGHT, _TOP, _BARE, _BOTTOM = 0.78, 0.15, 0.62, 0.36, 0.5  # around all panels, inches; without a heading
 _ACROSS, _DOWN, _BETWEEN = 0.5, 0.38, 0.62  # between panels, between rows of a group, between groups
 _TALL, _SMALL = 1.45, 0.95  # heights of panels
 _COLUMNS: Final = 4
@@ -48,12 +48,14 @@ class Row:
 
 
 def stack(
-    rows: Sequence[Row], title: str, *, xlabel: str = "time (s)", top: float = _TOP
+    rows: Sequence[Row], title: str, *, xlabel: str = "time (s)", headed: bool = False
 ) -> tuple[Figure, list[list[Axes]]]:
     """Return a figure and its panels, row by row, all over the same axis.
 
-    The places are computed, not found by a layout engine, which takes longer than all the drawing.
+    The places are computed, not found by a layout engine, which takes longer than all the drawing. ``headed``: whether
+    something stands above them even without a title.
     """
+    top = _TOP if title or headed else _BARE
     gaps = [0.0, *(_BETWEEN if row.starts else _DOWN for row in rows[1:])]
     height = top + sum(row.height for row in rows) + sum(gaps) + _BOTTOM
     figure = new_figure(WIDTH, height, layout=None)
@@ -79,7 +81,8 @@ def stack(
             line[0].set_ylabel(row.label)
             line[0].yaxis.set_label_coords(-0.56 / width, 0.5)
         panels.append(line)
-    heading(figure, title)
+    if title:
+        heading(figure, title)
     return figure, panels
 
 
@@ -93,7 +96,7 @@ class Panel:
 
 
 def signal_panels(
-    groups: Sequence[Sequence[Signal]], title: str, *, one_each: bool = False
+    groups: Sequence[Sequence[Signal]], title: str, *, one_each: bool = False, headed: bool = False
 ) -> tuple[Figure, list[Panel]]:
     """Return a figure with a group of panels for each group of signals of one unit.
 
@@ -117,7 +120,7 @@ def signal_panels(
             rows.append(Row(count=len(part), height=_SMALL, label=label, starts=start == 0, columns=columns))
             contents.append([[signal] for signal in part])
             ranges.append(least)
-    figure, lines = stack(rows, title)
+    figure, lines = stack(rows, title, headed=headed)
     return figure, [
         Panel(axes=axes, signals=signals, least=least)
         for least, line, content in zip(ranges, lines, contents, strict=True)

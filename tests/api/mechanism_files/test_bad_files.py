@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import errno
 import json
 import os
+import random
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,10 @@ import pytest
 
 import leastaction as la
 from api.mechanism_files.back import from_text, text_of
-from leastaction.errors import DescriptionError, DocumentError, LeastActionError, OutputError
+from leastaction.errors import DescriptionError, LeastActionError, ModelFileError, OutputError
+from leastaction.mechanics.mechanism.record import plan_data
 from leastaction.models import build
+from leastaction.numerics.documents import document_text
 
 GOOD = """\
 leastaction: mechanism 1
@@ -48,10 +52,11 @@ def test_the_good_one_is_good() -> None:
         ("mass: 10.0", "mass: .nan", r"line 3: frames\[0\]: frame 'cart': mass: .*nan"),
         ("mass: 10.0", "mass: -1", r"frames\[0\]: frame 'cart': mass: got -1.0 kg"),
         ("mass: 10.0", "mas: 10.0", r"line 6: frames\[0\]\.mas: unknown key; did you mean 'mass'\?"),
-        ("mass: 10.0", "com: [1, 2]\n    mass: 1", r"frames\[0\]\.com: got \[1, 2\]: expected array of length >= 3"),
+        ("mass: 10.0", "com: [1, 2]\n    mass: 1", r"frames\[0\]\.com: got \[1, 2\], expected a list of 3 or more"),
         ("mass: 10.0", "mass: 10.0\n    mass: 1.0", r"line 7, column 5: no YAML: .*'mass' stands twice"),
         ("mass: 1.0}", "mass: [1]}", r"line 12: frames\[0\]\.children\[0\]\.children\[0\]\.mass: got \[1\], expected"),
         ("type: rz", "type: rq", r"children\[0\]\.type: got 'rq'; the choices are .*'rz'"),
+        ("      - type: rz\n        value", "      - value", r"children\[0\]: the key 'type' is missing; the cho"),
         ("value: theta", "value: 90 deg", r"children\[0\]: value: got '90 deg', expected a number in metres or r"),
         ("        value: theta\n", "", r"line 8: frames\[0\]\.children\[0\]: the key 'value' is missing"),
         ("value: theta", "value: {theta: two}", r"value\.theta: got 'two', expected a number"),
@@ -73,7 +78,7 @@ def test_the_good_one_is_good() -> None:
 )  # fmt: skip
 def test_what_is_wrong_is_said_with_its_place(old: str, new: str, message: str) -> None:
     assert old in GOOD
-    with pytest.raises(DocumentError, match=message):
+    with pytest.raises(ModelFileError, match=message):
         from_text(GOOD.replace(old, new, 1))
 
 
@@ -94,7 +99,7 @@ def test_what_is_wrong_is_said_with_its_place(old: str, new: str, message: str) 
 def test_an_expression_runs_nothing(expression: str, message: str) -> None:
     pytest.importorskip("sympy")
     text = GOOD + f'  - {{type: ExpressionPotential, expression: "{expression}"}}\n'
-    with pytest.raises(DocumentError, match=rf"line 16: elements\[2\].*{message}"):
+    with pytest.raises(ModelFileError, match=rf"line 16: elements\[2\].*{message}"):
         from_text(text)
 
 
@@ -113,12 +118,12 @@ def test_broken_text_has_its_line(tmp_path: Path) -> None:
     }
     for name, (content, message) in cases.items():
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(DocumentError, match=message):
+        with pytest.raises(ModelFileError, match=message):
             la.Mechanism.load(tmp_path / name)
-    with pytest.raises(DocumentError, match="there is no such file"):
+    with pytest.raises(ModelFileError, match="there is no such file"):
         la.Mechanism.load(tmp_path / "none.yaml")
     (tmp_path / "folder.yaml").mkdir()
-    with pytest.raises(DocumentError, match="it is a folder"):
+    with pytest.raises(ModelFileError, match="it is a folder"):
         la.Mechanism.load(tmp_path / "folder.yaml")
 
 
@@ -128,6 +133,39 @@ def test_every_truncation_is_an_error_or_a_smaller_mechanism() -> None:
         for end in range(0, len(text), 37):
             with contextlib.suppress(LeastActionError):
                 from_text(text[:end], notation)  # type: ignore[arg-type]
+
+
+JUNK = [
+    None, True, -1, 0, 1e308, float("nan"), float("inf"), "", " ", "x", "10 kg", [], {}, [1], [1, 2, 3], {"a": 1},
+    {"type": "tx"}, -1e-320, 10**400, [[1]], "world",
+]  # fmt: skip
+
+
+def places(data: Any) -> list[tuple[Any, Any]]:
+    """Return every place in plain data, as what holds it and its key."""
+    keys: Any = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    return [place for key, value in keys for place in ((data, key), *places(value))]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_whatever_is_broken_is_an_error_with_a_name_or_a_mechanism() -> None:
+    rng = random.Random(2)
+    sound = [plan_data(build(name)._plan) for name in ("cart_pendulum", "puppet_arm", "bricard", "scissor_lift")]
+    refused = 0
+    for _ in range(300):
+        data = copy.deepcopy(rng.choice(sound))
+        holder, key = rng.choice(places(data))
+        if rng.random() < 0.2:
+            del holder[key]
+        else:
+            holder[key] = rng.choice(JUNK)
+        try:
+            mechanism = from_text(document_text(data, "yaml"))
+        except LeastActionError:
+            refused += 1
+        else:
+            assert from_text(text_of(mechanism)) == mechanism
+    assert 150 < refused < 300
 
 
 def test_a_mechanism_that_cannot_be_is_a_description_error() -> None:
@@ -150,9 +188,9 @@ def test_nothing_is_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
     for wrong in (tmp_path / "none" / "m.yaml", tmp_path):
-        with pytest.raises((OutputError, DocumentError)):
+        with pytest.raises((OutputError, ModelFileError)):
             mechanism.save(wrong)
-    with pytest.raises(DocumentError, match=r"ending '\.xml'"):
+    with pytest.raises(ModelFileError, match=r"ending '\.xml'"):
         mechanism.save(tmp_path / "m.xml")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import leastaction
-from leastaction.errors import ArgumentError, LeastActionError, ModelFileError
+from leastaction.errors import ArgumentError, LeastActionError, MissingExtraError, ModelFileError
 
 BAD = {
     "an empty file": ("", "the file is empty"),
@@ -70,6 +70,12 @@ def test_bad_files_are_named_errors(case: str, tmp_path: Path) -> None:
         assert error.value.line == 3
 
 
+def test_comments_may_hold_what_xml_does_not_allow_there(tmp_path: Path) -> None:
+    file = tmp_path / "robot.urdf"
+    file.write_text('<?xml version="1.0"?>\n<!-- a -- b --->\n<robot name="r"><link name="a"/><!-- \n -- --></robot>')
+    assert leastaction.load(file).mechanism.frames == ("world", "a")
+
+
 def test_files_that_are_not_there(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text("<mujoco/>")
     with pytest.raises(ModelFileError, match=r"there is no such file; beside it there is robot.xml"):
@@ -94,7 +100,7 @@ def test_mjcf_without_mujoco_says_what_to_install(tmp_path: Path, monkeypatch: p
     monkeypatch.setitem(sys.modules, "mujoco", None)
     file = tmp_path / "model.xml"
     file.write_text("<mujoco><worldbody><body/></worldbody></mujoco>")
-    with pytest.raises(ImportError, match=r"pip install 'leastaction\[models\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install 'leastaction\[models\]'"):
         leastaction.load(file)
 
 

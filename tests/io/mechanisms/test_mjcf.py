@@ -114,6 +114,11 @@ CASES = {
     "no gravity": '<option><flag gravity="disable"/></option>'
     + body(f'{INERTIAL}<body pos="0 0 1"><joint axis="1 0 0"/>{INERTIAL}</body>'),
     "damping by odd powers": f'<worldbody><body><joint damping=".5 0 .3"/>{INERTIAL}</body></worldbody>',
+    "springs that settle in some time": (
+        '<worldbody><body><joint ref="30" springref="-20" springdamper=".4 .7" axis="0 1 1" pos="0 0 1"/>'
+        f'{INERTIAL}<body pos="0 0 1"><joint type="slide" springdamper=".2 1" axis="1 0 0"/>{INERTIAL}'
+        "</body></body></worldbody>"
+    ),
     "a mesh": f'<asset><mesh name="m" {CUBE} inertia="exact"/></asset>'
     + body('<geom type="mesh" mesh="m" pos="1 0 0"/>'),
     "a mesh by its hull": f'<asset><mesh name="m" {HOLLOW} inertia="convex"/></asset>'

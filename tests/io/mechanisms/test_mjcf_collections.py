@@ -50,4 +50,7 @@ def test_smooth_dynamics_equal_those_of_mujoco(file: Path) -> None:
         pytest.skip(f"MuJoCo does not compile it: {error}")
     if model.mechanism.nq:
         worst = mujoco_models.errors(file, model)
+        actuated = mujoco_models.error_of_actuators(file, model)
+        if actuated is not None:
+            worst["actuators"] = actuated
         assert max(worst.values()) < 1e-8, worst

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from leastaction.io.mechanisms.load import load
+from leastaction.io.mechanisms.loading import load
 from leastaction.io.mechanisms.model import Keyframe, LeftOut, Model
 
 __all__ = ["Keyframe", "LeftOut", "Model", "load"]

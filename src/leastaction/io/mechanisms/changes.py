@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from leastaction.errors import ArgumentError, unknown
-from leastaction.io.mechanisms.parts import JointPart, LinkPart, Mimic, Robot
+from leastaction.io.mechanisms.parts import JointPart, Mimic, Robot
 
 
 def with_free_base(robot: Robot) -> Robot:
@@ -48,8 +48,3 @@ def _follower(joint: JointPart, robot: Robot, fixed: Sequence[str]) -> JointPart
         if at.name in fixed:
             return replace(joint, mimic=Mimic("", 0.0, factor * at.reference + offset))
     return joint
-
-
-def prescribed_link(link: LinkPart) -> LinkPart:
-    """Return a link that is placed from outside, by a free joint that is called as the link is."""
-    return replace(link, joints=(JointPart(name=link.name, kind="free", prescribed=True),))

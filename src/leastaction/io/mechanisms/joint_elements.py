@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
 
 from leastaction.errors import ArgumentError, unknown
 from leastaction.io.mechanisms import rotations
 from leastaction.io.mechanisms.model import LeftOut
 from leastaction.io.mechanisms.names import Names
 from leastaction.io.mechanisms.parts import JointPart
-from leastaction.mechanics import Armature, CoulombFriction, Damping, JointForce, JointSpring, NonlinearDamping
+from leastaction.mechanics import (
+    Armature,
+    CoulombFriction,
+    Damping,
+    JointForce,
+    JointSpring,
+    Mechanism,
+    NonlinearDamping,
+)
 from leastaction.mechanics.description.affine import Affine
 from leastaction.mechanics.elements import Element
 
@@ -23,8 +33,6 @@ def elements_of_joints(names: Names) -> tuple[list[Element], list[LeftOut]]:
     left_out: list[LeftOut] = []
     damping: dict[str, float] = {}
     for name, joint in names.joints.items():
-        if joint.prescribed:
-            continue
         if joint.kind in ("ball", "free"):
             left_out += rotations.left_out_of(joint)
             continue
@@ -50,6 +58,26 @@ def elements_of_joints(names: Names) -> tuple[list[Element], list[LeftOut]]:
     if damping:
         elements.insert(0, Damping(damping, name="damping"))
     return elements, left_out
+
+
+def settling(names: Names, mechanism: Mechanism, reference: Mapping[str, float]) -> list[Element]:
+    """Return the springs and dampers of joints that are to settle in some time: they depend on what the joint moves.
+
+    ``reference``: the configuration whose inertias count.
+    """
+    elements: list[Element] = []
+    damping: dict[str, float] = {}
+    if not any(joint.settles for joint in names.joints.values()):
+        return []
+    mass_matrix = mechanism.mass_matrix(mechanism.configuration(reference))
+    inertias = mechanism.named(1.0 / np.diag(np.linalg.inv(mass_matrix)))  # of each where the others give way
+    for name, joint in names.joints.items():
+        if joint.settles is not None and joint.kind in ("hinge", "slide") and names.is_own(name):
+            time, ratio = joint.settles
+            damping[name] = 2.0 * inertias[name] / time
+            stiffness = inertias[name] / (time * ratio) ** 2
+            elements.append(JointSpring(name, stiffness, joint.rest, name=f"spring.{name}"))
+    return [*elements, Damping(damping, name="settling")] if damping else []
 
 
 def _spring(joint: JointPart, value: Affine, left_out: list[LeftOut]) -> Iterable[Element]:
@@ -83,7 +111,7 @@ def _damping(joint: JointPart, names: Names, left_out: list[LeftOut]) -> Iterabl
 
 def motors(names: Names, which: bool | Sequence[str] | None) -> dict[str, JointForce]:
     """Return a motor for each joint asked for: True for all, None for those whose effort is limited, or a list."""
-    drivable = [name for name in names.values if names.is_own(name) and not names.joints[name].prescribed]
+    drivable = [name for name in names.values if names.is_own(name)]
     if isinstance(which, str):
         raise ArgumentError(f"motors: expected True, False or a list of joints, got {which!r}; write [{which!r}]")
     if which is None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import Literal
 
 from leastaction.errors import ModelFileError, brief
+
+_COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 
 OWN = (".yaml", ".yml", ".json")
 
@@ -29,9 +31,12 @@ def read_text(path: Path) -> str:
 
 
 def parse(text: str, path: Path) -> ET.Element:
-    """Return the outermost element of an XML text; raise `ModelFileError` with the line where it is broken."""
+    """Return the outermost element of an XML text; raise `ModelFileError` with the line where it is broken.
+
+    Comments may hold what XML does not allow in them, two hyphens, as the readers of robots do not mind that.
+    """
     try:
-        return ET.fromstring(text)
+        return ET.fromstring(_COMMENT.sub(lambda found: "\n" * found.group().count("\n"), text))
     except ET.ParseError as error:
         line, column = error.position
         if not text.lstrip().startswith("<"):
@@ -45,12 +50,16 @@ def parse(text: str, path: Path) -> ET.Element:
         ) from None
 
 
-def kind_of(root: ET.Element, path: Path) -> Literal["urdf", "mjcf"]:
-    """Return whether an XML file is a URDF or an MJCF; raise `ModelFileError` for anything else, with what it is."""
-    if root.tag == "mujoco":
-        return "mjcf"
+def is_mjcf(text: str) -> bool:
+    """Return whether the outermost element is that of an MJCF, whose own reader says what is wrong in it."""
+    found = re.search(r"<([A-Za-z_][\w:.-]*)", _COMMENT.sub("", text))
+    return found is not None and found.group(1) == "mujoco"
+
+
+def require_urdf(root: ET.Element, path: Path) -> None:
+    """Raise a `ModelFileError` that says what an XML file is, if it is no URDF."""
     if root.tag == "robot":
-        macro = [e.tag for e in root.iter() if isinstance(e.tag, str) and e.tag.startswith("{") and "xacro" in e.tag]
+        macro = [e.tag for e in root.iter() if str(e.tag).startswith("{") and "xacro" in str(e.tag)]
         if macro or path.suffix == ".xacro":
             raise ModelFileError(
                 f"{path}: this is a xacro file, from which a URDF is made; run `xacro {path.name} > robot.urdf` and "
@@ -60,7 +69,7 @@ def kind_of(root: ET.Element, path: Path) -> Literal["urdf", "mjcf"]:
             semantic = [tag for tag in ("group", "disable_collisions", "end_effector") if root.find(tag) is not None]
             what = "it is an SRDF, which says things about a URDF" if semantic else "it has no <link>"
             raise ModelFileError(f"{path}: the file holds no robot: {what}; load the URDF")
-        return "urdf"
+        return
     known = {
         "mujocoinclude": "a fragment that an MJCF includes; load the file that includes it",
         "sdf": "an SDF; convert it to a URDF or an MJCF",

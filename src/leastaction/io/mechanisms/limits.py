@@ -14,7 +14,7 @@ def limits_of_joints(names: Names) -> list[Bound]:
     """Return the bounds of where the joints may be, and how fast."""
     places, speeds = [], []
     for name, value in names.values.items():
-        if not value.terms or names.joints[name].prescribed:
+        if not value.terms:
             continue
         joint = names.joints[name]
         on = value.names[0] if value.plain else dict(value.terms)

@@ -73,12 +73,17 @@ def _with_small_masses(links: Sequence[LinkPart], changes: list[LeftOut]) -> lis
     small = MassPart(_SHARE * mass, np.zeros(3), 0.4 * _SHARE * mass * _RADIUS**2 * np.eye(3))
     result = list(links)
     for index, (link, pose, total) in enumerate(zip(links, poses, sums, strict=True)):
-        twists = [twist for joint in link.joints if not joint.prescribed for twist in _twists(joint, pose)]
+        twists = [twist for joint in link.joints if not _geared(joint) for twist in _twists(joint, pose)]
         if all(twist @ total @ twist > 1e-13 * _scale(total, twist) for twist in twists):
             continue
         result[index] = replace(link, mass=small if link.mass is None else _sum(link.mass, small))
         changes.append(LeftOut(f"masslessness of {link.name!r}", f"it moves no mass: it has {small.mass:.2g} kg now"))
     return result
+
+
+def _geared(joint: JointPart) -> bool:
+    """Return whether a rotor gives a joint an inertia of its own."""
+    return joint.kind in ("hinge", "slide") and joint.armature > 0.0
 
 
 def _sum(first: MassPart, second: MassPart) -> MassPart:

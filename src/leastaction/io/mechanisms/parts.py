@@ -34,7 +34,7 @@ class JointPart:
     ``axis``, ``point``: of a hinge or a slide. ``reference``: its value where the link is as the file draws it.
     ``range``: of its value. ``effort``: of the forces of all actuators on it. ``damping``, ``stiffness``: coefficients
     of rising powers. ``rest``: value at which the spring is slack. ``friction``: dry friction (N or N m).
-    ``prescribed``: whether it is moved from outside.
+    ``settles``: time constant (s) and damping ratio that its spring and damper are to have at its reference.
     """
 
     name: str
@@ -50,8 +50,8 @@ class JointPart:
     rest: float = 0.0
     armature: float = 0.0
     friction: float = 0.0
+    settles: tuple[float, float] | None = None
     mimic: Mimic | None = None
-    prescribed: bool = False
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,6 @@ as angular velocity in the axes of the link.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from leastaction.io.mechanisms.model import LeftOut
@@ -35,7 +33,7 @@ def put(place: Branch, joint: JointPart, options: FrameOptions) -> Branch:
     inner = FrameOptions(name=f"{joint.name}.pivot") if shifted else options
     if shifted:
         place = place.pose(translation=joint.point)
-    place = place.put(make(joint.name, kinematic=joint.prescribed, **inner))
+    place = place.put(make(joint.name, **inner))
     return place.pose(translation=-joint.point, **options) if shifted else place
 
 
@@ -50,11 +48,11 @@ def configuration_of(joint: JointPart, numbers: Array) -> dict[str, float]:
     return dict(zip(variables_of(joint), map(float, values), strict=True))
 
 
-def velocity_of(joint: JointPart, q: dict[str, float], numbers: Sequence[float]) -> dict[str, float]:
+def velocity_of(joint: JointPart, q: dict[str, float], numbers: Array) -> dict[str, float]:
     """Return the rates of the variables from the velocity of the place and the angular velocity in the link."""
     names = variables_of(joint)
     E = rates_to_angular(np.array([q[name] for name in names[-3:]]))
-    turns = np.linalg.lstsq(E, np.asarray(numbers[-3:], dtype=float), rcond=None)[0]
+    turns = np.linalg.lstsq(E, numbers[-3:], rcond=None)[0]
     return dict(zip(names, map(float, [*numbers[:-3], *turns]), strict=True))
 
 
@@ -91,6 +89,7 @@ def left_out_of(joint: JointPart) -> list[LeftOut]:
         ("stiffness", any(joint.stiffness)),
         ("armature", joint.armature != 0.0),
         ("frictionloss", joint.friction != 0.0),
+        ("springdamper", joint.settles is not None),
         ("range", joint.range != (None, None)),
     ]
     why = f"a {joint.kind} joint has three angles, and this is not about any of them"

@@ -43,11 +43,10 @@ def _joint(place: Branch, joint: JointPart, names: Names, options: FrameOptions)
     if joint.kind in ("ball", "free"):
         return rotations.put(place, joint, options)
     value = names.values[joint.name] - joint.reference
-    kinematic = joint.prescribed and bool(value.terms)
     if joint.kind == "slide":
-        return place.put(prismatic(value, axis=joint.axis, kinematic=kinematic, **options))
+        return place.put(prismatic(value, axis=joint.axis, **options))
     turn = value - 2.0 * np.pi * float(np.round(value.offset / (2.0 * np.pi)))  # whole turns are none
-    return place.put(revolute(turn, axis=joint.axis, point=joint.point, kinematic=kinematic, **options))
+    return place.put(revolute(turn, axis=joint.axis, point=joint.point, **options))
 
 
 def body_of(part: MassPart) -> Body:

@@ -99,8 +99,8 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     effort: SolverCounts = field(default=SolverCounts(0, 0, 0), repr=False)
     balance: EnergyBalance | None = None
     warnings: tuple[str, ...] = ()
-    dense: Callable[[float], Array] | None = field(default=None, repr=False)
-    law: Callable[[float, Array], Array] | None = field(default=None, repr=False)
+    dense: Callable[[float], Array] | None = field(default=None, repr=False, metadata={"recorded": False})
+    law: Callable[[float, Array], Array] | None = field(default=None, repr=False, metadata={"recorded": False})
 
     @property
     def rho_a(self) -> Array:

@@ -388,7 +388,7 @@ class Mechanism(Compiled):
 
         Raises
         ------
-        DocumentError
+        ModelFileError
             For another ending, or an element that no file can say: one that calls Python.
         OutputError
             If the file cannot be written.
@@ -408,7 +408,7 @@ class Mechanism(Compiled):
 
         Raises
         ------
-        DocumentError
+        ModelFileError
             For a file that is not there or is broken, and for what does not fit, with its line and place in the file.
         DescriptionError
             For a mechanism that cannot be, such as one with a dynamic variable that moves no mass.

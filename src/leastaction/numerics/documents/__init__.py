@@ -2,7 +2,26 @@
 
 from __future__ import annotations
 
-from leastaction.numerics.documents.document import Document, Place, document_of, read_document, shown
-from leastaction.numerics.documents.writing import document_text, write_document
+from leastaction.numerics.documents.document import (
+    NOTATIONS,
+    Document,
+    Place,
+    check_format,
+    document_of,
+    read_document,
+    shown,
+)
+from leastaction.numerics.documents.writing import document_text, schema_text, write_document
 
-__all__ = ["Document", "Place", "document_of", "document_text", "read_document", "shown", "write_document"]
+__all__ = [
+    "NOTATIONS",
+    "Document",
+    "Place",
+    "check_format",
+    "document_of",
+    "document_text",
+    "read_document",
+    "schema_text",
+    "shown",
+    "write_document",
+]

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from leastaction.errors import DocumentError, brief
+from leastaction.errors import ModelFileError, brief
 from leastaction.numerics.documents import types
 from leastaction.numerics.documents.dialect import loader
 
@@ -36,12 +36,12 @@ class Document:
     text: str = field(repr=False)
     folder: Path = Path()
 
-    def error(self, place: Place, message: str) -> DocumentError:
+    def error(self, place: Place, message: str) -> ModelFileError:
         """Return the error of a place, with its path and its line."""
         where = shown(place)
         line = self.line(place)
         at = f", line {line}" if line else ""
-        return DocumentError(f"{self.title}{at}: {where + ': ' if where else ''}{message}")
+        return ModelFileError(f"{self.title}{at}: {where + ': ' if where else ''}{message}", line=line)
 
     def line(self, place: Place) -> int | None:
         """Return the line of a place, or of what holds it where it is not there; None where there is no text."""
@@ -77,7 +77,7 @@ class Document:
     def read_as(self, kind: type[T], **hooks: Any) -> T:
         """Return the data as a type of msgspec's.
 
-        ``hooks``: of `msgspec.convert`. Raises `DocumentError` with the place of what does not fit.
+        ``hooks``: of `msgspec.convert`. Raises `ModelFileError` with the place of what does not fit.
         """
         try:
             found: T = msgspec.convert(self.data, kind, **hooks)
@@ -88,44 +88,57 @@ class Document:
         except RecursionError:
             raise self.too_deep() from None
 
-    def too_deep(self) -> DocumentError:
+    def too_deep(self) -> ModelFileError:
         """Return the error of a file that nests too deeply."""
-        return DocumentError(f"{self.title}: it is nested too deeply to be read; name a `parent:` instead of nesting")
+        return ModelFileError(f"{self.title}: it is nested too deeply to be read; name a `parent:` instead of nesting")
 
 
 def read_document(path: str | os.PathLike[str]) -> Document:
     """Read a file in YAML (``.yaml``, ``.yml``) or JSON (``.json``).
 
-    Raises `DocumentError` for a file that is not there, is a folder or is broken, with the line; for another ending.
+    Raises `ModelFileError` for a file that is not there, is a folder or is broken, with the line; for another ending.
     """
     file = Path(path)
     notation = NOTATIONS.get(file.suffix.lower())
     if notation is None:
-        raise DocumentError(f"{file}: got the ending {file.suffix!r}, expected one of {', '.join(NOTATIONS)}")
+        raise ModelFileError(f"{file}: got the ending {file.suffix!r}, expected one of {', '.join(NOTATIONS)}")
     try:
         content = file.read_bytes()
     except FileNotFoundError:
-        raise DocumentError(f"{file}: there is no such file; check the path") from None
+        raise ModelFileError(f"{file}: there is no such file; check the path") from None
     except IsADirectoryError:
-        raise DocumentError(f"{file}: it is a folder; name a file in it") from None
+        raise ModelFileError(f"{file}: it is a folder; name a file in it") from None
     except OSError as error:
-        raise DocumentError(f"{file}: it cannot be read: {error.strerror or error}") from None
+        raise ModelFileError(f"{file}: it cannot be read: {error.strerror or error}") from None
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
-        raise DocumentError(f"{file}, line {line}: it is no text in UTF-8; save it as that") from None
+        raise ModelFileError(f"{file}, line {line}: it is no text in UTF-8; save it as that", line=line) from None
     return document_of(text, notation, title=str(file), folder=file.parent)
 
 
 def document_of(text: str, notation: Notation, *, title: str = "the text", folder: Path = Path()) -> Document:
     """Return the document that a text is, as `read_document` does of a file."""
     if not text.strip():
-        raise DocumentError(f"{title}: it is empty")
+        raise ModelFileError(f"{title}: it is empty")
     data = _json(text, title) if notation == "json" else _yaml(text, title)
     if not isinstance(data, dict):
-        raise DocumentError(f"{title}: got {brief(repr(data))}, expected a mapping of keys to values, `key: value`")
+        raise ModelFileError(f"{title}: got {brief(repr(data))}, expected a mapping of keys to values, `key: value`")
     return Document(title, data, text, folder)
+
+
+def check_format(document: Document, expected: str) -> None:
+    """Raise a `ModelFileError` unless a document says that it is of a format, such as ``"mechanism 1"``."""
+    found = document.data.get("leastaction")
+    if found is None:
+        raise document.error((), f"the key 'leastaction' is missing; the first line is `leastaction: {expected}`")
+    if found == expected:
+        return
+    kind, _, version = str(found).partition(" ")
+    if kind == expected.partition(" ")[0] and version.isdigit():
+        raise document.error(("leastaction",), f"got version {version}, expected {expected!r}; update leastaction")
+    raise document.error(("leastaction",), f"got {found!r}, expected {expected!r}")
 
 
 def _json(text: str, title: str) -> Any:
@@ -134,13 +147,15 @@ def _json(text: str, title: str) -> Any:
         if len(found) < len(pairs):
             keys = [key for key, _ in pairs]
             twice = next(key for key in keys if keys.count(key) > 1)
-            raise DocumentError(f"{title}: the key {twice!r} stands twice in one object; name it once")
+            raise ModelFileError(f"{title}: the key {twice!r} stands twice in one object; name it once")
         return found
 
     try:
         return json.loads(text, object_pairs_hook=once)
     except json.JSONDecodeError as error:
-        raise DocumentError(f"{title}, line {error.lineno}, column {error.colno}: no JSON: {error.msg}") from None
+        raise ModelFileError(
+            f"{title}, line {error.lineno}, column {error.colno}: no JSON: {error.msg}", line=error.lineno
+        ) from None
     except RecursionError:
         raise Document(title, None, "").too_deep() from None
 
@@ -152,10 +167,11 @@ def _yaml(text: str, title: str) -> Any:
         return yaml.load(text, Loader=loader())  # the loader is a safe one
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        where = "" if mark is None else f", line {mark.line + 1}, column {mark.column + 1}"
+        line = None if mark is None else mark.line + 1
+        where = "" if mark is None else f", line {line}, column {mark.column + 1}"
         context = f"{error.context}: " if error.context else ""
-        raise DocumentError(f"{title}{where}: no YAML: {context}{error.problem}") from None
+        raise ModelFileError(f"{title}{where}: no YAML: {context}{error.problem}", line=line) from None
     except (yaml.YAMLError, ValueError) as error:
-        raise DocumentError(f"{title}: no YAML: {error}") from None
+        raise ModelFileError(f"{title}: no YAML: {error}") from None
     except RecursionError:
         raise Document(title, None, "").too_deep() from None

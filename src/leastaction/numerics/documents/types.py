@@ -20,6 +20,12 @@ _WORDS = {
     "array": "a list",
     "null": "nothing",
 }
+_BOUNDS = (
+    (r"`array` of length >= (\d+)", r"a list of \1 or more"),
+    (r"`array` of length <= (\d+)", r"a list of \1 at most"),
+    (r"`float`", "a number"),
+    (r"`int`", "a whole number"),
+)
 _STEP = re.compile(r"\.(\w+)|\[(\d+)\]|\[(\.\.\.)\]")
 
 
@@ -40,13 +46,23 @@ def explained(error: msgspec.ValidationError, data: Any, kind: Any) -> tuple[tup
     if match := re.match(r"Object missing required field `(.+)`", message):
         needed = [f.encode_name for s in struct for f in s.fields if f.required]
         more = f"; needed are {', '.join(dict.fromkeys(needed))}" if len(struct) == 1 else ""
+        if len(struct) > 1 and match[1] == struct[0].tag_field:
+            more = f"; {closest(None, [repr(s.tag) for s in struct], what='choices')}".replace('"', "")
         return place, f"the key {match[1]!r} is missing{more}"
     if message.startswith(("Invalid value", "Invalid enum value")):
         known = [str(s.tag) for s in _at(kind, data, place[:-1]) if s.tag_field == place[-1]] or _choices(
             kind, data, place
         )
         return place, f"got {value!r}; {closest(value, known, what='choices')}"
-    return place, f"got {brief(repr(value))}: {message[0].lower()}{message[1:].replace('`', '')}"
+    return place, f"got {brief(repr(value))}, {_in_words(message)}"
+
+
+def _in_words(message: str) -> str:
+    """Return what else msgspec says, in words."""
+    text = message[0].lower() + message[1:]
+    for pattern, words in _BOUNDS:
+        text = re.sub(pattern, words, text)
+    return text.replace("`", "")
 
 
 def _hint(value: object, wanted: str) -> str:

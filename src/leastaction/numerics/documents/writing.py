@@ -7,7 +7,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from leastaction.errors import DocumentError
+import msgspec
+
+from leastaction.errors import ModelFileError
 from leastaction.numerics.documents.dialect import dumper
 from leastaction.numerics.documents.document import NOTATIONS, Notation
 from leastaction.numerics.files import write_text
@@ -26,14 +28,20 @@ def document_text(data: Any, notation: Notation) -> str:
     )
 
 
+def schema_text(kind: Any) -> str:
+    """Return the JSON schema of a type of documents: editors complete and check by it while a file is written."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(kind)}
+    return json.dumps(schema, indent=1) + "\n"
+
+
 def write_document(path: str | os.PathLike[str], data: Any) -> Path:
     """Write plain data as its ending says, whole or not at all.
 
-    Returns the file. Raises `DocumentError` for another ending than ``.yaml``, ``.yml`` and ``.json``, `OutputError`
+    Returns the file. Raises `ModelFileError` for another ending than ``.yaml``, ``.yml`` and ``.json``, `OutputError`
     where the file cannot be written.
     """
     file = Path(path)
     notation = NOTATIONS.get(file.suffix.lower())
     if notation is None:
-        raise DocumentError(f"{file}: got the ending {file.suffix!r}, expected one of {', '.join(NOTATIONS)}")
+        raise ModelFileError(f"{file}: got the ending {file.suffix!r}, expected one of {', '.join(NOTATIONS)}")
     return write_text(file, document_text(data, notation))

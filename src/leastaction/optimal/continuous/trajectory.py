@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.dataset import TIME, Dataset
 from leastaction.numerics.piecewise import PiecewisePolynomial, Through, approximate
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
+from leastaction.optimal.continuous.content import ContinuousContent
 from leastaction.optimal.continuous.horizon import first_mesh
 from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.result import OptimizationResult, dataset_of
 
 _FIRST_PIECES = 16
 
@@ -181,3 +183,6 @@ class ContinuousOptimizationResult(OptimizationResult):
     projection: PiecewisePolynomial
     accuracy: Accuracy
     jumps: tuple[float, ...]
+
+    def dataset(self) -> Dataset:
+        return dataset_of(self, ContinuousContent.of(self), steps=TIME, prefix="common.")

@@ -365,9 +365,6 @@ class WindowSystem(DiscreteSystem):
         whole = self.system.told()
         return whole.window(self.start, self.start + self.N) if isinstance(whole, DiscreteSystem) else None
 
-    def motion(self, result: Any) -> Any:
-        return self.system.window(self.start, self.start + self.N).motion(result)
-
     def when(self, k: int) -> str:
         return self.system.when(self.start + k)
 

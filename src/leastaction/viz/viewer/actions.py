@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -26,25 +25,25 @@ def cords_of(mechanism: Mechanism) -> list[Cord]:
 
 
 class Actions:
-    """Tensions and forces along a motion, at its instants.
+    """Tensions and forces along a motion, at any times.
 
-    What is known of a step is the force in its middle, and is brought to the instants; a multiplier of discrete time
-    is an impulse, and is divided by the length of its step.
+    What is known of a step is the force in its middle, and is brought to the times on straight lines; a multiplier of
+    discrete time is an impulse, and is divided by the length of its step.
+
+    ``run``: the motion. ``t`` (n,), ``q`` (n, nq): the times, and the configurations then.
     """
 
-    def __init__(self, run: BaseTrajectory[object]) -> None:  # type: ignore[type-var]
-        self.m, self.t, self.q = run.mechanism, run.t, run.q
-        self._discrete = len(run.inputs) < len(run.t) or len(run.lam) < len(run.t)
-        steps = np.diff(run.t)[:, None] if self._discrete else 1.0
+    def __init__(self, run: BaseTrajectory[Any], t: Array, q: Array) -> None:
+        self.m, self.t, self.q = run.mechanism, t, q
+        self._own = run.t
+        steps = np.diff(run.t)[:, None] if len(run.lam) < len(run.t) else 1.0
         self.inputs = dict(zip(self.m.inputs, self._at_instants(run.inputs).T, strict=True))
         self.lam = dict(zip(self.m.constraints, self._at_instants(run.lam / steps).T, strict=True))
 
     def _at_instants(self, values: Array) -> Array:
-        """Return values of each step, or already at instants, at the instants."""
-        if len(values) == len(self.t):
-            return values
-        middle = 0.5 * (self.t[1:] + self.t[:-1])
-        columns = [np.interp(self.t, middle, column) for column in values.T]
+        """Return values of each step, or at the run's instants, at the times."""
+        own = self._own if len(values) == len(self._own) else 0.5 * (self._own[1:] + self._own[:-1])
+        columns = [np.interp(self.t, own, column) for column in values.T]
         return np.array(columns).reshape(values.shape[1], len(self.t)).T
 
     def tension(self) -> dict[str, Array]:
@@ -59,10 +58,13 @@ class Actions:
             else:
                 places = self.m.positions(self.q, list(element.looks[0].frames))
                 length = np.linalg.norm(np.diff(places, axis=1), axis=2).sum(axis=1)
-                pull = element.pull(length, np.gradient(length, self.t), values)
+                pull = element.pull(length, self._rate(length), values)
             if pull is not None:
                 found[name] = np.broadcast_to(pull, self.t.shape).astype(float)
         return found
+
+    def _rate(self, length: Array) -> Array:
+        return np.gradient(length, self.t) if len(self.t) > 1 else np.zeros(1)
 
     def arrows(self) -> list[Arrow]:
         """Return the forces and torques of inputs, and the reactions of constraints, in world axes."""
@@ -106,8 +108,3 @@ class Actions:
                 kind: Literal["force", "torque"] = "torque" if w.any() else "force"
                 found.append(Arrow(name=name, kind=kind, place=place, vector=size[:, None] * axis))
         return found
-
-
-def resampled(values: Mapping[str, Array], t: Array, times: Array) -> dict[str, Array]:
-    """Return curves (n,) at other times."""
-    return {name: np.interp(times, t, curve) for name, curve in values.items()}

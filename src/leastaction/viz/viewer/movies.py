@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import struct
+import subprocess
 import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ def gif(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: boo
     except ImportError as error:
         raise ArgumentError(_missing("a .gif", "Pillow")) from error
     # Browsers show no more than 50 pictures a second, and count in hundredths of it.
-    pause = max(2, round(100.0 / as_number(fps, "fps")))
+    pause = max(2, round(100.0 / _rate(fps)))
     pictures = _pictures(scenes, 100.0 / pause, size, dark=dark, joints=joints, forces=forces)
     frames = [Image.fromarray(picture) for picture in pictures]
     middle = frames[len(frames) // 2].quantize(colors=255, dither=Image.Dither.NONE)
@@ -67,16 +68,20 @@ def mp4(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: boo
         import imageio_ffmpeg
     except ImportError as error:
         raise ArgumentError(_missing("an .mp4", "imageio[ffmpeg]")) from error
-    even = tuple(2 * (n // 2) for n in _checked(size))
+    width, height = (2 * (n // 2) for n in _checked(size))  # as the format wants it
     with tempfile.TemporaryDirectory(prefix="leastaction-") as folder:
         path = Path(folder) / "movie.mp4"
-        writer: Any = imageio_ffmpeg.write_frames(
-            str(path), even, fps=as_number(fps, "fps"), quality=8, macro_block_size=2, ffmpeg_log_level="error"
-        )
-        writer.send(None)
-        for picture in _pictures(scenes, fps, (even[0], even[1]), dark=dark, joints=joints, forces=forces):
-            writer.send(np.ascontiguousarray(picture))
-        writer.close()
+        raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{_rate(fps):g}", "-i", "-"]
+        coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "20", "-movflags", "+faststart", str(path)]
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", *raw, *coded]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as coder:
+            assert coder.stdin is not None
+            with contextlib.suppress(BrokenPipeError):  # it says why below
+                for picture in _pictures(scenes, fps, (width, height), dark=dark, joints=joints, forces=forces):
+                    coder.stdin.write(picture.tobytes())
+            _, told = coder.communicate()
+        if coder.returncode != 0:
+            raise ArgumentError(f"FFmpeg could not make the movie: {told.decode(errors='replace').strip()}")
         return path.read_bytes()
 
 
@@ -133,9 +138,16 @@ def _span(scenes: Sequence[Scene]) -> tuple[float, float]:
     return min(float(scene.t[0]) for scene in scenes), max(float(scene.t[-1]) for scene in scenes)
 
 
+def _rate(fps: float) -> float:
+    rate = as_number(fps, "fps")
+    if rate <= 0.0:
+        raise ArgumentError(f"fps: got {rate:g}, expected a positive number of pictures a second")
+    return rate
+
+
 def _checked(size: tuple[int, int]) -> tuple[int, int]:
     width, height = size
-    if not (isinstance(width, int) and isinstance(height, int) and min(size) >= 16 and max(size) <= 8192):
+    if min(size) < 16 or max(size) > 8192:
         raise ArgumentError(f"size: got {size!r}, expected width and height in pixels, 16 to 8192")
     return width, height
 

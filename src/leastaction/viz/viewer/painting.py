@@ -68,7 +68,8 @@ def painted(
     """Return a picture of a stage at a time, (height, width, 3)."""
     camera = camera_of(stage, time, _FINER * width, _FINER * height)
     solid = placing.bodies(stage, time) + placing.cords(stage, time, look, camera.thin)
-    solid += placing.marks(stage, time, look, joints=joints)
+    solid += placing.rails(stage, time)
+    hinges = placing.joints(stage, time, look) if joints else []  # seen through what is around them
     solid += placing.arrows(stage, time, look, camera.thin) if forces else []
     ghost = placing.bodies(stage, time, ghost=look.ghost)
     paths = placing.traces(stage, time, look, camera.thin)
@@ -80,10 +81,10 @@ def painted(
     coarse = replace(camera, lens=camera.lens / _FINER, width=width, height=height)
     image = np.repeat(np.repeat(_ground(stage, coarse, look, lamp), _FINER, axis=0), _FINER, axis=1)
     depth = np.full(image.shape[:2], np.inf)
-    for layer, over in ((ghost, False), (solid, True), (paths, True)):
-        _lay(layer, camera, look, lamp, image, depth if over else np.full(image.shape[:2], np.inf))
+    for layer, amid in ((ghost, False), (solid, True), (paths, True), (hinges, False)):
+        _lay(layer, camera, look, lamp, image, depth if amid else np.full(image.shape[:2], np.inf))
     fine = image.reshape(height, _FINER, width, _FINER, 3).mean(axis=(1, 3))
-    return (np.clip(fine, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return np.asarray(np.clip(fine, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)
 
 
 def _lay(layer: Sequence[Thing], camera: Camera, look: Look3D, lamp: _Lamp, image: Array, depth: Array) -> None:

@@ -6,6 +6,8 @@ pixels that are covered. What is nearest wins by the smallest key of depth and n
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,7 +73,7 @@ def _fill(
         np.minimum.at(buffer, row[at] * width + first[at] + step, (depth << 32) | of[at])
 
 
-def weights(x: Array, y: Array, px: Array, py: Array) -> Array:
+def weights(x: Array, y: Array, px: NDArray[np.floating[Any]], py: NDArray[np.floating[Any]]) -> Array:
     """Return the weights (n, 3) of the corners of triangles (n, 3) at points in the picture (n,)."""
     area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
     w1 = ((px - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (py - y[:, 0])) / area

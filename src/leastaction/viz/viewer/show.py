@@ -16,7 +16,7 @@ from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal import LimitReport
 from leastaction.viz.scene import ActiveLimit, Arrow, Scene
-from leastaction.viz.viewer.actions import Actions, cords_of, resampled
+from leastaction.viz.viewer.actions import Actions, cords_of
 from leastaction.viz.viewer.sampling import refined
 from leastaction.viz.viewer.sides import plane_normal, side, upright, upward
 from leastaction.viz.viewer.skeletons import joint_marks, skeleton
@@ -120,7 +120,7 @@ def _scene(
     if not isinstance(run, BaseTrajectory):
         raise ArgumentError(f"show: the trajectory of a {type(what).__name__} is no motion of a mechanism")
     scene = _run_scene(run, shapes=own, reference=reference, traces=traces, up=up, title=called)
-    report = getattr(what, "limits", None)
+    report = getattr(getattr(what, "result", what), "limits", None)  # what was followed has its result within
     return replace(scene, limits=active_limits(report, run.t)) if isinstance(report, LimitReport) else scene
 
 
@@ -135,7 +135,6 @@ def _run_scene(
 ) -> Scene:
     """Return the scene of a motion, with more instants where it moves fast between its own."""
     m, t = run.mechanism, run.t
-    actions = Actions(run)
     times = t
     if len(t) > 1:
         places = m.positions(run.q)
@@ -151,14 +150,7 @@ def _run_scene(
         array = np.repeat(array, len(t), axis=0) if len(array) == 1 else array
         array = as_array(array, "reference", (len(t), m.nq), names=m.variables)
         wanted = np.column_stack([np.interp(times, t, column) for column in array.T])
-    arrows = [
-        replace(
-            arrow,
-            place=np.column_stack([np.interp(times, t, column) for column in arrow.place.T]),
-            vector=np.column_stack([np.interp(times, t, column) for column in arrow.vector.T]),
-        )
-        for arrow in actions.arrows()
-    ]
+    actions = Actions(run, times, q)
     return motion_scene(
         m,
         times,
@@ -168,8 +160,8 @@ def _run_scene(
         traces=traces,
         up=up,
         title=title,
-        tension=resampled(actions.tension(), t, times),
-        arrows=arrows,
+        tension=actions.tension(),
+        arrows=actions.arrows(),
     )
 
 
@@ -196,7 +188,7 @@ def motion_scene(
 ) -> Scene:
     """Return the scene of a motion of a mechanism, upright and seen from its best side."""
     for name in (*traces, *(shape.frame for shape in shapes)):
-        m.tree.index.get(name, None) is not None or m.frame_pose(q[0], name)  # which says what frames there are
+        m.frame_pose(q[0], name)  # which says what frames there are
     normal = plane_normal(m, q[0])
     turn = upright(upward(m, up, normal))
     drawn = skeleton(m, q)
@@ -260,16 +252,12 @@ def _floating(m: Mechanism) -> str:
 
 def active_limits(report: LimitReport, t: Array) -> tuple[ActiveLimit, ...]:
     """Return when which limit of an optimisation holds the motion back. ``t`` (N+1,): the times of its instants."""
-    found = []
+    found: list[ActiveLimit] = []
     for state in report.sides:
         times = state.t if state.t is not None else t[np.minimum(state.k, len(t) - 1)]
         ends = np.append(times[1:], min(2.0 * times[-1] - times[-2], t[-1]) if len(times) > 1 else times[-1])
-        for column, label in enumerate(state.labels):
-            if state.equation:
-                continue
+        for column, label in enumerate(() if state.equation else state.labels):
             on = np.flatnonzero(state.active[:, column])
             groups = np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else []
-            spans = tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)
-            if spans:
-                found.append(ActiveLimit(name=label, spans=spans))
-    return tuple(found)
+            found.append(ActiveLimit(name=label, spans=tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)))
+    return tuple(limit for limit in found if limit.spans)

@@ -25,7 +25,7 @@ def upward(mechanism: Mechanism, up: str | Sequence[float] | None, normal: Array
     if isinstance(up, str):
         if up not in _AXES:
             raise ArgumentError(f"up: got {up!r}, expected one of {', '.join(sorted(_AXES))}, or three numbers")
-        return np.eye(3)[_AXES[up]] * (-1.0 if up.startswith("-") else 1.0)
+        return np.asarray(np.eye(3)[_AXES[up]] * (-1.0 if up.startswith("-") else 1.0))
     if up is not None:
         given = as_array(up, "up", (3,))
         if not given.any():

@@ -1,4 +1,4 @@
-"""What a mechanism is seen as without shapes: bars between its frames, balls and boxes of its bodies, and its joints."""
+"""What a mechanism is seen as without shapes: bars between frames, balls and boxes of bodies, and its joints."""
 
 from __future__ import annotations
 
@@ -55,6 +55,7 @@ def skeleton(mechanism: Mechanism, q: Array) -> Skeleton:
     bones = []
     for i, length in lengths.items():
         r = min(radius, 0.2 * length) * (0.35 if frames[i].name in seen_alone else 1.0)
+        r *= 1.0 + 0.02 * (frames[i].joint % 4)  # where links meet, one of them is the outer
         carrier = frames[frames[i].parent].name
         bones.append(Bone(start=carrier, end=frames[i].name, radius=r, color=link_colour(frames[i].joint)))
     barred = {frames[i].joint for i in lengths if frames[i].name not in seen_alone}
@@ -92,15 +93,15 @@ def _of_body(
     shapes = []
     ball = 2.0 * radius * float(np.clip((body.mass / usual) ** (1.0 / 3.0), 0.6, 2.0))
     if carriage and not barred:
-        shapes.append(Shape(frame=frame, kind="box", size=[2.2 * ball] * 3, pose=pose, color=colour))
+        shapes.append(Shape(frame=frame, kind="box", size=np.full(3, 2.2 * ball), pose=pose, color=colour))
     elif not body.inertia.any() or not barred:
-        shapes.append(Shape(frame=frame, kind="sphere", size=[ball], pose=pose, color=colour))
+        shapes.append(Shape(frame=frame, kind="sphere", size=np.array([ball]), pose=pose, color=colour))
     if not barred and np.linalg.norm(body.com) > ball:
         shapes.append(
             Shape(
                 frame=frame,
                 kind="capsule",
-                size=[radius, np.linalg.norm(body.com)],
+                size=np.array([radius, np.linalg.norm(body.com)]),
                 pose=_along(body.com),
                 color=colour,
             )
@@ -184,18 +185,16 @@ def _heavy_joints(mechanism: Mechanism) -> set[int]:
 
 
 def _floats(mechanism: Mechanism, joint: int) -> bool:
-    """Whether a slide is one of three in a row: then what they carry floats, and there are no rails."""
+    """Whether a slide is one of several in a row without a mass between them: what they carry floats, on no rails."""
     tree = mechanism.tree
+    loaded = {k for k, body, _ in tree.bodies() if body.is_massive}
+
+    def carries_a_slide(k: int) -> bool:
+        """Whether a massless slide carries another one and nothing else."""
+        above = [j for j, other in enumerate(tree.joints) if other.parent == k]
+        return slides(k) and k not in loaded and len(above) == 1 and slides(above[0])
 
     def slides(k: int) -> bool:
         return k >= 0 and not tree.joints[k].twist[3:].any()
 
-    children = next([j for j, other in enumerate(tree.joints) if other.parent == k] for k in (joint,))
-    up = tree.joints[joint].parent
-    chain = 1
-    while slides(up):
-        chain, up = chain + 1, tree.joints[up].parent
-    while len(children) == 1 and slides(children[0]):
-        chain += 1
-        children = [j for j, other in enumerate(tree.joints) if other.parent == children[0]]
-    return chain >= 3
+    return carries_a_slide(joint) or carries_a_slide(tree.joints[joint].parent)

@@ -65,8 +65,14 @@ class Stage:
             place = corners @ each.matrix[:3, :3].T + each.matrix[:3, 3]
             found = place @ pose[:, :3, :3].transpose(0, 2, 1) + pose[:, None, :3, 3]
             if each.width:
-                found = np.concatenate((found - [0, 0, each.width], [*found, 0, 0, each.width]), axis=1)
+                half = np.array([0.0, 0.0, each.width])
+                found = np.concatenate((found - half, found + half), axis=1)
             parts.append(found)
+        for mark in scene.marks:
+            if mark.kind == "slide":
+                pose = scene.poses[mark.frame][k]
+                ends = mark.point + np.outer(mark.reach, mark.axis)
+                parts.append(ends @ pose[:, :3, :3].transpose(0, 2, 1) + pose[:, None, :3, 3])
         if not parts:
             parts = [path[k][:, None] for path in scene.points.values()]
         return np.concatenate(parts, axis=1)
@@ -124,7 +130,7 @@ class Stage:
             keep = needed(scene.t, np.hstack((moving, told)), sharp * tolerance)
             if len(keep) <= most:
                 return keep
-            sharp *= 1.5
+            sharp *= 1.2 * (len(keep) / most) ** 2  # a curve is off by the square of the step
 
 
 def staged(scenes: Sequence[Scene]) -> tuple[Stage, ...]:

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.viz.scene import Scene
+from leastaction.viz.scene import JointMark, Scene
 from leastaction.viz.viewer import solids
 from leastaction.viz.viewer.collada import Colour
 from leastaction.viz.viewer.solids import Solid
@@ -49,15 +49,35 @@ def _rgb(text: str) -> Array:
 
 
 LIGHT_LOOK = Look3D(
-    sky=_rgb("#ffffff"), paper=_rgb("#f4f5f7"), line=_rgb("#c3c9d1"), soft=_colour("#626b77"), accent=_colour("#0072b2"),
-    slack=_colour("#c2187e"), ghost=_colour("#009e73", 0.42), push=_colour("#d55e00"), reaction=_colour("#7b5bb5"),
-    low=np.array([0.32, 0.48, 0.64]), ambient=np.array([0.54, 0.57, 0.62]), earth=np.array([0.27, 0.25, 0.24]), shade=0.2,
-)  # fmt: skip
+    sky=_rgb("#ffffff"),
+    paper=_rgb("#f4f5f7"),
+    line=_rgb("#c3c9d1"),
+    soft=_colour("#626b77"),
+    accent=_colour("#0072b2"),
+    slack=_colour("#c2187e"),
+    ghost=_colour("#009e73", 0.42),
+    push=_colour("#d55e00"),
+    reaction=_colour("#7b5bb5"),
+    low=np.array([0.32, 0.48, 0.64]),
+    ambient=np.array([0.54, 0.57, 0.62]),
+    earth=np.array([0.27, 0.25, 0.24]),
+    shade=0.2,
+)
 DARK_LOOK = Look3D(
-    sky=_rgb("#20252d"), paper=_rgb("#14171c"), line=_rgb("#3d4551"), soft=_colour("#a3adb9"), accent=_colour("#56b4e9"),
-    slack=_colour("#ff6ec7"), ghost=_colour("#2fd0a0", 0.42), push=_colour("#ff9d5c"), reaction=_colour("#b79cf0"),
-    low=np.array([0.42, 0.6, 0.77]), ambient=np.array([0.42, 0.46, 0.54]), earth=np.array([0.14, 0.14, 0.15]), shade=0.4,
-)  # fmt: skip
+    sky=_rgb("#20252d"),
+    paper=_rgb("#14171c"),
+    line=_rgb("#3d4551"),
+    soft=_colour("#a3adb9"),
+    accent=_colour("#56b4e9"),
+    slack=_colour("#ff6ec7"),
+    ghost=_colour("#2fd0a0", 0.42),
+    push=_colour("#ff9d5c"),
+    reaction=_colour("#b79cf0"),
+    low=np.array([0.42, 0.6, 0.77]),
+    ambient=np.array([0.42, 0.46, 0.54]),
+    earth=np.array([0.14, 0.14, 0.15]),
+    shade=0.4,
+)
 _HIGH = np.array([0.9, 0.62, 0.0])
 
 
@@ -192,20 +212,33 @@ def cord_things(kind: str, a: Array, b: Array, line: float, size: float, colour:
     ]
 
 
-def marks(stage: Stage, time: float, look: Look3D, *, joints: bool) -> list[Thing]:
-    """Return the rails of slides, and the other joints where they are asked for."""
-    scene, r = stage.scene, 0.011 * stage.size
+def _axis(stage: Stage, mark: JointMark, time: float) -> tuple[Array, Array]:
+    """Return a point and the direction of a joint's axis at a time."""
+    pose = pose_at(stage.scene.poses[mark.frame], stage.scene.t, time)
+    return pose[:3, :3] @ mark.point + pose[:3, 3], pose[:3, :3] @ mark.axis
+
+
+def rails(stage: Stage, time: float) -> list[Thing]:
+    """Return the rails of slides."""
     found = []
-    for mark in scene.marks:
-        pose = pose_at(scene.poses[mark.frame], scene.t, time)
-        p, d = pose[:3, :3] @ mark.point + pose[:3, 3], pose[:3, :3] @ mark.axis
+    for mark in stage.scene.marks:
         if mark.kind == "slide":
+            p, d = _axis(stage, mark, time)
             ends = p + mark.reach[0] * d, p + mark.reach[1] * d
-            found.append(Thing(solids.capsule(), between(*ends), 0.5 * r, _METAL))
-        elif joints and mark.kind == "ball":
+            found.append(Thing(solids.capsule(), between(*ends), 0.0055 * stage.size, _METAL))
+    return found
+
+
+def joints(stage: Stage, time: float, look: Look3D) -> list[Thing]:
+    """Return the other joints, and their axes."""
+    r = 0.011 * stage.size
+    found = []
+    for mark in stage.scene.marks:
+        p, d = _axis(stage, mark, time)
+        if mark.kind == "ball":
             found.append(Thing(solids.sphere(), np.column_stack((1.6 * r * np.eye(3), p)), 0.0, look.accent))
-        elif joints:
-            found.append(Thing(solids.cylinder(), between(p - 3 * r * d, p + 3 * r * d, r), 0.0, look.accent))
+        elif mark.kind == "hinge":
+            found.append(Thing(solids.cylinder(), between(p - 2 * r * d, p + 2 * r * d, r), 0.0, look.accent))
             found.append(Thing(solids.capsule(), between(p - 7 * r * d, p + 7 * r * d), 0.12 * r, look.accent, 0.6))
     return found
 

@@ -13,8 +13,8 @@ from typing import Final
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.files import write_bytes, write_text
-from leastaction.viz.animation import animation_page
 from leastaction.viz.scene import Scene
+from leastaction.viz.viewer.animation import animation_page
 
 _NOTEBOOK_HEIGHT: Final = 480
 
@@ -80,7 +80,7 @@ class View:
         size : tuple of int, optional
             Width and height in pixels; 1200 by 800 of pictures and 720 by 480 of movies if not given.
         fps : float, optional
-            Pictures a second of a movie.
+            Pictures a second of a movie; a .gif has 50 at the most.
         dark : bool, optional
             Whether pictures and movies have a dark background.
 

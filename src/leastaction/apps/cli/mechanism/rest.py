@@ -78,7 +78,7 @@ def linear_rest(mechanism: Mechanism, q: Array) -> LinearRest:
     n, nd = basis.shape[1], m.nd
     A = np.block([[np.zeros((n, n)), np.eye(n)], [basis.T @ d.a_dq[:, :nd] @ basis, basis.T @ d.a_dv[:, :nd] @ basis]])
     B = np.vstack([np.zeros((n, m.n_inputs)), basis.T @ d.a_du])
-    return LinearRest(m, np.asarray(q), u, basis, A, B)
+    return LinearRest(m, np.asarray(q), np.asarray(u, dtype=float), basis, A, B)
 
 
 def _null_space(jacobian: Array) -> Array:
@@ -142,7 +142,7 @@ def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None)
 
 
 def gain_table(K: Array, u: Array, inputs: Sequence[str], states: Sequence[str]) -> Table:
-    """Return gains K (n_inputs, nx) and the inputs at rest u (n_inputs,) as a table; a list of those that count if wide."""
+    """Return gains K (n_inputs, nx) and inputs at rest u (n_inputs,) as a table; those that count if it is wide."""
     least = _SHOWN * float(np.abs(K).max(initial=0.0))
     if len(inputs) > _COLUMNS:
         table = Table("input", "at rest", "gains", box=None, pad_edge=False)

@@ -25,7 +25,7 @@ def times(until: float, dt: float) -> Array:
         raise ArgumentError(f"got --until {until:g} and --dt {dt:g} s, expected 0 < dt <= until")
     if until / dt > 1e8:
         raise ArgumentError(f"--until {until:g} s in steps of {dt:g} s are {until / dt:.3g} steps: take longer ones")
-    return dt * np.arange(round(until / dt) + 1)
+    return np.asarray(dt * np.arange(round(until / dt) + 1), dtype=float)
 
 
 def simulated(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.io.mechanisms.mjcf.found import Found
-from leastaction.io.mechanisms.mjcf.muscles import Bare, muscle, reference
+from leastaction.io.mechanisms.mjcf.muscles import Bare, inertia_along, muscle
 from leastaction.io.mechanisms.mjcf.places import Places
 from leastaction.io.mechanisms.mjcf.scalars import Along, of_joint, of_tendon
 from leastaction.io.mechanisms.mjcf.spec import is_limited, mujoco_module
@@ -153,13 +153,8 @@ def _affine(actuator: Any, name: str, u: str, along: Along, read: _Reader) -> El
 
 
 def _damping_by_ratio(ratio: float, stiffness: float, along: Along, read: _Reader) -> float:
-    """Return the damping of a servo of place by its ratio to the critical one, of the inertias at the reference."""
-    if along.of_paths:
-        raise _LeftOutError("a damping ratio along a path is none that is known; give kv")
-    m = read.bare([])
-    inertias = np.diag(m.mass_matrix(reference(m, read.names)))
-    inertia = sum(inertias[m.variables.index(str(key))] / factor**2 for key, factor in along.terms.items())
-    return float(2.0 * ratio * np.sqrt(stiffness * inertia))
+    """Return the damping of a servo of place by its ratio to the critical one, of the inertia at the reference."""
+    return float(2.0 * ratio * np.sqrt(stiffness * inertia_along(along, read.names, read.bare)))
 
 
 def _at_site(actuator: Any, name: str, u: str, read: _Reader) -> Iterator[Element]:

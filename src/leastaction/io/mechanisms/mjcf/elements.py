@@ -17,5 +17,5 @@ def elements_of(spec: Any, names: Names, bare: Bare, *, actuators: bool) -> Foun
 
     ``bare``: makes the mechanism with no elements but the armatures of its joints and those that it is given.
     """
-    found = elements_of_tendons(spec, names) + elements_of_equalities(spec, names)
+    found = elements_of_tendons(spec, names, bare) + elements_of_equalities(spec, names)
     return found + elements_of_actuators(spec, names, bare) if actuators else found

@@ -72,11 +72,12 @@ def _ends(equality: Any, places: Places) -> tuple[tuple[str, Array], tuple[str, 
         at1[:3, 3] = equality.data[:3]
         at2[:3, 3] = (np.linalg.inv(relative) @ at1)[:3, 3]
         return (equality.name1, at1), (equality.name2, at2)
-    if np.any(equality.data[6:10]):
-        relative = np.eye(4)
-        relative[:3, 3], relative[:3, :3] = equality.data[3:6], rotation_of(equality.data[6:10])
     at2[:3, 3] = equality.data[:3]
-    return (equality.name1, relative @ at2), (equality.name2, at2)
+    if not np.any(equality.data[6:10]):
+        return (equality.name1, relative @ at2), (equality.name2, at2)
+    # A pose that is given is where the anchor of the second body is in the first.
+    at1[:3, 3], at1[:3, :3] = equality.data[3:6], rotation_of(equality.data[6:10])
+    return (equality.name1, at1), (equality.name2, at2)
 
 
 def _elements(equality: Any, name: str, number: int, spec: Any, names: Names, places: Places) -> Iterator[Element]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from leastaction.numerics.arrays import Array
 
@@ -88,7 +89,7 @@ def _thin(size: Array) -> Moments:
 MeshMass = Literal["convex", "exact", "legacy", "shell"]
 
 
-def mesh(vertices: Array, triangles: Array, how: MeshMass) -> Moments:
+def mesh(vertices: Array, triangles: npt.NDArray[np.int64], how: MeshMass) -> Moments:
     """Return the moments of a mesh: of what its surface encloses, of the surface, or as MuJoCo's legacy has it.
 
     ``how``: "exact" sums pyramids over the triangles, with sign; "legacy" without, so that what is hollow counts twice;

@@ -8,11 +8,10 @@ import numpy as np
 
 from leastaction.errors import ModelFileError
 from leastaction.io.mechanisms.mjcf.spec import frames_before, is_limited, mujoco_module
-from leastaction.io.mechanisms.model import LeftOut
 from leastaction.io.mechanisms.parts import JointPart, Range
 
 
-def joint_part(joint: Any, name: str, spec: Any, left_out: list[LeftOut]) -> JointPart:
+def joint_part(joint: Any, name: str, spec: Any) -> JointPart:
     """Return a joint of the specification as a part, in radians, in the frame of its body."""
     types = mujoco_module().mjtJoint
     kind = {
@@ -35,10 +34,8 @@ def joint_part(joint: Any, name: str, spec: Any, left_out: list[LeftOut]) -> Joi
     effort: Range = (None, None)
     if is_limited(joint.actfrclimited, joint.actfrcrange, joint.compiler):
         effort = (float(joint.actfrcrange[0]), float(joint.actfrcrange[1]))
-    if joint.springdamper[0] > 0.0 and joint.springdamper[1] > 0.0:
-        left_out.append(
-            LeftOut(f"springdamper of the joint {name!r}", "its stiffness is made by compiling; write that")
-        )
+    settles = (float(joint.springdamper[0]), float(joint.springdamper[1]))
+    timed = min(settles) > 0.0
     if kind == "free":
         point, unit = np.zeros(3), 1.0
     else:
@@ -51,9 +48,10 @@ def joint_part(joint: Any, name: str, spec: Any, left_out: list[LeftOut]) -> Joi
         reference=unit * float(joint.ref) if kind in ("hinge", "slide") else 0.0,
         range=limit,
         effort=effort,
-        damping=tuple(map(float, joint.damping)),
-        stiffness=tuple(map(float, joint.stiffness)),
+        damping=() if timed else tuple(map(float, joint.damping)),
+        stiffness=() if timed else tuple(map(float, joint.stiffness)),
         rest=unit * float(joint.springref),
         armature=float(joint.armature),
         friction=float(joint.frictionloss),
+        settles=settles if timed else None,
     )

@@ -13,16 +13,16 @@ def left_out_of(spec: Any) -> list[LeftOut]:
 
     def count(what: str, number: int, why: str) -> None:
         if number:
-            found.append(LeftOut(f"{number} {what}{'s' if number > 1 and not what.endswith('s') else ''}", why))
+            found.append(LeftOut(f"{number} {what if number == 1 else what.replace('body', 'bodie') + 's'}", why))
 
     touching = sum(bool(geom.contype or geom.conaffinity) for geom in spec.geoms)
-    count("geoms that touch", touching if touching > 1 else 0, "bodies pass through each other")
+    count("touching geom", touching if touching > 1 else 0, "bodies pass through each other")
     count("contact pair", len(spec.pairs), "bodies pass through each other")
     seen = "pictures have their own"
     count("camera", len(spec.cameras), seen)
     count("light", len(spec.lights), seen)
     count("skin", len(spec.skins), "bodies are rigid here, and shown by their shapes")
-    count("flexible body", len(spec.flexes), "bodies are rigid here")
+    count("flex body", len(spec.flexes), "bodies are rigid here")
     count("sensor", len(spec.sensors), "results have every place and force by name")
     count("plugin", len(spec.plugins), "their forces are not known")
     if spec.option.density or spec.option.viscosity:

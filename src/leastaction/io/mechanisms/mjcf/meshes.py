@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from leastaction.errors import MissingExtraError
 from leastaction.io.mechanisms.mjcf.geometry import Moments, mesh
 from leastaction.io.mechanisms.mjcf.spec import mujoco_module
 from leastaction.io.mechanisms.poses import pose_of, rotation_of
@@ -20,7 +22,7 @@ class Triangles:
     """A mesh as it is in its file, before it is scaled: vertices (n, 3) and triangles (m, 3)."""
 
     vertices: Array
-    triangles: Array
+    triangles: npt.NDArray[np.int64]
 
 
 class Meshes:
@@ -120,12 +122,12 @@ def read_triangles(file: Path) -> Triangles | None:
     try:
         import trimesh
     except ImportError as error:
-        raise ImportError(
+        raise MissingExtraError(
             f"the mass of {file.name} is that of a mesh, which trimesh reads; install it with: "
             "pip install 'leastaction[models]'"
         ) from error
     try:
-        loaded = trimesh.load(file, process=False, force="mesh", skip_materials=True)
+        loaded: Any = trimesh.load(file, process=False, force="mesh", skip_materials=True)
     except Exception:
         return None
     vertices = np.asarray(loaded.vertices, dtype=np.float32).astype(np.float64)

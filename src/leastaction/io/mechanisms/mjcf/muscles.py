@@ -16,7 +16,7 @@ import numpy as np
 from leastaction.io.mechanisms.mjcf.scalars import Along
 from leastaction.io.mechanisms.model import LeftOut
 from leastaction.io.mechanisms.names import Names
-from leastaction.mechanics import Curve, Mechanism, NonlinearSpring, PathLength, TendonForce
+from leastaction.mechanics import Coupling, Curve, Mechanism, NonlinearSpring, PathLength, TendonForce
 from leastaction.mechanics.elements import Element
 from leastaction.numerics.arrays import Array
 
@@ -119,33 +119,55 @@ def _scaled(breaks: list[float], pieces: list[list[float]], unit: float, start: 
 
 
 def _measured(along: Along, bare: Bare) -> Mechanism:
-    return bare([PathLength(along.scalar, 1.0, name="length")])
+    terms: Any = along.terms
+    held = PathLength(terms, 1.0, name="length") if along.of_paths else Coupling(terms, 1.0, name="length")
+    return bare([held])
 
 
 def _range_of(along: Along, names: Names, bare: Bare) -> tuple[float, float]:
     """Return the least and the largest length within the limits of the joints that change it."""
     m = _measured(along, bare)
-    q = np.tile(reference(m, names), (SAMPLES, 1))
+    q = np.tile(_reference(m, names), (SAMPLES, 1))
     rng = np.random.default_rng(0)
     for name in along.movers & names.values.keys():
         value, (low, high) = names.values[name], names.joints[name].range
         if value.plain and low is not None and high is not None:
             share = rng.uniform(-0.2, 1.2, SAMPLES).clip(0.0, 1.0)  # many of them at the limits
             q[:, m.variables.index(value.names[0])] = low + (high - low) * share
-    lengths = np.array([m.constraint_residuals(row)[0] for row in q]) + 1.0
+    lengths = np.asarray(m.constraint_residuals(q)["length"]) + 1.0
     return float(lengths.min()), float(lengths.max())
 
 
 def _acceleration(along: Along, names: Names, bare: Bare) -> float:
     """Return the size of the accelerations that a tension of 1 N causes at the reference."""
+    return float(np.linalg.norm(_response(along, names, bare)[1]))
+
+
+def inertia_along(along: Along, names: Names, bare: Bare) -> float:
+    """Return what a force along the scalar moves at the reference."""
+    slopes, accelerations = _response(along, names, bare)
+    return float(1.0 / (slopes @ accelerations))
+
+
+def _response(along: Along, names: Names, bare: Bare) -> tuple[Array, Array]:
+    """Return the slopes of the scalar, and the accelerations by a force of one along it."""
     m = _measured(along, bare)
-    q = reference(m, names)
+    q = _reference(m, names)
     slopes = m.constraint_jacobian(q)[0, : m.nd]
-    accelerations: Array = np.linalg.solve(m.mass_matrix(q)[: m.nd, : m.nd], slopes)
-    return float(np.linalg.norm(accelerations))
+    accelerations: Array = np.asarray(np.linalg.solve(m.mass_matrix(q)[: m.nd, : m.nd], slopes), dtype=np.float64)
+    return slopes, accelerations
 
 
-def reference(m: Mechanism, names: Names) -> Array:
+def slack_length(along: Along, names: Names, bare: Bare) -> float:
+    """Return the length where the springs of all joints are slack, which a tendon's own has by default."""
+    own = {n: names.joints[n].rest for n in names.values if n in names.joints and names.is_own(n)}
+    if not along.of_paths:
+        return along.offset + sum(factor * own[str(name)] for name, factor in along.terms.items())
+    m = _measured(along, bare)
+    return 1.0 + float(m.constraint_residuals(m.configuration(own))["length"])
+
+
+def _reference(m: Mechanism, names: Names) -> Array:
     """Return the configuration in which the file draws it, ball and free joints at zero."""
     own = {n: names.joints[n].reference for n in names.values if n in names.joints and names.is_own(n)}
     return np.asarray(m.configuration(own))

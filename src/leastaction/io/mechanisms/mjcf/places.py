@@ -46,13 +46,13 @@ class Places:
         return self.body_pose(site.parent) @ pose_in_body(site, self.spec)
 
     def movers(self, body: Any, names: Names) -> frozenset[str]:
-        """Return the joints, none of them prescribed, that move a body in the mechanism."""
+        """Return the joints that move a body in the mechanism."""
         found: set[str] = set()
         while body.parent is not None and body.name != "world":
             for joint in body.joints:
                 # One without a name cannot be asked for, so nobody has fixed it.
                 known = names.joints.get(joint.name)
-                if not joint.name or (known is not None and not known.prescribed):
+                if not joint.name or known is not None:
                     found.add(joint.name or f"a joint of {body.name}")
             body = body.parent
         return frozenset(found)

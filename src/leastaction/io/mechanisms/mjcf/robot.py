@@ -46,7 +46,7 @@ def _robot(spec: Any, path: Path, bodies: list[tuple[Any, int]]) -> Robot:
         joints = []
         for joint in body.joints:
             called = joint.name or fresh(name, joint_names, ".joint")
-            joints.append(joint_part(joint, called, spec, left_out))
+            joints.append(joint_part(joint, called, spec))
         links.append(
             LinkPart(
                 name=name,

@@ -86,7 +86,7 @@ def of_tendon(name: str, spec: Any, names: Names, places: Places) -> Along | Non
 
 def _of_value(value: Affine, reference: float, names: Names) -> Along:
     terms = {name: factor for name, factor in value.terms if factor != 0.0}
-    moved = frozenset(name for name in names.joints if not names.joints[name].prescribed)
+    moved = frozenset(names.joints)
     driven = frozenset(
         joint for joint in moved & names.values.keys() if not terms.keys().isdisjoint(names.values[joint].names)
     )

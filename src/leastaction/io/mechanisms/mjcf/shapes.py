@@ -58,7 +58,7 @@ def _shape(
         vertices, triangles = (None, None) if inline is None else (inline.vertices, inline.triangles)
         return Shape(
             frame=frame, kind="mesh", size=scale, pose=at, color=color, file=file, vertices=vertices,
-            triangles=triangles, name=geom.name,
+            triangles=triangles, name=geom.name,  # type: ignore[arg-type]
         )  # fmt: skip
     if kind not in PRIMITIVES or geom.meshname or size[0] <= 0.0:
         return None

@@ -10,21 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ModelFileError
+from leastaction.errors import MissingExtraError, ModelFileError
 from leastaction.io.mechanisms.poses import along, pose_of, rotation_of
 from leastaction.numerics.arrays import Array
 
 
 def mujoco_module() -> Any:
-    """Return the module ``mujoco``, or raise an ImportError that says what to install."""
+    """Return the module ``mujoco``, or raise a `MissingExtraError` that says what to install."""
     try:
         import mujoco
     except ImportError as error:
-        raise ImportError(
+        raise MissingExtraError(
             "an MJCF is read through MuJoCo, which is not installed; install it with: pip install 'leastaction[models]'"
         ) from error
     if not hasattr(mujoco, "MjSpec"):
-        raise ImportError(
+        raise MissingExtraError(
             "an MJCF is read through MuJoCo 4 or newer; install it with: pip install 'leastaction[models]'"
         )
     return mujoco

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from leastaction.io.mechanisms.joint_elements import FRICTION_SPEED
 from leastaction.io.mechanisms.mjcf.found import Found
+from leastaction.io.mechanisms.mjcf.muscles import Bare, slack_length
 from leastaction.io.mechanisms.mjcf.places import Places
 from leastaction.io.mechanisms.mjcf.scalars import Along, of_tendon
 from leastaction.io.mechanisms.mjcf.spec import is_limited
@@ -25,7 +27,7 @@ from leastaction.mechanics.elements import Element
 from leastaction.optimal import Bound
 
 
-def elements_of_tendons(spec: Any, names: Names) -> Found:
+def elements_of_tendons(spec: Any, names: Names, bare: Bare) -> Found:
     """Return what the tendons of a specification do by themselves."""
     places, found = Places(spec), Found()
     for tendon in spec.tendons:
@@ -39,19 +41,19 @@ def elements_of_tendons(spec: Any, names: Names) -> Found:
             found += Found(left_out=(LeftOut(f"tendon {tendon.name!r}", "no joint that moves changes its length"),))
             continue
         left_out: list[LeftOut] = []
-        elements = tuple(_elements(tendon, along, left_out))
+        elements = tuple(_elements(tendon, along, left_out, partial(slack_length, along, names, bare)))
         limits = tuple(_limits(tendon, along, left_out))
         found += Found(elements=elements, limits=limits, left_out=tuple(left_out))
     return found
 
 
-def _elements(tendon: Any, along: Along, left_out: list[LeftOut]) -> Iterator[Element]:
+def _elements(tendon: Any, along: Along, left_out: list[LeftOut], slack: Callable[[], float]) -> Iterator[Element]:
     name = tendon.name
     stiffness, *higher = map(float, tendon.stiffness)
     if any(higher) or stiffness < 0.0:
         left_out.append(LeftOut(f"stiffness of the tendon {name!r} beyond a spring", "its spring is linear here"))
     if stiffness > 0.0:
-        low, high = (along.reference if rest == -1.0 else float(rest) for rest in tendon.springlength)
+        low, high = (slack() if rest == -1.0 else float(rest) for rest in tendon.springlength)
         yield spring(along, stiffness, low - along.offset, high - along.offset, f"spring.{name}")
     damping, *more = map(float, tendon.damping)
     if any(more) or damping < 0.0:

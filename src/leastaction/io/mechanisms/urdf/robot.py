@@ -57,7 +57,7 @@ def _read(root: ET.Element, path: Path, packages: Sequence[Path]) -> Robot:
         )
     links = [replace(link, joints=tuple(_settled(j, root, left_out) for j in link.joints)) for link in links]
     shapes = shapes_of(root, elements, path, packages, left_out)
-    for tag, count in Counter(e.tag for e in root if isinstance(e.tag, str) and e.tag not in _SILENT).items():
+    for tag, count in Counter(str(e.tag) for e in root if e.tag not in _SILENT).items():
         what = f"<{tag}>" if count == 1 else f"{count} <{tag}>"
         left_out.append(LeftOut(what, "a mechanism has no use for it"))
     return Robot(

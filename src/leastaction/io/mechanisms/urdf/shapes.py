@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
+import numpy as np
+
 from leastaction.io.mechanisms.model import LeftOut
 from leastaction.io.mechanisms.urdf.attributes import numbers, origin
 from leastaction.mechanics.description.shapes import Shape
@@ -19,14 +21,13 @@ def shapes_of(
     root: ET.Element, links: Mapping[str, ET.Element], path: Path, packages: Sequence[Path], left_out: list[LeftOut]
 ) -> list[Shape]:
     """Return what is to be seen of the links; of a file that has nothing to be seen, what collides."""
-    colors = {
-        str(material.get("name")): _color(material, {}) for material in root.findall("material") if material is not None
-    }
+    colors = {str(material.get("name")): _color(material, {}) for material in root.findall("material")}
     tag = "visual" if any(link.find("visual") is not None for link in links.values()) else "collision"
     collisions = sum(len(link.findall("collision")) for link in links.values())
     if collisions:
         left_out.append(LeftOut(f"{collisions} collision shapes", "bodies pass through each other"))
-    shapes, missing = [], []
+    shapes: list[Shape] = []
+    missing: list[str] = []
     for name, link in links.items():
         for element in link.findall(tag):
             shape = _shape(name, element, colors, path, packages, missing)
@@ -55,7 +56,7 @@ def _shape(
             size = numbers(kind, "radius", "0", what)
             return Shape(frame=link, kind="sphere", size=size, pose=pose, color=color, name=name)
         if kind.tag in ("cylinder", "capsule"):
-            size = [*numbers(kind, "radius", "0", what), *numbers(kind, "length", "0", what)]
+            size = np.hstack([numbers(kind, "radius", "0", what), numbers(kind, "length", "0", what)])
             round_ends = kind.tag == "capsule"
             return Shape(
                 frame=link, kind="capsule" if round_ends else "cylinder", size=size, pose=pose, color=color, name=name

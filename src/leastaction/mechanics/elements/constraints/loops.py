@@ -114,8 +114,9 @@ class FixedOrientation(Constraint):
 
     Notes
     -----
-    Half a turn about any of the axes meets the equations as well. A motion that starts at the wanted
-    attitude stays there; an assembly from a rough guess should start nearer to it than to those.
+    Half a turn about any of the axes meets the equations as well, and so does a third of a turn that exchanges them. A
+    motion that starts at the wanted attitude stays there; an assembly from a rough guess should start nearer to it than
+    to those.
     """
 
     frame1: str = field(metadata=FRAME)

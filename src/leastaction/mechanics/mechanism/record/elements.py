@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from leastaction.errors import DescriptionError, DocumentError
+from leastaction.errors import DescriptionError, ModelFileError
 from leastaction.mechanics import elements
 from leastaction.mechanics.elements import Element, kinds
 from leastaction.mechanics.mechanism.record.frames import UNIT
@@ -135,20 +135,20 @@ def _plain_type(hint: Any) -> Any:
 def element_data(element: Element) -> dict[str, Any]:
     """Return an element as plain data.
 
-    Raises `DocumentError` for one that calls Python, or that is no class of the package.
+    Raises `ModelFileError` for one that calls Python, or that is no class of the package.
     """
     kind = type(element).__name__
     if _classes().get(kind) is not type(element):
-        raise DocumentError(f"{element.label}: it is a class of your own, which no file can say; use a pickle")
+        raise ModelFileError(f"{element.label}: it is a class of your own, which no file can say; use a pickle")
     if kind not in element_types():
-        raise DocumentError(
+        raise ModelFileError(
             f"{element.label}: it calls functions in Python, which no file can say; write it as an Expression "
             f"({kind.replace('Python', 'Expression')}), or use a pickle"
         )
     try:
         return {"type": kind, **_fields(element)}
     except DescriptionError as error:
-        raise DocumentError(f"{element.label}: {error}") from None
+        raise ModelFileError(f"{element.label}: {error}") from None
 
 
 def _fields(given: Any) -> dict[str, Any]:
@@ -203,7 +203,7 @@ def _key(key: str | tuple[str, ...]) -> str:
 
 
 def element_of(record: Strict, document: Document, place: Place) -> Element:
-    """Return the element of a record; raise a `DocumentError` with the place of what is wrong."""
+    """Return the element of a record; raise a `ModelFileError` with the place of what is wrong."""
     kind = _classes()[str(record.__struct_config__.tag)]
     try:
         made: Element = _made(kind, record)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.errors import DescriptionError, DocumentError, closest
+from leastaction.errors import DescriptionError, ModelFileError, closest
 from leastaction.mechanics.description import compositions, frames, joints, poses
 from leastaction.mechanics.description.affine import Affine, as_affine
 from leastaction.mechanics.description.bodies import Body
@@ -40,7 +40,7 @@ UNIT = re.compile(
 def tree_data(tree: Tree) -> list[dict[str, Any]]:
     """Return the frames of a tree as plain data, those on the world in a list.
 
-    Raises `DocumentError` for a composition with frames between its own.
+    Raises `ModelFileError` for a composition with frames between its own.
     """
     made_up = frame_names(
         tree.frames[0].name, [at.frame for at in tree.frames[1:]], [at.parent for at in tree.frames[1:]]
@@ -49,7 +49,7 @@ def tree_data(tree: Tree) -> list[dict[str, Any]]:
     following = {a: b for _, indices in tree.compositions for a, b in pairwise(indices)}
     for group, indices in tree.compositions:
         if any(tree.frames[b].parent != a for a, b in pairwise(indices)):
-            raise DocumentError(f"the joint {group.name!r} has other frames between its own, which no file can say")
+            raise ModelFileError(f"the joint {group.name!r} has other frames between its own, which no file can say")
     children: list[list[int]] = [[] for _ in tree.frames]
     for index, at in enumerate(tree.frames[1:], start=1):
         if following.get(at.parent) != index:
@@ -207,7 +207,7 @@ def _plain(array: Array, what: Array) -> bool:
 def tree_of(world_name: str, records: Sequence[FrameRecord], document: Document, place: Place = ("frames",)) -> Tree:
     """Return the tree of a file's frames.
 
-    ``place``: where the list stands in the document. Raises `DocumentError` with the place of what is wrong.
+    ``place``: where the list stands in the document. Raises `ModelFileError` with the place of what is wrong.
     """
     reader = _Reader(document, world(world_name))
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 from typing import Any, Literal, Union
 
@@ -14,7 +13,7 @@ from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.record.elements import element_data, element_of, element_types
 from leastaction.mechanics.mechanism.record.frames import tree_data, tree_of
 from leastaction.mechanics.mechanism.record.types import AnyFrame, Strict
-from leastaction.numerics.documents import Document
+from leastaction.numerics.documents import Document, check_format
 
 FORMAT = "mechanism 1"
 """What the first line of a file says: its kind, and the version of the format."""
@@ -49,7 +48,7 @@ def mechanism_type() -> Any:
 def plan_data(settled: Plan) -> dict[str, Any]:
     """Return a mechanism as plain data, from which `plan_of` makes the same one.
 
-    Raises `DocumentError` for what no file can say, such as an element in Python.
+    Raises `ModelFileError` for what no file can say, such as an element in Python.
     """
     data: dict[str, Any] = {"leastaction": FORMAT}
     if settled.tree.frames[0].name != "world":
@@ -67,8 +66,8 @@ def plan_data(settled: Plan) -> dict[str, Any]:
 
 
 def plan_of(document: Document) -> Plan:
-    """Return the mechanism that a document describes; raise a `DocumentError` with the place of what is wrong."""
-    check_format(document.data, FORMAT, document)
+    """Return the mechanism that a document describes; raise a `ModelFileError` with the place of what is wrong."""
+    check_format(document, FORMAT)
     record = document.read_as(mechanism_type())
     world = "world" if record.world is UNSET else record.world
     tree = tree_of(world, record.frames, document)
@@ -82,16 +81,3 @@ def plan_of(document: Document) -> Plan:
         start = str(error).partition(":")[0]
         place = ("elements", at[0]) if at else (start,) if start in record.__struct_fields__ else ()
         raise document.error(place, str(error).removeprefix(f"{start}: " if place == (start,) else "")) from None
-
-
-def check_format(data: Mapping[str, Any], expected: str, document: Document) -> None:
-    """Raise a `DocumentError` unless the data say that they are of a format."""
-    found = data.get("leastaction")
-    if found is None:
-        raise document.error((), f"the key 'leastaction' is missing; the first line is `leastaction: {expected}`")
-    if found == expected:
-        return
-    kind, _, version = str(found).partition(" ")
-    if kind == expected.partition(" ")[0] and version.isdigit():
-        raise document.error(("leastaction",), f"got version {version}, expected {expected!r}; update leastaction")
-    raise document.error(("leastaction",), f"got {found!r}, expected {expected!r}")

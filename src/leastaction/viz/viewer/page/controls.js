@@ -1,5 +1,5 @@
 // ---------------------------------------------------------------- controls: keyboard, mouse, touch, and the loop
-const home = { yaw: S.azimuth, pitch: S.elevation, far: S.size * 1.6 };
+const home = () => ({ yaw: S.azimuth, pitch: S.elevation, far: afar() });
 const toggle = () => { if (still) return; if (!playing && time >= end) time = begin; playing = !playing; dirty = true; };
 element("play").onclick = toggle;
 element("slider").oninput = e => { time = begin + e.target.value * (end - begin); playing = false; dirty = true; };
@@ -34,7 +34,7 @@ view.onpointermove = e => {
   fingers.set(e.pointerId, [e.clientX, e.clientY]); dirty = true;
 };
 view.addEventListener("wheel", e => { e.preventDefault(); zoom(Math.exp(e.deltaY * 0.001)); }, { passive: false });
-view.ondblclick = () => { ({ yaw, pitch, far } = home); shift = [0, 0, 0]; dirty = true; };
+view.ondblclick = () => { ({ yaw, pitch, far } = home()); shift = [0, 0, 0]; dirty = true; };
 function resize() {
   ratio = Math.min(devicePixelRatio || 1, 2); W = innerWidth; H = innerHeight;
   for (const c of [view, labels]) { c.width = Math.round(W * ratio); c.height = Math.round(H * ratio); }
@@ -48,4 +48,4 @@ function loop(stamp) {
   if (dirty) { dirty = false; draw(); }
   requestAnimationFrame(loop);
 }
-resize(); setTheme(theme); draw(); requestAnimationFrame(loop);
+far = afar(); resize(); setTheme(theme); draw(); requestAnimationFrame(loop);

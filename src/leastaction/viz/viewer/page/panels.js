@@ -19,7 +19,7 @@ function readout() {
   panels.forEach((panel, i) => { for (const [name, value] of told(panel)) rows.push([panels.length > 1 ? `${"left right".split(" ")[i] || i + 1}: ${name}` : name, value]); });
   element("rows").replaceChildren(...rows.map(([name, value]) => {
     const row = document.createElement("tr"); for (const each of [name, value]) row.insertCell().textContent = each; return row; }));
-  boxes().forEach((box, i) => { if (captions[i]) { captions[i].style.left = `${box[0] + box[2] / 2}px`; captions[i].style.top = `${H - box[1] - box[3] + 14}px`; } });
+  boxes().forEach((box, i) => { if (captions[i]) { captions[i].style.left = `${box[0] + box[2] - 14}px`; captions[i].style.top = `${H - box[1] - box[3] + 66}px`; } });
   element("slider").value = still ? 0 : (time - begin) / (end - begin);
   element("clock").textContent = `${time.toFixed(2)} / ${end.toFixed(2)} s`;
   element("play").textContent = playing ? "❚❚" : "▶";

@@ -4,7 +4,7 @@ document.getElementById("missing").hidden = !!paint;
 document.documentElement.dataset.still = still;
 const some = test => panels.some(test), hash = new URLSearchParams(location.hash.slice(1));
 const show = { follow: true, reference: some(p => p.wanted || p.wantedPoses), cords: some(p => p.cords.length), trace: some(p => p.traces.length), joints: !!S.joints, forces: !!S.forces };
-let time = begin, playing = !still, speed = 1, yaw = S.azimuth, pitch = S.elevation, far = S.size * 1.6, shift = [0, 0, 0], W = 0, H = 0, ratio = 1;
+let time = begin, playing = !still, speed = 1, yaw = S.azimuth, pitch = S.elevation, far = 1.6 * S.size, shift = [0, 0, 0], W = 0, H = 0, ratio = 1;
 let theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
 if (matchMedia("(prefers-reduced-motion: reduce)").matches) playing = false;
 if (hash.has("t")) { time = clamp(parseFloat(hash.get("t")) || 0, begin, end); playing = false; }
@@ -24,6 +24,8 @@ function setTheme(name) {
   legend(); drawSpark();
 }
 const LIGHT = unit([0.6 * Math.cos(S.azimuth - 0.65), 0.6 * Math.sin(S.azimuth - 0.65), 1]), WOOD = [0.84, 0.66, 0.45, 1], METAL = [0.55, 0.58, 0.63, 1];
+// As far away that what is shown fits between the panels above and below.
+const afar = () => 1.25 * S.size / clamp((innerHeight - (still ? 80 : 190)) / innerHeight, 0.4, still ? 0.9 : 0.78);
 let camera = null; // of the panel that was drawn last
 function aim(panel, k, w, width, height) {
   const spot = panel.focus < 0 ? panel.spot : panel.got.at(k, w, panel.focus), target = show.follow ? spot : (panel.spot || spot);

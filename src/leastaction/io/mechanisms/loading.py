@@ -10,8 +10,9 @@ from typing import Any, Literal
 from leastaction.errors import DescriptionError, ModelFileError, some
 from leastaction.io.mechanisms import rotations
 from leastaction.io.mechanisms.changes import with_fixed, with_free_base
-from leastaction.io.mechanisms.joint_elements import elements_of_joints, motors
-from leastaction.io.mechanisms.kinds import OWN, kind_of, parse, read_text
+from leastaction.io.mechanisms.joint_elements import elements_of_joints, settling
+from leastaction.io.mechanisms.joint_elements import motors as motors_of
+from leastaction.io.mechanisms.kinds import OWN, is_mjcf, parse, read_text, require_urdf
 from leastaction.io.mechanisms.limits import limits_of_joints, limits_of_motors
 from leastaction.io.mechanisms.masses import checked
 from leastaction.io.mechanisms.model import Keyframe, Model
@@ -73,7 +74,7 @@ def load(
         anything left out.
     ArgumentError
         For an unknown joint in ``fixed`` or ``motors``, or another argument that cannot be.
-    ImportError
+    MissingExtraError
         For an MJCF without the package ``mujoco``.
     """
     file = Path(fspath(path))
@@ -82,13 +83,15 @@ def load(
     text = read_text(file)
     if file.suffix.lower() in OWN:
         return _own(file)
-    root = parse(text, file)
-    if kind_of(root, file) == "urdf":
-        robot, spec = read_urdf(root, file, [Path(fspath(folder)) for folder in packages]), None
-    else:
+    spec = None
+    if is_mjcf(text):
         from leastaction.io.mechanisms.mjcf import read_mjcf
 
         robot, spec = read_mjcf(file)
+    else:
+        root = parse(text, file)
+        require_urdf(root, file)
+        robot = read_urdf(root, file, [Path(fspath(folder)) for folder in packages])
     try:
         if free:
             robot = with_free_base(robot)
@@ -104,7 +107,7 @@ def load(
 
 
 def _own(file: Path) -> Model:
-    mechanism = Mechanism.load(file)  # type: ignore[attr-defined]
+    mechanism = Mechanism.load(file)
     return Model(mechanism=mechanism, name=file.stem)
 
 
@@ -116,7 +119,7 @@ def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | N
     limits: list[Bound] = []
     keyframes: dict[str, Keyframe] = {}
     if spec is None or which is not None:
-        driven = motors(names, which)
+        driven = motors_of(names, which)
         elements += driven.values()
         limits += limits_of_motors(driven, names.joints)
     if spec is not None:
@@ -133,13 +136,16 @@ def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | N
         left_out += found.left_out
         keyframes, lost = keyframes_of(spec, names, found.inputs)
         left_out += lost
-    elements = [*_gravity(robot), *elements]
+    reference = _reference(robot, names)
+    mechanism = _compiled(robot, names, [*_gravity(robot), *elements])
+    if settled := settling(names, mechanism, reference):
+        mechanism = mechanism.with_elements(settled)
     return Model(
-        mechanism=_compiled(robot, names, elements),
+        mechanism=mechanism,
         name=robot.name,
         limits=tuple(limits + limits_of_joints(names)),
         keyframes=keyframes,
-        reference=_reference(robot, names),
+        reference=reference,
         shapes=robot.shapes,
         left_out=(*changed, *robot.left_out, *left_out),
     )
@@ -162,6 +168,8 @@ def _compiled(robot: Robot, names: Names, elements: Sequence[Element]) -> Mechan
     except DescriptionError as error:
         text = str(error)
         if text.startswith(("massless", "the dynamic variables")):
+            missing = sum(each.name.startswith("mass of the mesh") for each in robot.left_out)
+            text += f". {missing} meshes that bodies have their mass from were not found" if missing else ""
             text += (
                 ". Of a file: give the link a mass there, weld the joint with fixed=[...], or load it with "
                 "inertia='repair', which gives such links a small mass"
