@@ -192,8 +192,11 @@ class Trajectory(BaseTrajectory[State]):
         return State(float(self.t[k]), self.q[k], self.p[k], self.v_rho[k])
 
     def velocity(self, name: str) -> Array:
-        """Return the velocity (N,) of a variable by name, over each step (m/s or rad/s)."""
-        return self.v[:, self._variable(name)]
+        """Return the velocity (N,) of a variable by name, over each step (m/s or rad/s).
+
+        Or of a frame, (N, 6) at the middle of each step: of its origin (m/s), and angular (rad/s), in world axes.
+        """
+        return self._velocity(name, 0.5 * (self.q[1:] + self.q[:-1]), self.v)
 
     def energy(self) -> Energy:
         """Return the energy at the midpoint of every step, arrays (N,) (J)."""
