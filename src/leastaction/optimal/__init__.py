@@ -42,9 +42,9 @@ from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowS
 from leastaction.optimal.limit_report import LimitReport, LimitState
 from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
 from leastaction.optimal.optimize import optimize, optimize_continuous
+from leastaction.optimal.options import Options
 from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
 from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Status
-from leastaction.optimal.settings import Settings
 from leastaction.optimal.starts import (
     HelpedCost,
     StageRecord,
@@ -67,11 +67,11 @@ __all__ = [
     "ControllabilityWindow", "Cost", "CostGradient", "CostHessian", "DenseTrajectory", "DerivativeReport",
     "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem", "FunctionQuantity",
     "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit", "LimitReport",
-    "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem", "Linearization", "ModelHessian",
-    "OptimizationHistory", "OptimizationResult", "Parameter", "Periodic", "PiecewisePolynomial", "Projection",
-    "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout", "Settings", "StageRecord", "StageTable",
-    "StartResult", "StartStatus", "Status", "Unknown", "WindowCost", "WindowSystem", "Within", "adjoint",
-    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "optimize", "optimize_continuous",
-    "receding_horizon", "regulate", "regulate_continuous", "resample", "solve_continuous_linear_quadratic",
-    "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
+    "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem", "Linearization",
+    "ModelHessian", "OptimizationHistory", "OptimizationResult", "Options", "Parameter", "Periodic",
+    "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout",
+    "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown", "WindowCost", "WindowSystem",
+    "Within", "adjoint", "check_derivatives", "coarse_to_fine", "continuation", "controllability", "optimize",
+    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
+    "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

@@ -15,14 +15,18 @@ from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.memory import Memory
+from leastaction.optimal.options import Options
 from leastaction.optimal.schedule import NewtonSchedule
-from leastaction.optimal.settings import Settings
 
 
 class Status(Enum):
     """How an optimisation ended; the value says what happened and what to try."""
 
     CONVERGED = "The expected decrease of the cost is below the tolerance."
+    RESOLVED = (
+        "A minimum among the motions that the steps of time resolve: the cost falls on towards others, which they "
+        "cannot follow (see the message)."
+    )
     STALLED = (
         "The cost cannot be lowered any more in double precision, though the expected decrease is "
         "above the tolerance. Take it as converged, or loosen the tolerance."
@@ -238,7 +242,7 @@ class OptimizationResult(Frozen):
         Seconds spent in "linearize", "curvature", "lq", "rollout" and in "total", in this run.
     rollouts : int
         Roll-outs tried in this run.
-    settings : Settings
+    settings : Options
         Settings of this run.
     projection_gain : ndarray (N, nu, nx)
         The gains by which the trajectory was reached. Resuming needs them to go on exactly. With unknowns they are by
@@ -268,7 +272,7 @@ class OptimizationResult(Frozen):
     history: OptimizationHistory
     timings: Mapping[str, float]
     rollouts: int
-    settings: Settings
+    settings: Options
     projection_gain: Array
     schedule: NewtonSchedule
     limits: LimitReport | None = field(default=None, kw_only=True)
@@ -284,8 +288,11 @@ class OptimizationResult(Frozen):
 
     @property
     def success(self) -> bool:
-        """Whether the trajectory is a local minimum to the accuracy asked for or possible."""
-        return self.status in (Status.CONVERGED, Status.STALLED)
+        """Whether the trajectory is a local minimum to the accuracy asked for or possible.
+
+        Of `Status.RESOLVED` among the motions that the steps of time resolve.
+        """
+        return self.status in (Status.CONVERGED, Status.STALLED, Status.RESOLVED)
 
     def __str__(self) -> str:
         lines = [

@@ -12,8 +12,8 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.piecewise import PiecewisePolynomial, Through, approximate
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.horizon import first_mesh
-from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.result import OptimizationResult
 
 _FIRST_PIECES = 16
