@@ -42,6 +42,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowS
 from leastaction.optimal.limit_report import LimitReport, LimitState
 from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
 from leastaction.optimal.optimize import optimize, optimize_continuous
+from leastaction.optimal.optimizer import Optimizer
 from leastaction.optimal.options import Options
 from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
 from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Status
@@ -68,7 +69,7 @@ __all__ = [
     "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem", "FunctionQuantity",
     "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit", "LimitReport",
     "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem", "Linearization",
-    "ModelHessian", "OptimizationHistory", "OptimizationResult", "Options", "Parameter", "Periodic",
+    "ModelHessian", "OptimizationHistory", "OptimizationResult", "Optimizer", "Options", "Parameter", "Periodic",
     "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout",
     "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown", "WindowCost", "WindowSystem",
     "Within", "adjoint", "check_derivatives", "coarse_to_fine", "continuation", "controllability", "optimize",

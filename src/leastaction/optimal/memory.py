@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.limit_report import LimitReport
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,14 @@ class Resolved(Frozen):
 
 
 @dataclass(frozen=True)
+class Nearer(Frozen):
+    """Where a search ended that did not meet all limits, and what is told of these: it may be nearer than the next."""
+
+    place: Place
+    limits: LimitReport
+
+
+@dataclass(frozen=True)
 class OnMesh(Frozen):
     """Where a search on a mesh of a continuous horizon stands.
 
@@ -95,10 +104,11 @@ class Memory(Frozen):
     ``taken``: names of the ways to begin again that it has taken. ``ease``: how much dearer inputs are in this stage
     than asked for. ``start``: what it began with, until another way is looked for from there. ``wanted``: what gaps are
     tried from once more. ``gaps``: None of a trajectory. ``earlier``: where it stood before there were gaps, which is
-    what is returned until they are closed. ``resolved``: None where the steps of time are no limit. ``mesh``: where the
-    continuous horizon is on one. ``still``: steps in a row that lowered the cost by no more than its noise.
-    ``roughness``: what the cost was seen to be off by. ``tells_saddles``: whether Newton's model does, in this stage;
-    None of files from before this was kept. ``remark``: what is to be said of the next iteration.
+    what is returned until they are closed. ``resolved``: None where the steps of time are no limit. ``nearer``: where
+    it ended before prices were raised. ``mesh``: where the continuous horizon is on one. ``still``: steps in a row that
+    lowered the cost by no more than its noise. ``roughness``: what the cost was seen to be off by. ``tells_saddles``:
+    whether Newton's model does, in this stage; None of files from before this was kept. ``remark``: what is to be said
+    of the next iteration.
     """
 
     taken: tuple[str, ...] = ()
@@ -108,6 +118,7 @@ class Memory(Frozen):
     gaps: Gaps | None = None
     earlier: Place | None = None
     resolved: Resolved | None = None
+    nearer: Nearer | None = None
     mesh: OnMesh | None = None
     still: int = 0
     roughness: float = 0.0

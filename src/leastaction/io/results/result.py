@@ -88,6 +88,8 @@ def check_result(result: OptimizationResult, source: str) -> None:
         places = {"earlier": memory.earlier, "gaps": memory.gaps}
         if memory.resolved is not None:
             places["resolved.before"] = memory.resolved.before
+        if memory.nearer is not None:
+            places["nearer.place"] = memory.nearer.place
         for where, place in places.items():
             if place is not None:
                 # With unknowns the states of a run are longer than those of its result.

@@ -13,12 +13,12 @@ Gaps between the steps are the other way to begin again, from the start that was
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
@@ -68,7 +68,7 @@ class EasedProblem(ShootingProblem):
         super().resume(result)
 
     def memory(self) -> Memory:
-        return replace(super().memory(), ease=self.ease)
+        return changed(super().memory(), ease=self.ease)
 
     # ---- What the loop knows of a stage ---------------------------------------------------------
 

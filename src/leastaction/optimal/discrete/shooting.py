@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import AmongCurves, DiscreteDirection, Iterate
@@ -217,7 +218,7 @@ class ShootingProblem(DiscreteProblem):
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate; before there is a trajectory again, at the one before."""
-        result, before = replace(super().result(summary), memory=self.memory(), gap=self.gap), self.earlier
+        result, before = changed(super().result(summary), memory=self.memory(), gap=self.gap), self.earlier
         if not self.is_open or before is None:
             return result
         return self._of(before, result)

@@ -565,7 +565,7 @@ class BarrierProblem(ShootingProblem):
     # ---- What is told ---------------------------------------------------------------------------
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        return replace(super().result(summary), limits=self.report())
+        return changed(super().result(summary), limits=self.report())
 
     def _duals(self) -> Sided:
         """Return the duals after a last step of theirs along Newton's direction, which the motion hardly needs."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.direction import DiscreteDirection
 from leastaction.optimal.discrete.problem import DiscreteProblem
@@ -19,7 +20,7 @@ from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.barrier_problem import BarrierProblem
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.memory import Memory, Start
+from leastaction.optimal.memory import Memory, Place, Start
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 
@@ -124,12 +125,18 @@ class LimitedProblem(BarrierProblem):
         """Have gaps tried from the wanted motion next, where an initial state alone was given; once."""
         self.given, self.wanted = self.wanted, None
 
+    def renew(self) -> None:
+        """Take the limits out, for another run from somewhere else."""
+        self.duals.begun = False
+        self.duals.leeway.give_all_back()
+        self.stages.dearer = 1.0 if self.final_time is None else _DEARER
+
     def recall(self, memory: Memory) -> None:
         super().recall(memory)
         self.wanted = memory.wanted
 
     def memory(self) -> Memory:
-        return replace(super().memory(), wanted=self.wanted)
+        return changed(super().memory(), wanted=self.wanted)
 
     def begin_dearer(self) -> bool:
         """Begin again from the given start, with higher prices of what is asked at a single instant; once."""
@@ -140,6 +147,24 @@ class LimitedProblem(BarrierProblem):
         ShootingProblem.start(self, (start.x, start.u))
         self.stages.dearer *= _DEARER_AGAIN
         self._begin()
+        return True
+
+    def misses_an_instant(self) -> bool:
+        """Whether what is asked at a single instant, or an equation, is not met."""
+        sides = zip(self.duals.sides, self._asked(), self.duals.scale, strict=True)
+        return any(
+            (side.equal or len(c) == 1) and bool((-c > self.stages.met * scale).any()) for side, c, scale in sides
+        )
+
+    def go_to_the_nearer(self, place: Place, report: LimitReport) -> bool:
+        """Go back to an earlier end with its duals, if that was nearer to what is asked for; whether it was."""
+        asked, scales = self.limited.asked(place.x, place.u).flat, self.duals.scales
+        off, now = (float((np.maximum(-c, 0.0) / scales).sum()) for c in (asked, self._asked().flat))
+        if off >= now:
+            return False
+        ShootingProblem._go_to(self, place)
+        self.stages.take(report, resumed=True)
+        self._set_out()
         return True
 
     def begin_with_ease(self) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import LeastActionError
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.line_search import Step, Trial
 from leastaction.optimal.loop.directions import Directions
 from leastaction.optimal.loop.ending import Found, Outcome, message, outlook
@@ -193,4 +194,4 @@ class Loop:
             }
         )
         timings["total"] = clock.seconds
-        return replace(result, memory=run.remembered(result.memory))
+        return changed(result, memory=run.remembered(result.memory))

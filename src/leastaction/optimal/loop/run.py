@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from leastaction.numerics.frozen import changed
 from leastaction.optimal.line_search import Step
 from leastaction.optimal.loop.problem import Direction, Problem
-from leastaction.optimal.memory import Memory, Resolved
+from leastaction.optimal.memory import Memory, Nearer, Resolved
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import HistoryBuilder, OptimizationResult
 from leastaction.optimal.schedule import NewtonSchedule
@@ -35,15 +34,15 @@ class Run:
 
     ``problem``: standing at its current iterate. ``history``: of all iterations. ``limit``: how many there may be.
     ``schedule``: what the choice of a direction remembers. ``taken``: the ways to begin again that were taken.
-    ``resolved``: what the search among motions that the steps of time resolve remembers; None elsewhere.
-    ``asked_problem``: the problem to go on with after that. ``still``: steps in a row that lowered the cost by no more
-    than its noise; ``stalled``: whether that were too many. ``remark``: what is to be said of the next iteration.
-    ``searched``: roll-outs of searches.
+    ``nearer``: where it ended before prices were raised. ``resolved``: what the search among motions that the steps of
+    time resolve remembers; None elsewhere. ``asked_problem``: the problem to go on with after that. ``still``: steps in
+    a row that lowered the cost by no more than its noise; ``stalled``: whether that were too many. ``remark``: what is
+    to be said of the next iteration. ``searched``: roll-outs of searches.
     """
 
     def __init__(
         self,
-        problem: Problem[Any, Direction, Any],
+        problem: Problem[Any, Any, Any],
         settings: Options,
         resume: OptimizationResult | None,
     ) -> None:
@@ -51,6 +50,7 @@ class Run:
         self.settings = settings
         self.taken: tuple[str, ...] = ()
         self.resolved: Resolved | None = None
+        self.nearer: Nearer | None = None
         self.asked_problem = problem
         self.searched = 0
         self.still = 0
@@ -69,7 +69,8 @@ class Run:
 
     def recall(self, memory: Memory) -> None:
         """Remember what an earlier run did."""
-        self.taken, self.resolved, self.still, self.remark = memory.taken, memory.resolved, memory.still, memory.remark
+        self.taken, self.resolved, self.nearer = memory.taken, memory.resolved, memory.nearer
+        self.still, self.remark = memory.still, memory.remark
         self.problem.roughness = memory.roughness
         if memory.tells_saddles is not None:
             self.problem.tells_saddles = memory.tells_saddles
@@ -77,10 +78,11 @@ class Run:
 
     def remembered(self, memory: Memory | None) -> Memory:
         """Return what resuming needs, given what it needs of the problem."""
-        return replace(
+        return changed(
             memory or Memory(),
             taken=self.taken,
             resolved=self.resolved,
+            nearer=self.nearer,
             still=self.still,
             roughness=self.problem.roughness,
             tells_saddles=self.problem.tells_saddles,
