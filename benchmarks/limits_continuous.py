@@ -105,7 +105,7 @@ def solve(case: Case) -> ContinuousOptimizationResult:
 def compare(case: Case, *, rounds: int = 3) -> Comparison:
     """Solve a case with both."""
     result, seconds = fastest(lambda: solve(case), rounds)
-    solver, arguments = _peer(case, np.diff(result.trajectory.t))
+    solver, arguments = _peer(case, np.diff(result.dense.t))
     found, theirs = fastest(lambda: solver(**arguments), rounds)
     stats = solver.stats()
     return Comparison(

@@ -90,7 +90,7 @@ def embedded_continuously(weights: tuple[float, float]) -> list[ContinuousOptimi
         start = x, u if torque is not None else u.part([0], (1,))
         problem = continuous(weights, torque)
         runs.append(optimize_continuous(*problem, initial=start, horizon=(0.0, END), accuracy=ACCURACY))
-        x, u = runs[-1].trajectory.x, runs[-1].trajectory.u
+        x, u = runs[-1].dense.x, runs[-1].dense.u
     return runs
 
 
@@ -132,7 +132,7 @@ class Result:
     @property
     def apart(self) -> float:
         """The largest distance of the angles in the two domains (rad)."""
-        x, _ = self.continuous[-1].trajectory.sample(T)
+        x, _ = self.continuous[-1].dense.sample(T)
         return float(np.abs(x[:, 1] - self.embedded[STEEP][-1].x[:, 1]).max())
 
 
@@ -155,7 +155,7 @@ def draw(result: Result) -> Figure:
     """Return the figure: angles and pushes, convergence in both domains, and the shortest swing."""
     figure = Figure(figsize=(11.5, 7.4), layout="constrained")
     (angle, converge), (push, fast) = figure.subplots(2, 2)
-    best, other = result.embedded[STEEP][-1], result.continuous[-1].trajectory
+    best, other = result.embedded[STEEP][-1], result.continuous[-1].dense
     x, u = other.sample(T)
     angle.plot(T, np.degrees(wanted(T)), "--", color="0.5", label="wanted")
     angle.plot(T, np.degrees(result.alone[MILD].x[:, 1]), color="tab:orange", label="not embedded")

@@ -1,7 +1,7 @@
 """Where should a motion begin? The initial state is found together with the inputs (dissertation 6.3.2.1).
 
-A double pendulum without a motor is to draw a wanted wave with its two angles. From the start that the wave has it
-drifts away at once; from the start that the optimisation finds it keeps to the wave as well as a free pendulum can.
+A double pendulum with next to no motor is to draw a wanted wave with its two angles. From the start that the wave has
+it drifts away at once; from the start that the optimisation finds it keeps to the wave as well as a free pendulum can.
 The same with a weak motor: how much of its effort does the right start save?
 
     python examples/15_free_start.py --out pictures
@@ -10,107 +10,51 @@ The same with a weak motor: how much of its effort does the right start save?
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from leastaction import (
-    Damping,
-    Gravity,
-    JointForce,
-    Mechanism,
-    MidpointSystem,
-    MidpointVI,
-    OptimizationResult,
-    QuadraticCost,
-    optimize,
-    rz,
-    ty,
-)
+import leastaction as la
+from leastaction.viz import plot_run, save_png
 
 T = np.linspace(0.0, 4.0, 201)
-ARMS = ("upper", "lower")
-EFFORT = (1e3, 1e-1)  # price of the motor: as good as none, and worth its while
+PRICES = {"hardly a motor": 1e3, "a weak motor": 1e-1}  # of half its square torque
+PENDULUM = la.Mechanism(
+    [la.rz("upper"), [la.ty(-0.5, name="elbow", mass=1.0), [la.rz("lower"), [la.ty(-0.5, name="tip", mass=0.5)]]]],
+    [la.Gravity((0.0, -9.81, 0.0)), la.Damping(0.01), la.JointForce("upper", input="motor")],
+)
+# Both angles in step at 0.6 Hz, nearly as the pendulum swings of itself.
+WAVE = 0.4 * np.cos(2.0 * np.pi * 0.6 * T + 0.8)
+WANTED = np.stack([WAVE, 0.5 * WAVE, 0.0 * T, 0.0 * T], axis=1)
 
 
-def double_pendulum() -> Mechanism:
-    """Return two rods of 0.5 m with a weight at the end of each, a motor at the upper joint."""
-    return Mechanism(
-        [rz("upper"), [ty(-0.5, name="elbow", mass=1.0), [rz("lower"), [ty(-0.5, name="tip", mass=0.5)]]]],
-        [Gravity((0.0, -9.81, 0.0)), Damping(0.01), JointForce("upper", input="motor")],
-    )
+def solve(price: float) -> tuple[la.OptimizationResult, la.OptimizationResult]:
+    """Return the motions from the start of the wave, at rest, and from the start that was found."""
+    system = la.MidpointSystem(la.MidpointVI(PENDULUM), T)
+    cost = la.QuadraticCost(WANTED, np.zeros((200, 1)), Q=[10.0, 10.0, 0.0, 0.0], R=[price])
+    held = la.optimize(system, cost, initial=(WANTED[0], np.zeros((200, 1))))
+    return held, la.optimize(system, cost, initial=held, free_start=True)
 
 
-def wanted() -> np.ndarray:
-    """Return the wave (201, 4): both angles in step at 0.6 Hz, nearly as the pendulum swings of itself."""
-    x = np.zeros((len(T), 4))
-    x[:, 0] = 0.4 * np.cos(2.0 * np.pi * 0.6 * T + 0.8)
-    x[:, 1] = 0.5 * x[:, 0]
-    return x
+def off(run: la.OptimizationResult) -> float:
+    """Return what the angles are off by (degrees, rms)."""
+    return float(np.degrees(np.sqrt(np.mean((run.x - WANTED)[:, :2] ** 2))))
 
 
-@dataclass(frozen=True)
-class Result:
-    """The motions by price of the motor, from the start of the wave at rest and from the start that was found."""
-
-    held: list[OptimizationResult]
-    free: list[OptimizationResult]
-
-    def off(self, run: OptimizationResult) -> float:
-        """Return the root mean square of what the angles are off by (degrees)."""
-        return float(np.degrees(np.sqrt(np.mean((run.x - wanted())[:, :2] ** 2))))
-
-
-def solve() -> Result:
-    """Optimise with the start held and free."""
-    system = MidpointSystem(MidpointVI(double_pendulum()), T)
-    x = wanted()
-    start = x[0].copy(), np.zeros((len(T) - 1, 1))
-    held, free = [], []
-    for price in EFFORT:
-        cost = QuadraticCost(x, np.zeros((len(T) - 1, 1)), Q=[10.0, 10.0, 0.0, 0.0], R=[price])
-        held.append(optimize(system, cost, initial=start))
-        free.append(optimize(system, cost, initial=held[-1], free_start=True))
-    return Result(held, free)
-
-
-def draw(result: Result) -> Figure:
-    """Return the figure: the two angles with either start, without the motor and with it, and what the motor does."""
-    figure = Figure(figsize=(11.0, 6.0), layout="constrained")
-    axes = figure.subplots(3, 2, sharex=True, sharey="row")
-    for column, (held, free) in enumerate(zip(result.held, result.free, strict=True)):
-        for row, arm in enumerate(ARMS):
-            axis = axes[row, column]
-            axis.plot(T, np.degrees(wanted()[:, row]), "--", color="0.5", label="wanted")
-            axis.plot(T, np.degrees(held.x[:, row]), color="tab:orange", label="from the wave's start, at rest")
-            axis.plot(T, np.degrees(free.x[:, row]), color="tab:blue", label="from the start that was found")
-            axis.set_ylabel(f"{arm} angle (degrees)" if column == 0 else "")
-        axes[2, column].plot(T[:-1], held.u[:, 0], color="tab:orange")
-        axes[2, column].plot(T[:-1], free.u[:, 0], color="tab:blue")
-        axes[2, column].set(xlabel="time (s)", xlim=(0.0, T[-1]))
-        axes[0, column].set_title(("hardly a motor", "a weak motor")[column])
-    axes[2, 0].set_ylabel("motor (N m)")
-    axes[0, 1].legend(fontsize=8, loc="upper right")
-    axes[0, 0].set_ylim(-26.0, 44.0)
-    return figure
-
-
-def main(output: Path) -> Result:
+def main(output: Path) -> None:
     """Optimise, print and draw."""
-    result = solve()
-    for price, held, free in zip(EFFORT, result.held, result.free, strict=True):
-        print(f"price of the motor {price:g}:")
-        for name, run in (("start held ", held), ("start found", free)):
-            effort = np.sqrt(np.mean(run.u**2))
-            print(
-                f"  {name}: off by {result.off(run):6.3f} degrees (rms), motor {effort:.4f} N m (rms), "
-                f"cost {run.cost:.5g}; {run.status.name}"
-            )
+    runs = {f"{name}, {motor}": run for motor, price in PRICES.items()
+            for name, run in zip(("start held", "start found"), solve(price), strict=True)}  # fmt: skip
+    for name, run in runs.items():
+        effort = np.sqrt(np.mean(run["motor"] ** 2))
+        print(f"{name:28} off by {off(run):6.3f} degrees, motor {effort:.4f} N m (rms), cost {run.cost:.5g}; "
+              f"{run.status.name}")  # fmt: skip
     output.mkdir(parents=True, exist_ok=True)
-    draw(result).savefig(output / "15_free_start.png", dpi=110)
-    return result
+    weak = {name.split(",")[0]: run for name, run in runs.items() if "weak" in name}
+    figures = [plot_run(weak, reference=WANTED, title="A weak motor")]
+    hardly = {name.split(",")[0]: run for name, run in runs.items() if "hardly" in name}
+    figures += [plot_run(hardly, ["upper", "lower"], reference=WANTED, title="Hardly a motor")]
+    save_png(figures, output / "15_free_start.png", dpi=110)
 
 
 if __name__ == "__main__":

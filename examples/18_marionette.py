@@ -82,7 +82,7 @@ class Simulated:
     def followed(self) -> dict[str, float]:
         """How far each is off (degrees, rms)."""
         nq = self.wanted.mechanism.nq
-        x, _ = self.continuous.trajectory.sample(T[T <= SHORT])
+        x, _ = self.continuous.dense.sample(T[T <= SHORT])
         return {
             "held strings": self.off(self.held.x[:, :nq]),
             "forces first": self.off(self.forces.x[:, :nq]),
@@ -138,7 +138,7 @@ class Window:
     @property
     def q(self) -> np.ndarray:
         """Configurations of the puppet at the instants."""
-        return self.result.trajectory.sample(self.t)[0][:, : self.run.mechanism.nd]
+        return self.result.dense.sample(self.t)[0][:, : self.run.mechanism.nd]
 
     @property
     def off(self) -> tuple[float, float]:
@@ -164,7 +164,7 @@ class Window:
         """Return how far joints are off where the found inputs and gains are integrated accurately (degrees)."""
         system = MechanismSystem(self.mechanism)
         again = ContinuousProjection(system, self.result.feedback, accuracy=Accuracy(rtol=1e-7, atol=1e-9))(
-            self.result.trajectory
+            self.result.dense
         )
         if again.trajectory is None:
             return np.inf

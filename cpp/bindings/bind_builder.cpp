@@ -48,6 +48,9 @@ void bind_coordinates(nb::class_<MechanismBuilder>& builder) {
         .def("path_coordinate", &MechanismBuilder::path, "points"_a, "Length of a string over points.")
         .def("offset_coordinate", &MechanismBuilder::offset, "coordinate"_a, "slot"_a = -1, "variable"_a = -1,
              "A coordinate less a number, a variable, or both.")
+        .def("sum_coordinate", &MechanismBuilder::sum, "coordinates"_a, "factors"_a,
+             "Sum of coordinates times factors (slots).")
+        .def("law_coordinate", &MechanismBuilder::law_of, "coordinate"_a, "law"_a, "law(coordinate).")
         .def(
             "component_coordinate",
             [](MechanismBuilder& b, int point1, int point2, int direction) {
@@ -119,6 +122,8 @@ void bind_elements(nb::class_<MechanismBuilder>& builder) {
              "h = coordinate - number - variable.")
         .def("add_potential", &MechanismBuilder::add_potential, "coordinate"_a, "law"_a = -1,
              "V = law(coordinate), or the coordinate.")
+        .def("add_rotor", &MechanismBuilder::add_rotor, "variables"_a, "factors"_a, "inertia"_a,
+             "T = J/2 (sum of variables' rates times factors)^2, by slots.")
         .def("add_damping", &MechanismBuilder::add_damping, "variable"_a, "coefficient"_a)
         .def("add_joint_force", &MechanismBuilder::add_joint_force, "variable"_a, "input"_a)
         .def(
@@ -152,7 +157,7 @@ void bind_elements(nb::class_<MechanismBuilder>& builder) {
                 b.add_wrench(wrench_kind(kind), joint, pose_of(pose), slots, inputs);
             },
             "kind"_a, "joint"_a, "pose"_a, "slots"_a, "inputs"_a,
-            "A wrench [force; torque] on a frame; each component a number (slot) or an input.");
+            "A wrench [force; torque] on a frame; each component a number (slot), an input, or both multiplied.");
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "bindings/arrays.hpp"
+#include "discrete/energy.hpp"
 #include "discrete/linearization.hpp"
 #include "discrete/trajectory.hpp"
 
@@ -21,7 +22,7 @@ namespace {
 
 // A roll-out, its arrays filled up to the step that failed.
 struct RollOutResult {
-    Out x, u, lam;
+    Out x, u, lam, energies;
     RollOut report;
     Out residual;  // of the step that failed: dynamics in the user's order, then constraints
 };
@@ -44,7 +45,7 @@ std::size_t check(const Mechanism& m, const In<1>& t, const In<2>& x, const In<2
 }
 
 RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1>& x0, const std::optional<In<2>>& xbar,
-                            const In<2>& ubar, const std::optional<In<3>>& K, double first_share) {
+                            const In<2>& ubar, const std::optional<In<3>>& K, double first_share, bool with_energies) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = steps_of(t), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
     expect(x0.size(), nx, "x0");
@@ -58,6 +59,7 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
         expect(K->size(), N * nu * nx, "K");
     }
     Out X = new_array({N + 1, nx}), U = new_array({N, nu}), lam = new_array({N, nc});
+    Out energies = new_array({with_energies ? N : 0, EnergyRows::width});
     std::copy_n(x0.data(), nx, X.data());
     auto workspace = midpoint.workspace();
     MidpointStep& step = workspace->step;
@@ -65,7 +67,8 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
     {
         nb::gil_scoped_release release;
         result = roll_out(step, static_cast<int>(N), t.data(), xbar ? xbar->data() : nullptr, ubar.data(),
-                          K ? K->data() : nullptr, first_share, X.data(), U.data(), lam.data());
+                          K ? K->data() : nullptr, first_share, X.data(), U.data(), lam.data(),
+                          with_energies ? energies.data() : nullptr);
     }
     std::vector<double> residual(m.n_dynamic + nc, 0.0);
     if (result.failure.status != StepStatus::converged) {
@@ -73,7 +76,7 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
         std::copy(step.residual.begin() + m.n_dynamic, step.residual.end(), residual.begin() + m.n_dynamic);
         workspace.discard();
     }
-    return {X, U, lam, result, copy_of(residual, {residual.size()})};
+    return {X, U, lam, energies, result, copy_of(residual, {residual.size()})};
 }
 
 RollOutResult step_each_of(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, int threads,
@@ -88,7 +91,25 @@ RollOutResult step_each_of(const Midpoint& midpoint, const In<1>& t, const In<2>
         result = step_each(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), first_share, threads,
                            ends.data(), lam.data());
     }
-    return {ends, U, lam, result, new_array({0})};
+    return {ends, U, lam, new_array({0, EnergyRows::width}), result, new_array({0})};
+}
+
+nb::tuple balance(const In<2>& rows) {
+    expect(rows.shape(1), EnergyRows::width, "columns");
+    const EnergyBalance found = balance_of(rows.data(), rows.shape(0));
+    return nb::make_tuple(copy_of(found.residual, {found.residual.size()}), found.swing, found.kinetic, found.work,
+                          found.size);
+}
+
+Out energies_of(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& lam,
+                double first_share) {
+    const Mechanism& m = midpoint.mechanism();
+    const std::size_t N = check(m, t, x, u);
+    expect(lam.size(), N * m.n_constraints(), "lam");
+    Out rows = new_array({N, EnergyRows::width});
+    nb::gil_scoped_release release;
+    energies_along(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(), lam.data(), first_share, rows.data());
+    return rows;
 }
 
 int linearize(Linearization& out, const In<1>& t, const In<2>& x, const In<2>& u, int threads,
@@ -276,6 +297,9 @@ void bind_midpoint(nb::module_& module) {
     array_field(rolled, "x", &R::x, "States (N+1, nx).");
     array_field(rolled, "u", &R::u, "Inputs that were applied (N, nu).");
     array_field(rolled, "lam", &R::lam, "Multipliers (N, nc).");
+    array_field(rolled, "energies", &R::energies,
+                "Kinetic and potential energy at the middle of each step, the work since that of the step before, and "
+                "sizes of the terms of the latter and of the former (N, 5); none where they were not asked for.");
     array_field(rolled, "residual", &R::residual,
                 "Of the step that failed (nd + nc): dynamics in the user's order, then constraints.");
     const auto report = [&](const char* name, auto field, const char* meaning) {
@@ -299,6 +323,10 @@ void bind_midpoint(nb::module_& module) {
     array_field(slopes, "x", &P::x, "Of the next states (N, nx, P).");
     array_field(slopes, "lam", &P::lam, "Of the multipliers (N, nc, P).");
     slopes.def_ro("steps", &P::steps, "The first step that is none, or N.");
+    module.def(
+        "balance", &balance, "energies"_a,
+        "Of `energies` of steps: energy less that of the first and less the work since (N), how much that swings, "
+        "the largest kinetic energy, how much the work changes, and the size of all terms.");
     nb::class_<Midpoint>(module, "Midpoint",
                          "Midpoint variational integrator of one mechanism, for any number of threads: settings, and "
                          "memory to work in.")
@@ -315,9 +343,11 @@ void bind_midpoint(nb::module_& module) {
             "at_instants: the inputs whose forces act at the instants. Where steps are asked for below, `first_share` "
             "is the part of the first one for which those forces act at its start.")
         .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(), "first_share"_a = 1.0,
-             "Steps from x0 over the times t under u = ubar - K (x - xbar).")
+             "energies"_a = false, "Steps from x0 over the times t under u = ubar - K (x - xbar).")
         .def("step_each", &step_each_of, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "first_share"_a = 1.0,
              "The steps of a curve, each from its own state: x (N, nx) of the result is where they lead to.")
+        .def("energies", &energies_of, "t"_a, "x"_a, "u"_a, "lam"_a, "first_share"_a = 1.0,
+             "Such `energies` as roll_out() has, of steps that are known.")
         .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,
              "time_step"_a.none() = nb::none(), "threads"_a = 0, "first_share"_a = 1.0,
              "Derivatives of every step by directions of the elements' numbers and of inertias, and by its length.")

@@ -48,6 +48,10 @@ Continuous::Continuous(std::shared_ptr<const Mechanism> mechanism, double dampin
     for (auto* x : {&lam, &g_}) x->assign(nc_, 0.0);
     C_.assign(static_cast<std::size_t>(nc_) * nq_, 0.0);
     diagonal_.assign(nd_, 0.0);
+    of_rotors_.assign(nd_, 0.0);
+    each_rotor_inertia(*mechanism_, [&](int i, double inertia) {
+        if (i < nd_) of_rotors_[i] += inertia;
+    });
     mu_.assign(nq_ + nc_, 0.0);
     for (auto* x : {&q_along_v_, &q_along_mu_}) x->resize(nq_);
     q_along_motion_.resize(nq_);
@@ -56,7 +60,8 @@ Continuous::Continuous(std::shared_ptr<const Mechanism> mechanism, double dampin
             std::find(massless_joints_.begin(), massless_joints_.end(), joint) == massless_joints_.end())
             massless_joints_.push_back(joint);
     std::sort(massless_joints_.begin(), massless_joints_.end());
-    if (mechanism_->plain && TreeNewton::is_faster(*mechanism_)) tree_ = std::make_unique<TreeNewton>(*mechanism_);
+    if (mechanism_->plain && !mechanism_->rotors_couple && TreeNewton::is_faster(*mechanism_))
+        tree_ = std::make_unique<TreeNewton>(*mechanism_);
     double above = 0;
     for (int k = 0; k < nd_; ++k) above += static_cast<double>(mechanism_->coupled[k].size());
     tree_for_derivatives_ = above > deep_on_average * nd_;
@@ -134,7 +139,7 @@ MotionReport Continuous::solve(bool derivatives) {
         report.status = MotionStatus::not_finite;
         return report;
     }
-    in_tree_ = tree_ && (!derivatives || tree_for_derivatives_) && tree_->factor(bodies_) &&
+    in_tree_ = tree_ && (!derivatives || tree_for_derivatives_) && tree_->factor(bodies_, of_rotors_.data()) &&
                newton_.factor(*tree_, C_.data(), C_.data(), nq_);
     if (!in_tree_ && !factor_mass_matrix()) {
         report.status = MotionStatus::singular;

@@ -89,6 +89,7 @@ private:
     std::vector<LocalTaylor<Dual<double>>> constraints_along_v_;
     LocalForce<double> force_;
     std::vector<double> f_, C_, g_, diagonal_;
+    std::vector<double> of_rotors_;  // the inertia that they give each dynamic variable alone
     std::vector<double>
         mu_;  // of the equations, the dynamic ones by variable (zero for kinematic ones), then constraints
     NewtonMatrix::Matrix Z_;        // Hessian of mu.equations by (a, lam) and q

@@ -32,7 +32,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
     for (auto* a : {&q1, &q2, &q_mid_, &v_, &still_, &expected_v_}) sized(*a, nq);
-    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_}) sized(*a, nd);
+    for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_, &inertia_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
     for (auto* a : {&residual, &residual_kept_, &residual_scale, &first_scale_, &correction_}) sized(*a, ny);
@@ -72,12 +72,18 @@ void MidpointStep::constraint_gradients(const Placement<double>& at, const doubl
     }
 }
 
+void MidpointStep::make_start_gradients() {
+    if (have_C1_) return;
+    for (auto* C : {&C1_, &C2_}) C->resize(static_cast<std::size_t>(nc_) * nq_);
+    constraint_gradients(at1_, q1.data(), C1_.data());
+    have_C1_ = true;
+}
+
 void MidpointStep::make_gradients() {
     if (have_C1_ && have_C2_) return;
-    for (auto* C : {&C1_, &C2_}) C->resize(static_cast<std::size_t>(nc_) * nq_);
-    if (!have_C1_) constraint_gradients(at1_, q1.data(), C1_.data());
+    make_start_gradients();
     constraint_gradients(at2_, q2.data(), C2_.data());
-    have_C1_ = have_C2_ = true;
+    have_C2_ = true;
 }
 
 void MidpointStep::place_start() {
@@ -139,13 +145,17 @@ void MidpointStep::advance() {
     have_limit_ = false;
 }
 
-void MidpointStep::evaluate(double dt) {
+void MidpointStep::evaluate_middle(double dt) {
     for (int i = 0; i < nq_; ++i) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
     }
     lagrangian_.gradient(q_mid_.data(), v_.data());
     add_elements();
+}
+
+void MidpointStep::evaluate(double dt) {
+    evaluate_middle(dt);
     place(mechanism_->free_constraint_joints, q2.data(), at2_);
     if (loops_) {
         loops_->evaluate(at2_, end_);
@@ -202,13 +212,18 @@ void MidpointStep::add_elements() {
     std::fill(f_.begin(), f_.end(), 0.0);
     for (const auto& [i, slot] : m.damping) f_[i] -= m.numbers[slot] * v_[i];
     for (const auto& [i, input] : m.joint_forces) f_[i] += u[input];
-    potential_size_ = 0;
+    potential_size_ = stored_ = stored_size_ = 0;
     if (m.potentials.empty() && m.forces.empty()) return;
     place(m.massless_joints_seen, q_mid_.data(), lagrangian_.at);
-    for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_, [&](int i, double slope) {
-        lagrangian_.L_q[i] -= slope;
-        potential_size_ = std::max(potential_size_, std::abs(slope));
-    });
+    for (const auto& potential : m.potentials) {
+        for_each_entry(*potential, lagrangian_.at, q_mid_.data(), local_, [&](int i, double slope) {
+            lagrangian_.L_q[i] -= slope;
+            potential_size_ = std::max(potential_size_, std::abs(slope));
+        });
+        stored_ += local_.value;
+        stored_size_ += std::abs(local_.value);
+    }
+    if (!with_forces_) return;
     for_each_entry(m.forces, middle(), force_, [&](int i, double f) {
         if (i < nd_) f_[i] += f;
     });
@@ -222,6 +237,7 @@ void MidpointStep::element_matrix(double dt, const Add& add) {
     for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_, [&](int i, int j, double bend) {
         if (i < nd_ && j < nd_) add(i, j, -0.25 * dt * bend);
     });
+    if (!with_forces_) return;
     const auto by_variable = [&](int i, int j, double f_q, double f_v) {
         if (i < nd_ && j < nd_) add(i, j, km * (0.5 * f_q + f_v / dt));
     };
@@ -241,13 +257,19 @@ bool MidpointStep::refresh(double dt, bool in_tree) {
 
 bool MidpointStep::factor_tree(double dt) {
     lagrangian_.composites();
+    std::fill(diagonal_.begin(), diagonal_.end(), 0.0);
+    std::fill(inertia_.begin(), inertia_.end(), 0.0);
+    each_rotor_inertia(*mechanism_, [&](int i, double inertia) {
+        if (i >= nd_) return;
+        inertia_[i] += inertia;
+        diagonal_[i] -= inertia / dt;
+    });
     for (int joint = 0; joint < mechanism_->n_massive; ++joint) {
         const int i = mechanism_->joints[joint].variable;
         if (i >= nd_) continue;
         const JointVectors at = lagrangian_.vectors(joint);
-        note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, 0.0));
+        note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, inertia_[i]));
     }
-    std::fill(diagonal_.begin(), diagonal_.end(), 0.0);
     element_matrix(dt, [&](int i, int, double value) { diagonal_[i] += value; });
     if (!tree_->factor(lagrangian_, dt, diagonal_.data())) return false;
     if (loops_ && !loops_fail_) {

@@ -52,6 +52,14 @@ struct StepReport {
 inline double kappa_minus(Split split, double dt) { return split == Split::left ? dt : 0.5 * dt; }
 inline double kappa_plus(Split split, double dt) { return split == Split::left ? 0.0 : 0.5 * dt; }
 
+// Energy at the middle of a step, and the impulses that do work (internal order): of forces on dynamic variables, of all but
+// constraints on prescribed ones, which are whatever moves these.
+struct StepEnergy {
+    double kinetic = 0, potential = 0;
+    double size = 0;                          // of the terms that the energy is the sum of
+    std::vector<double> v, at_start, at_end;  // velocity over the step; impulses
+};
+
 // One step, with its work space; one object per thread. Its derivatives: differentiate.hpp, curvature.hpp, parameters.hpp.
 // Everything is in internal order of the variables (see Mechanism).
 class MidpointStep {
@@ -84,6 +92,10 @@ public:
     // The momenta at both ends of the segment from q1 to q2 under u, without constraints, of prescribed variables too:
     // p1 = -(D1Ld + fd- + share f(q1, 0, u)) into `start`, p2 = D2Ld + fd+ into `end`.
     void momenta(double dt, double share, std::vector<double>& start, std::vector<double>& end);
+    // The Lagrangian, potentials and forces at the middle of the step from q1 to q2.
+    void evaluate_middle(double dt);
+    // After that, or after solve(): the energy there, and what does work at both ends (energy.cpp).
+    void energy(double dt, const double* p, StepEnergy& out);
     // Makes (q2, p2) the start of the next step; keeps the factors of the Newton matrix.
     void advance();
 
@@ -112,6 +124,7 @@ private:
     bool factor_tree(double dt);
     bool factor_dense(double dt);
     void make_gradients();  // C1_ and C2_, where loops_ made do without
+    void make_start_gradients();
     void list_entries();
     void add_elements();  // forces into f_, potentials into L_q
     // Calls add(i, j, value) for all that potentials and forces add to the Newton matrix.
@@ -123,6 +136,7 @@ private:
     void note_inertia(int i, double inertia) {
         if (std::isfinite(inertia)) root_inertia_[i] = std::sqrt(std::abs(inertia));
     }
+    bool correct_limit(double tau);
     bool is_trusted(double dt, const StepReport& report);
     bool turns_as_expected(double dt) const;
     bool keeps_constraint_directions() const;
@@ -149,12 +163,15 @@ private:
     std::unique_ptr<LoopNewton> loops_;    // null: not for this mechanism, or nothing gained; else tree_ is there too
     LoopNewton::Constraints start_, end_;  // for loops_
     bool have_C1_ = false, have_C2_ = false;
+    bool with_forces_ = true;  // all forces but those by one number or input
     bool loops_fail_ = false;  // at the limit of the path that is followed
     Placement<double> at1_, at2_;
     LocalTaylor<double> local_;
     LocalForce<double> force_;
     std::vector<double> q_mid_, v_, f_, still_;
-    double potential_size_ = 0;     // of the largest slope of a potential
+    double potential_size_ = 0;            // of the largest slope of a potential
+    double stored_ = 0, stored_size_ = 0;  // energy in potentials, and the sum of their sizes
+    std::vector<double> inertia_;   // that rotors give each dynamic variable alone
     std::vector<double> diagonal_;  // what forces and potentials add to the Newton matrix's, where they add to no more
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;

@@ -15,10 +15,10 @@ constexpr double part = 1e-3;
 // The elements of a step on duals in the space of the numbers, and the weights of its equations.
 class NumberPoint {
 public:
-    // e, c: weights of dt L_q and of forces by variable.
+    // e, c, g: weights of dt L_q, of forces and of L_v by variable.
     NumberPoint(const Mechanism& m, const MidpointStep& step, double dt, const std::vector<double>& mu,
-                const Eigen::VectorXd& e, const Eigen::VectorXd& c, NumberDuals& duals)
-        : m_(m), step_(step), dt_(dt), mu_(mu), e_(e), c_(c), at_(duals) {}
+                const Eigen::VectorXd& e, const Eigen::VectorXd& c, const Eigen::VectorXd& g, NumberDuals& duals)
+        : m_(m), step_(step), dt_(dt), mu_(mu), e_(e), c_(c), g_(g), at_(duals) {}
 
     // S along a direction, at other numbers.
     double value(const double* numbers, const double* direction) {
@@ -26,6 +26,9 @@ public:
         at_.look(numbers, direction);
         double sum = 0;
         for (const auto& [i, slot] : m_.damping) sum -= c_[i] * direction[slot] * at_.V[i].v;
+        for (const Rotor& rotor : m_.rotors)
+            rotor.each_momentum(at_.middle, at_.V.data(),
+                                [&](int i, const Dual<double>& momentum) { sum += g_[i] * momentum.d; });
         for_each_entry(m_.potentials, at_.middle, at_.Q.data(), at_.local,
                        [&](int i, const Dual<double>& slope) { sum -= dt_ * e_[i] * slope.d; });
         for_each_entry(m_.forces, at_.at_middle(), at_.force,
@@ -52,6 +55,9 @@ public:
             by_q2[j] += 0.5 * by_q + by_v / dt_;
         };
         for (const auto& [i, slot] : m_.damping) by_middle(i, 0.0, -c_[i] * direction[slot]);
+        for (const Rotor& rotor : m_.rotors)  // L_vv is symmetric: of g . L_v by v_j it is the momentum of j for the velocity g
+            rotor.each_momentum(at_.middle, g_.data(),
+                                [&](int j, const Dual<double>& momentum) { by_middle(j, 0.0, momentum.d); });
         for_each_entry(m_.potentials, at_.middle, at_.Q.data(), at_.local,
                        [&](int i, int j, const Dual<double>& bend) { by_middle(j, -dt_ * e_[i] * bend.d, 0.0); });
         for_each_entry(
@@ -86,7 +92,7 @@ private:
     const MidpointStep& step_;
     double dt_;
     const std::vector<double>& mu_;
-    const Eigen::VectorXd &e_, &c_;
+    const Eigen::VectorXd &e_, &c_, &g_;
     NumberDuals& at_;
 };
 
@@ -109,11 +115,13 @@ void SecondOrder::by_numbers(double dt, const FirstOrder& first, const MidpointS
     AtInstants& by = by_instants_;
     by.begin(nq_, nu_);
     by_y_.setZero(ny, count);
+    g_.setZero(nq_);
     for (int i = 0; i < nd_; ++i) {
         by.e[i] = 0.5 * (mu_[i] + w_p[i]);
         by.c[i] = km * mu_[i] + kp * w_p[i];
+        g_[i] = w_p[i] - mu_[i];
     }
-    NumberPoint point(mechanism_, step, dt, mu_, by.e, by.c, slopes.duals);
+    NumberPoint point(mechanism_, step, dt, mu_, by.e, by.c, g_, slopes.duals);
     const Eigen::Map<const NewtonMatrix::Matrix> Y(first.Y.data(), ny, first.ld);
     const Eigen::Map<const NewtonMatrix::Matrix> Y_all(slopes.Y.data(), ny, slopes.ld);
     bent_.noalias() = W_yy_ * Y_all.leftCols(count);

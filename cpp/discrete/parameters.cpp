@@ -68,6 +68,9 @@ void ParameterSlopes::add_numbers(const Parameter& parameter, const MidpointStep
     const double* direction = parameter.numbers.data();
     duals.look(m_.numbers.data(), direction);
     for (const auto& [i, slot] : m_.damping) f_[i] -= direction[slot] * step.middle().v[i];
+    for (const Rotor& rotor : m_.rotors)
+        rotor.each_momentum(duals.middle, duals.V.data(),
+                            [&](int i, const Dual<double>& momentum) { L_v_[i] += momentum.d; });
     for_each_entry(m_.potentials, duals.middle, duals.Q.data(), duals.local,
                    [&](int i, const Dual<double>& slope) { L_q_[i] -= slope.d; });
     for_each_entry(m_.forces, duals.at_middle(), duals.force,

@@ -109,12 +109,8 @@ bool MidpointStep::is_trusted(double dt, const StepReport& report) {
     return keeps_constraint_directions();
 }
 
-bool MidpointStep::guess_limit(double dt) {
-    const double tau = limit_part * dt;
-    std::copy(q2.begin() + nd_, q2.end(), rho2_.begin());
-    std::copy(q1.begin(), q1.begin() + nd_, q2.begin());
-    for (int i = nd_; i < nq_; ++i) q2[i] = q1[i] + limit_part * (q2[i] - q1[i]);
-    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+// Corrects the velocity path_v_ of q2 = q1 + tau v, for a step as short as none; false where that cannot be done.
+bool MidpointStep::correct_limit(double tau) {
     std::fill(lam.begin(), lam.end(), 0.0);
     evaluate(tau);
     // The constraints' gradients at q1 at both ends, and their rates instead of their values.
@@ -124,17 +120,37 @@ bool MidpointStep::guess_limit(double dt) {
         have_C2_ = have_C1_;
     }
     loops_fail_ = false;
-    const bool regular = refresh(tau, true);
-    if (regular) {
-        for (int i = 0; i < nd_; ++i) correction_[i] = -residual[i];
-        for (int c = 0; c < nc_; ++c) {
-            correction_[nd_ + c] = 0;
-            if (loops_) continue;  // prescribed variables move none of their points
-            for (int i = nd_; i < nq_; ++i) correction_[nd_ + c] -= C1_[c * nq_ + i] * (q2[i] - q1[i]);
+    if (!refresh(tau, true)) return false;
+    for (int i = 0; i < nd_; ++i) correction_[i] = -residual[i];
+    for (int c = 0; c < nc_; ++c) {
+        correction_[nd_ + c] = 0;
+        if (loops_) continue;  // prescribed variables move none of their points
+        for (int i = 0; i < nq_; ++i) correction_[nd_ + c] -= C1_[c * nq_ + i] * (q2[i] - q1[i]);
+    }
+    newton_.solve(correction_.data(), correction_.data() + nd_);
+    for (int i = 0; i < nd_; ++i) path_v_[i] = (q2[i] - q1[i] + correction_[i]) / tau;
+    std::copy(correction_.begin() + nd_, correction_.end(), lam.begin());
+    return std::all_of(path_v_.begin(), path_v_.end(), [](double v) { return std::isfinite(v); });
+}
+
+bool MidpointStep::guess_limit(double dt) {
+    const double tau = limit_part * dt;
+    std::copy(q2.begin() + nd_, q2.end(), rho2_.begin());
+    std::copy(q1.begin(), q1.begin() + nd_, q2.begin());
+    for (int i = nd_; i < nq_; ++i) q2[i] = q1[i] + limit_part * (q2[i] - q1[i]);
+    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    bool regular = correct_limit(tau);
+    if (!regular && !mechanism_->forces.empty()) {
+        // Forces, or their slopes, may be undefined at rest (friction against the velocity): as the momentum goes without.
+        with_forces_ = false;
+        regular = correct_limit(tau);
+        with_forces_ = true;
+        if (regular) {
+            for (int i = 0; i < nd_; ++i) q2[i] = q1[i] + tau * path_v_[i];
+            regular = correct_limit(tau);
         }
-        newton_.solve(correction_.data(), correction_.data() + nd_);
-        for (int i = 0; i < nd_; ++i) path_v_[i] = correction_[i] / tau;
-        std::copy(correction_.begin() + nd_, correction_.end(), lam.begin());
+    }
+    if (regular) {
         newton_.choose_independent();
         limit_ = newton_.determinant();
         limit_.log2 += (nd_ - newton_.independent()) * std::log2(tau);
@@ -145,7 +161,7 @@ bool MidpointStep::guess_limit(double dt) {
     std::copy(rho2_.begin(), rho2_.end(), q2.begin() + nd_);
     for (int i = 0; i < nq_; ++i) expected_v_[i] = (q2[i] - q1[i]) / dt;
     have_factors_ = false;
-    return regular && std::all_of(q2.begin(), q2.end(), [](double q) { return std::isfinite(q); });
+    return regular;
 }
 
 double MidpointStep::judge(double dt) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "discrete/energy.hpp"
 #include "discrete/layout.hpp"
 #include "numerics/parallel.hpp"
 
@@ -89,9 +90,10 @@ void judge_worst(MidpointStep& step, const Layout& at, double dt, double share, 
 }  // namespace
 
 RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
-                 const double* K, double first_share, double* X, double* U, double* lam) {
+                 const double* K, double first_share, double* X, double* U, double* lam, double* energies) {
     const Layout at(step.mechanism());
     RollOut out;
+    EnergyRows noted;
     Extrapolation series(at);
     std::vector<double> deviation(at.nx), reference(at.nd);
     const auto note_worst = [&](int k, double s) {
@@ -138,6 +140,7 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
         if (is_worse(out.worst, report.s, turn)) note_worst(k, report.s);
         at.state(step, dt, X + static_cast<std::size_t>(k + 1) * at.nx);
         std::copy(step.lam.begin(), step.lam.end(), lam + static_cast<std::size_t>(k) * at.nc);
+        if (energies) noted.note(step, dt, x + at.nq, energies + static_cast<std::size_t>(k) * EnergyRows::width);
         series.take(step, dt, xbar ? reference.data() : nullptr);
         step.advance();
         out.steps = k + 1;

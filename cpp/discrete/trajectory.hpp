@@ -24,9 +24,10 @@ struct RollOut {
 
 // Follows u_k = ubar_k - K_k (x_k - xbar_k) from X[0]; K null: open loop. Fills X[1..], U and lam up to the failed step.
 // `xbar` (may be null without K) is where the motion is expected; forces at the instants act at the first one for
-// `first_share` of its step. After a failure, `step` holds the step that failed (residuals, unknowns).
+// `first_share` of its step. Fills `energies`, rows of EnergyRows, if given. After a failure, `step` holds the step that
+// failed (residuals, unknowns).
 RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
-                 const double* K, double first_share, double* X, double* U, double* lam);
+                 const double* K, double first_share, double* X, double* U, double* lam, double* energies = nullptr);
 
 // The steps of a curve, each from its own X[k] under U[k], whatever the next state is: fills ends (N, nx) and lam up to
 // the first that fails.

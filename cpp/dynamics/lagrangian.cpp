@@ -38,9 +38,9 @@ Inertia<double> moved(const Inertia<double>& a, const Pose<double>& pose) {
 
 }  // namespace
 
-void PairDerivatives::resize(std::size_t n) {
-    stride = (n + lanes - 1) / lanes * lanes + lanes;
-    for (auto* plane : {&vv, &v_q, &q_v, &qq}) plane->assign(n * stride, 0.0);
+void PairDerivatives::resize(const Mechanism& mechanism) {
+    stride = (mechanism.n_massive + lanes - 1) / lanes * lanes + lanes;
+    for (auto* plane : {&vv, &v_q, &q_v, &qq}) plane->assign(pair_entries(mechanism, stride), 0.0);
 }
 
 template <class T>
@@ -112,6 +112,12 @@ void Lagrangian<T>::gradient(const T* q, const T* v) {
             m_[joint.parent] += m_[i];
         }
     }
+    twice_of_rotors_ = T{};
+    for (const Rotor& rotor : m.rotors)
+        rotor.each_momentum(m, v, [&](int variable, const T& momentum) {
+            L_v[variable] += momentum;
+            twice_of_rotors_ += momentum * v[variable];
+        });
 }
 
 template <class T>
@@ -151,12 +157,16 @@ void Lagrangian<T>::inertias(double* by_variable) const
                     by_variable[variable] += (i == j ? 1.0 : 2.0) * factor * other_factor * pair;
                 });
         });
+    each_rotor_inertia(m, [&](int variable, double inertia) { by_variable[variable] += inertia; });
 }
 
 template <class T>
 void Lagrangian<T>::hessian() {
     const int n = mechanism_.n_massive;
-    if (pairs.stride == 0) pairs.resize(n);
+    if (pairs.stride == 0) {
+        pairs.resize(mechanism_);
+        if constexpr (std::is_same_v<T, double>) put_rotors(mechanism_, pairs.vv);
+    }
     composites();
     for (int i = 0; i < n; ++i) {
         const Motion<T>& S = at.twist[i];
@@ -235,7 +245,7 @@ void Lagrangian<T>::add_gravity_slope(const Vec3<double>& change, std::vector<do
 
 template <class T>
 T Lagrangian<T>::kinetic_energy() const {
-    T twice{};
+    T twice = twice_of_rotors_;
     for (int i = 0; i < mechanism_.n_massive; ++i) twice += dot(H_own_[i], V_[i]);
     return 0.5 * twice;
 }
@@ -245,6 +255,15 @@ T Lagrangian<T>::potential_energy() const {
     T energy(mechanism_.fixed_potential);
     for (int i = 0; i < mechanism_.n_massive; ++i) energy += T(-1.0) * dot(mechanism_.gravity, h_own_[i]);
     return energy;
+}
+
+template <class T>
+double Lagrangian<T>::potential_size() const
+    requires std::is_same_v<T, double>
+{
+    double size = std::abs(mechanism_.fixed_potential);
+    for (int i = 0; i < mechanism_.n_massive; ++i) size += std::abs(dot(mechanism_.gravity, h_own_[i]));
+    return size;
 }
 
 template class Lagrangian<double>;

@@ -11,6 +11,8 @@
 //   L_vv[i,j]       =  A_i.S_j            d(L_v[i])/dq_j = -A_i.W_j
 //   d(L_v[j])/dq_i  =  B_i.S_j            L_qq[i,j]      = -B_i.W_j - A_i.G_j
 //
+// A rotor adds J/2 (sum f_k v_k)^2, which is f_k J sum to L_v[k] and f_k f_l J to L_vv[k,l].
+//
 // Pairs in different branches are zero. The gradient and the vectors A and B are O(n), the Hessian O(n depth). On
 // Dual<double> the same sweep gives the third order along one direction, on HyperDual the fourth along two.
 #pragma once
@@ -28,7 +30,7 @@ struct PairDerivatives {
     std::size_t stride = 0;
     std::vector<double> vv, v_q, q_v, qq;  // L_vv, d(L_v[i])/dq_j, d(L_v[j])/dq_i, L_qq
 
-    void resize(std::size_t n);
+    void resize(const Mechanism& mechanism);
 };
 
 // The vectors above of one joint, component by component; G as [w x g; 0].
@@ -76,6 +78,9 @@ public:
 
     T kinetic_energy() const;    // at the point of the last gradient
     T potential_energy() const;  // of uniform gravity
+    // The sum of its terms' sizes.
+    double potential_size() const
+        requires std::is_same_v<T, double>;
 
     Placement<T> at;
     std::vector<T> L_q, L_v;
@@ -86,6 +91,7 @@ private:
     std::vector<Motion<T>> V_, W_;
     std::vector<Vec3<T>> h_own_, h_;  // first moments: of the own body, of all behind the joint
     std::vector<T> m_;                // mass behind the joint
+    T twice_of_rotors_{};             // of the kinetic energy
     std::vector<Force<T>> H_own_, H_;
     std::vector<Inertia<T>> IC_;
     // Component-major copies for the wide pair products: part 0 the value, the others derivatives (of duals, hyper-duals).

@@ -106,6 +106,8 @@ void NewtonEuler::forces(const double* a) {
         joint.each_term([&](int variable, double factor) { r[variable] += factor * force; });
         if (joint.parent >= 0) F_[joint.parent] += F_[i];
     }
+    for (const Rotor& rotor : m.rotors)
+        rotor.each_momentum(m, a, [&](int variable, double force) { r[variable] += force; });
 }
 
 void NewtonEuler::composites() {
@@ -123,7 +125,10 @@ void NewtonEuler::composites() {
 void NewtonEuler::inertia() {
     const Mechanism& m = mechanism_;
     const int n = m.n_massive;
-    if (first.i_aj.empty()) first.i_aj.assign(n * stride_, 0.0);
+    if (first.i_aj.empty()) {
+        first.i_aj.assign(pair_entries(m, stride_), 0.0);
+        put_rotors(m, first.i_aj);
+    }
     for (int i = 0; i < n; ++i)
         for (const auto& [begin, end] : m.runs[i])
             for (int j = begin; j < end; j += lanes) {
@@ -137,7 +142,7 @@ void NewtonEuler::differentiate() {
     const Mechanism& m = mechanism_;
     const int n = m.n_massive;
     if (first.i_qj.empty())
-        for (auto* table : {&first.i_qj, &first.j_qi, &first.i_vj, &first.j_vi}) table->assign(n * stride_, 0.0);
+        for (auto* table : {&first.i_qj, &first.j_qi, &first.i_vj, &first.j_vi}) table->assign(pair_entries(m, stride_), 0.0);
     for (int i = 0; i < n; ++i) {
         p_[i] = H_[i].f;
         T_[i] = m.bodies[i].is_empty() ? Mat3<double>{} : flow(I_[i], V_[i]);
@@ -187,7 +192,7 @@ void NewtonEuler::curvature(const double* mu) {
     const int n = m.n_massive;
     if (second.qq.empty())
         for (auto* table : {&second.qq, &second.vq, &second.vv, &second.qv, &second.aq, &second.qa})
-            table->assign(n * stride_, 0.0);
+            table->assign(pair_entries(m, stride_), 0.0);
     for (int i = 0; i < n; ++i) {
         const Joint& joint = m.joints[i];
         const Motion<double>& S = at.twist[i];

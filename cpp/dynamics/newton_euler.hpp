@@ -32,6 +32,8 @@
 //   q q: g_i.X_j + k_i.P_j + e_i.D_j     v q: c_i.D_j + d_i.P_j     a q: Y_i.D_j
 //   q v: 2 g_i.P_j + k_i.S_j             v v: d_i.S_j               q a: g_i.S_j     (v a, a a: none).
 //
+// A rotor (J, factors f) adds f_k J sum f_l a_l to r_k.
+//
 // Sweeps are O(n), tables of pairs O(n depth); pairs in different branches are zero.
 #pragma once
 

@@ -75,14 +75,14 @@ bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const d
     });
 }
 
-bool TreeNewton::factor(const NewtonEuler& bodies) {
-    return eliminate([&](int, int joint, Vector& a, Factors& at) {
+bool TreeNewton::factor(const NewtonEuler& bodies, const double* diagonal) {
+    return eliminate([&](int i, int joint, Vector& a, Factors& at) {
         const Motion<double>& S = bodies.at.twist[joint];
         at.b << S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z, 0, 0, 0, 0, 0, 0;
         at.c = at.b;
         const double* Y = bodies.inertia_vector(joint);
         a << Y[0], Y[1], Y[2], Y[3], Y[4], Y[5], 0, 0, 0, 0, 0, 0;
-        return 0.0;
+        return diagonal[i];
     });
 }
 

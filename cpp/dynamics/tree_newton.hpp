@@ -38,8 +38,8 @@ public:
     // Factors at the point of the last composites(); `diagonal` (n_dynamic) is what forces add. False where a pivot is
     // lost to rounding.
     bool factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal);
-    // The mass matrix at the point of the last composites(): a = [Y; 0], b = c = [S; 0].
-    bool factor(const NewtonEuler& bodies);
+    // The mass matrix at the point of the last composites(): a = [Y; 0], b = c = [S; 0]; `diagonal` is that of rotors.
+    bool factor(const NewtonEuler& bodies, const double* diagonal);
     // Reciprocals of the pivots, by dynamic variable.
     void copy_reciprocals(double* out) const {
         for (const Factors& at : factors_) *out++ = at.reciprocal;

@@ -189,6 +189,45 @@ void OffsetCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order ord
     out.gradient[index_] -= T(1.0);
 }
 
+SumOfCoordinates::SumOfCoordinates(std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates,
+                                   std::vector<int> factor_slots)
+    : coordinates_(std::move(coordinates)), slots_(std::move(factor_slots)) {
+    for (const auto& coordinate : coordinates_) {
+        index_.emplace_back();
+        for (const int variable : coordinate->support()) {
+            const auto found = std::find(support_.begin(), support_.end(), variable);
+            index_.back().push_back(static_cast<int>(found - support_.begin()));
+            if (found == support_.end()) support_.push_back(variable);
+        }
+        joints_ = either(joints_, coordinate->joints());
+    }
+}
+
+template <class T>
+void SumOfCoordinates::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
+    const std::size_t m = support_.size();
+    out.value = T{};
+    out.scale = 0;
+    if (order != Order::value) out.gradient.assign(m, T{});
+    if (order == Order::hessian) out.hessian.assign(m * m, T{});
+    if (out.inner.empty()) out.inner.resize(1);
+    LocalTaylor<T>& one = out.inner[0];
+    for (std::size_t k = 0; k < coordinates_.size(); ++k) {
+        const T factor = at.number(slots_[k]);
+        const std::vector<int>& to = index_[k];
+        const std::size_t size = to.size();
+        coordinates_[k]->evaluate(at, q, order, one);
+        out.value += factor * one.value;
+        out.scale = std::max(out.scale, std::abs(value_of(factor)) * one.scale);
+        if (order == Order::value) continue;
+        for (std::size_t i = 0; i < size; ++i) out.gradient[to[i]] += factor * one.gradient[i];
+        if (order == Order::gradient) continue;
+        for (std::size_t i = 0; i < size; ++i)
+            for (std::size_t j = 0; j < size; ++j)
+                out.hessian[to[i] * m + to[j]] += factor * one.hessian[i * size + j];
+    }
+}
+
 LocalCoordinate::LocalCoordinate(const Constants& constants, std::vector<int> points, std::vector<int> directions,
                                  std::vector<int> variables, std::shared_ptr<const LocalFunction> function)
     : points_(std::move(points)),
@@ -278,6 +317,7 @@ std::shared_ptr<const LocalFunction> product_function() {
 LEASTACTION_ON_ANY_SCALAR(Combination);
 LEASTACTION_ON_ANY_SCALAR(PathLength);
 LEASTACTION_ON_ANY_SCALAR(OffsetCoordinate);
+LEASTACTION_ON_ANY_SCALAR(SumOfCoordinates);
 LEASTACTION_ON_ANY_SCALAR(LocalCoordinate);
 
 }  // namespace leastaction

@@ -56,6 +56,21 @@ private:
     int index_;  // of the variable in the support
 };
 
+// A sum of coordinates by factors, which are the mechanism's numbers.
+class SumOfCoordinates final : public OnAnyScalar<SumOfCoordinates> {
+public:
+    SumOfCoordinates(std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates,
+                     std::vector<int> factor_slots);
+
+    template <class T>
+    void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
+
+private:
+    std::vector<std::shared_ptr<const ConfigurationFunction>> coordinates_;
+    std::vector<int> slots_;
+    std::vector<std::vector<int>> index_;  // by coordinate: its support in that of the sum
+};
+
 // A function of places and directions in the world and of configuration variables, z = [points | directions | variables]: the
 // function states value, gradient and Hessian by z; the chain rule is done here.
 class LocalCoordinate final : public OnAnyScalar<LocalCoordinate> {

@@ -33,11 +33,17 @@ Wrench::Wrench(const Constants& constants, Kind kind, int joint, int point, cons
     }
 }
 
+// The number of a component; without one that of an input is 1.
+template <class T>
+T Wrench::gain(const Placement<T>& at, int c) const {
+    return slots_[c] >= 0 ? at.number(slots_[c]) : T(local_inputs_[c] >= 0 ? 1.0 : 0.0);
+}
+
 template <class T>
 void Wrench::components(const ForcePoint<T>& point, T* out) const {
     for (int c = 0; c < 6; ++c) {
-        out[c] = slots_[c] >= 0 ? point.at.number(slots_[c]) : T{};
-        if (local_inputs_[c] >= 0) out[c] += point.u[inputs_[local_inputs_[c]]];
+        out[c] = gain(point.at, c);
+        if (local_inputs_[c] >= 0) out[c] = out[c] * point.u[inputs_[local_inputs_[c]]];
     }
 }
 
@@ -108,7 +114,7 @@ void Wrench::evaluate_on(const ForcePoint<T>& point, Order order, LocalForce<T>&
     for (int c = 0; c < 6; ++c) {
         if (local_inputs_[c] < 0) continue;
         T unit[6] = {};
-        unit[c] = 1.0;
+        unit[c] = gain(point.at, c);
         out.work.assign(m, T{});
         add_force(point.at, unit, out.work);
         for (std::size_t i = 0; i < m; ++i) out.f_u[i * r + local_inputs_[c]] += out.work[i];
@@ -189,7 +195,7 @@ void Wrench::curvature(const ForcePoint<double>& point, const ForceDirections& d
     for (int c = 0; c < 6; ++c) {
         if (local_inputs_[c] < 0) continue;
         double unit[6] = {};
-        unit[c] = 1.0;
+        unit[c] = gain(point.at, c);
         first_by_place(point.at, unit, mu, out.work);
         const std::size_t column = 2 * m + local_inputs_[c];
         for (std::size_t j = 0; j < n; ++j)

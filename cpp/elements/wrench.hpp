@@ -18,7 +18,8 @@ class Wrench final : public ForceOnAnyScalar<Wrench> {
 public:
     enum class Kind { spatial, body, hybrid };
 
-    // `point` is the frame's origin, `axes` three directions. Each component is a number (its slot) or an input (-1: no).
+    // `point` is the frame's origin, `axes` three directions. Each component is a number (its slot), an input, or their
+    // product (-1: no).
     Wrench(const Constants& constants, Kind kind, int joint, int point, const std::array<int, 3>& axes,
            const std::array<int, 6>& slots, const std::array<int, 6>& inputs);
 
@@ -32,6 +33,8 @@ private:
     // Phi of the wrench with the given components; hybrid moments about the frame's own origin are kept apart.
     template <class T>
     Force<T> about_origin(const Placement<T>& at, const T* components) const;
+    template <class T>
+    T gain(const Placement<T>& at, int c) const;
     template <class T>
     void components(const ForcePoint<T>& point, T* out) const;
     template <class T>

@@ -68,6 +68,8 @@ struct Constants {
     std::vector<Point> points;
     std::vector<Point> directions;  // vectors fixed in the frame behind a joint: they turn, but do not move
     std::vector<double> numbers;    // of the elements, by slot
+
+    double number(int slot) const { return numbers[slot]; }
 };
 
 template <class T>

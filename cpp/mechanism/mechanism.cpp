@@ -92,8 +92,16 @@ void note_coupled_variables(Mechanism& m) {
         for (const auto& potential : m.potentials) each(potential->support());
         for (const auto& force : m.forces) each(force->support());
     };
+    const auto by_rotors = [&](const auto& f) {
+        for (const Rotor& rotor : m.rotors)
+            for (const auto& a : rotor.geared)
+                for (const auto& b : rotor.geared)
+                    if (b.first < a.first && a.first < m.n_dynamic) f(a.first, b.first);
+    };
     m.coupled = {};
-    m.only_tree_couples = true;
+    m.rotors_couple = false;
+    by_rotors([&](int, int) { m.rotors_couple = true; });
+    m.only_tree_couples = !m.rotors_couple;
     by_elements([&](int, int) { m.only_tree_couples = false; });
     if (m.plain && m.only_tree_couples) {
         // Each variable meets those of the joints above its own: those of the nearest one, and that one itself.
@@ -117,6 +125,7 @@ void note_coupled_variables(Mechanism& m) {
     for (int i = 0; i < m.n_massive; ++i)
         for (const int j : m.path[i])
             m.joints[i].each_term([&](int a, double) { m.joints[j].each_term([&](int b, double) { meet(a, b); }); });
+    by_rotors(meet);
     by_elements(meet);
     for (std::vector<int>& list : earlier) {
         std::sort(list.begin(), list.end());
@@ -253,6 +262,23 @@ int MechanismBuilder::offset(int coordinate, int slot, int variable) {
         return std::make_shared<OffsetCoordinate>(made[coordinate], slot, variable < 0 ? -1 : m.internal[variable]);
     });
 }
+int MechanismBuilder::sum(std::vector<int> coordinates, std::vector<int> factor_slots) {
+    if (coordinates.empty() || coordinates.size() != factor_slots.size())
+        throw std::invalid_argument("one factor for each of at least one coordinate is needed");
+    for (const int coordinate : coordinates) check_coordinate(coordinate);
+    check_slots(factor_slots);
+    return append(coordinates_, [=](const Mechanism&, const Coordinates& made) {
+        Coordinates own;
+        for (const int coordinate : coordinates) own.push_back(made[coordinate]);
+        return std::make_shared<SumOfCoordinates>(own, factor_slots);
+    });
+}
+int MechanismBuilder::law_of(int coordinate, int law) {
+    check_coordinate(coordinate);
+    return append(coordinates_, [coordinate, law = this->law(law)](const Mechanism&, const Coordinates& made) {
+        return std::make_shared<Potential>(made[coordinate], law);
+    });
+}
 int MechanismBuilder::add_law(std::shared_ptr<const Law> law) { return append(laws_, std::move(law)); }
 
 int MechanismBuilder::add_distance(int point1, int point2, double length, int variable) {
@@ -281,6 +307,15 @@ void MechanismBuilder::add_potential(int coordinate, int law) {
     potentials_.push_back([coordinate, energy = this->law(law)](const Mechanism&, const Coordinates& coordinates) {
         return std::make_shared<Potential>(coordinates[coordinate], energy);
     });
+}
+void MechanismBuilder::add_rotor(const std::vector<int>& variables, const std::vector<int>& factor_slots,
+                                 int inertia_slot) {
+    if (variables.empty() || variables.size() != factor_slots.size())
+        throw std::invalid_argument("one factor for each of at least one variable is needed");
+    Rotor rotor{check_slot(inertia_slot), {}};
+    for (std::size_t k = 0; k < variables.size(); ++k)
+        rotor.geared.emplace_back(check_variable(variables[k]), check_slot(factor_slots[k]));
+    rotors_.push_back(std::move(rotor));
 }
 int MechanismBuilder::add_damping(int variable, double coefficient) {
     if (check_variable(variable) >= n_dynamic_) throw std::invalid_argument("damping acts on dynamic variables only");
@@ -411,6 +446,9 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
     for (const auto& make : forces_) m->forces.push_back(make(*m, coordinates));
     for (const auto& [variable, slot] : damping_) m->damping.emplace_back(m->internal[variable], slot);
     for (const auto& [variable, input] : joint_forces_) m->joint_forces.emplace_back(m->internal[variable], input);
+    m->rotors = rotors_;
+    for (Rotor& rotor : m->rotors)
+        for (auto& geared : rotor.geared) geared.first = m->internal[geared.first];
 
     note_coupled_variables(*m);
     note_what_elements_see(*m);
@@ -423,7 +461,8 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build_like(const Mechanism& o
                        other.points.size() == points_.size() && other.directions.size() == directions_.size() &&
                        other.numbers.size() == numbers_.size() && other.gravity_slot == gravity_slot_ &&
                        other.constraints.size() == constraints_.size() &&
-                       other.potentials.size() == potentials_.size() && other.forces.size() == forces_.size();
+                       other.potentials.size() == potentials_.size() && other.forces.size() == forces_.size() &&
+                       other.rotors.size() == rotors_.size();
     // Elements hold the factors of the joints that move them.
     const auto same_factors = [](const Joint& a, const Joint& b) {
         return a.factor == b.factor && std::ranges::equal(a.more, b.more, {}, &Term::factor, &Term::factor);

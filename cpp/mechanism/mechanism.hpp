@@ -31,6 +31,21 @@ struct Body {
     bool is_empty() const { return mass == 0 && inertia.xx == 0 && inertia.yy == 0 && inertia.zz == 0; }
 };
 
+// A rotor that is geared to variables: T = J/2 (sum factor_k v[variable_k])^2, J and the factors in the mechanism's numbers.
+struct Rotor {
+    int inertia;                              // slot of J
+    std::vector<std::pair<int, int>> geared;  // variable, slot of its factor
+
+    // Calls f(i, dT/dv_i) at velocities v; `at` has the numbers.
+    template <class At, class T, class F>
+    void each_momentum(const At& at, const T* v, const F& f) const {
+        auto rate = at.number(geared[0].second) * v[geared[0].first];
+        for (std::size_t k = 1; k < geared.size(); ++k) rate += at.number(geared[k].second) * v[geared[k].first];
+        const auto momentum = at.number(inertia) * rate;
+        for (const auto& [variable, factor] : geared) f(variable, at.number(factor) * momentum);
+    }
+};
+
 class Mechanism : public Constants {
 public:
     int n_dynamic = 0, n_kinematic = 0, n_inputs = 0;
@@ -54,7 +69,9 @@ public:
     std::vector<std::vector<std::pair<int, int>>> runs;
     // By dynamic variable k: the earlier variables that its column couples to (with fill-in).
     SharedLists coupled;
-    bool only_tree_couples = true;  // no potential or force couples two dynamic variables
+    bool only_tree_couples = true;  // no potential, force or rotor couples two dynamic variables
+    bool rotors_couple = false;     // one of them does
+    std::vector<Rotor> rotors;
 
     // Shared by all mechanisms of the same structure: their numbers are in Constants.
     std::vector<std::shared_ptr<const ConfigurationFunction>> constraints, potentials;
@@ -90,9 +107,27 @@ bool turns_in_place(const Mechanism& mechanism, int joint);
 struct One {};
 inline double operator*(One, double x) { return x; }
 
-// Calls f(i, j, at, weight, mirrored) for every pair of variables that a pair of massive joints couples: their second
-// derivatives are `weight` times those at index `at` of the pair planes; mirrored, once more for (j, i), where the two mixed
-// planes change places.
+// The inertias of rotors stand behind the pairs of joints in the planes of second derivatives by velocity twice: how many
+// entries a plane has, and what writes those of the rotors.
+inline std::size_t pair_entries(const Mechanism& m, std::size_t stride) {
+    return m.n_massive * stride + m.rotors.size();
+}
+inline void put_rotors(const Mechanism& m, std::vector<double>& plane) {
+    double* at = plane.data() + plane.size() - m.rotors.size();
+    for (const Rotor& rotor : m.rotors) *at++ = m.numbers[rotor.inertia];
+}
+
+// Calls f(variable, inertia) with what each rotor adds to the inertia of each of its variables alone.
+template <class F>
+void each_rotor_inertia(const Mechanism& m, const F& f) {
+    for (const Rotor& rotor : m.rotors)
+        for (const auto& [variable, slot] : rotor.geared)
+            f(variable, m.numbers[rotor.inertia] * m.numbers[slot] * m.numbers[slot]);
+}
+
+// Calls f(i, j, at, weight, mirrored) for every pair of variables that a pair of massive joints or a rotor couples: their
+// second derivatives are `weight` times those at index `at` of the pair planes; mirrored, once more for (j, i), where the two
+// mixed planes change places.
 template <class F>
 void each_pair(const Mechanism& m, std::size_t stride, const F& f) {
     for (int joint = 0; joint < m.n_massive; ++joint) {
@@ -107,6 +142,16 @@ void each_pair(const Mechanism& m, std::size_t stride, const F& f) {
                         f(i, j, joint * stride + ancestor, factor_i * factor_j, joint != ancestor);
                     });
                 });
+    }
+    std::size_t at = m.n_massive * stride;
+    for (const Rotor& rotor : m.rotors) {
+        for (std::size_t a = 0; a < rotor.geared.size(); ++a)
+            for (std::size_t b = 0; b <= a; ++b) {
+                const auto& [i, factor_i] = rotor.geared[a];
+                const auto& [j, factor_j] = rotor.geared[b];
+                f(i, j, at, m.numbers[factor_i] * m.numbers[factor_j], a != b);
+            }
+        ++at;
     }
 }
 
@@ -139,12 +184,15 @@ public:
     int local(std::vector<int> points, std::vector<int> directions, std::vector<int> variables,
               std::shared_ptr<const LocalFunction> function);
     int offset(int coordinate, int slot, int variable);  // a coordinate less a number, a variable, or both
+    int sum(std::vector<int> coordinates, std::vector<int> factor_slots);
+    int law_of(int coordinate, int law);  // law(s)
     int add_law(std::shared_ptr<const Law> law);
 
     int add_distance(int point1, int point2, double length, int variable);  // slot of the length, or -1
     void add_coincidence(int point1, int point2, const Vec3<double>& direction);
     void add_constraint(int coordinate, int slot, int variable);
     void add_potential(int coordinate, int law);
+    void add_rotor(const std::vector<int>& variables, const std::vector<int>& factor_slots, int inertia_slot);
     int add_damping(int variable, double coefficient);
     void add_joint_force(int variable, int input);
     void add_force(std::vector<int> coordinates, std::vector<int> inputs,
@@ -192,6 +240,7 @@ private:
     std::vector<Maker> coordinates_, constraints_, potentials_;
     std::vector<std::function<std::shared_ptr<const GeneralizedForce>(const Mechanism&, const Coordinates&)>> forces_;
     std::vector<std::pair<int, int>> damping_, joint_forces_;
+    std::vector<Rotor> rotors_;  // of the user's variables
 };
 
 }  // namespace leastaction

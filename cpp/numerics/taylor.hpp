@@ -14,7 +14,8 @@ struct LocalTaylor {
     double scale = 0;  // size of the terms that cancel in the value, for relative tolerances
     std::vector<T> gradient;
     std::vector<T> hessian;
-    std::vector<T> work, by_joint;  // room that evaluations need
+    std::vector<T> work, by_joint;   // room that evaluations need
+    std::vector<LocalTaylor> inner;  // and those of what the function is made of
 };
 
 }  // namespace leastaction

@@ -158,8 +158,26 @@ class MotionFileError(LeastActionError, ValueError):
     """A motion file is truncated, is not of the format that it claims, or does not fit the mechanism."""
 
 
+class ModelFileError(LeastActionError, ValueError):
+    """A file of a mechanism, or of a problem, cannot be read, holds none, or says what cannot be.
+
+    Attributes
+    ----------
+    line : int or None
+        The line of the file, where it is known.
+    """
+
+    def __init__(self, message: str, *, line: int | None = None) -> None:
+        super().__init__(message)
+        self.line = line
+
+
 class OutputError(LeastActionError, OSError):
     """A result cannot be written where it was asked for."""
+
+
+class MissingExtraError(LeastActionError, ImportError):
+    """A package is not installed that something needs which not everybody wants; the message says how to get it."""
 
 
 class ResultFileError(LeastActionError, ValueError):
@@ -172,6 +190,10 @@ class CoarseStepWarning(UserWarning):
 
 class EnergyBalanceWarning(UserWarning):
     """A simulation lost or gained energy beside the work that was done."""
+
+
+class SwingWarning(UserWarning):
+    """A curve through points swings: between two of them it is far from all that are near."""
 
 
 class SingularityWarning(UserWarning):

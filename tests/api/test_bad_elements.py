@@ -164,6 +164,21 @@ FIELDS = {
             "'biceps': force_velocity.*Curve",
         ),
     },
+    "Servo": {
+        "no gain": (lambda: la.Servo("x", "u", gain=0.0, damping=1.0, name="s"), "'s': every gain is zero.*'u'"),
+        "offset": (lambda: la.Servo("x", "u", offset=NAN), "offset.*nan"),
+        "path": (lambda: la.Servo({("bob", "post"): 0.0}, "u"), "factor of the path bob to post is zero"),
+        "no path": (lambda: la.Servo({("bob",): 1.0}, "u"), "1 frame, expected two"),
+    },
+    "Armature": {
+        "inertia": (lambda: la.Armature("x", 0.0), "inertia.*0.*positive"),
+        "factor": (lambda: la.Armature({"x": 0}, 1.0), "'x' is zero"),
+    },
+    "PolynomialCoupling": {
+        "constant": (lambda: la.PolynomialCoupling("x", "theta", [1.0]), "coefficients.*two to sixteen.*1.0"),
+        "nan": (lambda: la.PolynomialCoupling("x", "theta", [1.0, NAN]), "c1.*nan"),
+        "nothing": (lambda: la.PolynomialCoupling("x", {}, [1.0, 2.0]), "mapping is empty"),
+    },
     "Drag": {
         "coefficient": (lambda: la.Drag("bob", 0.0), "coefficient.*0.*positive"),
         "exponent": (lambda: la.Drag("bob", 1.0, exponent=0.5), "exponent.*0.5.*1"),
@@ -271,6 +286,15 @@ MISFITS = {
         "fixed": (lambda: la.TendonForce(["arm", "bob"], "u"), "no variable moves the frames"),
         "together": (lambda: la.TendonForce(["bob", "world", "mast"], "u"), "'world' and 'mast' coi"),
         "unknown": (lambda: la.TendonForce(["arm", "Post"], "u"), "mean 'post'"),
+    },
+    "Servo": {
+        "prescribed": (lambda: la.Servo("rail", "u"), "'rail' is a kinematic"),
+        "fixed": (lambda: la.Servo({("arm", "bob"): 2.0}, "u"), "no dynamic variable moves the frames"),
+    },
+    "Armature": {"unknown": (lambda: la.Armature("y", 1.0), "unknown variable 'y'")},
+    "PolynomialCoupling": {
+        "prescribed": (lambda: la.PolynomialCoupling("rail", "theta", (0.0, 1.0)), "no dynamic variable.*'rail'"),
+        "unknown": (lambda: la.PolynomialCoupling("x", "y", (0.0, 1.0)), "unknown variable 'y'"),
     },
     "Drag": {"fixed": (lambda: la.Drag("post", 1.0), "no variable moves 'post'")},
     "Damping": {"unknown": (lambda: la.Damping({"y": 1.0}), "unknown variable 'y'")},

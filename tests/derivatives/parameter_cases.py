@@ -67,6 +67,8 @@ def springs() -> Mechanism:
             la.ElasticString(["hook", "lower", "end"], 30.0, 1.1, smoothing=0.1, name="string"),
             la.ElasticString(["foot", "nut", "hand"], 8.0, 0.9, tension_only=False, name="both_ways"),
             la.InverseSquareGravity("tip", "hand", 0.3, name="attraction"),
+            la.Armature("a", 0.3, name="rotor"),
+            la.Armature({"e": 2.0, "d": -0.7}, 0.2, name="geared"),
             la.ExpressionPotential(energy, name="user"),
         ],
     )
@@ -92,6 +94,9 @@ def forces() -> Mechanism:
             la.SpatialWrench("nut", (0.2, -0.3, 0.1), (0.3, 0.1, -0.2), name="spatial"),
             la.TendonForce(["hook", "lower", "end"], "pull", 2.0, fl, fv, name="tendon"),
             la.JointForce("a", "voltage"),
+            la.Servo({"b": 1.4, "x": 0.3}, "voltage", 0.8, 0.1, 2.0, 0.3, 0.2, 0.1, name="servo"),
+            la.HybridWrench("tip", (0.0, {"thrust": 0.3}, 0.1), name="rotor_wind"),
+            la.TendonForce({("hook", "tip"): 0.5, ("lower", "end"): 1.2}, "pull", name="tackle"),
             la.ExpressionForce(motor, "a", name="motor"),
         ],
     )
@@ -107,6 +112,7 @@ def loops() -> Mechanism:
             la.Distance("tip", "hook", 0.7, name="rod"),
             la.PathLength(["hook", "cart", "end"], 1.3, name="rope"),
             la.Coupling({"e": 1.0, "a": -0.6, "d": 0.2}, offset=0.1, name="gear"),
+            la.PolynomialCoupling({"x": 1.2}, {"b": 0.8, "d": 0.1}, (0.1, 0.2, -0.05, 0.02), name="knee"),
             la.ExpressionConstraint(fixed, name="user"),
             la.Damping(0.3),
             la.LinearSpring("tip", "end", 6.0, length=0.3, name="spring"),

@@ -16,11 +16,20 @@ CODE = [
 ]
 
 
+# What a block needs beside the package, by what it says.
+NEEDS = {
+    "sympy": r"(import|from) sympy\b", "jax": r"(import|from) jax\b", "h5py": r"\.h5\b", "pandas": "to_pandas",
+    "xarray": "to_xarray", "mujoco": r"\.(xml|urdf)\b", "ezc3d": r"\bezc3d\b",
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(("page", "block"), CODE)
-def test_the_code_runs(page: Path, block: str) -> None:
-    for optional in ("sympy", "jax"):
-        if re.search(rf"(import|from) {optional}\b", block):
+def test_the_code_runs(page: Path, block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for optional, words in NEEDS.items():
+        if re.search(words, block):
             pytest.importorskip(optional)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)  # where it may write
     exec(compile(block, page.name, "exec"), {})
 
 

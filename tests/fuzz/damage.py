@@ -208,6 +208,16 @@ COEFFICIENTS: Bad = [
     ("huge", [1e300, 1e300], False),
     ("tiny", [1e-300], False),
 ]
+POLYNOMIAL: Bad = [
+    *NOTHING,
+    ("wrong type", 1.0, True),
+    ("wrong type", ("1", 2.0), True),
+    ("empty", [], True),
+    ("wrong shape", [0.1], True),
+    ("wrong shape", [0.1] * 17, True),
+    ("not finite", [1.0, NAN], True),
+    ("huge", [1e300, 1e300], False),
+]
 DAMPING: Bad = [
     *but(NOTHING, {1: 2}),
     ("wrong type", "1", True),
@@ -275,7 +285,9 @@ FIELDS: dict[str, Bad] = {
     **dict.fromkeys(("frame", "frame1", "frame2", "plane", "line", "variable"), NAME),
     **dict.fromkeys(("stiffness", "coefficient", "speed", "smoothing"), POSITIVE),
     "length": but(POSITIVE, "1"),
-    **dict.fromkeys(("exponent", "strength", "gain"), NUMBER),
+    **dict.fromkeys(("exponent", "strength", "gain", "damping", "gain_by_place", "gain_by_rate"), NUMBER),
+    **dict.fromkeys(("on", "of"), [*FACTORS, *but(NAMES, "tip1")]),
+    "inertia": POSITIVE,
     **dict.fromkeys(("rest", "offset"), but(NUMBER, "1")),
     **dict.fromkeys(("frames", "points", "variables", "measured"), NAMES),
     **dict.fromkeys(("axis", "normal", "direction", "vector", "wind"), VECTOR),
@@ -298,7 +310,10 @@ FIELDS: dict[str, Bad] = {
 OWN: dict[tuple[str, str], Bad] = {
     ("CoulombFriction", "force"): POSITIVE,
     ("NonlinearSpring", "force"): CURVE,
-    ("NonlinearSpring", "on"): [*FACTORS, *but(NAMES, "tip1")],
+    ("Armature", "variable"): FACTORS,
+    ("Servo", "stiffness"): NUMBER,
+    ("Servo", "offset"): NUMBER,
+    ("PolynomialCoupling", "coefficients"): POLYNOMIAL,
     ("JointSpring", "variable"): FACTORS,
     ("JointForce", "variable"): FACTORS,
     ("NonlinearDamping", "coefficients"): COEFFICIENTS,

@@ -85,6 +85,13 @@ class Fit:
         names = [self.dynamic(), *self.d.some((*self.wood.dynamic, *self.wood.kinematic), 0, 2)]
         return {name: self.d.number(0.2, 2.0) * self.d.pick([-1, 1]) for name in names}
 
+    def tackle(self) -> dict[tuple[str, ...], float]:
+        """Draw a sum of paths."""
+        return {tuple(self.path()): self.d.number(0.3, 1.5) * self.d.pick([-1, 1]) for _ in range(1 + self.d.below(2))}
+
+    def scalar(self) -> Any:
+        return self.d.pick([self.dynamic, self.sum, self.path, self.tackle])()
+
     def length(self, *frames: str) -> Any:
         """Draw a length, or the name of a new kinematic variable, or of one that moves none of the frames."""
         if self.d.chance(75):
@@ -193,6 +200,8 @@ def python(d: Draw, f: Fit) -> dict[str, Any]:
     return {"function": Bowl(), **parts}
 
 
+FEEDBACK = ("offset", "stiffness", "damping", "gain_by_place", "gain_by_rate")
+
 ELEMENTS: dict[str, Callable[[Draw, Fit], dict[str, Any]]] = {
     "Gravity": gravity,
     "InverseSquareGravity": lambda d, f: {**_ends(f), "strength": d.number(0.1, 2.0)},
@@ -207,7 +216,7 @@ ELEMENTS: dict[str, Callable[[Draw, Fit], dict[str, Any]]] = {
         **_ends(f, True), "stiffness": d.number(0.5, 9.0), "axis": f.direction(), "rest": f.rest()
     },
     "NonlinearSpring": lambda d, f: {
-        "on": d.pick([f.dynamic, f.sum, f.path])(), "force": d.pick(CURVES)
+        "on": f.scalar(), "force": d.pick(CURVES)
     },
     "ElasticString": lambda d, f: {
         "frames": (p := f.path()), "stiffness": d.number(0.5, 9.0), "length": f.length(*p),
@@ -233,16 +242,24 @@ ELEMENTS: dict[str, Callable[[Draw, Fit], dict[str, Any]]] = {
     "Motor": lambda d, f: {**_ends(f, True), "input": d.pick(INPUTS), "axis": f.direction()},
     "LinearMotor": lambda d, f: {**_ends(f), "input": d.pick(INPUTS), "gain": d.number(0.5, 2.0)},
     "NonlinearDamping": lambda d, f: {
-        "variable": f.dynamic(), "coefficients": [d.number(0.1, 1.0) for _ in range(1 + d.below(3))]
+        "on": f.scalar(), "coefficients": [d.number(0.1, 1.0) for _ in range(1 + d.below(3))]
     },
     "LinearDamper": lambda d, f: {**_ends(f), "coefficient": d.number(0.1, 2.0)},
     "CoulombFriction": lambda d, f: {
-        "variable": f.dynamic(), "force": d.number(0.1, 2.0), "speed": d.number(0.05, 0.5)
+        "on": f.scalar(), "force": d.number(0.1, 2.0), "speed": d.number(0.05, 0.5)
     },
     "BodyWrench": wrench,
     "HybridWrench": wrench,
     "SpatialWrench": wrench,
     "TendonForce": tendon,
+    "Servo": lambda d, f: {
+        "on": f.scalar(), "input": d.pick(INPUTS), "gain": d.number(0.5, 2.0),
+        **{name: d.number(0.1, 1.0) for name in d.some(FEEDBACK, 0, 3)},
+    },
+    "Armature": lambda d, f: {"variable": f.sum() if d.chance(50) else f.dynamic(), "inertia": d.number(0.1, 2.0)},
+    "PolynomialCoupling": lambda d, f: {
+        "on": f.scalar(), "of": f.scalar(), "coefficients": [d.number(-0.5, 0.5) for _ in range(2 + d.below(3))]
+    },
     "Drag": drag,
     "ExpressionPotential": lambda d, f: {"expression": scalar(d, f)},
     "ExpressionConstraint": lambda d, f: {"expression": scalar(d, f) - d.number(-0.2, 0.2)},

@@ -118,8 +118,8 @@ def test_every_element_type_is_drawn():
     families = {la.Element, la.Potential, la.Force, la.Constraint, la.Wrench}
     types = {
         name
-        for name, kind in vars(la).items()
-        if isinstance(kind, type) and issubclass(kind, la.Element) and kind not in families
+        for name in la.__all__
+        if isinstance(kind := getattr(la, name), type) and issubclass(kind, la.Element) and kind not in families
     }
     assert types == set(ELEMENTS)
 

@@ -81,6 +81,22 @@ def test_the_skeleton_is_found_beside_the_motion(tmp_path: Path) -> None:
         read_capture(puppet_bvh.write_puppet(tmp_path / "a.bvh", waving()), skeleton=asf)
 
 
+@pytest.mark.parametrize("word", ["nan", "-1.#IND00", "1.#QNAN", "+1.#SNAN", "-1.#J"])
+def test_values_of_bones_with_one_angle_are_missing(tmp_path: Path, word: str) -> None:
+    """What stands behind # in a value is no comment, so that it is not read as the digit before."""
+    path = puppet_asf.write_puppet(tmp_path / "a.amc", waving(20))
+    lines = path.read_text().splitlines()
+    k = [i for i, line in enumerate(lines) if line.startswith("rradius ")][5]
+    text = lines[k]
+    for after in (" # the rest is a comment: 1.#IND", "# so is this"):
+        path.write_text("\n".join([*lines[:k], text + after, *lines[k + 1 :]]))
+        assert not np.isnan(read_amc(path, fill=False).values).any()
+    path.write_text("\n".join([*lines[:k], f"rradius {word} # lost", *lines[k + 1 :]]))
+    values = read_amc(path, fill=False).values
+    assert np.isnan(values).sum() == 1
+    assert "missing samples (not numbers) of rradius" in read_amc(path).describe_gaps()
+
+
 def test_samples_that_are_missing_are_filled(tmp_path: Path) -> None:
     path = puppet_asf.write_puppet(tmp_path / "a.amc", waving(20))
     lines = path.read_text().splitlines()
@@ -118,9 +134,12 @@ BROKEN_MOTION: dict[str, tuple[Change, str]] = {
     "a value too few": (replaced("lfemur", "lfemur 1 2"), "'lfemur' has 2 values; expected 3 .rx ry rz."),
     "a word": (replaced("lfemur", "lfemur 1 two 3"), "a value of bone 'lfemur' is 'two'"),
     "infinite": (replaced("lfemur", "lfemur 1 inf 3"), "a value of bone 'lfemur' is 'inf'"),
+    "infinite to Microsoft": (replaced("lfemur", "lfemur 1 1.#INF 3"), "a value of bone 'lfemur' is '1.#INF'"),
+    "a hash in a value": (replaced("lfemur", "lfemur 1 12.#5 3"), "a value of bone 'lfemur' is '12.#5'"),
     "unknown flag": (replaced(":DEGREES", ":GRADIANS"), "':GRADIANS'; expected one of :FULLY-SPECIFIED"),
     "flag among frames": (replaced("2", ":DEGREES"), "before the first frame"),
-    "no rate": (replaced(":DEGREES", ":SAMPLES-PER-SECOND -3"), "a finite number of frames a second"),
+    "no rate": (replaced(":DEGREES", ":SAMPLES-PER-SECOND -3"), "a number of frames a second"),
+    "a rate beyond all numbers": (replaced(":DEGREES", ":SAMPLES-PER-SECOND 1e308"), "a number of frames a second"),
     "cut": (lambda x: x[:-2], "frame 3 ends without rhumerus, rradius .truncated"),
 }
 

@@ -78,7 +78,8 @@ BROKEN: dict[str, tuple[Change, str]] = {
         replaced("OFFSET", "OFFSET 0 0 1_0"),
         "OFFSET of 'Hips' with three",
     ),
-    "a frame too many": (lambda x: [*x, x[-1]], "a row for frame 61; expected 60 frames"),
+    "two frames too many": (lambda x: [*x, x[-1], x[-1]], "a row for frame 62; expected 60 frames"),
+    "two frames too few": (lambda x: x[:-2], "ends after 58 frames .truncated.*60 frames"),
     "wrong channel count": (
         replaced("CHANNELS 3", "CHANNELS 4 Zrotation Yrotation Xrotation"),
         "CHANNELS of joint 'LeftUpLeg' declares 4 and lists 3",
@@ -109,6 +110,8 @@ BROKEN: dict[str, tuple[Change, str]] = {
     "frames in words": (replaced("Frames:", "Frames: many"), "expected Frames: followed by"),
     "frame time zero": (replaced("Frame Time:", "Frame Time: 0"), "frame time is 0 s.*greater"),
     "frame time negative": (replaced("Frame Time:", "Frame Time: -0.01"), "frame time is -0.01 s"),
+    "frame time too short": (replaced("Frame Time:", "Frame Time: 1e-320"), "frame time is 9.99989e-321 s; expected"),
+    "frame time too long": (replaced("Frame Time:", "Frame Time: 1e300"), "frame time is 1e.300 s; expected"),
     "frame time missing": (replaced("Frame Time:", ""), "expected Frame Time: followed by"),
 }
 
@@ -122,6 +125,25 @@ def test_a_broken_file_is_named_with_line_and_expectation(tmp_path: Path, case: 
         read_bvh(path)
     assert re.search(r"broken\.bvh, line \d+: ", str(caught.value))
     assert "expected" in str(caught.value)
+
+
+@pytest.mark.parametrize(("change", "frames"), [(lambda x: [*x, x[-1]], 61), (lambda x: x[:-1], 59)])
+def test_a_number_of_frames_that_is_off_by_one_is_noted(tmp_path: Path, change: Change, frames: int) -> None:
+    path = write_puppet(tmp_path / "off.bvh", waving())
+    path.write_text("\n".join(change(path.read_text().splitlines())))
+    read = read_bvh(path)
+    assert read.n_frames == frames
+    assert read.notes == (f"60 frames are declared and {frames} are there, which were read",)
+    assert read.notes[0] in read.describe_gaps()
+
+
+def test_a_mapping_of_many_dots_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "deep.toml"
+    path.write_text(".".join("a" * 50_000) + " = 1")
+    began = time.process_time()
+    with pytest.raises(MotionFileError, match=r"has 49999 dots, expected .* which nests nothing"):
+        read_mapping(path)
+    assert time.process_time() - began < 1.0
 
 
 def test_the_line_is_the_right_one(tmp_path: Path) -> None:
@@ -222,7 +244,7 @@ def skeleton(joints: int) -> str:
     limb = """JOINT {0}
 {{
 OFFSET 1 0 0
-CHANNELS 1 Xrotation
+CHANNELS 3 Zrotation Yrotation Xrotation
 End Site
 {{
 OFFSET 1 0 0
@@ -230,7 +252,7 @@ OFFSET 1 0 0
 }}
 """
     head = "HIERARCHY\nROOT hips\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n"
-    row = " ".join(["0"] * (joints + 1)) + "\n"
+    row = " ".join(["0"] * (3 * joints + 1)) + "\n"
     limbs = "".join(limb.format(f"joint{i}") for i in range(joints))
     return f"{head}{limbs}}}\nMOTION\nFrames: 2\nFrame Time: 0.01\n{row}{row}"
 

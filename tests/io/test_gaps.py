@@ -46,7 +46,10 @@ def test_a_whole_capture_stays_what_it_is(whole: Path) -> None:
     assert "filled" not in load_motion(whole).summary()
 
 
-@pytest.mark.parametrize("word", ["nan", "NaN", "-nan(ind)"])
+@pytest.mark.parametrize(
+    "word",
+    ["nan", "NaN", "-nan(ind)", "nan(0x8000)", "NaNQ", "-1.#IND00", "1.#QNAN", "1,#SNAN0", "-1.#IO", "1.#R", "1.#J"],
+)
 def test_words_that_are_no_numbers(whole: Path, word: str) -> None:
     true = read_bvh(whole)
     arm = columns(true, "LeftArm")

@@ -343,7 +343,7 @@ def test_a_result_in_continuous_time_comes_back(limits: list[Bound], tmp_path: P
     assert isinstance(part, ContinuousOptimizationResult)
     assert (loaded.status, loaded.accuracy, loaded.jumps) == (part.status, part.accuracy, part.jumps)
     times = np.linspace(0.0, 1.0, 77)
-    for one, other in ((loaded.trajectory.xu, part.trajectory.xu), (loaded.feedback, part.feedback)):
+    for one, other in ((loaded.dense.xu, part.dense.xu), (loaded.feedback, part.feedback)):
         np.testing.assert_array_equal(one(times), other(times))
     assert str(loaded.limits) == str(part.limits)
     assert not loaded.t.flags.writeable

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from leastaction.errors import ArgumentError, DescriptionError
+from leastaction.errors import ArgumentError, DescriptionError, SwingWarning
 from leastaction.mechanics import Curve
 
 X = np.array([0.0, 0.3, 0.5, 1.1, 1.4, 2.0, 2.2, 3.0])
@@ -90,7 +90,91 @@ def test_a_curve_is_a_value():
         curve.coefficients[0, 0] = 1.0
 
 
+# Few or uneven points, and whether a smooth curve through them swings.
+SWINGING = {
+    "piston": ([0, 0.25 * np.pi, 0.75 * np.pi, np.pi, 2 * np.pi], [0, 1, 1, 0, 0], True),
+    "tendon": ([-10, 0.0, 0.0033, 0.0123, 0.033, 0.0596, 9.2], [0, 0, 0.03, 0.227, 1, 2, 345.0], True),
+    "stairs": (np.arange(9.0), [0, 0, 0, 0, 9, 9, 9, 9, 9], True),
+    "muscle": ([0.5, 0.7, 0.9, 1.0, 1.1, 1.3, 1.5], [0, 0.6, 0.95, 1, 0.95, 0.6, 0], False),
+    "line": ([0.0, 1.0, 5.0], [1.0, 3.0, 11.0], False),
+    "two points": ([0.0, 1.0], [1.0, 3.0], False),
+}
+
+
+@pytest.mark.parametrize("name", SWINGING)
+def test_a_curve_that_swings_says_so(name):
+    x, y, swings = SWINGING[name]
+    if swings:
+        with pytest.warns(SwingWarning, match="it swings. Choose between='monotone'") as caught:
+            Curve(x, y)
+        assert caught[0].filename == __file__
+        return
+    curve = Curve(x, y)
+    assert np.ptp(curve(np.linspace(x[0], x[-1], 2000))) < 1.3 * np.ptp(y)
+
+
+def in_pieces(curve, x, n=201):
+    """Return values (pieces, n) between neighbouring points."""
+    return curve(x[:-1, None] + np.diff(x)[:, None] * np.linspace(0.0, 1.0, n))
+
+
+@pytest.mark.parametrize("name", SWINGING)
+def test_a_monotone_curve_rises_and_falls_as_its_points_do(name):
+    x, y = (np.asarray(each, dtype=float) for each in SWINGING[name][:2])
+    curve = Curve(x, y, between="monotone")
+    assert np.abs(curve(x) - y).max() < 1e-12 * np.ptp(y)
+    ways = np.diff(in_pieces(curve, x), axis=1) * np.where(np.diff(y) < 0.0, -1.0, 1.0)[:, None]
+    assert ways.min() > -1e-12 * np.ptp(y)
+    assert np.all(np.ptp(in_pieces(curve, x), axis=1)[np.diff(y) == 0.0] < 1e-12 * np.ptp(y))
+
+
+def test_monotone_curves_through_random_points():
+    rng = np.random.default_rng(5)
+    for n in (2, 3, 4, 7, 40):
+        for _ in range(40):
+            x = np.cumsum(rng.uniform(0.01, 1.0, n) ** rng.integers(1, 3))
+            y = rng.normal(size=n) if rng.random() < 0.5 else rng.integers(0, 3, n).astype(float)
+            curve = Curve(x, y, between="monotone")
+            ways = np.diff(in_pieces(curve, x, 60), axis=1) * np.sign(np.diff(y))[:, None]
+            assert ways.min() > -1e-12
+            for order in (1, 2):
+                ends = curve.coefficients[:-1], np.diff(x)[:-1]
+                left = np.polynomial.polynomial.polyder(ends[0].T, order)
+                carried = [np.polynomial.polynomial.polyval(h, c) for c, h in zip(left.T, ends[1], strict=True)]
+                scale = np.abs(curve.coefficients[:, order]).max(initial=1.0)
+                right = curve.coefficients[1:, order] * (1.0 if order == 1 else 2.0)
+                np.testing.assert_allclose(carried, right, rtol=1e-5, atol=1e-7 * scale)
+
+
+def test_a_monotone_curve_is_near_a_smooth_function():
+    for function in (np.exp, np.tanh, np.square):
+        errors = []
+        for n in (21, 41):
+            x = np.linspace(0.0, 2.0, n)
+            places = np.linspace(0.0, 2.0, 999)
+            errors.append(np.abs(Curve(x, function(x), between="monotone")(places) - function(places)).max())
+        assert errors[1] < 0.3 * errors[0] < 1e-2
+
+
+def test_slopes_and_curvatures_can_be_given():
+    curve = Curve(X, np.sin(X), slopes=np.cos(X), curvatures=-np.sin(X))
+    places = np.linspace(0.0, 3.0, 301)
+    for order, tolerance in enumerate((1e-5, 1e-4, 1e-3)):
+        values = np.sin(places + order * np.pi / 2)
+        np.testing.assert_allclose(curve(places, order), values, atol=tolerance)
+        np.testing.assert_allclose(curve(X, order), np.sin(X + order * np.pi / 2), atol=1e-12)
+    # Without curvatures it is as exact as the cubics.
+    assert np.abs(Curve(X, np.sin(X), slopes=np.cos(X))(places) - np.sin(places)).max() < 3e-3
+    x, y, _ = SWINGING["tendon"]
+    flat = Curve(x, y, slopes=[0.0, 0.0, 10.0, 30.0, 37.0, 37.5, 37.5])
+    assert np.abs(flat(np.linspace(-10.0, 0.0, 99))).max() < 1e-9
+
+
 BAD = {
+    "curvatures alone": (lambda: Curve([0, 1], [0, 1], curvatures=[0, 0]), "curvatures and no slopes, which they need"),
+    "slopes of another number": (lambda: Curve([0, 1], [0, 1], slopes=[0]), "slopes.*expected"),
+    "slopes and monotone": (lambda: Curve([0, 1], [0, 1], slopes=[0, 0], between="monotone"), "slopes and between"),
+    "between": (lambda: Curve([0, 1], [0, 1], between=[1]), "between: got .1.*expected 'smooth' or 'monotone'"),
     "one point": (lambda: Curve([1.0], [1.0]), "1 point;.*two"),
     "none": (lambda: Curve([], []), "0 points;.*two"),
     "back": (lambda: Curve([0, 2, 1], [0, 0, 0]), r"x\[1\] = 2 is followed by x\[2\] = 1"),

@@ -155,7 +155,7 @@ class Oracle:
         return Place(self, q, near)
 
     def kinetic(self, q: jnp.ndarray, v: jnp.ndarray) -> jnp.ndarray:
-        """Return T: half of tr(G' J G'^T) summed over the joints, G' the rate of the pose along v."""
+        """Return T: half of tr(G' J G'^T) summed over the joints, G' the rate of the pose along v, and the rotors'."""
         spare = jnp.zeros(ROOM - self.nq)
         q, v = (jnp.concatenate([part, spare]) for part in (q, v))
         return tree_energy(self.tree_data, q, v)
@@ -242,7 +242,11 @@ class Oracle:
         data = {n: jnp.array([getattr(joint, n) for joint in self.joints]) for n in names}
         spare = jnp.zeros((len(self.joints), ROOM - self.nq))
         filled = jnp.concatenate([data["factors"], spare], axis=1)
-        return {**data, "factors": filled, "pseudo": jnp.array(pseudo)}
+        # The energy of the rotors is v'Rv/2, a matrix of zeros where there are none.
+        rotors = np.zeros((ROOM, ROOM))
+        for formula, element in self._known(formulas.ROTORS):
+            rotors[: self.nq, : self.nq] += formula(self.index, element)
+        return {**data, "factors": filled, "pseudo": jnp.array(pseudo), "rotors": jnp.array(rotors)}
 
 
 def _body(frame: str, joint: int, pose: np.ndarray, body: Body) -> BodyData:
@@ -301,7 +305,7 @@ def tree_poses(d: Data, q: jnp.ndarray) -> jnp.ndarray:
 
 def tree_energy(d: Data, q: jnp.ndarray, v: jnp.ndarray) -> jnp.ndarray:
     rates = jax.jvp(partial(tree_poses, d), (q,), (v,))[1]
-    return 0.5 * jnp.einsum("bij,bjk,bik", rates, d["pseudo"], rates)
+    return 0.5 * jnp.einsum("bij,bjk,bik", rates, d["pseudo"], rates) + 0.5 * v @ d["rotors"] @ v
 
 
 def _nothing(shape: tuple[int, ...], count: int) -> Orders:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
-from leastaction.errors import CoarseStepWarning, StepError
+from leastaction.errors import CoarseStepWarning, EnergyBalanceWarning, StepError
 from leastaction.mechanics import (
     Distance,
     Element,
@@ -295,13 +297,16 @@ def test_a_long_lift_passes_upright_with_half_the_step() -> None:
     lift = scissor_lift(20)
     vi, highest = MidpointVI(lift), {}
     for dt in (0.01, 0.005, 0.0025, 0.00125):
-        run = vi.simulate(vi.start(*at_angle(lift, 0.9)), dt * np.arange(round(1.6 / dt) + 1))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyBalanceWarning)  # of the longest that passes
+            run = vi.simulate(vi.start(*at_angle(lift, 0.9)), dt * np.arange(round(1.6 / dt) + 1))
         highest[dt] = run["L0"].max()
         if dt == 0.01:
             assert run.status is SimulationStatus.STEP_FAILED
             assert "too coarse" in run.message
             assert highest[dt] < np.pi / 2
         else:
-            assert run.status is SimulationStatus.COMPLETED, run.message
+            passed = SimulationStatus.UNBALANCED if dt == 0.005 else SimulationStatus.COMPLETED
+            assert run.status is passed, run.message
             assert highest[dt] > 2.0
     assert abs(highest[0.0025] - highest[0.00125]) < 0.25 * abs(highest[0.005] - highest[0.00125])

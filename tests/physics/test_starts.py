@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from leastaction.errors import ArgumentError, InconsistentStartError
-from leastaction.mechanics import MidpointVI
+from leastaction.mechanics import (
+    ExpressionForce,
+    Gravity,
+    Mechanism,
+    MidpointVI,
+    PointOnLine,
+    SimulationStatus,
+    project_velocity,
+    tx,
+    ty,
+)
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.marionette import marionette, rest_pose
 from physics.laws import G, complete, mass_on_string, pendulum, swing, times
@@ -101,3 +111,47 @@ def test_start_off_the_constraints_is_refused_by_name() -> None:
 def test_velocity_and_momentum_together_are_refused() -> None:
     with pytest.raises(ArgumentError, match="both v and p"):
         MidpointVI(pendulum()).start([0.0], [1.0], p=[G])
+
+
+def sledge(size: float, power: float, *others: object, tree: object = None) -> Mechanism:
+    """Return 2 kg in a plane with a force of ``size |v|^power`` against the velocity."""
+    sympy = pytest.importorskip("sympy")
+    from leastaction.mechanics.expressions import rate, variable
+
+    x, y = rate(variable("x")), rate(variable("y"))
+    share = size * sympy.sqrt(x**2 + y**2) ** (power - 1)
+    forces = [ExpressionForce(-share * v, name, name=f"f{name}") for v, name in ((x, "x"), (y, "y"))]
+    return Mechanism(tree or [tx("x"), [ty("y", mass=2.0, name="sledge")]], [*forces, *others])
+
+
+@pytest.mark.parametrize("split", ["symmetric", "left"])
+@pytest.mark.parametrize("dt", [0.1, 0.01, 1e-4])
+def test_a_moving_start_goes_with_its_momentum(split: str, dt: float) -> None:
+    """Sliding friction has no direction at rest, from where the first step was guessed."""
+    vi = MidpointVI(sledge(4.0, 0.0), split=split)
+    run = vi.simulate(vi.start([0.0, 0.0], v=[3.0, 4.0]), np.linspace(0.0, 1.0, round(1.0 / dt) + 1))
+    assert run.status is SimulationStatus.COMPLETED
+    # Half of the first step is without what splits the friction so that all of it acts at its start.
+    off = 0.0 if split == "symmetric" else dt
+    assert np.abs(run.q[-1] - [2.4 - 0.6 * off, 3.2 - 0.8 * off]).max() < 1e-8
+    assert run.balance is not None
+    assert abs(run.balance.lost) < 1e-7
+
+
+def test_forces_whose_slopes_are_undefined_at_rest_start_from_rest() -> None:
+    """A fall through air, whose drag by a root has no slope at rest: limit speed sqrt(m g / c)."""
+    vi = MidpointVI(sledge(0.1, 2.0, Gravity((0.0, -G, 0.0))))
+    run = vi.simulate(vi.start([0.0, 0.0]), np.linspace(0.0, 10.0, 1001))
+    assert run.status is SimulationStatus.COMPLETED
+    limit = np.sqrt(2.0 * G / 0.1)
+    assert run.q[-1, 1] == pytest.approx(-(2.0 / 0.1) * np.log(np.cosh(10.0 * G / limit)), rel=1e-5)
+
+
+def test_a_moving_start_under_a_constraint_on_a_moving_frame() -> None:
+    tree = [tx("belt", kinematic=True), [tx("x"), [ty("y", mass=2.0, name="sledge")]]]
+    m = sledge(4.0, 0.0, PointOnLine("world", "sledge", (1.0, 1.0, 0.0)), tree=tree)
+    vi, t, v = MidpointVI(m), np.linspace(0.0, 0.5, 51), np.array([2.0, 3.0, 1.0])
+    assert np.abs(project_velocity(m, np.zeros(3), v).v - v).max() < 1e-12
+    run = vi.simulate(vi.start(np.zeros(3), v), t, rho=t[:, None])
+    assert run.status is SimulationStatus.COMPLETED
+    assert np.abs(run.q[:, 0] + run.q[:, 2] - run.q[:, 1]).max() < 1e-12

@@ -2,101 +2,160 @@
 
 from __future__ import annotations
 
-from leastaction.mechanics.configuration.assembly import (
-    ConfigurationProjection,
-    VelocityProjection,
-    check_consistent,
-    project_configuration,
-    project_velocity,
-)
-from leastaction.mechanics.configuration.contradiction import Contradiction, find_contradiction
-from leastaction.mechanics.configuration.equilibrium import Equilibrium, Stability, equilibrium
-from leastaction.mechanics.continuous.acceleration import AccelerationDerivatives, Accelerations, AccelerationTensors
-from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
-from leastaction.mechanics.continuous.events import Event, EventRecord
-from leastaction.mechanics.continuous.legendre import legendre_jacobian, to_momentum, to_velocity
-from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
-from leastaction.mechanics.continuous.simulation import simulate
-from leastaction.mechanics.continuous.stabilisation import Baumgarte, Drift, Projection
-from leastaction.mechanics.continuous.trajectory import ContinuousState, ContinuousTrajectory, IntegrationStatus
-from leastaction.mechanics.conversion import gain_to_continuous, gain_to_discrete, to_continuous, to_discrete
-from leastaction.mechanics.description.affine import Affine, var
-from leastaction.mechanics.description.bodies import Body
-from leastaction.mechanics.description.branch import Branch, world
-from leastaction.mechanics.description.compositions import Composition, ball, free, universal
-from leastaction.mechanics.description.frames import Frame, rx, ry, rz, tx, ty, tz
-from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
-from leastaction.mechanics.description.poses import pose
-from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
-from leastaction.mechanics.discrete.midpoint import MidpointVI
-from leastaction.mechanics.discrete.sensitivity import Sensitivity
-from leastaction.mechanics.discrete.step import Step
-from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, momentum_by
-from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory
-from leastaction.mechanics.elements import (
-    BodyWrench,
-    Constraint,
-    CoulombFriction,
-    Coupling,
-    Damping,
-    Distance,
-    Drag,
-    ElasticString,
-    Element,
-    ExpressionConstraint,
-    ExpressionForce,
-    ExpressionPotential,
-    FixedOrientation,
-    Force,
-    FunctionReport,
-    Gravity,
-    HingeLoop,
-    HybridWrench,
-    InverseSquareGravity,
-    JointForce,
-    JointSpring,
-    LinearDamper,
-    LinearMotor,
-    LinearSpring,
-    Motor,
-    NonlinearDamping,
-    NonlinearSpring,
-    PathLength,
-    PointOnLine,
-    PointOnPlane,
-    PointToPoint,
-    Potential,
-    PrescribedPath,
-    PythonConstraint,
-    PythonForce,
-    PythonFunction,
-    PythonPotential,
-    SpatialWrench,
-    TendonForce,
-    TorsionalSpring,
-    Wrench,
-    check_function,
-)
-from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives
-from leastaction.mechanics.mechanism.queries.masses import Energy
-from leastaction.numerics.curve import Curve
+from typing import TYPE_CHECKING
+
+from leastaction._names import lazily
+
+if TYPE_CHECKING:
+    from leastaction.mechanics.configuration.assembly import (
+        ConfigurationProjection,
+        VelocityProjection,
+        check_consistent,
+        project_configuration,
+        project_velocity,
+    )
+    from leastaction.mechanics.configuration.contradiction import Contradiction, find_contradiction
+    from leastaction.mechanics.configuration.equilibrium import Equilibrium, Stability, equilibrium
+    from leastaction.mechanics.continuous.acceleration import (
+        AccelerationDerivatives,
+        Accelerations,
+        AccelerationTensors,
+    )
+    from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
+    from leastaction.mechanics.continuous.events import Event, EventRecord
+    from leastaction.mechanics.continuous.legendre import legendre_jacobian, to_momentum, to_velocity
+    from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
+    from leastaction.mechanics.continuous.simulation import simulate
+    from leastaction.mechanics.continuous.stabilisation import Baumgarte, Drift, Projection
+    from leastaction.mechanics.continuous.trajectory import ContinuousState, ContinuousTrajectory, IntegrationStatus
+    from leastaction.mechanics.conversion import gain_to_continuous, gain_to_discrete, to_continuous, to_discrete
+    from leastaction.mechanics.description.affine import Affine, var
+    from leastaction.mechanics.description.bodies import Body
+    from leastaction.mechanics.description.branch import Branch, world
+    from leastaction.mechanics.description.compositions import Composition, ball, free, universal
+    from leastaction.mechanics.description.frames import Frame, rx, ry, rz, tx, ty, tz
+    from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
+    from leastaction.mechanics.description.poses import pose
+    from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
+    from leastaction.mechanics.discrete.midpoint import MidpointVI
+    from leastaction.mechanics.discrete.sensitivity import Sensitivity
+    from leastaction.mechanics.discrete.step import Step
+    from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, momentum_by
+    from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory
+    from leastaction.mechanics.elements import (
+        Armature,
+        BodyWrench,
+        Constraint,
+        CoulombFriction,
+        Coupling,
+        Damping,
+        Distance,
+        Drag,
+        ElasticString,
+        Element,
+        ExpressionConstraint,
+        ExpressionForce,
+        ExpressionPotential,
+        FixedOrientation,
+        Force,
+        FunctionReport,
+        Gravity,
+        HingeLoop,
+        HybridWrench,
+        InverseSquareGravity,
+        JointForce,
+        JointSpring,
+        LinearDamper,
+        LinearMotor,
+        LinearSpring,
+        Motor,
+        NonlinearDamping,
+        NonlinearSpring,
+        PathLength,
+        PointOnLine,
+        PointOnPlane,
+        PointToPoint,
+        PolynomialCoupling,
+        Potential,
+        PrescribedPath,
+        PythonConstraint,
+        PythonForce,
+        PythonFunction,
+        PythonPotential,
+        Servo,
+        SpatialWrench,
+        TendonForce,
+        TorsionalSpring,
+        Wrench,
+        check_function,
+    )
+    from leastaction.mechanics.mechanism.mechanism import Mechanism
+    from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives
+    from leastaction.mechanics.mechanism.queries.masses import Energy
+    from leastaction.numerics.curve import Curve
+else:
+    __getattr__, __dir__ = lazily(
+        __name__,
+        {
+            "leastaction.mechanics.configuration.assembly": (
+                "ConfigurationProjection VelocityProjection check_consistent project_configuration project_velocity"
+            ),
+            "leastaction.mechanics.configuration.contradiction": "Contradiction find_contradiction",
+            "leastaction.mechanics.configuration.equilibrium": "Equilibrium Stability equilibrium",
+            "leastaction.mechanics.continuous.acceleration": (
+                "AccelerationDerivatives Accelerations AccelerationTensors"
+            ),
+            "leastaction.mechanics.continuous.dynamics": "ContinuousDynamics",
+            "leastaction.mechanics.continuous.events": "Event EventRecord",
+            "leastaction.mechanics.continuous.legendre": "legendre_jacobian to_momentum to_velocity",
+            "leastaction.mechanics.continuous.signals": "Feedback PrescribedMotion",
+            "leastaction.mechanics.continuous.simulation": "simulate",
+            "leastaction.mechanics.continuous.stabilisation": "Baumgarte Drift Projection",
+            "leastaction.mechanics.continuous.trajectory": "ContinuousState ContinuousTrajectory IntegrationStatus",
+            "leastaction.mechanics.conversion": "gain_to_continuous gain_to_discrete to_continuous to_discrete",
+            "leastaction.mechanics.description.affine": "Affine var",
+            "leastaction.mechanics.description.bodies": "Body",
+            "leastaction.mechanics.description.branch": "Branch world",
+            "leastaction.mechanics.description.compositions": "Composition ball free universal",
+            "leastaction.mechanics.description.frames": "Frame rx ry rz tx ty tz",
+            "leastaction.mechanics.description.joints": "prismatic revolute screw twist",
+            "leastaction.mechanics.description.poses": "pose",
+            "leastaction.mechanics.discrete.linearization": "StepDerivatives StepTensors",
+            "leastaction.mechanics.discrete.midpoint": "MidpointVI",
+            "leastaction.mechanics.discrete.sensitivity": "Sensitivity",
+            "leastaction.mechanics.discrete.step": "Step",
+            "leastaction.mechanics.discrete.step_sensitivity": "StepSensitivity momentum_by",
+            "leastaction.mechanics.discrete.trajectory": "SimulationStatus State Trajectory",
+            "leastaction.mechanics.elements": (
+                "Armature BodyWrench Constraint CoulombFriction Coupling Damping Distance Drag ElasticString Element "
+                "ExpressionConstraint ExpressionForce ExpressionPotential FixedOrientation Force FunctionReport "
+                "Gravity HingeLoop HybridWrench InverseSquareGravity JointForce JointSpring LinearDamper LinearMotor "
+                "LinearSpring Motor NonlinearDamping NonlinearSpring PathLength PointOnLine PointOnPlane PointToPoint "
+                "PolynomialCoupling Potential PrescribedPath PythonConstraint PythonForce PythonFunction "
+                "PythonPotential Servo SpatialWrench TendonForce TorsionalSpring Wrench check_function"
+            ),
+            "leastaction.mechanics.mechanism.mechanism": "Mechanism",
+            "leastaction.mechanics.mechanism.queries.function_derivatives": "FunctionDerivatives",
+            "leastaction.mechanics.mechanism.queries.masses": "Energy",
+            "leastaction.numerics.curve": "Curve",
+        },
+    )
 
 __all__ = [
-    "AccelerationDerivatives", "AccelerationTensors", "Accelerations", "Affine", "Baumgarte", "Body", "BodyWrench",
-    "Branch", "Composition", "ConfigurationProjection", "Constraint", "ContinuousDynamics", "ContinuousState",
-    "ContinuousTrajectory", "Contradiction", "CoulombFriction", "Coupling", "Curve", "Damping", "Distance", "Drag",
-    "Drift", "ElasticString", "Element", "Energy", "Equilibrium", "Event", "EventRecord", "ExpressionConstraint",
-    "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation", "Force", "Frame", "FunctionDerivatives",
-    "FunctionReport", "Gravity", "HingeLoop", "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "JointForce",
-    "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MidpointVI", "Motor",
-    "NonlinearDamping", "NonlinearSpring", "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "Potential",
-    "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction",
-    "PythonPotential", "Sensitivity", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step",
-    "StepDerivatives", "StepSensitivity", "StepTensors", "TendonForce", "TorsionalSpring", "Trajectory",
-    "VelocityProjection", "Wrench", "ball", "check_consistent", "check_function", "equilibrium",
-    "find_contradiction", "free", "gain_to_continuous", "gain_to_discrete", "legendre_jacobian", "momentum_by", "pose",
-    "prismatic", "project_configuration", "project_velocity", "revolute", "rx", "ry", "rz", "screw", "simulate",
-    "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal", "var",
-    "world",
+    "AccelerationDerivatives", "AccelerationTensors", "Accelerations", "Affine", "Armature", "Baumgarte", "Body",
+    "BodyWrench", "Branch", "Composition", "ConfigurationProjection", "Constraint", "ContinuousDynamics",
+    "ContinuousState", "ContinuousTrajectory", "Contradiction", "CoulombFriction", "Coupling", "Curve", "Damping",
+    "Distance", "Drag", "Drift", "ElasticString", "Element", "Energy", "Equilibrium", "Event", "EventRecord",
+    "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation", "Force",
+    "Frame", "FunctionDerivatives", "FunctionReport", "Gravity", "HingeLoop", "HybridWrench", "IntegrationStatus",
+    "InverseSquareGravity", "JointForce", "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism",
+    "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "PathLength", "PointOnLine", "PointOnPlane",
+    "PointToPoint", "PolynomialCoupling", "Potential", "PrescribedMotion", "PrescribedPath", "Projection",
+    "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "Sensitivity", "Servo",
+    "SimulationStatus", "SpatialWrench", "Stability", "State", "Step", "StepDerivatives", "StepSensitivity",
+    "StepTensors", "TendonForce", "TorsionalSpring", "Trajectory", "VelocityProjection", "Wrench", "ball",
+    "check_consistent", "check_function", "equilibrium", "find_contradiction", "free", "gain_to_continuous",
+    "gain_to_discrete", "legendre_jacobian", "momentum_by", "pose", "prismatic", "project_configuration",
+    "project_velocity", "revolute", "rx", "ry", "rz", "screw", "simulate", "to_continuous", "to_discrete",
+    "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal", "var", "world",
 ]  # fmt: skip

@@ -156,11 +156,13 @@ def as_times(t: object, what: str = "t") -> Array:
     return read_only(times.copy())
 
 
-def as_choice(value: str, what: str, choices: Sequence[str]) -> None:
-    """Raise an `ArgumentError` unless a value is one of some words, such as those of a `Literal` by `get_args`."""
-    if value not in choices:
+def as_choice(
+    value: object, what: str, choices: Sequence[str], *, error: type[LeastActionError] = ArgumentError
+) -> None:
+    """Raise an error unless a value is one of some words, such as those of a `Literal` by `get_args`."""
+    if not isinstance(value, str) or value not in choices:
         *others, last = map(repr, choices)
-        raise ArgumentError(f"{what}: got {value!r}, expected {', '.join(others)} or {last}")
+        raise error(f"{what}: got {brief(repr(value))}, expected {', '.join(others)} or {last}")
 
 
 def as_flag(value: object, what: str, *, error: type[LeastActionError] = ArgumentError) -> bool:

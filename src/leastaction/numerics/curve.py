@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import DescriptionError
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number
+from leastaction.errors import DescriptionError, SwingWarning
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number
+from leastaction.numerics.hermite import monotone, quintics, suggested_curvatures
 
 _DEGREE = 5
+Between = Literal["smooth", "monotone"]
+# Parts of the range of two points and their neighbours, and of all points, by which a curve may leave the former: samples of
+# smooth functions, three a wave, stay within them.
+_SWING, _SWING_OF_ALL = 1.0, 0.01
+_INSIDE = np.linspace(0.0, 1.0, 12)[1:-1]  # of the way from one point to the next
 
 
 class Curve:
@@ -19,8 +27,11 @@ class Curve:
 
     Four derivatives are continuous, so a force from it has all the derivatives that Newton's method and
     the second order of a step use. Up to six points are met by the one polynomial through them, which is
-    smooth everywhere. Outside of the points the first and the last piece carry on, so give points as far
-    as the motion goes: a polynomial that is left to itself soon grows.
+    smooth everywhere. Where points are few, uneven or have a kink it swings: then say slopes too, or choose
+    ``between="monotone"``, which never leaves the values of its neighbours. Both are quintics with two
+    continuous derivatives, as many as the second order of a step asks of a force. Outside of the points the
+    first and the last piece carry on, so give points as far as the motion goes: a polynomial that is left to
+    itself soon grows.
 
     Parameters
     ----------
@@ -28,6 +39,13 @@ class Curve:
         Places, two at least, strictly increasing.
     y : array_like, shape (n,)
         Values there.
+    slopes : array_like, shape (n,), optional
+        First derivatives there.
+    curvatures : array_like, shape (n,), optional
+        Second derivatives there, beside slopes; if left out those that the slopes suggest.
+    between : {"smooth", "monotone"}, optional
+        What stands between points of which values alone are given: the smoothest, or what rises and falls only as
+        the points do.
 
     Attributes
     ----------
@@ -39,13 +57,18 @@ class Curve:
     Raises
     ------
     DescriptionError
-        If the points are fewer than two, not finite, not increasing or of different number.
+        If the points are fewer than two, not finite, not increasing or of different number, if curvatures come
+        without slopes, or either with ``between="monotone"``.
+
+    Warns
+    -----
+    SwingWarning
+        If it swings: where between two points it leaves the range of those two and their neighbours by as much again.
 
     Notes
     -----
     Immutable, so any number of threads may share it. The spline is SciPy's `make_interp_spline` with its
-    not-a-knot ends. Like every interpolation of high degree it swings where the points have a kink; sample a
-    function that is smooth.
+    not-a-knot ends.
     """
 
     __slots__ = ("breaks", "coefficients")
@@ -53,7 +76,15 @@ class Curve:
     breaks: Array
     coefficients: Array
 
-    def __init__(self, x: ArrayLike, y: ArrayLike) -> None:
+    def __init__(
+        self,
+        x: ArrayLike,
+        y: ArrayLike,
+        *,
+        slopes: ArrayLike | None = None,
+        curvatures: ArrayLike | None = None,
+        between: Between = "smooth",
+    ) -> None:
         places = as_array(x, "Curve: x", (None,), error=DescriptionError)
         if len(places) < 2:
             raise DescriptionError(
@@ -68,16 +99,23 @@ class Curve:
                 f"Curve: x must increase strictly, but x[{k}] = {places[k]:g} is followed by "
                 f"x[{k + 1}] = {places[k + 1]:g}; sort the points and name each place once"
             )
-        # Here, so that to import the package is quick.
-        from scipy.interpolate import PPoly, make_interp_spline
-
-        degree = min(_DEGREE, len(places) - 1)
-        # One polynomial has no knots inside, which older versions of SciPy must be told for even degrees.
-        knots = np.repeat(places[[0, -1]], degree + 1) if len(places) == degree + 1 else None
-        pieces = PPoly.from_spline(make_interp_spline(places, values, k=degree, t=knots))
-        # A spline repeats the knots at its ends, which makes pieces of no width.
-        wide = np.diff(pieces.x) > 0.0
-        self._set(np.append(pieces.x[:-1][wide], pieces.x[-1]), pieces.c[::-1, wide].T)
+        as_choice(between, "Curve: between", get_args(Between), error=DescriptionError)
+        given = {"slopes": slopes, "curvatures": curvatures}
+        named = [name for name, value in given.items() if value is not None]
+        if named and (between == "monotone" or slopes is None):
+            other = "between='monotone', which finds them" if between == "monotone" else "no slopes, which they need"
+            raise DescriptionError(f"Curve: got {' and '.join(named)} and {other}")
+        if between == "monotone":
+            self._set(places, quintics(places, values, *monotone(places, values)))
+        elif slopes is not None:
+            first = as_array(slopes, "Curve: slopes", (len(places),), error=DescriptionError)
+            second = suggested_curvatures(places, values, first)
+            if curvatures is not None:
+                second = as_array(curvatures, "Curve: curvatures", (len(places),), error=DescriptionError)
+            self._set(places, quintics(places, values, first, second))
+        else:
+            self._set(*_spline(places, values))
+        self._tell_of_swings(places, values)
 
     @classmethod
     def from_function(cls, function: Callable[[float], float], start: float, end: float, *, pieces: int = 32) -> Curve:
@@ -107,6 +145,28 @@ class Curve:
             as_number(function(float(x)), f"Curve: the function at {x:g}", error=DescriptionError) for x in places
         ]
         return cls(places, values)
+
+    @classmethod
+    def from_pieces(cls, breaks: ArrayLike, coefficients: ArrayLike) -> Curve:
+        """Return the curve of given polynomials, as its `breaks` and `coefficients` are.
+
+        Parameters
+        ----------
+        breaks : array_like, shape (pieces + 1,)
+            Where the pieces begin and the last one ends, strictly increasing.
+        coefficients : array_like, shape (pieces, degree + 1)
+            Of every piece in ascending powers of ``x - breaks[i]``.
+
+        Raises
+        ------
+        DescriptionError
+            If a number is not finite, the places do not increase, or there are not as many pieces as places between.
+        """
+        places = as_array(breaks, "Curve: breaks", (None,), error=DescriptionError)
+        pieces = as_array(coefficients, "Curve: coefficients", (max(len(places) - 1, 1), None), error=DescriptionError)
+        if len(places) < 2 or np.any(np.diff(places) <= 0.0) or pieces.shape[1] == 0:
+            raise DescriptionError("Curve: expected two breaks at least that increase strictly, and coefficients")
+        return _restore(places, pieces)
 
     @property
     def start(self) -> float:
@@ -157,11 +217,52 @@ class Curve:
         pieces, terms = self.coefficients.shape
         return f"<Curve from {self.start:g} to {self.end:g}: {pieces} piece{'s'[: pieces != 1]} of degree {terms - 1}>"
 
+    def _tell_of_swings(self, x: Array, y: Array) -> None:
+        """Warn where the curve between two points is far from them and their neighbours."""
+        ends = np.concatenate([[y[0]], y, [y[-1]]])
+        near = np.lib.stride_tricks.sliding_window_view(ends, 4)
+        least, most = near.min(axis=1), near.max(axis=1)
+        allowed = _SWING * (most - least) + _SWING_OF_ALL * np.ptp(y)
+        inside = x[:-1, None] + np.diff(x)[:, None] * _INSIDE
+        found = np.asarray(self(inside))
+        off = np.maximum(found - most[:, None], least[:, None] - found) - allowed[:, None]
+        if not np.any(off > 1e-9 * np.abs(y).max()):
+            return
+        i, k = np.unravel_index(int(np.argmax(off)), off.shape)
+        warnings.warn(
+            f"Curve: between x = {x[i]:g} and {x[i + 1]:g}, where y = {y[i]:g} and {y[i + 1]:g} are given, it goes to "
+            f"{found[i, k]:.3g}: it swings. Choose between='monotone', give slopes=, or more points where it bends",
+            SwingWarning,
+            stacklevel=_outside(),
+        )
+
     def _set(self, breaks: Array, coefficients: Array) -> None:
         for name, array in (("breaks", breaks), ("coefficients", coefficients)):
             own = np.array(array, order="C")
             own.setflags(write=False)
             object.__setattr__(self, name, own)
+
+
+def _spline(x: Array, y: Array) -> tuple[Array, Array]:
+    """Return breaks and coefficients of the quintic spline through points, or of the polynomial through few."""
+    # Here, so that to import the package is quick.
+    from scipy.interpolate import PPoly, make_interp_spline
+
+    degree = min(_DEGREE, len(x) - 1)
+    # One polynomial has no knots inside, which older versions of SciPy must be told for even degrees.
+    knots = np.repeat(x[[0, -1]], degree + 1) if len(x) == degree + 1 else None
+    pieces = PPoly.from_spline(make_interp_spline(x, y, k=degree, t=knots))
+    # A spline repeats the knots at its ends, which makes pieces of no width.
+    wide = np.diff(pieces.x) > 0.0
+    return np.append(pieces.x[:-1][wide], pieces.x[-1]), pieces.c[::-1, wide].T
+
+
+def _outside() -> int:
+    """Return the stack level of who made the curve, of a warning in `Curve._tell_of_swings`."""
+    level, frame = 1, sys._getframe(1)
+    while frame is not None and frame.f_globals.get("__name__") == __name__:
+        level, frame = level + 1, frame.f_back
+    return level
 
 
 def _restore(breaks: Array, coefficients: Array) -> Curve:

@@ -6,73 +6,113 @@ brings them together.
 
 from __future__ import annotations
 
-from leastaction.optimal.checks import DerivativeReport, check_derivatives
-from leastaction.optimal.continuous import (
-    Accuracy,
-    ContinuousCost,
-    ContinuousLinearQuadraticSolution,
-    ContinuousOptimizationResult,
-    ContinuousProjection,
-    ContinuousQuadraticCost,
-    ContinuousRollout,
-    ContinuousSystem,
-    DenseTrajectory,
-    FunctionContinuousSystem,
-    LinearContinuousSystem,
-    PiecewisePolynomial,
-    RateGradient,
-    RateHessian,
-    regulate_continuous,
-    solve_continuous_linear_quadratic,
-    steady_state_regulator,
-)
-from leastaction.optimal.discrete.controllability import Controllability, ControllabilityWindow, controllability
-from leastaction.optimal.discrete.cost import Cost, CostGradient, QuadraticCost, WindowCost
-from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
-from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
-from leastaction.optimal.discrete.linear_quadratic import (
-    LinearQuadraticSolution,
-    adjoint,
-    regulate,
-    solve_linear_quadratic,
-    sweep_forward,
-)
-from leastaction.optimal.discrete.projection import Projection
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
-from leastaction.optimal.limit_report import LimitReport, LimitState
-from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
-from leastaction.optimal.optimize import optimize, optimize_continuous
-from leastaction.optimal.optimizer import Optimizer
-from leastaction.optimal.options import Options
-from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
-from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Status
-from leastaction.optimal.starts import (
-    HelpedCost,
-    StageRecord,
-    StageTable,
-    StartResult,
-    StartStatus,
-    coarse_to_fine,
-    continuation,
-    receding_horizon,
-    resample,
-)
-from leastaction.optimal.system import Linearization
-from leastaction.optimal.table import IterationTable
-from leastaction.optimal.unknowns.periodic import Periodic
-from leastaction.optimal.unknowns.unknown import FinalTime, Parameter, Unknown
+from typing import TYPE_CHECKING
+
+from leastaction._names import lazily
+
+if TYPE_CHECKING:
+    from leastaction.optimal.checks import DerivativeReport, check_derivatives
+    from leastaction.optimal.checks.descent import CostAlong, cost_along
+    from leastaction.optimal.continuous import (
+        Accuracy,
+        ContinuousCost,
+        ContinuousLinearQuadraticSolution,
+        ContinuousOptimizationResult,
+        ContinuousProjection,
+        ContinuousQuadraticCost,
+        ContinuousRollout,
+        ContinuousSystem,
+        DenseTrajectory,
+        FunctionContinuousSystem,
+        LinearContinuousSystem,
+        PiecewisePolynomial,
+        RateGradient,
+        RateHessian,
+        regulate_continuous,
+        solve_continuous_linear_quadratic,
+        steady_state_regulator,
+    )
+    from leastaction.optimal.discrete.controllability import Controllability, ControllabilityWindow, controllability
+    from leastaction.optimal.discrete.cost import Cost, CostGradient, QuadraticCost, WindowCost
+    from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
+    from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
+    from leastaction.optimal.discrete.linear_quadratic import (
+        LinearQuadraticSolution,
+        adjoint,
+        regulate,
+        solve_linear_quadratic,
+        sweep_forward,
+    )
+    from leastaction.optimal.discrete.projection import Projection
+    from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
+    from leastaction.optimal.limit_report import LimitReport, LimitState
+    from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
+    from leastaction.optimal.optimization import optimize, optimize_continuous
+    from leastaction.optimal.optimizer import Optimizer
+    from leastaction.optimal.options import Options
+    from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
+    from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Status
+    from leastaction.optimal.starts.coarse_to_fine import coarse_to_fine, resample
+    from leastaction.optimal.starts.continuation import continuation
+    from leastaction.optimal.starts.help import HelpedCost
+    from leastaction.optimal.starts.receding_horizon import receding_horizon
+    from leastaction.optimal.starts.stages import StageRecord, StageTable, StartResult, StartStatus
+    from leastaction.optimal.system import Linearization
+    from leastaction.optimal.table import IterationTable
+    from leastaction.optimal.unknowns.periodic import Periodic
+    from leastaction.optimal.unknowns.unknown import FinalTime, Parameter, Unknown
+else:
+    __getattr__, __dir__ = lazily(
+        __name__,
+        {
+            "leastaction.optimal.checks": "DerivativeReport check_derivatives",
+            "leastaction.optimal.checks.descent": "CostAlong cost_along",
+            "leastaction.optimal.continuous": (
+                "Accuracy ContinuousCost ContinuousLinearQuadraticSolution ContinuousOptimizationResult "
+                "ContinuousProjection ContinuousQuadraticCost ContinuousRollout ContinuousSystem DenseTrajectory "
+                "FunctionContinuousSystem LinearContinuousSystem PiecewisePolynomial RateGradient RateHessian "
+                "regulate_continuous solve_continuous_linear_quadratic steady_state_regulator"
+            ),
+            "leastaction.optimal.discrete.controllability": "Controllability ControllabilityWindow controllability",
+            "leastaction.optimal.discrete.cost": "Cost CostGradient QuadraticCost WindowCost",
+            "leastaction.optimal.discrete.function_system": "FunctionSystem LinearSystem",
+            "leastaction.optimal.discrete.hessians": "CostHessian HessianPart ModelHessian",
+            "leastaction.optimal.discrete.linear_quadratic": (
+                "LinearQuadraticSolution adjoint regulate solve_linear_quadratic sweep_forward"
+            ),
+            "leastaction.optimal.discrete.projection": "Projection",
+            "leastaction.optimal.discrete.system": "DiscreteSystem Rollout WindowSystem",
+            "leastaction.optimal.limit_report": "LimitReport LimitState",
+            "leastaction.optimal.limits.limit": "Bound Equal Limit Within",
+            "leastaction.optimal.optimization": "optimize optimize_continuous",
+            "leastaction.optimal.optimizer": "Optimizer",
+            "leastaction.optimal.options": "Options",
+            "leastaction.optimal.quantity": "Entries FunctionQuantity Quantity",
+            "leastaction.optimal.result": "IterationRecord OptimizationHistory OptimizationResult Status",
+            "leastaction.optimal.starts.coarse_to_fine": "coarse_to_fine resample",
+            "leastaction.optimal.starts.continuation": "continuation",
+            "leastaction.optimal.starts.help": "HelpedCost",
+            "leastaction.optimal.starts.receding_horizon": "receding_horizon",
+            "leastaction.optimal.starts.stages": "StageRecord StageTable StartResult StartStatus",
+            "leastaction.optimal.system": "Linearization",
+            "leastaction.optimal.table": "IterationTable",
+            "leastaction.optimal.unknowns.periodic": "Periodic",
+            "leastaction.optimal.unknowns.unknown": "FinalTime Parameter Unknown",
+        },
+    )
 
 __all__ = [
     "Accuracy", "Bound", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
     "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Controllability",
-    "ControllabilityWindow", "Cost", "CostGradient", "CostHessian", "DenseTrajectory", "DerivativeReport",
-    "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem", "FunctionQuantity",
-    "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit", "LimitReport",
-    "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem", "Linearization",
-    "ModelHessian", "OptimizationHistory", "OptimizationResult", "Optimizer", "Options", "Parameter", "Periodic",
-    "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout",
-    "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown", "WindowCost", "WindowSystem",
-    "Within", "adjoint", "check_derivatives", "coarse_to_fine", "continuation", "controllability", "optimize",
-    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
-    "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
+    "ControllabilityWindow", "Cost", "CostAlong", "CostGradient", "CostHessian", "DenseTrajectory",
+    "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem",
+    "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit",
+    "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem",
+    "Linearization", "ModelHessian", "OptimizationHistory", "OptimizationResult", "Optimizer", "Options",
+    "Parameter", "Periodic", "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient",
+    "RateHessian", "Rollout", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown",
+    "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives", "coarse_to_fine", "continuation",
+    "controllability", "cost_along", "optimize", "optimize_continuous", "receding_horizon", "regulate",
+    "regulate_continuous", "resample", "solve_continuous_linear_quadratic", "solve_linear_quadratic",
+    "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

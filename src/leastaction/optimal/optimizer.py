@@ -154,7 +154,7 @@ class Optimizer:
             if isinstance(initial, OptimizationResult) and not isinstance(problem, LimitedProblem):
                 initial = initial.x, initial.u
         elif isinstance(initial, ContinuousOptimizationResult) and not isinstance(problem, CollocationProblem):
-            initial = initial.trajectory
+            initial = initial.dense
         with _one_thread() if isinstance(problem, CollocationProblem) else nullcontext():
             memory = None if resume is None else resume.memory
             if resume is not None and memory is not None and memory.resolved is not None:

@@ -10,13 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.dataset import STEP, TIME, Dataset, Savable
+from leastaction.numerics.dataset.plain import plain
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.memory import Memory
 from leastaction.optimal.options import Options
 from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.system import System
 
 
 class Status(Enum):
@@ -217,7 +221,7 @@ class HistoryBuilder:
 
 
 @dataclass(frozen=True)
-class OptimizationResult(Frozen):
+class OptimizationResult(Frozen, Savable):
     """An optimised trajectory, the feedback that holds it, and how it was found.
 
     Frozen, so any number of threads may share it; so may runs that go on from it.
@@ -260,6 +264,12 @@ class OptimizationResult(Frozen):
         What was found beside the inputs, by name. The trajectory is one of ``system.with_parameters(result.unknowns)``.
     memory : Memory or None
         What resuming needs of a run that may begin again; None of others.
+    t : ndarray (N+1,)
+        Times of the states (s); their indices, of a system that knows no time.
+    state_names, input_names : tuple of str
+        Names of the columns of `x` and of `u`, by which ``result["elbow"]`` finds them.
+    system : System or None
+        What the system told of itself, for the `trajectory` of a mechanism; None of a system of anything else.
     """
 
     status: Status
@@ -280,6 +290,78 @@ class OptimizationResult(Frozen):
     gap: float = field(default=0.0, kw_only=True)
     unknowns: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), kw_only=True)
     memory: Memory | None = field(default=None, kw_only=True)
+    t: Array = field(default_factory=lambda: np.empty(0), kw_only=True)
+    state_names: tuple[str, ...] = field(default=(), kw_only=True)
+    input_names: tuple[str, ...] = field(default=(), kw_only=True)
+    system: System | None = field(default=None, kw_only=True, repr=False, compare=False, metadata={"recorded": False})
+
+    def __post_init__(self) -> None:
+        # Of systems without, and files of before they were known.
+        if len(self.t) == 0:
+            object.__setattr__(self, "t", np.arange(len(self.x), dtype=np.float64))
+        for name, letter, values in (("state_names", "x", self.x), ("input_names", "u", self.u)):
+            if not getattr(self, name):
+                object.__setattr__(self, name, tuple(f"{letter}[{i}]" for i in range(values.shape[-1])))
+        for name in ("timings", "unknowns"):
+            if isinstance(getattr(self, name), dict):
+                object.__setattr__(self, name, MappingProxyType(getattr(self, name)))
+        super().__post_init__()
+
+    @property
+    def trajectory(self) -> Any:
+        """The trajectory of the mechanism that was steered, with what it knows by name and its multipliers.
+
+        Returns
+        -------
+        Trajectory or ContinuousTrajectory
+            In the system's kind of time.
+
+        Raises
+        ------
+        ArgumentError
+            Where the system is of no mechanism, or multiple shooting left gaps between the steps.
+        """
+        if self.system is None:
+            raise ArgumentError(
+                "result.trajectory: the result knows no mechanism: its system is of none, or makes steps of its own, "
+                "or it was saved by an older leastaction. Take x, u and t, or system.trajectory(x, u) of a "
+                "MidpointSystem"
+            )
+        if self.gap > 0.0:
+            raise ArgumentError(
+                f"result.trajectory: the run ended with gaps between its steps, of {self.gap:.2g} in parts of the "
+                "states' sizes, so (x, u) is no motion. Go on with resume=result"
+            )
+        return self.system.motion(self)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a state, an input or, of a mechanism, a multiplier over time by name.
+
+        ``name``: one of `state_names`, such as "elbow" or "p_elbow", of `input_names`, or of what `trajectory` knows
+        beside them, the mechanism's constraints. What is prescribed has one name as state and input: its states are
+        returned. Raises `ArgumentError` for an unknown name.
+        """
+        for names, values in ((self.state_names, self.x), (self.input_names, self.u)):
+            if name in names:
+                return values[:, names.index(name)]
+        if self.system is not None and self.gap == 0.0:
+            found: Array = self.trajectory[name]
+            return found
+        known = (*self.state_names, *self.input_names)
+        raise ArgumentError(f"unknown name {name!r}; {closest(name, known, what='states and inputs')}")
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the columns of `x`, such as "rad"; "" where none is known."""
+        return ("",) * len(self.state_names) if self.system is None else self.system.state_units
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the columns of `u`, likewise."""
+        return ("",) * len(self.input_names) if self.system is None else self.system.input_units
+
+    def dataset(self) -> Dataset:
+        return dataset_of(self, self, steps=STEP)
 
     @property
     def iterations(self) -> int:
@@ -305,3 +387,33 @@ class OptimizationResult(Frozen):
         if self.worst_step is not None:
             lines.append(str(self.worst_step))
         return "\n".join(lines)
+
+
+def dataset_of(result: OptimizationResult, content: object, *, steps: str, prefix: str = "") -> Dataset:
+    """Return a result as plain data.
+
+    ``content``: the dataclass that holds all of it, where the fields that all results have begin with ``prefix``.
+    ``steps``: the dimension of what has a row for each input.
+    """
+    arrays: dict[str, Any] = {}
+    rest = plain(content, arrays)
+    names = {"state": result.state_names, "input": result.input_names}
+    units = {"x": result.state_units, "u": result.input_units}
+    dims = {"x": (TIME, "state"), "u": (steps, "input"), "K": (steps, "input", "state")}
+    history = {f"history.{each}": ("iteration",) for each in vars(result.history) if each != "method"}
+    dims |= {**history, "history.cost": ("iterate",)}
+    about = None if result.system is None else result.system.dataset(result)
+    if about is not None:
+        arrays |= about.arrays
+    own = {f"{prefix}{name}": each for name, each in dims.items() if f"{prefix}{name}" in arrays}
+    return Dataset(
+        kind=type(content).__name__,
+        t=result.t,
+        arrays=arrays,
+        dims={"t": (TIME,), **own, **(about.dims if about else {})},
+        labels={**names, **(about.labels if about else {})},
+        units={"t": "s", **{f"{prefix}{name}": each for name, each in units.items()}, **(about.units if about else {})},
+        content=rest,
+        system=about.system if about else {},
+        model=about.model if about else None,
+    )

@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_count
+from leastaction.numerics.dataset import Dataset
 from leastaction.optimal.quantity import Entries, Quantity
 
 SecondOrder = Callable[[Array], Array]
@@ -139,6 +140,41 @@ class System(ABC):
     def difference(self, x: Array, xbar: Array) -> Array:
         """Return the difference of states (nx,) or (n, nx), as feedback and projection take it."""
         return difference(x, xbar)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the entries of the state."""
+        return self.quantity("state").names
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the entries of the input."""
+        return tuple(self.input_name(i) for i in range(self.nu))
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the entries of the state, "" where none is known, as here of all."""
+        return ("",) * self.nx
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the entries of the input, likewise."""
+        return ("",) * self.nu
+
+    def told(self) -> System | None:
+        """Return what a result keeps of the system, which `motion` is asked of; None by default.
+
+        A mechanism's keeps what can be pickled and saved with a result.
+        """
+        return None
+
+    def motion(self, result: Any) -> Any:
+        """Return the trajectory of the mechanism that a result of this system is; for what `told` returns."""
+        raise NotImplementedError(f"{type(self).__name__} is of no mechanism")
+
+    def dataset(self, result: Any) -> Dataset | None:  # noqa: ARG002 - overridden
+        """Return what a file of a result says of the system: its settings, its mechanism, and arrays that it adds."""
+        return None
 
     def input_name(self, i: int) -> str:
         """Return how to speak of entry i of the inputs in messages."""

@@ -2,19 +2,45 @@
 
 from __future__ import annotations
 
-from leastaction.systems.checks import check_derivatives
-from leastaction.systems.continuous import MechanismSystem
-from leastaction.systems.costs.places import PlaceCost
-from leastaction.systems.costs.smooth import SmoothCost
-from leastaction.systems.embedding import embed
-from leastaction.systems.following import Followed, follow
-from leastaction.systems.keep import Keep
-from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.pulled import PulledSystem
-from leastaction.systems.regions import Ball, Box, HalfSpace, Region
-from leastaction.systems.relaxation import by_tensions, relax
-from leastaction.systems.rigs import Played, Rig, play
-from leastaction.systems.warm_start import warm_start
+from typing import TYPE_CHECKING
+
+from leastaction._names import lazily
+
+if TYPE_CHECKING:
+    from leastaction.systems.checks import check_derivatives
+    from leastaction.systems.continuous import MechanismSystem
+    from leastaction.systems.costs.places import PlaceCost
+    from leastaction.systems.costs.smooth import SmoothCost
+    from leastaction.systems.embedding import embed
+    from leastaction.systems.following.follow import Followed, follow
+    from leastaction.systems.keep import Keep
+    from leastaction.systems.midpoint import MidpointSystem
+    from leastaction.systems.pulled import PulledSystem
+    from leastaction.systems.regions import Ball, Box, HalfSpace, Region
+    from leastaction.systems.relaxation import by_tensions, relax
+    from leastaction.systems.rigs.play import play
+    from leastaction.systems.rigs.rig import Played, Rig
+    from leastaction.systems.warm_starts import warm_start
+else:
+    __getattr__, __dir__ = lazily(
+        __name__,
+        {
+            "leastaction.systems.checks": "check_derivatives",
+            "leastaction.systems.continuous": "MechanismSystem",
+            "leastaction.systems.costs.places": "PlaceCost",
+            "leastaction.systems.costs.smooth": "SmoothCost",
+            "leastaction.systems.embedding": "embed",
+            "leastaction.systems.following.follow": "Followed follow",
+            "leastaction.systems.keep": "Keep",
+            "leastaction.systems.midpoint": "MidpointSystem",
+            "leastaction.systems.pulled": "PulledSystem",
+            "leastaction.systems.regions": "Ball Box HalfSpace Region",
+            "leastaction.systems.relaxation": "by_tensions relax",
+            "leastaction.systems.rigs.play": "play",
+            "leastaction.systems.rigs.rig": "Played Rig",
+            "leastaction.systems.warm_starts": "warm_start",
+        },
+    )
 
 __all__ = [
     "Ball", "Box", "Followed", "HalfSpace", "Keep", "MechanismSystem", "MidpointSystem", "PlaceCost", "Played",

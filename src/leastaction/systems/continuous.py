@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -11,12 +13,27 @@ from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
 from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics, as_dynamics
+from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
+from leastaction.mechanics.elements.units import rate_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.units import state_units
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.dataset import Dataset
 from leastaction.optimal.continuous import ContinuousSystem
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities.continuous import KINDS, points_of, quantity_of
+from leastaction.systems.saving import dataset_with_multipliers
+
+
+@dataclass(frozen=True)
+class _InputsOver:
+    """Inputs over time as the law of a trajectory, whatever the state."""
+
+    u: Callable[[float], Array]
+
+    def __call__(self, t: float, x: Array) -> Array:  # noqa: ARG002 - as a law is called
+        return self.u(t)
 
 
 class MechanismSystem(ContinuousSystem):
@@ -99,6 +116,37 @@ class MechanismSystem(ContinuousSystem):
 
     def quantity(self, kind: str, t: Array | None = None) -> Quantity:
         return quantity_of(self.dynamics, kind, np.zeros(1) if t is None else t)
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        return state_units(self.mechanism, momenta=False)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        m, units = self.mechanism, self.mechanism.units
+        return (*(units[name] for name in m.inputs), *(rate_of(units[name], 2) for name in m.kinematic))
+
+    def told(self) -> MechanismSystem | None:
+        """Return the system without what a subclass adds; None of one with rates of its own."""
+        if type(self) is MechanismSystem:
+            return self
+        plain = MechanismSystem(self.dynamics)
+        own = type(self).f is not MechanismSystem.f or type(self).rates is not MechanismSystem.rates
+        return None if own or (plain.nx, plain.nu) != (self.nx, self.nu) else plain
+
+    def dataset(self, result: Any) -> Dataset:
+        names = "constraint_damping", "constraint_stiffness", "threads"
+        settings = {name: getattr(self.dynamics, name) for name in names}
+        return dataset_with_multipliers(result, {"name": "MechanismSystem", **settings}, impulses=False)
+
+    def motion(self, result: Any) -> ContinuousTrajectory:
+        m = self.mechanism
+        q, v, inputs, rho_a = points_of(m, result.x, result.u)
+        found = self.dynamics.accelerations(q, v, inputs, rho_a, result.t)
+        a = np.hstack([found.a[:, : m.nd], rho_a])
+        return ContinuousTrajectory(
+            m, result.t, q, inputs, found.lam, v=v, a=a, dense=result.dense.x, law=_InputsOver(result.dense.u)
+        )
 
     def input_name(self, i: int) -> str:
         """Return the name of an input, or of the prescribed variable whose acceleration it is."""

@@ -16,7 +16,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import given_start
-from leastaction.optimal.optimize import optimize
+from leastaction.optimal.optimization import optimize
 from leastaction.optimal.options import Method
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation

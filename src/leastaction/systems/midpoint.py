@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,9 @@ from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
+from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
@@ -27,6 +29,7 @@ from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities.discrete import KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
+from leastaction.systems.saving import dataset_with_multipliers
 
 _RESOLVED = 0.7  # angle (rad) by which a variable may turn within a step that follows its motion
 _OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
@@ -81,6 +84,34 @@ class MidpointSystem(DiscreteSystem):
         m = self.mechanism
         return (*m.inputs, *m.variables[m.nd :])[i]
 
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        units = state_units(self.mechanism, momenta=True)
+        return (*units, *multiplier_units(self.mechanism, impulses=True)) if self.multipliers else units
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        m, units = self.mechanism, self.mechanism.units
+        return tuple(units[name] for name in (*m.inputs, *m.kinematic))
+
+    def told(self) -> MidpointSystem | None:
+        """Return the system without what a subclass adds; None of one that steps otherwise, or has other states."""
+        if type(self) is MidpointSystem:
+            return self
+        plain = MidpointSystem(self.integrator, self.t, multipliers=self.multipliers)
+        plain.first_share = self.first_share
+        same = (plain.nx, plain.nu, plain.N) == (self.nx, self.nu, self.N)
+        return plain if same and type(self).f is MidpointSystem.f else None
+
+    def motion(self, result: Any) -> Trajectory:
+        return self.trajectory(result.x, result.u)
+
+    def dataset(self, result: Any) -> Dataset:
+        vi = self.integrator
+        settings = {name: getattr(vi, name) for name in ("split", "tolerance", "max_iterations", "threads")}
+        own = {"multipliers": self.multipliers, "first_share": self.first_share, "at_instants": list(vi.at_instants)}
+        return dataset_with_multipliers(result, {"name": "MidpointSystem", **settings, **own}, impulses=True)
+
     def window(self, start: int, stop: int) -> DiscreteSystem:
         check_window(start, stop, self.N)
         return self._remade(self.integrator, self.t[start : stop + 1], self._share(start))
@@ -94,6 +125,10 @@ class MidpointSystem(DiscreteSystem):
 
     def time(self, k: int) -> float:
         return float(self.t[k])
+
+    @property
+    def times(self) -> Array:
+        return self.t
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         """Return the directions (nx, n) in which an initial state may move; see `DiscreteSystem`.

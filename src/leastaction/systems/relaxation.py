@@ -16,13 +16,13 @@ from leastaction.numerics.arrays import Array, as_number, require_instance
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.optimal.discrete.system import given_start
 from leastaction.optimal.limits.limit import Bound
-from leastaction.optimal.optimize import optimize
+from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import StartResult, StartStatus, continuation
 from leastaction.optimal.starts.stages import StageCallback, Stages, check_last_limits, check_options
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
-from leastaction.systems.warm_start import warm_start
+from leastaction.systems.warm_starts import warm_start
 
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE, Status.ITERATION_LIMIT
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import require_instance
+from leastaction.optimal.result import OptimizationResult
 from leastaction.viz.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, new_figure, styled
 
 if TYPE_CHECKING:
@@ -25,49 +24,35 @@ def _mark(method: str) -> tuple[str, str]:
 
 
 @styled
-def plot_convergence(
-    cost: ArrayLike,
-    expected_decrease: ArrayLike,
-    methods: Sequence[str] = (),
-    *,
-    tolerance: float | None = None,
-    title: str = "Convergence",
-) -> Figure:
-    """Draw how a descent went.
+def plot_convergence(result: OptimizationResult, *, title: str = "Convergence") -> Figure:
+    """Draw how an optimisation went.
 
     Parameters
     ----------
-    cost
-        Cost before the first step and after each, (M+1,). Drawn on a log scale when positive throughout.
-    expected_decrease
-        Decrease that each direction promised (minus the directional derivative of the cost), (M,)
-        or (M+1,) with the value at the end. Its size is drawn, on a log scale.
-    methods
-        Name of the direction of each step, at most (M+1,): ``steepest...``, ``quasi...``,
-        ``newton-damped...``, ``newton...`` get their own marks.
-    tolerance
-        Expected decrease below which the run stops, drawn as a line.
-    title
-        Heading.
+    result : OptimizationResult
+        Of `optimize`.
+    title : str
+        Heading; the first and the last cost are added.
 
     Returns
     -------
     Figure
-        Two panels over the same iterations.
+        Two panels over the same iterations: the cost before the first step and after each, on a logarithmic axis where
+        it is positive throughout; and the decrease that each direction promised, beside the one at which a run stops.
+        The mark of a step says which method's direction it went along.
 
     Raises
     ------
     ArgumentError
-        There is no cost, or there are more decreases than costs.
+        For what is no result.
     """
-    costs = np.atleast_1d(np.asarray(cost, dtype=float))
-    decreases = np.abs(np.atleast_1d(np.asarray(expected_decrease, dtype=float)))
-    if costs.size == 0 or decreases.size > costs.size:
-        raise ArgumentError(
-            f"got {costs.size} costs and {decreases.size} expected decreases; "
-            "expected one cost more than steps, and one "
-            "decrease for each step"
-        )
+    require_instance(result, "result", OptimizationResult, "optimize() returns one")
+    history, settings = result.history, result.settings
+    costs, methods = history.cost, history.method
+    # Of an interrupted run the last one is not known.
+    last = [result.expected_decrease] if np.isfinite(result.expected_decrease) else []
+    decreases = np.abs(np.append(history.expected_decrease, last))[: len(costs)]
+    tolerance = settings.tolerance * abs(result.cost) + settings.absolute_tolerance
     figure = new_figure(8.0, 5.4)
     top, bottom = figure.subplots(2, 1, sharex=True)
     if np.all(costs > 0.0):
@@ -101,7 +86,7 @@ def plot_convergence(
     if decreases.size == costs.size:
         end = {"markersize": 6, "markerfacecolor": "white", "markeredgecolor": GREY}
         bottom.plot(decreases.size - 1, positive[-1], "o", **end, zorder=3)
-    if tolerance is not None and tolerance > 0.0:
+    if tolerance > 0.0:
         bottom.axhline(tolerance, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)))
         bottom.annotate(
             f"stop below {tolerance:.0e}",

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, ParamSpec
 import numpy as np
 from numpy.typing import NDArray
 
+from leastaction.errors import ArgumentError
 from leastaction.numerics.files import write_bytes
 
 if TYPE_CHECKING:
@@ -163,17 +164,17 @@ def at_least(axes: Axes, span: float) -> None:
         axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
 
 
-def save_png(figure: Figure, path: str | os.PathLike[str], *, dpi: float = 150.0) -> Path:
-    """Write a figure as a PNG file, whole or not at all.
+def save_png(figure: Figure | Sequence[Figure], path: str | os.PathLike[str], *, dpi: float = 150.0) -> Path:
+    """Write a figure, or several under each other, as a PNG file, whole or not at all.
 
     Parameters
     ----------
     figure
-        A figure of one of the ``plot_*`` functions, or any other.
+        A figure of one of the ``plot_*`` functions, or any other; or several.
     path
         The file to write.
     dpi
-        Dots per inch; a figure is about 11 inches wide.
+        Dots per inch; a figure is 8 to 11 inches wide.
 
     Returns
     -------
@@ -185,7 +186,27 @@ def save_png(figure: Figure, path: str | os.PathLike[str], *, dpi: float = 150.0
     OutputError
         The file could not be written; nothing was changed.
     """
+    figures = list(figure) if isinstance(figure, Sequence) else [figure]
+    if not figures:
+        raise ArgumentError("save_png: got no figures, expected one at least")
     buffer = io.BytesIO()
     with _style():
-        figure.savefig(buffer, format="png", dpi=dpi, pil_kwargs={"compress_level": 3})
+        if len(figures) == 1:
+            figures[0].savefig(buffer, format="png", dpi=dpi, pil_kwargs={"compress_level": 3})
+        else:
+            _write_stacked(figures, buffer, dpi)
     return write_bytes(path, buffer.getvalue())
+
+
+def _write_stacked(figures: Sequence[Figure], buffer: io.BytesIO, dpi: float) -> None:
+    from matplotlib.image import imread, imsave
+
+    images = []
+    for figure in figures:
+        one = io.BytesIO()
+        figure.savefig(one, format="png", dpi=dpi, pil_kwargs={"compress_level": 1})
+        one.seek(0)
+        images.append(imread(one)[:, :, :3])
+    width = max(image.shape[1] for image in images)
+    white = [np.pad(i, ((0, 0), (0, width - i.shape[1]), (0, 0)), constant_values=1.0) for i in images]
+    imsave(buffer, np.vstack(white), format="png")

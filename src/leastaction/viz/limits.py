@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import require_instance
-from leastaction.optimal import LimitReport
+from leastaction.optimal.result import OptimizationResult
 from leastaction.viz.figures import BLUE, INK, ORANGE, VERMILION, Margins, at_least, heading, panel_grid, styled
 from leastaction.viz.strings import spans
 
@@ -20,16 +19,14 @@ _SPAN_DUAL: Final = 0.01  # so that the noise of limits that are never active do
 
 
 @styled
-def plot_limits(t: ArrayLike, report: LimitReport, *, title: str = "Limits") -> Figure:
+def plot_limits(result: OptimizationResult, *, title: str = "Limits") -> Figure:
     """Draw room and dual of each side of each limit over time.
 
     Parameters
     ----------
-    t
-        Times of the system's instants, (N+1,), s; in continuous time those of the result.
-    report
-        `OptimizationResult.limits`.
-    title
+    result : OptimizationResult
+        Of `optimize` with limits.
+    title : str
         Heading.
 
     Returns
@@ -41,17 +38,17 @@ def plot_limits(t: ArrayLike, report: LimitReport, *, title: str = "Limits") -> 
     Raises
     ------
     ArgumentError
-        There are no limits, or the times are not those of the system.
+        For what is no result, or one without limits that hold at several instants.
     """
-    require_instance(report, "report", LimitReport, "result.limits is one, of an optimisation with limits")
-    times = np.asarray(t, dtype=float)
+    require_instance(result, "result", OptimizationResult, "optimize() returns one")
+    times, report = result.t, result.limits
     # A single instant makes no curve; what it came to is in the report's text.
-    sides = [side for side in report.sides if len(side.k) > 1]
+    sides = [side for side in report.sides if len(side.k) > 1] if report is not None else []
     rows = [(side, j) for side in sides for j in range(len(side.labels))]
-    if not rows or max(0 if side.t is not None else int(side.k.max()) for side, _ in rows) >= times.size:
+    if not rows:
         raise ArgumentError(
-            f"plot_limits: got {len(rows)} limits over time and {times.size} times, expected the report of an "
-            "optimisation with limits at several instants, and the times of all its instants"
+            "plot_limits: got a result without limits over time, expected one of an optimisation with limits at "
+            "several instants"
         )
     margins = Margins(across=0.85, down=0.36)
     figure, panels = panel_grid(len(rows), 2, panel=(4.6, 1.0), margins=margins, width_ratios=(1.6, 1.0))

@@ -1,15 +1,18 @@
-"""What a picture of a mechanism needs: points over time, and bones and cords between them."""
+"""What a picture of a mechanism needs: points over time, bones and cords between them, and shapes on frames."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
+from leastaction.mechanics.description.shapes import Shape
+from leastaction.mechanics.elements.looks import LookKind
 from leastaction.numerics.arrays import Array
 
 _SLENDERNESS = 0.04  # radius of a bone that none was given for, by the mean length of the bones
@@ -25,11 +28,14 @@ class Bone:
         Names of the two points.
     radius
         Half the thickness, m.
+    color
+        Red, green, blue and opacity, 0 to 1; the viewer's own if not given.
     """
 
     start: str
     end: str
     radius: float
+    color: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,11 +48,76 @@ class Cord:
         What it is called; the key of its tension.
     start, end
         Names of the two points; ``end`` is where it is held.
+    via
+        Names of the points between them, in order.
+    kind
+        What it is drawn as: a string or rod by default a line, a spring as a coil, a damper and a motor as cylinders.
     """
 
     name: str
     start: str
     end: str
+    via: tuple[str, ...] = ()
+    kind: LookKind = "string"
+
+    @property
+    def path(self) -> tuple[str, ...]:
+        """All its points, in order."""
+        return (self.start, *self.via, self.end)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arrow:
+    """A force or a torque, drawn as an arrow where it acts.
+
+    Parameters
+    ----------
+    name
+        What exerts it.
+    kind
+        Whether it is an input's or a reaction's, a force or a torque.
+    place, vector
+        Where it acts (m), and the force (N) or torque (N m), each (N+1, 3).
+    """
+
+    name: str
+    kind: Literal["force", "torque", "reaction"]
+    place: Array
+    vector: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointMark:
+    """Where a joint is: drawn on demand, the rail of a slide always.
+
+    Parameters
+    ----------
+    name
+        Of the joint: its variables, or its frame.
+    kind
+        "hinge", "slide" or "ball".
+    frame
+        Name of the frame, among the poses, in whose axes the rest is.
+    point, axis
+        A point of its axis (m), and the axis' direction, (3,).
+    reach
+        Of a slide: from where to where along the axis it is drawn (m).
+    """
+
+    name: str
+    kind: Literal["hinge", "slide", "ball"]
+    frame: str
+    point: Array
+    axis: Array
+    reach: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActiveLimit:
+    """When a limit holds the motion back: its words, and the spans of time (s)."""
+
+    name: str
+    spans: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +127,7 @@ class Scene:
     Parameters
     ----------
     t
-        Times, (N+1,), s, growing.
+        Times, (N+1,), s, growing; one alone is a scene that stands still.
     points
         Names of the points and their positions, each (N+1, 3), m.
     bones, cords
@@ -71,11 +142,21 @@ class Scene:
     traces
         Names of the points whose paths are drawn.
     focus
-        Name of the point that the camera follows; the first one when empty.
+        Name of the point that the camera follows; when empty it stays where it is.
     ground
         Height of the floor, m; the lowest point of any bone when None.
     title
         Heading.
+    poses
+        Names of frames that carry shapes or joints, and their poses, each (N+1, 4, 4).
+    ghost_poses
+        Poses of the reference, under the same names; shapes on frames that are in it are drawn translucent too.
+    shapes
+        Primitives and meshes on these frames.
+    arrows, marks, limits
+        Forces, joints, and when which limit is active.
+    azimuth, elevation
+        From where it is first seen: about the vertical from the x axis, and above the floor (degrees).
 
     Raises
     ------
@@ -94,20 +175,35 @@ class Scene:
     focus: str = ""
     ground: float | None = None
     title: str = "leastaction"
+    poses: Mapping[str, Array] = field(default_factory=dict)
+    ghost_poses: Mapping[str, Array] | None = None
+    shapes: tuple[Shape, ...] = ()
+    arrows: tuple[Arrow, ...] = ()
+    marks: tuple[JointMark, ...] = ()
+    limits: tuple[ActiveLimit, ...] = ()
+    azimuth: float = 50.0
+    elevation: float = 9.0
 
     def __post_init__(self) -> None:
         """Check names, shapes and values."""
         n = self.t.size
-        if self.t.ndim != 1 or n < 2 or not np.all(np.diff(self.t) > 0.0):
-            raise ArgumentError(f"t must be at least two growing times, got shape {self.t.shape}")
+        if self.t.ndim != 1 or n < 1 or not np.all(np.diff(self.t) > 0.0):
+            raise ArgumentError(f"t must be growing times, got shape {self.t.shape}")
         if not self.points:
             raise ArgumentError("a scene needs at least one point")
+        for name, path in (*self.poses.items(), *(self.ghost_poses or {}).items()):
+            if path.shape != (n, 4, 4) or not np.all(np.isfinite(path)):
+                raise ArgumentError(f"pose {name!r} must be ({n}, 4, 4) finite numbers, got {path.shape}")
+        carriers = {shape.frame for shape in self.shapes} | {mark.frame for mark in self.marks}
+        if unknown := sorted(carriers - set(self.poses)):
+            raise ArgumentError(f"no pose is called {', '.join(unknown)}; there are: {', '.join(self.poses)}")
         for label, group in (("point", self.points), ("ghost point", self.ghost or {})):
             for name, path in group.items():
                 if path.shape != (n, 3) or not np.all(np.isfinite(path)):
                     raise ArgumentError(f"{label} {name!r} must be ({n}, 3) finite numbers, got {path.shape}")
         lines: tuple[Bone | Cord, ...] = (*self.bones, *self.cords)
         used = {name for line in lines for name in (line.start, line.end)}
+        used |= {name for cord in self.cords for name in cord.via}
         used |= {*self.traces, self.focus or next(iter(self.points))}
         if unknown := sorted(used - set(self.points)):
             raise ArgumentError(f"no point is called {', '.join(unknown)}; there are: {', '.join(self.points)}")

@@ -288,7 +288,7 @@ def torsional_spring(p: Plant) -> list[Element]:
 
 def curve(p: Plant, low: float, high: float) -> la.Curve:
     x = np.linspace(low, high, 9)
-    return la.Curve(x, 2.0 + np.sin(3.0 * x + p.number(0.0, 6.0)))
+    return la.Curve(x, 2.0 + np.sin(9.0 * x / (high - low) + p.number(0.0, 6.0)))
 
 
 @case("potential", "NonlinearSpring")
@@ -320,6 +320,31 @@ def elastic_rod(p: Plant) -> list[Element]:
     path = [p.left, p.middle, p.right]
     length = 1.1 * p.length(*path)
     return [la.ElasticString(path, stiffness=p.number(5.0, 20.0), length=length, tension_only=False)]
+
+
+@case("potential", "ElasticString", "NonlinearSpring")
+def elastic_tackle(p: Plant) -> list[Element]:
+    """Over two pieces that count differently, as those of a string that goes twice through a loose pulley."""
+    pieces = {(p.left, p.post, p.middle): 1.0, (p.middle, p.right): 0.5}
+    length = 0.6 * p.length(p.left, p.post, p.middle)
+    return [
+        la.ElasticString(pieces, stiffness=p.number(5.0, 20.0), length=length),
+        la.NonlinearSpring({(p.left, p.right): -2.0}, curve(p, -16.0, 0.0)),
+    ]
+
+
+# Rotors
+
+
+@case("rotor", "Armature", flat=(1,))
+def armature(p: Plant) -> list[Element]:
+    """On a variable, on sums that couple branches, and on a prescribed variable."""
+    return [
+        la.Armature("b", p.number(0.5, 2.0)),
+        la.Armature({"a": 3.0, "e": -2.0, "r": 0.7}, p.number(0.2, 0.5)),
+        la.Armature({"c": -6.0}, p.number(0.01, 0.02)),
+        la.Armature({"f": 1.5, "s": 1.0}, p.number(0.2, 0.5)),
+    ]
 
 
 # Constraints
@@ -408,6 +433,30 @@ def coupling_to_a_variable(p: Plant) -> list[Element]:
     return [la.Coupling(factors, offset="total")]
 
 
+@case("constraint", "PolynomialCoupling")
+def polynomial_coupling(p: Plant) -> list[Element]:
+    c = (0.3, -1.2, 0.4, 0.2, -0.1)
+
+    def rest(s: float, x: float) -> float:
+        return s - sum(a * x**k for k, a in enumerate(c[1:], 1))
+
+    tendon, spring = {(p.left, p.right): 0.7, (p.middle, p.post): -0.2}, {"c": 1.5, "e": -0.5, "s": 0.4}
+    length = 0.7 * p.length(p.left, p.right) - 0.2 * p.length(p.middle, p.post)
+    turned = sum(f * p.values[n] for n, f in spring.items())
+    first = rest(p.values["a"], p.values["b"])
+    return [
+        la.PolynomialCoupling("a", "b", (first, *c[1:])),
+        la.PolynomialCoupling(tendon, spring, (rest(length, turned), *c[1:])),
+    ]
+
+
+@case("constraint", "PathLength")
+def tackle(p: Plant) -> list[Element]:
+    pieces = {(p.left, p.post, p.middle): 1.0, (p.right, "world"): 0.5, (p.left, p.middle): 2.0}
+    length = sum(f * p.length(*path) for path, f in pieces.items())
+    return [la.PathLength(pieces, length)]
+
+
 @case("constraint", "PrescribedPath", apart=True)
 def prescribed_path(p: Plant) -> list[Element]:
     p.values["there_x"], _, p.values["there_z"] = (float(c) for c in p.origin(p.right))
@@ -462,6 +511,29 @@ def nonlinear_damping(p: Plant) -> list[Element]:
     return [la.NonlinearDamping("c", coefficients), la.NonlinearDamping("e", coefficients[:2])]
 
 
+@case("force", "NonlinearDamping", "CoulombFriction")
+def damping_of_tendons(p: Plant) -> list[Element]:
+    return [
+        la.NonlinearDamping({"a": 1.2, "d": -0.7}, (p.number(0.1, 1.0),)),
+        la.NonlinearDamping({(p.left, p.post): 1.0, (p.middle, p.right): 0.5}, (0.2, p.number(0.1, 1.0))),
+        la.CoulombFriction({"b": 1.2, "e": -0.7, "r": 0.2}, force=p.number(0.5, 2.0), speed=p.number(0.3, 0.6)),
+        la.CoulombFriction([p.left, p.right], force=p.number(0.5, 2.0), speed=p.number(0.3, 0.6)),
+    ]
+
+
+@case("force", "Servo")
+def servo(p: Plant) -> list[Element]:
+    """Of place, of speed, and with everything, on all kinds of scalars."""
+    k = p.number(2.0, 5.0)
+    tendon = {(p.left, p.post, p.middle): 1.0, (p.middle, p.right): -0.5}
+    return [
+        la.Servo("a", "m", gain=k, stiffness=k, damping=0.3),
+        la.Servo({"b": 2.0, "d": -0.5}, "n", gain=k, damping=k),
+        la.Servo(tendon, "n", 1.2, offset=-0.4, stiffness=0.8, damping=0.6, gain_by_place=0.3, gain_by_rate=-0.5),
+        la.Servo([p.left, p.right], "m", gain=0.0, gain_by_rate=-0.7),
+    ]
+
+
 @case("force", "LinearDamper")
 def linear_damper(p: Plant) -> list[Element]:
     return [la.LinearDamper(p.left, p.post, coefficient=p.number(0.5, 2.0))]
@@ -487,6 +559,16 @@ def spatial_wrench(p: Plant) -> list[Element]:
     return [la.SpatialWrench(p.left, force=(0.2, "m", "n"), torque=("n", 0.8, 0.5))]
 
 
+@case("force", "BodyWrench", "HybridWrench", "SpatialWrench")
+def propeller(p: Plant) -> list[Element]:
+    """An input with a factor for each component that it has."""
+    return [
+        la.BodyWrench(p.left, force=(0.0, 0.3, {"m": 1.5}), torque=({"n": 0.4}, "n", {"m": -0.02})),
+        la.HybridWrench(p.right, force=({"m": -0.7}, "n", 0.1)),
+        la.SpatialWrench(p.middle, torque=({"m": 0.7}, 0.0, {"n": -1.1})),
+    ]
+
+
 @case("force", "BodyWrench", "HybridWrench")
 def torque_or_force_alone(p: Plant) -> list[Element]:
     return [
@@ -505,6 +587,20 @@ def muscle(p: Plant) -> list[Element]:
     return [
         la.TendonForce(
             [p.left, p.middle, p.right],
+            input="m",
+            gain=p.number(0.5, 2.0),
+            force_length=curve(p, 0.0, 8.0),
+            force_velocity=curve(p, -6.0, 6.0),
+        )
+    ]
+
+
+@case("force", "TendonForce")
+def tackle_force(p: Plant) -> list[Element]:
+    pieces = {(p.left, p.post, p.middle): 1.0, (p.middle, p.right): 0.5}
+    return [
+        la.TendonForce(
+            pieces,
             input="m",
             gain=p.number(0.5, 2.0),
             force_length=curve(p, 0.0, 8.0),

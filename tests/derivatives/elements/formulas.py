@@ -55,16 +55,11 @@ class Motion:
         hats = jnp.einsum("ijn,kj->ikn", jax.jacfwd(lambda q: self.place(q).rotation(frame))(self.q), R)
         return torque @ jnp.stack([hats[2, 1], hats[0, 2], hats[1, 0]])
 
-    def number(self, component: float | str) -> Array | float:
-        """Return a number, or the value of the input of that name."""
+    def number(self, component: Any) -> Array | float:
+        """Return a number, the value of the input of that name, or that times a factor."""
+        if isinstance(component, Mapping):
+            return sum(factor * self.u[name] for name, factor in component.items())
         return self.u[component] if isinstance(component, str) else component
-
-    def index(self, variable: str) -> int:
-        return self.here.oracle.index[variable]
-
-    def only(self, variable: str, force: Array) -> Array:
-        """Return the generalised force that acts on one variable."""
-        return jnp.zeros(len(self.q)).at[self.index(variable)].set(force)
 
 
 # Shared pieces
@@ -87,6 +82,8 @@ def norm(x: Array) -> Array:
 
 
 def path_length(place: Place, frames: Any) -> Array:
+    if isinstance(frames, Mapping):
+        return sum(factor * path_length(place, path) for path, factor in frames.items())
     points = [place.origin(frame) for frame in frames]
     return sum(norm(b - a) for a, b in pairwise(points))
 
@@ -96,6 +93,12 @@ def combination(place: Place, factors: Any) -> Array:
     if isinstance(factors, str):
         return place[factors]
     return sum(factor * place[name] for name, factor in factors.items())
+
+
+def scalar(place: Place, on: Any) -> Array:
+    """Return a variable, a sum of some, the length of a path, or a sum of such."""
+    of_paths = not isinstance(on, str) and (not isinstance(on, Mapping) or isinstance(next(iter(on)), tuple))
+    return path_length(place, on) if of_paths else combination(place, on)
 
 
 def curve_value(curve: Any, x: Array) -> Array:
@@ -207,9 +210,7 @@ def torsional_spring(place: Place, e: Any) -> Array:
 
 def nonlinear_spring(place: Place, e: Any) -> Array:
     """V = integral of F from the start of the curve"""
-    plain = isinstance(e.on, (str, Mapping))
-    s = combination(place, e.on) if plain else path_length(place, e.on)
-    return curve_integral(e.force, s)
+    return curve_integral(e.force, scalar(place, e.on))
 
 
 def elastic_string(place: Place, e: Any) -> Array:
@@ -242,6 +243,12 @@ def path_length_held(place: Place, e: Any) -> list[Array]:
 
 def coupling(place: Place, e: Any) -> list[Array]:
     return [combination(place, e.factors) - value_of(place, e.offset)]
+
+
+def polynomial_coupling(place: Place, e: Any) -> list[Array]:
+    """h = s - (c0 + c1 x + c2 x^2 + ...)"""
+    x = scalar(place, e.of)
+    return [scalar(place, e.on) - sum(c * x**k for k, c in enumerate(e.coefficients))]
 
 
 def point_on_plane(place: Place, e: Any) -> list[Array]:
@@ -316,15 +323,33 @@ def linear_motor(motion: Motion, e: Any) -> Array:
 
 
 def nonlinear_damping(motion: Motion, e: Any) -> Array:
-    """f = -(c1 v + c3 v^3 + c5 v^5)"""
-    v = motion.v[motion.index(e.variable)]
-    powers = sum(c * v ** (2 * k + 1) for k, c in enumerate(e.coefficients))
-    return motion.only(e.variable, -powers)
+    """F = -(c1 s' + c3 s'^3 + c5 s'^5) along s"""
+
+    def s(place: Place) -> Array:
+        return scalar(place, e.on)
+
+    v = motion.rate(s)
+    return motion.work(s, -sum(c * v ** (2 * k + 1) for k, c in enumerate(e.coefficients)))
 
 
 def coulomb_friction(motion: Motion, e: Any) -> Array:
-    v = motion.v[motion.index(e.variable)]
-    return motion.only(e.variable, -e.force * jnp.tanh(v / e.speed))
+    def s(place: Place) -> Array:
+        return scalar(place, e.on)
+
+    return motion.work(s, -e.force * jnp.tanh(motion.rate(s) / e.speed))
+
+
+def servo(motion: Motion, e: Any) -> Array:
+    """F = (gain + gain_by_place s + gain_by_rate s') u + offset - stiffness s - damping s'"""
+
+    def along(place: Place) -> Array:
+        return scalar(place, e.on)
+
+    numbers = ("gain_by_place", "gain_by_rate", "offset", "stiffness", "damping")
+    by_place, by_rate, offset, stiffness, damping = (getattr(e, name) or 0.0 for name in numbers)
+    s, rate = along(motion.here), motion.rate(along)
+    gain = e.gain + by_place * s + by_rate * rate
+    return motion.work(along, gain * motion.u[e.input] + offset - stiffness * s - damping * rate)
 
 
 def linear_damper(motion: Motion, e: Any) -> Array:
@@ -410,6 +435,16 @@ def python_force(motion: Motion, e: Any) -> Array:
     return motion.work(s, e.gain * e.magnitude.value(jnp.stack(y)))
 
 
+def armature(index: Mapping[str, int], e: Any) -> np.ndarray:
+    """R with T = v'Rv/2 = J/2 (sum of factor v)^2"""
+    factors = np.zeros(len(index))
+    for name, factor in ({e.variable: 1.0} if isinstance(e.variable, str) else e.variable).items():
+        factors[index[name]] = factor
+    return e.inertia * np.outer(factors, factors)
+
+
+ROTORS: dict[str, Callable[[Mapping[str, int], Any], np.ndarray]] = {"Armature": armature}
+
 POTENTIALS: dict[str, Callable[[Place, Any], Array]] = {
     "Gravity": gravity,
     "InverseSquareGravity": inverse_square_gravity,
@@ -431,6 +466,7 @@ CONSTRAINTS: dict[str, Callable[[Place, Any], list[Array]]] = {
     "FixedOrientation": fixed_orientation,
     "PrescribedPath": prescribed_path,
     "Coupling": coupling,
+    "PolynomialCoupling": polynomial_coupling,
     "ExpressionConstraint": expression_constraint,
     "PythonConstraint": python_constraint,
 }
@@ -446,6 +482,7 @@ FORCES: dict[str, Callable[[Motion, Any], Array]] = {
     "HybridWrench": hybrid_wrench,
     "SpatialWrench": spatial_wrench,
     "TendonForce": tendon_force,
+    "Servo": servo,
     "Drag": drag,
     "ExpressionForce": expression_force,
     "PythonForce": python_force,

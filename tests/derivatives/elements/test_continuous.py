@@ -78,7 +78,7 @@ def takes_fourth_order(case: Case, seed: int) -> bool:
     return not any(isinstance(element, PythonConstraint) for element in elements)
 
 
-@every("potential", "constraint", "force")
+@every("potential", "constraint", "force", "rotor")
 def test_accelerations(case: Case, seed: int) -> None:
     s, value = solved(case.name, seed), orders(case.name, seed).value
     m = s.dynamics.mechanism
@@ -89,7 +89,7 @@ def test_accelerations(case: Case, seed: int) -> None:
     assert np.abs(needed[: m.nd]).max() < VALUES * max(size, 1.0)
 
 
-@every("potential", "constraint", "force")
+@every("potential", "constraint", "force", "rotor")
 def test_first_derivatives(case: Case, seed: int) -> None:
     s = solved(case.name, seed)
     d = s.dynamics.linearize(*s.point)
@@ -99,7 +99,7 @@ def test_first_derivatives(case: Case, seed: int) -> None:
     assert error(d.all[nd:], theirs[nd:]) < FIRST
 
 
-@every("potential", "constraint", "force")
+@every("potential", "constraint", "force", "rotor")
 def test_second_derivatives_contracted(case: Case, seed: int) -> None:
     s = solved(case.name, seed)
     nd, _, nc = s.sizes

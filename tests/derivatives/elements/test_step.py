@@ -94,7 +94,7 @@ def error(ours: np.ndarray, theirs: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("split", SPLITS)
-@every("potential", "constraint", "force")
+@every("potential", "constraint", "force", "rotor")
 def test_step_meets_the_residuals_of_the_oracle(case: Case, seed: int, split: str) -> None:
     made = solved(case.name, seed, split)
     m, run = made.vi.mechanism, made.run
@@ -106,7 +106,7 @@ def test_step_meets_the_residuals_of_the_oracle(case: Case, seed: int, split: st
 
 
 @pytest.mark.parametrize("split", SPLITS)
-@every("potential", "constraint", "force")
+@every("potential", "constraint", "force", "rotor")
 def test_first_derivatives(case: Case, seed: int, split: str) -> None:
     made, theirs = solved(case.name, seed, split), wanted(case.name, seed, split)
     m = made.vi.mechanism
@@ -118,7 +118,7 @@ def test_first_derivatives(case: Case, seed: int, split: str) -> None:
 
 
 @pytest.mark.parametrize("split", SPLITS)
-@every("potential", "constraint", "force")
+@every("potential", "constraint", "force", "rotor")
 def test_second_derivatives_contracted(case: Case, seed: int, split: str) -> None:
     made, theirs = solved(case.name, seed, split), wanted(case.name, seed, split)
     vi, run, m = made.vi, made.run, made.vi.mechanism
@@ -131,7 +131,7 @@ def test_second_derivatives_contracted(case: Case, seed: int, split: str) -> Non
 
 
 @pytest.mark.parametrize("split", SPLITS)
-@every("potential", "constraint", "force")
+@every("potential", "constraint", "force", "rotor")
 def test_second_derivatives_in_full(case: Case, seed: int, split: str) -> None:
     made, theirs = solved(case.name, seed, split), wanted(case.name, seed, split)
     full = made.vi.tensors(made.run, 0)

@@ -81,11 +81,11 @@ def test_a_bounded_input_obeys_the_maximum_principle(bounded):
     weights = np.array([1.0, 0.1])
 
     def adjoint(time, z):
-        return -(weights * result.trajectory.x(time) + np.array([0.0, z[0]]))
+        return -(weights * result.dense.x(time) + np.array([0.0, z[0]]))
 
     done = solve_ivp(adjoint, (3.0, 0.0), result.x[-1], rtol=1e-9, atol=1e-11, dense_output=True)
     wanted = np.clip(-done.sol(t)[1] / 0.1, -0.4, 0.5)
-    np.testing.assert_allclose(result.trajectory.u(t)[:, 0], wanted, atol=3e-3)
+    np.testing.assert_allclose(result.dense.u(t)[:, 0], wanted, atol=3e-3)
     # The dual, a density over time, is what is left of the derivative of the Hamiltonian.
     side = result.limits.sides[0]
     dual = np.maximum(0.1 * -0.4 + done.sol(side.t)[1], 0.0)
@@ -112,7 +112,7 @@ def test_the_problem_of_bryson_and_denham_has_its_closed_form(most):
         cost = 2.0 * 0.5 * d @ np.linalg.solve([[0.5**3 / 3.0, 0.5**2 / 2.0], [0.5**2 / 2.0, 0.5]], d)
     # The limit holds at the points of the pieces; between them the motion may be a little cheaper.
     assert result.cost == pytest.approx(cost, rel=2e-6)
-    assert result.trajectory.x(np.linspace(0.0, 1.0, 2001))[:, 0].max() < most + 1e-6
+    assert result.dense.x(np.linspace(0.0, 1.0, 2001))[:, 0].max() < most + 1e-6
     np.testing.assert_allclose(result.x[-1], [0.0, -1.0], atol=1e-9)
 
 
@@ -127,7 +127,7 @@ def test_conditions_on_the_way_and_at_the_end_have_their_closed_form():
     rows = np.stack([np.maximum(0.5 - t, 0.0), 1.0 - t, np.ones_like(t)])
     multipliers = np.linalg.solve(rows * weights @ rows.T, [0.8, 1.0, 0.0])
     assert result.cost == pytest.approx(0.5 * multipliers @ [0.8, 1.0, 0.0], rel=1e-9)
-    np.testing.assert_allclose(result.trajectory.u(t)[:, 0], multipliers @ rows, atol=1e-6 * np.abs(multipliers).max())
+    np.testing.assert_allclose(result.dense.u(t)[:, 0], multipliers @ rows, atol=1e-6 * np.abs(multipliers).max())
     found = np.concatenate([side.dual.ravel() for side in result.limits.sides])
     np.testing.assert_allclose(found, multipliers, rtol=1e-5)
 
@@ -193,7 +193,7 @@ def test_frames_keep_clear_of_a_moving_ball():
     result = optimize(CART, TRACKING, **REST, limits=limits, **ROUGHLY)
     assert result.success, result.message
     t = np.linspace(0.0, 1.0, 501)
-    place = CART.mechanism.positions(np.ascontiguousarray(result.trajectory.x(t)[:, :2]), ["bob"])[:, 0]
+    place = CART.mechanism.positions(np.ascontiguousarray(result.dense.x(t)[:, :2]), ["bob"])[:, 0]
     away = np.linalg.norm(place - np.stack([0.02 * t - 0.4, np.full(501, -1.0), np.zeros(501)], axis=1), axis=1)
     # Met at the points of the pieces, and grazed: without the limit it comes to 0.1 m.
     assert 0.2 - 1e-4 < away.min() < 0.2 + 1e-4
@@ -245,7 +245,7 @@ def test_a_run_goes_on_with_its_duals(bounded):
 
 def test_limits_over_time_can_be_drawn(bounded):
     result = bounded[3]
-    figure = plot_limits(result.t, result.limits)
+    figure = plot_limits(result)
     assert len(figure.axes) == 4
     assert "u[0] <= 0.5" in str(result.limits)
 
@@ -520,11 +520,11 @@ def test_a_problem_without_limits_may_be_put_on_a_mesh(monkeypatch):
     assert result.limits is None
     assert result.cost == pytest.approx(along.cost, rel=1e-8)
     t = np.linspace(0.0, 3.0, 50)
-    for found, wanted, atol in zip(result.trajectory.sample(t), along.trajectory.sample(t), (1e-5, 1e-3), strict=True):
+    for found, wanted, atol in zip(result.dense.sample(t), along.dense.sample(t), (1e-5, 1e-3), strict=True):
         np.testing.assert_allclose(found, wanted, atol=atol)
     # The gains about it are those of the cost's own regulator.
     wanted = regulate_continuous(
-        lambda t: system.derivatives(result.trajectory.x(t), None, t)[0], np.array([[0.0], [1.0]]),
+        lambda t: system.derivatives(result.dense.x(t), None, t)[0], np.array([[0.0], [1.0]]),
         horizon=(0.0, 3.0), Q=[10.0, 0.1], R=[0.1], Q_final=[1.0, 1.0],
     )  # fmt: skip
     np.testing.assert_allclose(result.feedback(t), wanted(t), atol=5e-3)
@@ -586,7 +586,7 @@ def test_a_way_around_is_found_from_the_saddle_in_front_of_it() -> None:
         accuracy=Accuracy(rtol=1e-3),
     )
     assert result.status is Status.CONVERGED, result.message
-    x, _ = result.trajectory.sample(np.linspace(0.0, 1.0, 101))
+    x, _ = result.dense.sample(np.linspace(0.0, 1.0, 101))
     assert np.hypot(x[:, 0], x[:, 1]).min() > 0.29
     assert np.abs(x[:, 1]).max() > 0.25
     assert x[-1, 0] > 0.7

@@ -146,7 +146,7 @@ def test_newton_tail_on_a_constrained_mechanism() -> None:
     for before, after in itertools.pairwise(gap[gap < 1e-2]):
         assert after < max(100 * before**2, 1e-15)
     # The string stays as long as it is: the integration alone holds it.
-    q = result.trajectory.x(np.linspace(0, 1, 21))[:, :nq]
+    q = result.dense.x(np.linspace(0, 1, 21))[:, :nq]
     residual = [np.abs(mechanism.core.constraints(row)).max() for row in q]
     assert max(residual) < 1e-7
 
@@ -186,10 +186,10 @@ def test_the_variational_integrator_finds_the_same() -> None:
             tolerance=1e-13,
         )
         assert result.success
-        u = exact.trajectory.u(t[:-1] + dt / 2)
+        u = exact.dense.u(t[:-1] + dt / 2)
         errors.append(
             [
-                np.abs(result.x[:, :2] - exact.trajectory.x(t)[:, :2]).max(),
+                np.abs(result.x[:, :2] - exact.dense.x(t)[:, :2]).max(),
                 np.abs(result.u - u).max(),
                 abs(result.cost - exact.cost),
             ]
@@ -276,6 +276,6 @@ def test_the_swing_up_of_the_dissertation() -> None:
         assert discrete.success
         assert result.iterations <= 10
         assert result.cost == pytest.approx(dt * discrete.cost, rel=2e-3)
-        np.testing.assert_allclose(result.trajectory.x(t)[:, 1], discrete.x[:, 1], atol=0.02)
-        initial, start = result.trajectory, (discrete.x, discrete.u)
-    assert result.trajectory.x(t)[:, 1].max() > 2.9
+        np.testing.assert_allclose(result.dense.x(t)[:, 1], discrete.x[:, 1], atol=0.02)
+        initial, start = result.dense, (discrete.x, discrete.u)
+    assert result.dense.x(t)[:, 1].max() > 2.9

@@ -84,7 +84,7 @@ def test_a_linear_system_takes_one_iteration(method, regulator):
         q_final=-Q * x_wanted(2.0),
     )
     t = np.linspace(0, 2, 33)
-    x, u = result.trajectory.sample(t)
+    x, u = result.dense.sample(t)
     expected = -np.einsum("nij,nj->ni", solution.K(t), x) - solution.C(t)
     np.testing.assert_allclose(u, expected, atol=1e-7 * (1 + np.abs(u).max()))
     if regulator == "descent":
@@ -111,8 +111,8 @@ def test_all_methods_find_the_same_trajectory(system):
             assert set(result.history.method) <= {method} or method in ("auto", "newton")
             assert result.cost == pytest.approx(reference.cost, rel=5e-2 if steepest else 1e-7)
             if not steepest:
-                x = result.trajectory.x(t)
-                np.testing.assert_allclose(x, reference.trajectory.x(t), atol=1e-3)
+                x = result.dense.x(t)
+                np.testing.assert_allclose(x, reference.dense.x(t), atol=1e-3)
             np.testing.assert_allclose(result.x[0], np.zeros(4), atol=1e-14)
             np.testing.assert_allclose(result.K, result.feedback(result.t))
 
@@ -183,7 +183,7 @@ def test_the_optimum_is_stationary_and_a_minimum(system):
     for phase in range(3):
         values = []
         for s in (0.05, -0.05):
-            u = lambda t, s=s, phase=phase: result.trajectory.u(t) + s * np.sin(5 * t + phase)  # noqa: E731
+            u = lambda t, s=s, phase=phase: result.dense.u(t) + s * np.sin(5 * t + phase)  # noqa: E731
             other = optimize_continuous(system, cost, initial=(np.zeros(4), u), horizon=(0, T), max_iterations=0)
             values.append(other.cost)
         assert min(values) > result.cost
@@ -202,9 +202,9 @@ def test_a_swing_up_from_rest(system):
     from leastaction.optimal.continuous import ContinuousProjection
 
     pushed = result.x[0] + [0.0, 0.02, 0.0, 0.0]
-    held = ContinuousProjection(system, result.feedback)(result.trajectory, x0=pushed)
+    held = ContinuousProjection(system, result.feedback)(result.dense, x0=pushed)
     none = PiecewisePolynomial.constant(np.zeros((1, 4)), 0.0, T)
-    loose = ContinuousProjection(system, none)(result.trajectory, x0=pushed)
+    loose = ContinuousProjection(system, none)(result.dense, x0=pushed)
     assert np.abs(held.x - result.x[-1]).max() < 0.1
     assert np.abs(loose.x - result.x[-1]).max() > 0.3
 
@@ -253,8 +253,8 @@ def test_small_steps_in_discrete_time_find_the_same(system):
         middle = t[:-1] + dt / 2
         errors.append(
             [
-                np.abs(result.x - exact.trajectory.x(t)).max(),
-                np.abs(result.u - exact.trajectory.u(middle)).max(),
+                np.abs(result.x - exact.dense.x(t)).max(),
+                np.abs(result.u - exact.dense.u(middle)).max(),
                 abs(result.cost - exact.cost),
             ]
         )
@@ -382,10 +382,10 @@ def test_wrong_derivatives_end_in_a_failed_search():
         Wrong(), _tracking(), **REST, method="quasi-newton", max_iterations=20, max_backtracks=8
     )
     assert result.status is Status.LINE_SEARCH_FAILED
-    report = check_derivatives(Wrong(), result.trajectory, cost=_tracking())
+    report = check_derivatives(Wrong(), result.dense, cost=_tracking())
     assert not report.ok
     assert [name for name, error in report.errors.items() if error > 1e-6] == ["linearize"]
-    assert check_derivatives(CartPendulum(), result.trajectory, cost=_tracking()).ok
+    assert check_derivatives(CartPendulum(), result.dense, cost=_tracking()).ok
 
 
 def test_derivatives_that_fail_end_the_run():
@@ -420,7 +420,7 @@ def test_plain_functions_are_systems(system):
     result = optimize_continuous(plain, _tracking(1.2), **REST, method="newton")
     assert result.history.method == exact.history.method
     assert result.cost == pytest.approx(exact.cost, rel=1e-8)
-    assert check_derivatives(plain, result.trajectory, tolerance=1e-5).ok
+    assert check_derivatives(plain, result.dense, tolerance=1e-5).ok
     first_order = FunctionContinuousSystem(f, nx=4, nu=1, derivatives=system.derivatives)
     result = optimize_continuous(first_order, _tracking(), **REST)
     assert result.success
@@ -440,9 +440,9 @@ def test_a_curve_is_projected_first(system):
     assert result.success
     np.testing.assert_allclose(result.x[0], [0.0, 0.0, 0.1, 0.0], atol=1e-9)
     t = np.linspace(0, T, 101)
-    x, u = result.trajectory.sample(t)
+    x, u = result.dense.sample(t)
     rates = np.stack([system.f(*at) for at in zip(x, u, t.tolist(), strict=True)])
-    np.testing.assert_allclose(result.trajectory.x.derivative()(t), rates, atol=1e-4)
+    np.testing.assert_allclose(result.dense.x.derivative()(t), rates, atol=1e-4)
 
 
 def test_a_fallback_is_noted():

@@ -9,13 +9,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Group, Parameter
 from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
+from leastaction.apps.cli.mechanism import commands
 from leastaction.apps.cli.options import (
     MOTION,
     OUTPUT,
@@ -56,6 +57,9 @@ app = App(
     print_error=False,
     suppress_keyboard_interrupt=False,
 )
+app.register_install_completion_command()
+for _command in (commands.view, commands.simulate, commands.lqr, commands.check, commands.convert, commands.bench):
+    app.command(_command)
 
 
 @app.command
@@ -84,7 +88,7 @@ def demo(
 
 @app.command
 def optimize(
-    mechanism: Literal["marionette"],  # noqa: ARG001
+    problem: str,
     /,
     *,
     wanted: MotionOptions | None = None,
@@ -94,23 +98,30 @@ def optimize(
     optimiser: OptimiserOptions | None = None,
     output: OutputOptions,
 ) -> int:
-    """Make a mechanism follow a motion, and write the result into a folder.
+    """Make a mechanism do what a problem file says, or the marionette follow a motion; write the result into a folder.
 
-    The folder gets the trajectory with its inputs and feedback gains (trajectory.npz), the numbers
-    (summary.txt, summary.json), plots (convergence, tracking, strings, snapshots) and an animation for
-    the browser. Ctrl-C stops after the last whole iteration and still writes everything.
+    The folder gets the motion with its inputs and feedback gains (result.npz; of the marionette trajectory.npz), the
+    numbers (summary.txt, summary.json), plots (convergence, tracking, limits or strings, snapshots) and an animation
+    for the browser. Ctrl-C stops after the last whole iteration and still writes everything.
 
     Parameters
     ----------
-    mechanism
-        The mechanism: marionette, a puppet of 22 joint variables on six strings, on more, or on a control.
+    problem
+        A problem file (.yaml, .json), of any mechanism; or the word marionette, a puppet of 22 joint variables on six
+        strings, on more, or on a control, for which there are options of motion and strings.
     check
         Play what is found, under feedback, on a simulated rig with elastic strings that go slack, masses that are
         off, and sensors that are noisy and late; say how far its joints are off.
     resume
-        trajectory.npz of an earlier run, or search.npz of one that still sought a first trajectory: go on from there,
-        with the motion that it followed.
+        result.npz of an earlier run of the problem; of the marionette trajectory.npz, or search.npz of one that still
+        sought a first trajectory: go on from there, with the motion that it followed.
     """
+    if problem != "marionette":
+        if wanted is not None or puppet is not None or check:
+            raise ArgumentError(
+                f"options of motion, strings and --check belong to the marionette, and not to {problem}"
+            )
+        return _solve(problem, resume, optimiser or OptimiserOptions(), output)
     wanted, puppet = wanted or MotionOptions(), puppet or PuppetOptions()
     if resume is not None:
         wanted.check_resumed()
@@ -126,6 +137,34 @@ def optimize(
         else:
             request = Request(_motion(wanted), limits, puppet.strings, wanted.follow, check)
         return _run(request, optimiser, output, folder)
+
+
+def _solve(problem: str, resume: Path | None, optimiser: OptimiserOptions, output: OutputOptions) -> int:
+    """Solve the problem of a file."""
+    from leastaction.apps.cli.shield import uninterrupted
+    from leastaction.apps.problems import load_problem, run_problem
+    from leastaction.numerics.documents import NOTATIONS
+
+    if Path(problem).suffix.lower() not in NOTATIONS:
+        raise ArgumentError(f"got {problem!r}, expected a problem file ({', '.join(NOTATIONS)}), or marionette")
+    stated = load_problem(problem)
+    usual = OptimiserOptions()
+    options = {
+        name: getattr(optimiser, name)
+        for name in ("method", "max_iterations", "tolerance")
+        if getattr(optimiser, name) != getattr(usual, name)
+    }
+    with _folder(output) as folder:
+        return run_problem(
+            stated,
+            folder,
+            resume=resume,
+            options=options,
+            plots=output.plots,
+            animation=output.animation,
+            whole=uninterrupted,
+            complain=_complain,
+        )
 
 
 def _motion(wanted: MotionOptions) -> Motion | AtSpeeds:
@@ -158,17 +197,23 @@ def _motion(wanted: MotionOptions) -> Motion | AtSpeeds:
 
 
 @app.command
-def info(file: Path, /) -> int:
-    """Show what is in a result file: how the run ended, tracking errors, string tensions.
+def info(file: str, /, *, json: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False) -> int:
+    """Show what is in a file: a run and how it ended, a result with its limits, a model and what was left out of it.
 
     Parameters
     ----------
     file
-        trajectory.npz of an earlier run.
+        A run or a result (.h5, .npz), a run of the marionette (trajectory.npz), or a model: URDF, MJCF, YAML, the name
+        of a ready one.
+    json
+        Print it as JSON.
     """
-    from leastaction.apps.cli.report import describe
+    from leastaction.apps.cli.mechanism.description import facts_of, text_of
 
-    Console(highlight=False).print(describe(file))
+    if json:
+        print(facts_of(file))
+    else:
+        Console(highlight=False).print(text_of(file))
     return 0
 
 

@@ -166,17 +166,8 @@ def describe(path: Path) -> RenderableType:
 
 
 def _convergence(run: TrackingRun) -> Figure:
-    result, history = run.result, run.result.history
-    # Of an interrupted run the last one is not known.
-    last = [result.expected_decrease] if np.isfinite(result.expected_decrease) else []
-    relative = result.settings.tolerance * abs(result.cost)
-    return plot_convergence(
-        history.cost,
-        np.append(history.expected_decrease, last),
-        history.method,
-        tolerance=relative + result.settings.absolute_tolerance,
-        title="Convergence" if run.effort is None or run.effort.optimisations < 2 else "Convergence of the last stage",
-    )
+    several = run.effort is not None and run.effort.optimisations > 1
+    return plot_convergence(run.result, title="Convergence of the last stage" if several else "Convergence")
 
 
 def _tracking(run: TrackingRun) -> Figure:

@@ -6,9 +6,11 @@ from leastaction.io.motion.acclaim import read_amc
 from leastaction.io.motion.bvh import read_bvh
 from leastaction.io.motion.capture import Capture, Gap, Joint, forward_kinematics
 from leastaction.io.motion.gaps import fill_gaps
+from leastaction.io.motion.markers import Markers, read_markers
 from leastaction.io.motion.motion import Motion
-from leastaction.io.motion.read import read_capture
+from leastaction.io.motion.read import read_capture, read_motion
 
 __all__ = [
-    "Capture", "Gap", "Joint", "Motion", "fill_gaps", "forward_kinematics", "read_amc", "read_bvh", "read_capture",
+    "Capture", "Gap", "Joint", "Markers", "Motion", "fill_gaps", "forward_kinematics", "read_amc", "read_bvh",
+    "read_capture", "read_markers", "read_motion",
 ]  # fmt: skip

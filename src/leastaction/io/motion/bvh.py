@@ -20,7 +20,7 @@ import numpy as np
 
 from leastaction.io.motion.capture import Capture, Joint
 from leastaction.io.motion.gaps import fill_gaps
-from leastaction.io.motion.text import MotionText, is_missing, number_of, read_text, shown
+from leastaction.io.motion.text import LONGEST, SHORTEST, MotionText, is_missing, number_of, read_text, shown
 from leastaction.numerics.arrays import Array
 
 CHANNEL_NAMES = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
@@ -30,7 +30,8 @@ _CHANNEL_BY_LOWER = {name.lower(): name for name in CHANNEL_NAMES}
 def read_bvh(path: str | PathLike[str], *, fill: bool = True) -> Capture:
     """Read a BVH file.
 
-    In the table of the motion the word NaN stands for a sample that is missing.
+    In the table of the motion NaN, however it is spelled, stands for a sample that is missing. A number of frames that
+    is off by one, as some programs count them, is in `Capture.notes`.
 
     Parameters
     ----------
@@ -70,11 +71,14 @@ class _Reader(MotionText):
         if n_frames != int(n_frames) or n_frames < 2:
             self.line -= 1
             self.fail(f"{n_frames:g} frames are declared", "a whole number of frames, 2 or more")
-        if not 0.0 < frame_time < np.inf:
-            self.fail(f"the frame time is {frame_time:g} s", "a finite time greater than zero")
+        if not SHORTEST <= frame_time <= LONGEST:
+            self.fail(f"the frame time is {frame_time:g} s", f"a time greater than zero, {SHORTEST:g} to {LONGEST:g} s")
         values = self.read_rows(int(n_frames))
         values.flags.writeable = False
-        return Capture(str(self.path), tuple(self.joints), frame_time, values)
+        notes = ()
+        if len(values) != n_frames:
+            notes = (f"{int(n_frames)} frames are declared and {len(values)} are there, which were read",)
+        return Capture(str(self.path), tuple(self.joints), frame_time, values, notes=notes)
 
     def hierarchy_lines(self) -> Iterator[tuple[int, list[str]]]:
         """Words of each line up to MOTION, braces as lines of their own."""
@@ -206,7 +210,7 @@ class _Reader(MotionText):
                 continue
             self.line = number + 1
             frame = len(rows) + 1
-            if frame > n_frames:
+            if frame > n_frames + 1:
                 self.fail(f"a row for frame {frame}", f"{n_frames} frames, as declared")
             if len(words) != n_channels:
                 cut = " (truncated?)" if number == last - 1 and frame < n_frames else ""
@@ -219,7 +223,7 @@ class _Reader(MotionText):
             if bad is not None:
                 self.fail(f"value {bad + 1} of frame {frame} is {shown(words[bad])}", "a finite number")
             rows.append(row)
-        if len(rows) < n_frames:
+        if len(rows) < max(n_frames - 1, 2):
             self.line = len(self.lines)
             self.fail(f"the file ends after {len(rows)} frames (truncated?)", f"{n_frames} frames, as declared")
         return np.array(rows, dtype=np.float64)

@@ -78,6 +78,8 @@ class Capture:
         lengths in the file's unit, angles in degrees.
     gaps : tuple of Gap
         What of the values was missing in the file, and is filled.
+    notes : tuple of str
+        What else there is to say of the file.
     """
 
     path: str
@@ -85,6 +87,7 @@ class Capture:
     frame_time: float
     values: Array
     gaps: tuple[Gap, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -109,18 +112,19 @@ class Capture:
             raise KeyError(name) from None
 
     def describe_gaps(self) -> str:
-        """Return a sentence on what was missing and is filled; empty if nothing was."""
+        """Return a sentence on what was missing and is filled, and `notes`; empty if there is nothing to say."""
         if not self.gaps:
-            return ""
+            return "; ".join(self.notes)
         names = dict.fromkeys(gap.joint or "the whole body" for gap in self.gaps)
         shown = [*names][:_MOST_NAMES] + ([f"{len(names) - _MOST_NAMES} more"] if len(names) > _MOST_NAMES else [])
         kinds = dict.fromkeys(gap.kind for gap in self.gaps)
         longest = max(self.gaps, key=lambda gap: gap.frames)
         samples = sum(gap.frames for gap in self.gaps)
-        return (
+        filled = (
             f"filled {samples} missing samples ({', '.join(kinds)}) of {', '.join(shown)}; "
             f"the longest gap is {longest.frames * self.frame_time:.2g} s at {longest.first * self.frame_time:.2f} s"
         )
+        return "; ".join([filled, *self.notes])
 
     def is_below(self, joint: int, ancestor: int) -> bool:
         """Whether `joint` hangs, directly or not, from `ancestor`."""

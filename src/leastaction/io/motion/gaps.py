@@ -72,7 +72,8 @@ def fill_gaps(capture: Capture) -> Capture:
         zero = _zero_joint(values, joint, whole | none, spike)
         spike &= ~zero
         lost[joint.name] = [(none, "not numbers"), (zero, "zeros"), (spike, "leaps")]
-        missing[(none | zero | spike)[:, None] & np.isin(np.arange(values.shape[1]), joint.all)] = True
+        if (gone := none | zero | spike).any():
+            missing[np.ix_(gone, joint.all)] = True
     if not missing.any():
         return capture
     filled = values.copy()
@@ -129,7 +130,7 @@ def _zero_joint(values: Array, joint: _Channels, known_lost: Mask, spike: Mask) 
     mask = np.zeros(len(values), dtype=np.bool_)
     angles = values[:, joint.rotations]
     none: Mask = ~(angles != 0.0).any(axis=1)
-    if len(joint.rotations) < 2 or none.mean() > _STILL:
+    if len(joint.rotations) < 2 or not none.any() or none.mean() > _STILL:
         return mask
     known = np.flatnonzero(~(none | known_lost | spike))
     # A leap out of zeros and back is no end of theirs.
@@ -154,7 +155,11 @@ def _spikes(values: Array, joint: _Channels, known_lost: Mask, *, longest: int, 
     """
     mask = np.zeros(len(values), dtype=np.bool_)
     frames = np.flatnonzero(~known_lost)
-    turns, places = values[frames][:, joint.rotations], values[frames][:, joint.positions]
+    turns, places = values[frames[:, None], joint.rotations], values[frames[:, None], joint.positions]
+    # A rotation is turned by no more than the sum of what its angles change by: most joints never leap.
+    most = np.abs((np.diff(turns, axis=0) + 180.0) % 360.0 - 180.0).sum(axis=1).max(initial=0.0) / _SPIKE
+    if most <= 1.0 and np.abs(np.diff(places, axis=0)).sum(axis=1).max(initial=0.0) <= _LEAP * size:
+        return mask
 
     def apart(a: NDArray[np.intp], b: NDArray[np.intp]) -> Array:
         """Distance of frames a from frames b, in spikes."""

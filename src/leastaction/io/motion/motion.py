@@ -12,6 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.dataset import Column, Dataset, Savable, table
 
 _LENGTH_SUFFIXES = ("_tx", "_ty", "_tz")
 _MOST_STEPS = 1_000_000
@@ -30,7 +31,7 @@ def count_steps(duration: float, dt: float) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Savable):
     """Values of named variables over time.
 
     Immutable: every method returns a new motion. Between its samples a motion is the cubic spline through them.
@@ -114,6 +115,12 @@ class Motion:
             The motion lacks one of the names.
         """
         return self.q[:, [self._column(name) for name in names]]
+
+    def dataset(self) -> Dataset:
+        lengths = tuple(name.endswith(_LENGTH_SUFFIXES) for name in self.names)
+        units = ("m" if length else "rad" for length in lengths)
+        columns = [Column(*each) for each in zip(self.names, units, self.q.T, strict=True)]
+        return table(self.t, columns, kind="Motion", content={"source": self.source})
 
     def velocity(self) -> Array:
         """Time derivative of the spline through the samples, (N+1, n)."""

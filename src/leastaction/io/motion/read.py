@@ -9,6 +9,36 @@ from leastaction.errors import ArgumentError, MotionFileError
 from leastaction.io.motion.acclaim import read_amc
 from leastaction.io.motion.bvh import read_bvh
 from leastaction.io.motion.capture import Capture
+from leastaction.io.motion.motion import Motion
+from leastaction.io.motion.table import read_table_motion
+
+
+def read_motion(path: str | PathLike[str]) -> Motion:
+    """Read a motion of named variables over time from a table of text (CSV).
+
+    Parameters
+    ----------
+    path : path
+        A header with the time first, then names and their units, ``t [s],elbow [deg],torso_tx [mm]``, and a line for
+        each instant. Degrees, millimetres and centimetres become radians and metres; a name without a unit is taken as
+        it is. Lines that begin with # are left out. `Motion.save` writes such a file. Of a capture by its skeleton
+        (``.bvh``, ``.amc``) see `read_capture`, of one by its markers (``.c3d``) `read_markers`.
+
+    Returns
+    -------
+    Motion
+        In rad and m.
+
+    Raises
+    ------
+    MotionFileError
+        The file cannot be read or is no such table; the message names the line.
+    """
+    kind = Path(path).suffix.lower()
+    for endings, reader in (((".bvh", ".amc", ".asf"), "read_capture"), ((".c3d",), "read_markers")):
+        if kind in endings:
+            raise MotionFileError(f"{path}: is a capture, expected a table of named variables. `{reader}` reads it")
+    return read_table_motion(path)
 
 
 def read_capture(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
@@ -9,6 +10,14 @@ from typing import NoReturn
 from leastaction.errors import MotionFileError
 
 _MOST_BYTES = 2**30
+# Indefinite numbers of Microsoft's libraries before 2015, rounded as digits would be: 1.#IND, 1.#QNAN0, 1.#IO, 1.#J.
+_SPECIAL = re.compile(r"[+-]?[0-9]+[.,]#")
+_MISSING = re.compile(
+    r"[+-]?(?:nan[qs]?(?:\(\w*\))?|[0-9]+[.,](?:#(?:ind|qnan|snan)[0-9]*|#(?:i[no]|j|r|qn?|qo|qnb|s|sn|so|snb)|\$))",
+    re.IGNORECASE | re.ASCII,
+)
+SHORTEST, LONGEST = 1e-9, 1e6
+"""Seconds from one frame to the next: what is out of that is no capture."""
 
 
 class MotionText:
@@ -23,7 +32,7 @@ class MotionText:
         """Words of each line that has some, without comments (from # on); the last line is looked at after them."""
         for number, line in enumerate(self.lines, start=1):
             self.line = number
-            if words := line.split("#", 1)[0].split():
+            if words := _uncommented(line):
                 yield words
         self.line = max(1, len(self.lines))
 
@@ -73,8 +82,21 @@ def number_of(word: str) -> float:
 
 
 def is_missing(word: str) -> bool:
-    """Whether a word says that there is no number: NaN, as C, C++ and Python print it."""
-    return word.lower().lstrip("+-") in ("nan", "nan(ind)", "nan(snan)")
+    """Whether a word says that there is no number: NaN, as C, C++, Python, AIX and Microsoft's libraries print it."""
+    return bool(_MISSING.fullmatch(word))
+
+
+def _uncommented(line: str) -> list[str]:
+    """Return the words of a line before its comment; # after digits and a point belongs to a value, as in 1.#QNAN."""
+    if "#" not in line:
+        return line.split()
+    words: list[str] = []
+    for word in line.split():
+        before, mark, _ = word.partition("#")
+        if mark and not _SPECIAL.match(word):
+            return [*words, before] if before else words
+        words.append(word)
+    return words
 
 
 def shown(text: str, limit: int = 60) -> str:

@@ -37,3 +37,50 @@ def check_history(result: OptimizationResult, source: str) -> None:
                 f"{source} contradicts itself: history.{name} has {len(values)} entries, expected {expected} "
                 f"for {result.iterations} iterations. Run the optimisation again"
             )
+
+
+def check_result(result: OptimizationResult, source: str) -> None:
+    """Raise a `ResultFileError` unless the arrays of a result fit each other and are finite.
+
+    ``source``: where it comes from, for the message.
+    """
+    steps, nx, nu = len(result.u), result.x.shape[-1], result.u.shape[-1]
+    # Those by which a run goes on are also by its unknowns and, where it was to return, by entries of the first state.
+    least = nx + len(result.unknowns)
+    most = least if result.limits is None else least + nx
+    gains = min(max(result.projection_gain.shape[-1], least), most)
+    shapes: dict[str, tuple[Array, tuple[int, ...]]] = {
+        "x": (result.x, (steps + 1, nx)),
+        "u": (result.u, (steps, nu)),
+        "K": (result.K, (steps, nu, nx)),
+        "projection_gain": (result.projection_gain, (steps, nu, gains)),
+    }
+    memory = result.memory
+    if memory is not None:
+        places = {"earlier": memory.earlier, "gaps": memory.gaps}
+        if memory.resolved is not None:
+            places["resolved.before"] = memory.resolved.before
+        if memory.nearer is not None:
+            places["nearer.place"] = memory.nearer.place
+        for where, place in places.items():
+            if place is not None:
+                # With unknowns the states of a run are longer than those of its result.
+                shapes |= {
+                    f"memory.{where}.x": (place.x, (steps + 1, least)),
+                    f"memory.{where}.u": (place.u, (steps, nu)),
+                    f"memory.{where}.gain": (place.gain, (steps, nu, least)),
+                }
+        if memory.start is not None:
+            start = memory.start.x
+            shapes["memory.start.x"] = start, (gains,) if start.ndim == 1 else (steps + 1, gains)
+            shapes["memory.start.u"] = memory.start.u, (steps, nu)
+        if memory.gaps is not None:
+            gaps = memory.gaps
+            shapes["memory.gaps.size"] = gaps.size, (least,)
+            shapes["memory.gaps.costates"] = gaps.costates, (steps + 1 if len(gaps.costates) else 0, least)
+            shapes["memory.gaps.filter"] = gaps.filter, (len(gaps.filter), 2)
+        if memory.wanted is not None:
+            shapes["memory.wanted.x"] = memory.wanted.x, (steps + 1, gains)
+            shapes["memory.wanted.u"] = memory.wanted.u, (steps, nu)
+    check_shapes(shapes, f"{steps} steps, {nx} states and {nu} inputs", source)
+    check_history(result, source)

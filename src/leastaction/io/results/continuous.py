@@ -1,85 +1,28 @@
-"""A result in continuous time as what a file holds: its functions of time as the coefficients of their pieces."""
+"""A result in continuous time that is read from a file, and what has to fit in it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from math import prod
-from typing import Any
 
 import numpy as np
 
 from leastaction.errors import ResultFileError
 from leastaction.io.results.checks import check_history, check_shapes
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.piecewise import PiecewisePolynomial
-from leastaction.optimal import Accuracy, ContinuousOptimizationResult, DenseTrajectory, OptimizationResult
+from leastaction.optimal import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.continuous.content import ContinuousContent, Pieces, common_of
 
 
-@dataclass(frozen=True)
-class Pieces:
-    """A function of time: ``breaks`` (n+1,), ``coefficients`` (n, degrees, size), and the ``shape`` of a value."""
-
-    breaks: Array
-    coefficients: Array
-    shape: tuple[int, ...]
-
-    @classmethod
-    def of(cls, function: PiecewisePolynomial) -> Pieces:
-        """Return the pieces of a function."""
-        return cls(function.breaks, function.coefficients, function.shape)
-
-    def function(self) -> PiecewisePolynomial:
-        """Return the function."""
-        return PiecewisePolynomial(self.breaks, self.coefficients, self.shape)
-
-
-@dataclass(frozen=True)
-class ContinuousContent:
-    """What a file holds of a `ContinuousOptimizationResult`.
-
-    ``common``: what results in discrete time have too. The others are as there, ``trajectory`` with states and inputs
-    in one vector, of which the first ``nx`` are states.
-    """
-
-    common: OptimizationResult
-    nx: int
-    t: Array
-    trajectory: Pieces
-    feedback: Pieces
-    projection: Pieces
-    accuracy: Accuracy
-    jumps: tuple[float, ...]
-
-    @classmethod
-    def of(cls, result: ContinuousOptimizationResult) -> ContinuousContent:
-        """Return what a file holds of a result."""
-        common = OptimizationResult(**_common(result))
-        return cls(
-            common=common,
-            nx=result.trajectory.nx,
-            t=result.t,
-            trajectory=Pieces.of(result.trajectory.xu),
-            feedback=Pieces.of(result.feedback),
-            projection=Pieces.of(result.projection),
-            accuracy=result.accuracy,
-            jumps=tuple(result.jumps),
-        )
-
-    def result(self) -> ContinuousOptimizationResult:
-        """Return the result."""
-        return ContinuousOptimizationResult(
-            **_common(self.common),
-            t=self.t,
-            trajectory=DenseTrajectory(self.trajectory.function(), self.nx),
-            feedback=self.feedback.function(),
-            projection=self.projection.function(),
-            accuracy=self.accuracy,
-            jumps=self.jumps,
-        )
-
-
-def _common(result: OptimizationResult) -> dict[str, Any]:
-    return {field.name: getattr(result, field.name) for field in fields(OptimizationResult)}
+def result_of(content: ContinuousContent) -> ContinuousOptimizationResult:
+    """Return the result that a file holds."""
+    return ContinuousOptimizationResult(
+        **{**common_of(content.common), "t": content.t},
+        dense=DenseTrajectory(content.trajectory.function(), content.nx),
+        feedback=content.feedback.function(),
+        projection=content.projection.function(),
+        accuracy=content.accuracy,
+        jumps=content.jumps,
+    )
 
 
 def check_continuous(content: ContinuousContent, source: str) -> None:

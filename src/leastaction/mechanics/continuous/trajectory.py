@@ -16,6 +16,7 @@ from leastaction.mechanics.continuous.integration import SolverCounts
 from leastaction.mechanics.continuous.monitoring import EnergyBalance
 from leastaction.mechanics.continuous.stabilisation import Drift
 from leastaction.mechanics.mechanism.queries.masses import Energy
+from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, shape_of
 
@@ -98,8 +99,8 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     effort: SolverCounts = field(default=SolverCounts(0, 0, 0), repr=False)
     balance: EnergyBalance | None = None
     warnings: tuple[str, ...] = ()
-    dense: Callable[[float], Array] | None = field(default=None, repr=False)
-    law: Callable[[float, Array], Array] | None = field(default=None, repr=False)
+    dense: Callable[[float], Array] | None = field(default=None, repr=False, metadata={"recorded": False})
+    law: Callable[[float, Array], Array] | None = field(default=None, repr=False, metadata={"recorded": False})
 
     @property
     def rho_a(self) -> Array:
@@ -110,6 +111,14 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     def x(self) -> Array:
         """States ``[q; rho; v; v_rho]``, shape (N+1, nx)."""
         return np.hstack([self.q, self.v])
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        return state_units(self.mechanism, momenta=False)
+
+    @property
+    def multiplier_units(self) -> tuple[str, ...]:
+        return multiplier_units(self.mechanism, impulses=False)
 
     @property
     def u(self) -> Array:

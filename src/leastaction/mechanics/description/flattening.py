@@ -36,10 +36,10 @@ def flatten(description: Branch | Sequence[Any]) -> Tree:
     seen: set[int] = set()
     for frame in frames:
         check_once(frame, seen)
-    return place_frames(_names(root.world_name, frames, parents[1:]), frames, parents[1:])
+    return place_frames(frame_names(root.world_name, frames, parents[1:]), frames, parents[1:])
 
 
-def _names(world: str, frames: Sequence[Frame], parents: Sequence[int]) -> list[str]:
+def frame_names(world: str, frames: Sequence[Frame], parents: Sequence[int]) -> list[str]:
     """Name every frame: the given names, and for the others a readable one that depends on the tree only.
 
     A frame with a variable is called after it, ``rz(theta)``; a constant frame after its parent,

@@ -78,6 +78,10 @@ class Frame:
         The composition that the frame is part of.
     detail : str
         Where the joint's axis lies, in words; empty where ``transform`` says it.
+    point : ndarray, shape (3,), or None
+        The point of its axis that a revolute or a screw was given (m).
+    pitch : float or None
+        That of a screw (m/rad).
     """
 
     transform: str
@@ -89,6 +93,8 @@ class Frame:
     bodies: tuple[Body, ...] = ()
     group: Group | None = None
     detail: str = ""
+    point: Array | None = None
+    pitch: float | None = None
 
     __getstate__, __setstate__ = saved_state, restore_state
 
@@ -180,6 +186,8 @@ def moving(
     value: CoordinateLike,
     *,
     detail: str = "",
+    point: Array | None = None,
+    pitch: float | None = None,
     group: Group | None = None,
     offset: float = 0.0,
     kinematic: bool | Sequence[str] = False,
@@ -192,9 +200,9 @@ def moving(
     """Return the frame that moves along a twist: the one place where such frames are made and checked.
 
     ``transform``: the name of the function that the user called. ``twist`` (6,): [v; w] in the parent; must not change
-    any more. ``value``: how far it moves. ``detail``, ``group``: as in `Frame`. ``offset``, ``kinematic``, ``name``,
-    ``mass``, ``com``, ``inertia``, ``bodies``: as in `JointOptions`. Warns `UnitWarning` for a constant angle of more
-    than a full turn, most likely one in degrees.
+    any more. ``value``: how far it moves. ``detail``, ``point``, ``pitch``, ``group``: as in `Frame`. ``offset``,
+    ``kinematic``, ``name``, ``mass``, ``com``, ``inertia``, ``bodies``: as in `JointOptions`. Warns `UnitWarning` for a
+    constant angle of more than a full turn, most likely one in degrees.
     """
     if name is not None:
         check_name(name, f"the name of a {transform} frame")
@@ -218,6 +226,8 @@ def moving(
         bodies=bodies_of(label, mass, com, inertia, bodies),
         group=group,
         detail=detail,
+        point=point,
+        pitch=pitch,
     )
 
 

@@ -23,6 +23,8 @@ _AXES = {
     for k, letter in enumerate("xyz")
 }
 
+_UNIT = 1e-15  # how far rounding takes the length of a vector from one
+
 
 def twist(
     value: CoordinateLike,
@@ -81,9 +83,9 @@ def revolute(
     DescriptionError
         If the axis is zero or a number is not finite.
     """
-    w, p = _unit(axis, "revolute"), as_array(point, "revolute: point", (3,), error=DescriptionError)
+    w, p = _unit(axis, "revolute"), _point(point, "revolute")
     v = _moment(p, w, "revolute")
-    return moving("revolute", _twist(v, w, "revolute"), value, detail=_line(w, p), **options)
+    return moving("revolute", _twist(v, w, "revolute"), value, detail=_line(w, p), point=p, **options)
 
 
 def screw(
@@ -108,16 +110,19 @@ def screw(
     **options
         See `JointOptions`.
     """
-    w, p = _unit(axis, "screw"), as_array(point, "screw: point", (3,), error=DescriptionError)
+    w, p = _unit(axis, "screw"), _point(point, "screw")
     h = as_number(pitch, "screw: pitch (m per radian)", error=DescriptionError)
-    detail = screw_detail(_line(w, p), h)
-    v = _moment(p, w, "screw") + h * w
-    return moving("screw", _twist(v, w, "screw"), value, detail=detail, **options)
+    return moving("screw", screw_twist(w, p, h), value, detail=screw_detail(w, p, h), point=p, pitch=h, **options)
 
 
-def screw_detail(line: str, pitch: float) -> str:
-    """Return what describes a screw beside its coordinate, with the axis in words (m/rad)."""
-    return f"{line}, {pitch:.6g} m/rad"
+def screw_twist(axis: Array, point: Array, pitch: float) -> Array:
+    """Return the twist (6,) of a screw: its axis of length one, a point of it (m), its pitch (m/rad)."""
+    return _twist(_moment(point, axis, "screw") + pitch * axis, axis, "screw")
+
+
+def screw_detail(axis: Array, point: Array, pitch: float) -> str:
+    """Return what describes a screw beside its coordinate."""
+    return f"{_line(axis, point)}, {pitch:.6g} m/rad"
 
 
 def prismatic(value: CoordinateLike, *, axis: ArrayLike | str, **options: Unpack[JointOptions]) -> Frame:
@@ -148,11 +153,18 @@ def _unit(axis: ArrayLike | str, what: str) -> Array:
     size = float(np.abs(given).max())
     if size == 0.0:
         raise DescriptionError(f"{what}: the axis is zero; expected a direction, such as (0, 0, 1)")
-    # Scaled first, so that no square overflows or vanishes; an axis of unit length stays as it is.
+    # Scaled first, so that no square overflows or vanishes; an axis of unit length, to rounding, stays as it is: one
+    # that was made so before comes back from a file bit by bit.
     scaled = given / size
     length = float(np.linalg.norm(scaled)) * size
-    unit: Array = given.copy() if length == 1.0 else scaled / np.linalg.norm(scaled)
+    unit: Array = given.copy() if abs(length - 1.0) <= _UNIT else scaled / np.linalg.norm(scaled)
     return unit
+
+
+def _point(point: ArrayLike, what: str) -> Array:
+    own = as_array(point, f"{what}: point", (3,), error=DescriptionError).copy()
+    own.setflags(write=False)
+    return own
 
 
 def _moment(point: Array, axis: Array, what: str) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,7 +19,11 @@ DEPENDENT = 1e-9
 
 
 def check_masses(
-    tree: Tree, variables: Sequence[str], core: _core.Mechanism, before: _core.Mechanism | None = None
+    tree: Tree,
+    rotors: Sequence[Mapping[str, float]],
+    variables: Sequence[str],
+    core: _core.Mechanism,
+    before: _core.Mechanism | None = None,
 ) -> None:
     """Raise a `DescriptionError` if a dynamic variable, or a combination of them, moves no mass.
 
@@ -27,8 +31,9 @@ def check_masses(
     rotation whose axis passes through every point mass that it turns. Two configurations of no special
     shape tell: what vanishes at both vanishes everywhere.
 
-    ``variables``: names in the order of q. ``core``: the compiled mechanism. ``before``: the same with other numbers,
-    which was checked: the numbers are looked at again only where an inertia has changed beyond its size.
+    ``rotors``: the factors by which others than the bodies are moved. ``variables``: names in the order of q. ``core``:
+    the compiled mechanism. ``before``: the same with other numbers, which was checked: the numbers are looked at again
+    only where an inertia has changed beyond its size.
     """
     bodies = [(joint, body, pose) for joint, body, pose in tree.bodies() if joint != WORLD]
     # Whether there is any, not how much: sums of what is there could overflow.
@@ -40,11 +45,11 @@ def check_masses(
         for joint, (mass, inertia) in zip(tree.joints, tree.subtree_sums(matter), strict=True)
     ]
     joints = [index for index, has in enumerate(massive) if has]
-    moved = {name for index in joints for name in tree.joints[index].variables}
+    moved = {name for index in joints for name in tree.joints[index].variables}.union(*rotors)
     for name in tree.dynamic:
         if name not in moved:
             raise _massless(tree, name, "where nothing has a mass")
-    _check_couplings(tree, joints)
+    _check_couplings(tree, joints, rotors)
 
     nd = len(tree.dynamic)
     samples = np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(variables)))
@@ -76,19 +81,19 @@ def check_masses(
             raise _massless(tree, name, "whose point masses all lie on its axis, or whose motions cancel each other")
 
 
-def _check_couplings(tree: Tree, joints: Sequence[int]) -> None:
-    """Raise if some motion of the coupled variables leaves all these joints still, which move masses."""
+def _check_couplings(tree: Tree, joints: Sequence[int], rotors: Sequence[Mapping[str, float]]) -> None:
+    """Raise if some motion of the coupled variables leaves all these joints and rotors still, which move masses."""
     dynamic = set(tree.dynamic)
-    coupled = {
-        name for index in joints if len(pair := dynamic.intersection(tree.joints[index].variables)) > 1 for name in pair
-    }
+    movers = [*(tree.joints[index].variables for index in joints), *(tuple(factors) for factors in rotors)]
+    coupled = {name for names in movers if len(pair := dynamic.intersection(names)) > 1 for name in pair}
     # A variable that has a joint of its own is determined by it.
-    alone = {tree.joints[index].variables[0] for index in joints if len(tree.joints[index].variables) == 1}
+    alone = {names[0] for names in movers if len(names) == 1}
     names = [name for name in tree.dynamic if name in coupled - alone]
     if not names:
         return
     joints = [index for index in joints if not coupled.isdisjoint(tree.joints[index].variables)]
     E, _ = tree.coupling(joints, names)
+    E = np.vstack([E, *([factors.get(name, 0.0) for name in names] for factors in rotors)])
     columns = E / np.abs(E).max(axis=0)
     _, sizes, directions = np.linalg.svd(columns)
     if len(columns) >= len(names) and sizes[-1] > DEPENDENT:

@@ -15,6 +15,8 @@ from leastaction.numerics.names import check_name
 
 # A rotation matrix that was typed or stored with fewer digits than this is refused, not guessed at.
 ROTATION_TOLERANCE = 1e-8
+# One that was made orthonormal stays as it is: it comes back from a file bit by bit.
+_ROUNDING = 1e-14
 
 
 def pose(
@@ -82,7 +84,7 @@ def _nearest_rotation(rotation: Array, what: str) -> Array:
         )
     if np.linalg.det(rotation) < 0.0:
         raise DescriptionError(f"{what}: the rotation has determinant -1: it is a reflection. Use right-handed axes")
-    if error < 1e-15:
+    if error < _ROUNDING:
         return rotation
     left, _, right = np.linalg.svd(rotation)
     nearest: Array = left @ right

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of
 from leastaction.mechanics.discrete.derivatives import check_trajectory
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
@@ -137,6 +138,24 @@ def driving_force(vi: Integrator, trajectory: Trajectory) -> Array:
     impulses = -(after[:-1] + before[1:] - held[1:])
     force: Array = 2.0 * impulses / (h[:-1] + h[1:])
     return force
+
+
+def balance(vi: Integrator, trajectory: Trajectory) -> DiscreteBalance:
+    """Return how energy and work balance along a motion, such as one that an optimisation found.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Of this mechanism. `Trajectory.balance` of what was simulated is the same.
+
+    Raises
+    ------
+    ArgumentError
+        For a trajectory of a mechanism with other variables.
+    """
+    check_trajectory(vi, trajectory)
+    run = trajectory
+    return balance_of(run.t, vi.core.energies(run.t, run.x, run.u, run.lam))
 
 
 def _midpoint(m: Mechanism, q1: ArrayLike, q2: ArrayLike, dt: float) -> tuple[Array, Array]:

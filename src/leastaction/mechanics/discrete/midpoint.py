@@ -257,6 +257,7 @@ class MidpointVI(Integrator):
     discrete_potential = functions.discrete_potential
     discrete_force = functions.discrete_force
     driving_force = functions.driving_force
+    balance = functions.balance
 
 
 def _checked_instants(mechanism: Mechanism, names: Sequence[str]) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, CoarseStepWarning, StepError
+from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of, tell
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import check_lengths, quality_of, step_error
@@ -66,7 +67,8 @@ def simulate(
     Returns
     -------
     Trajectory
-        Up to the first step that failed, or to where Ctrl-C stopped it; its status says which.
+        Up to the first step that failed, or to where Ctrl-C stopped it; its status says which, and whether energy and
+        work balance.
 
     Raises
     ------
@@ -77,6 +79,8 @@ def simulate(
     -----
     CoarseStepWarning
         If the time step is so coarse somewhere that the solution is about to be lost; see `Trajectory.worst_step`.
+    EnergyBalanceWarning
+        If energy was lost or gained beside the work that was done; see `Trajectory.balance`.
     SingularityWarning
         If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
     """
@@ -100,6 +104,10 @@ def simulate(
     worst = coarsest(run.qualities)
     if worst is not None and worst.is_coarse and status is not SimulationStatus.STEP_FAILED:
         warnings.warn(str(worst), CoarseStepWarning, stacklevel=2)
+    balance = run.balance()
+    complaint = tell(balance, stacklevel=2)
+    if complaint and status is SimulationStatus.COMPLETED:
+        status, message = SimulationStatus.UNBALANCED, f"{message}, but {complaint}"
     return trajectory_of(
         m,
         times[: done + 1],
@@ -110,6 +118,7 @@ def simulate(
         message=message,
         rank_deficient=run.redundant,
         worst_step=worst,
+        balance=balance,
         singularities=passages,
     )
 
@@ -122,7 +131,8 @@ class _Run:
         self.vi, self.t, self.u = vi, t, u
         self.x, self.lam = np.empty((len(t), m.nx)), np.empty((len(u), m.nc))
         self.x[0] = start
-        self.done, self.redundant = 0, False
+        self.energies = np.zeros((len(u), 5))
+        self.done, self.noted, self.redundant = 0, 0, False
         self.qualities: list[StepQuality | None] = []
 
     def go(
@@ -139,7 +149,7 @@ class _Run:
                     stop, out = self.done + 1, self._after(law)
                 else:
                     stop = min(N, self.done + _CHUNK)
-                    out = self._rolled_out(stop)
+                    out = self._rolled_out(stop, energies=True)
                 self._keep(out)
                 if self.done < stop:
                     last = state_of(m, float(self.t[self.done]), self.x[self.done])
@@ -166,10 +176,23 @@ class _Run:
         self.u[k, : m.n_inputs] = as_array(given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs)
         return self._rolled_out(k + 1)
 
-    def _rolled_out(self, stop: int) -> _core.RollOut:
+    def _rolled_out(self, stop: int, *, energies: bool = False) -> _core.RollOut:
         """Make steps up to an instant, with the inputs that there are."""
         k = self.done
-        return self.vi.core.roll_out(self.t[k : stop + 1], self.x[k].copy(), None, self.u[k:stop], None)
+        return self.vi.core.roll_out(
+            self.t[k : stop + 1], self.x[k].copy(), None, self.u[k:stop], None, energies=energies
+        )
+
+    def balance(self) -> DiscreteBalance:
+        """Return how energy and work of the steps that were made balance."""
+        if self.noted < self.done:
+            self.energies[: self.done] = self._energies(0, self.done)
+        return balance_of(self.t[: self.done + 1], self.energies[: self.done])
+
+    def _energies(self, first: int, stop: int) -> Array:
+        steps, instants = slice(first, stop), slice(first, stop + 1)
+        found = self.vi.core.energies(self.t[instants], self.x[instants], self.u[steps], self.lam[steps])
+        return np.asarray(found)
 
     def _keep(self, out: _core.RollOut) -> None:
         """Keep what was made."""
@@ -178,3 +201,8 @@ class _Run:
         self.x[k + 1 : k + 1 + made], self.lam[k : k + made] = out.x[1 : made + 1], out.lam[:made]
         self.redundant = self.redundant or out.rank_deficient
         self.done += made
+        if len(out.energies) and made:
+            self.energies[k : self.done] = out.energies[:made]
+            if k > 0:  # the work from the step before to the first of these
+                self.energies[k] = self._energies(k - 1, k + 1)[1]
+            self.noted = self.done

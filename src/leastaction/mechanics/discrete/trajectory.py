@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from leastaction.mechanics.discrete.balance import DiscreteBalance
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
+from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.step_quality import StepQuality
@@ -21,6 +23,10 @@ class SimulationStatus(Enum):
     """How a simulation ended; the value says what happened and what to try."""
 
     COMPLETED = "completed: every step was solved"
+    UNBALANCED = (
+        "every step was solved, but energy was lost or gained beside the work that was done: do not trust the motion "
+        "from there on. Try a smaller time step, or a start that stays away from where constraints lose rank"
+    )
     STEP_FAILED = (
         "a step could not be solved: the trajectory ends before it. Try a smaller time step, smoother "
         "prescribed motion, or inputs that the mechanism can follow"
@@ -99,6 +105,8 @@ class Trajectory(BaseTrajectory[State]):
         Whether constraints were redundant somewhere, so that the least multiplier was taken; see `redundant`.
     worst_step : StepQuality or None
         The coarsest step, which may be the one that failed; None if there was none.
+    balance : DiscreteBalance or None
+        Energy against the work that was done; None where it was not simulated: `MidpointVI.balance` finds it.
     singularities : tuple of str
         What there is to say of joints that came near the singularity of their angles.
     """
@@ -109,12 +117,21 @@ class Trajectory(BaseTrajectory[State]):
     message: str = "completed"
     rank_deficient: bool = False
     worst_step: StepQuality | None = None
+    balance: DiscreteBalance | None = None
     singularities: tuple[str, ...] = ()
 
     @property
     def x(self) -> Array:
         """States ``[q; rho; p; v_rho]``, shape (N+1, nx)."""
         return np.hstack([self.q, self.p, self.v_rho])
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        return state_units(self.mechanism, momenta=True)
+
+    @property
+    def multiplier_units(self) -> tuple[str, ...]:
+        return multiplier_units(self.mechanism, impulses=True)
 
     @property
     def u(self) -> Array:
@@ -146,7 +163,7 @@ class Trajectory(BaseTrajectory[State]):
         return result
 
     def __str__(self) -> str:
-        """Return what happened in a few lines: steps, times, redundant equations, the coarsest step."""
+        """Return what happened in a few lines: steps, times, redundant equations, the coarsest step, energy."""
         lines = [f"{self.steps} steps, t = {self.t[0]:g} to {self.t[-1]:g} s: {self.message}"]
         if self.rank_deficient:
             redundant = self.redundant
@@ -158,6 +175,8 @@ class Trajectory(BaseTrajectory[State]):
             lines.append("multipliers are those of least norm")
         if self.worst_step is not None:
             lines.append(str(self.worst_step))
+        if self.balance is not None:
+            lines.append(str(self.balance))
         lines += self.singularities
         return "\n".join(lines)
 

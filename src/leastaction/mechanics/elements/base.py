@@ -20,6 +20,7 @@ from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.kinds import Frame, Kind, Uses
+from leastaction.mechanics.elements.looks import Look, LookKind, Push
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import check_name
 
@@ -44,7 +45,7 @@ class Element(abc.ABC):
     A type declares: ``called``, the first part of the name that is made; ``reads``, the words of `describe`,
     with fields in braces; ``task``, what the frames that it names must be able to do, which is to turn where
     ``turning``; ``needs_dynamic``, whether a dynamic variable must be able to; ``highest_order``, to which
-    order the core can differentiate it.
+    order the core can differentiate it; ``seen_as``, what is drawn between its frames, nothing if None.
     """
 
     name: str | None = field(default=None, kw_only=True)
@@ -55,6 +56,7 @@ class Element(abc.ABC):
     turning: ClassVar[bool] = False
     needs_dynamic: ClassVar[bool] = False
     highest_order: ClassVar[int] = 4
+    seen_as: ClassVar[LookKind | None] = None
 
     def __post_init__(self) -> None:
         if self.name is not None:
@@ -137,6 +139,18 @@ class Element(abc.ABC):
         """Suffixes of the scalar constraint equations that the element adds; ("",) for a single one."""
         return ()
 
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        """Return the units of inputs, and of variables that prescribe numbers of it, by name; as far as it knows them.
+
+        ``of``: units of the variables that move joints, by name.
+        """
+        values = ((kind, getattr(self, name)) for name, kind, _ in _declared(type(self)))
+        return {name: unit for kind, value in values for name, unit in kind.prescribed(value).items()}
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        """Return the unit of each of its `equations`, "" where it knows none; ``of`` as above."""
+        return ("",) * len(self.equations)
+
     @property
     def strings(self) -> tuple[tuple[str, ...], ...]:
         """Paths of frames whose length it is made of, so that no piece of them may be zero."""
@@ -149,6 +163,11 @@ class Element(abc.ABC):
     def length_variable(self) -> str | None:
         """The variable that prescribes the length of a string, which must stay positive."""
         return None
+
+    @property
+    def geared(self) -> Mapping[str, float]:
+        """The variables whose motion turns it as a rotor, by their factors; none if it has no inertia."""
+        return {}
 
     @property
     def weighed(self) -> tuple[str, ...]:
@@ -164,6 +183,40 @@ class Element(abc.ABC):
             Multiplier of its equation over steps of length ``dt`` (N,).
         start : mapping of str to ndarray, shape (N,)
             Configuration variables at the start of each step.
+        """
+        return None
+
+    # What it looks like
+
+    @property
+    def down(self) -> tuple[float, float, float] | None:
+        """The direction, in world axes, in which everything falls by it; None of what is no gravity for all."""
+        return None
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """The lines that it is seen as, through frames."""
+        if self.seen_as is None:
+            return ()
+        held = tuple(self._held())
+        ends = tuple(value for _, kind, value in held if isinstance(kind, Frame) and kind.end)
+        paths = [path for _, kind, value in held for path in kind.strings(value)]
+        return tuple(Look(self.seen_as, path) for path in (*paths, ends) if path)
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        """The forces and torques that it exerts on frames or joints, where they are not along its looks."""
+        return ()
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array | None:
+        """Return the tension (N) along its looks, positive where they pull; None where only a multiplier knows it.
+
+        Parameters
+        ----------
+        length, rate : ndarray, shape (N,)
+            Length (m) of the line that it is seen as, and its rate (m/s).
+        values : mapping of str to ndarray, shape (N,)
+            Variables and inputs at the same instants.
         """
         return None
 

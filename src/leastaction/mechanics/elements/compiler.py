@@ -18,8 +18,15 @@ from leastaction import _core
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.directions import Direction, triad
+from leastaction.mechanics.elements.scalars import of_variables
 from leastaction.mechanics.expressions.tapes import TapeWriter, dot
 from leastaction.numerics.curve import Curve
+
+Paths = Sequence[str] | Mapping[tuple[str, ...], float]
+"""The frames of a path, or several paths with the factor that the length of each has in their sum."""
+
+Scalar = str | Mapping[str, float] | Paths
+"""A variable, a sum of some by their factors, or the length of a path or of a sum of some."""
 
 
 @dataclass(frozen=True)
@@ -132,19 +139,32 @@ class Compiler:
 
     # Coordinates
 
-    def sum(self, given: str | Mapping[str, float]) -> int:
+    def sum(self, given: str | Mapping[str, float], prefix: str = "factors") -> int:
         """Add a variable, or the sum of some by factors, which are parameters."""
-        factors = [given] if isinstance(given, str) else list(given)
-        slots = [self.slot(1.0 if isinstance(given, str) else f"factors.{n}") for n in factors]
-        return self.builder.variables_coordinate([self.variable(n) for n in factors], slots)
+        return self.builder.variables_coordinate(*self.factors(given, prefix))
 
-    def path(self, frames: Sequence[str]) -> int:
-        """Add the length of the straight pieces through the origins of frames (m)."""
-        return self.builder.path_coordinate([self.point(frame) for frame in frames])
+    def factors(self, given: str | Mapping[str, float], prefix: str = "factors") -> tuple[list[int], list[int]]:
+        """Return the variables of a sum, and the slots of their factors."""
+        names = [given] if isinstance(given, str) else list(given)
+        slots = [self.slot(1.0 if isinstance(given, str) else f"{prefix}.{n}") for n in names]
+        return [self.variable(n) for n in names], slots
 
-    def along(self, given: str | Mapping[str, float] | Sequence[str]) -> int:
+    def path(self, frames: Paths, prefix: str = "factors") -> int:
+        """Add the length of the straight pieces through the origins of frames (m), or a sum of such by factors."""
+        if not isinstance(frames, Mapping):
+            return self.builder.path_coordinate([self.point(frame) for frame in frames])
+        slots = [self.slot(f"{prefix}.{i}") for i in range(1, len(frames) + 1)]
+        return self.builder.sum_coordinate([self.path(one) for one in frames], slots)
+
+    def along(self, given: Scalar, prefix: str = "factors") -> int:
         """Add what a field of the kind `SumOrPath` holds."""
-        return self.sum(given) if isinstance(given, (str, Mapping)) else self.path(given)
+        of: Any = given
+        return self.sum(of, prefix) if of_variables(given) else self.path(of, prefix)
+
+    def difference(self, first: int, second: int, law: int) -> int:
+        """Add ``s1 - law(s2)`` of two coordinates."""
+        both = [first, self.builder.law_coordinate(second, law)]
+        return self.builder.sum_coordinate(both, [self.slot(1.0), self.slot(-1.0)])
 
     def component(self, frame1: str, frame2: str, carrier: str, vector: ArrayLike) -> int:
         """Add ``e . (p1 - p2)`` with a vector e in the axes of a third frame."""
@@ -192,6 +212,10 @@ class Compiler:
         return self.builder.piecewise_law(curve.breaks, curve.coefficients, scale)
 
     # Elements
+
+    def rotor(self, given: str | Mapping[str, float], inertia: str) -> None:
+        """Add ``T = J/2 (sum of factor v)^2``."""
+        self.builder.add_rotor(*self.factors(given), self.slot(inertia))
 
     def potential(self, coordinate: int, law: int = -1) -> None:
         """Add ``V = law(s)``, or s itself."""

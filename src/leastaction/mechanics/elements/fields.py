@@ -30,6 +30,8 @@ SUM: Metadata = {"kind": Sum()}
 DYNAMIC_SUM: Metadata = {"kind": Sum("dynamic")}
 FACTORS: Metadata = {"kind": Sum("")}
 SUM_OR_PATH: Metadata = {"kind": SumOrPath()}
+DYNAMIC_SUM_OR_PATH: Metadata = {"kind": SumOrPath("dynamic")}
+OTHER_SUM_OR_PATH: Metadata = {"kind": SumOrPath(prefix="of")}
 INPUT: Metadata = {"kind": kinds.Input()}
 VECTOR: Metadata = {"kind": kinds.Vector()}
 AXIS: Metadata = {"kind": kinds.Axis()}

@@ -83,6 +83,10 @@ class Kind(abc.ABC):
         """Return the value with another number of one parameter, not checked yet."""
         raise NotImplementedError
 
+    def prescribed(self, value: Any) -> dict[str, str]:
+        """The units of variables that stand for a number, by their names."""
+        return {}
+
     def show(self, value: Any) -> str:
         """Return a value as text."""
         return str(value)
@@ -196,6 +200,9 @@ class NumberOrVariable(Kind):
     def read(self, value: object, what: str) -> float | str:
         return check_name(value, what) if isinstance(value, str) else self.number.read(value, what)
 
+    def prescribed(self, value: float | str) -> dict[str, str]:
+        return {value: self.number.unit} if isinstance(value, str) else {}
+
 
 @dataclass(frozen=True)
 class Vector(Kind):
@@ -212,6 +219,26 @@ class Vector(Kind):
 
     def show(self, value: Sequence[float]) -> str:
         return f"({', '.join(f'{number:g}' for number in value)})"
+
+
+@dataclass(frozen=True)
+class Polynomial(Kind):
+    """The coefficients of a polynomial, the parameters c0, c1 and so on; two at least, or it would be a constant."""
+
+    def read(self, value: Any, what: str) -> tuple[float, ...]:
+        listed = isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, (str, bytes))
+        if not listed or not 2 <= len(value) <= 16:
+            raise DescriptionError(f"{what}: expected a list of two to sixteen numbers c0, c1, c2, ..., got {value!r}")
+        return tuple(Number().read(c, f"{what}: c{i}") for i, c in enumerate(value))
+
+    def numbers(self, field: str, value: Sequence[float]) -> dict[str, float]:
+        return {f"c{i}": c for i, c in enumerate(value)}
+
+    def with_number(self, field: str, value: Sequence[float], parameter: str, number: float) -> tuple[float, ...]:
+        return tuple({**self.numbers(field, value), parameter: number}.values())
+
+    def show(self, value: Sequence[float]) -> str:
+        return ", ".join(f"{name} {c:g}" for name, c in self.numbers("", value).items())
 
 
 # Others

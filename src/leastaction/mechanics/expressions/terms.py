@@ -87,9 +87,9 @@ def unit_vector(frame: str, vector: str | ArrayLike) -> tuple[float, ...]:
     largest = float(np.abs(given).max())
     if largest == 0.0:
         raise DescriptionError(f"direction of {frame!r}: got zero, which points nowhere; give a vector with a length")
-    # Of ordinary size first, so that no square overflows or vanishes; a unit vector stays as it is.
+    # Of ordinary size first, so that no square overflows or vanishes; one of length one, to rounding, stays.
     length = float(np.linalg.norm(given / largest)) * largest
-    unit = given if length == 1.0 else given / largest / np.linalg.norm(given / largest)
+    unit = given if abs(length - 1.0) <= 1e-15 else given / largest / np.linalg.norm(given / largest)
     # Adding zero turns -0.0 into 0.0, so that equal directions are equal symbols.
     return tuple((unit + 0.0).tolist())
 

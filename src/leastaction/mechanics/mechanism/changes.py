@@ -12,7 +12,7 @@ from leastaction.mechanics.description.affine import Affine
 from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.description.flattening import place_frames
 from leastaction.mechanics.description.frames import PRIMITIVES, Frame
-from leastaction.mechanics.description.joints import screw_detail
+from leastaction.mechanics.description.joints import screw_detail, screw_twist
 from leastaction.mechanics.description.poses import pose
 from leastaction.mechanics.description.tree import Tree, TreeFrame
 from leastaction.mechanics.mechanism.parameters import (
@@ -22,7 +22,6 @@ from leastaction.mechanics.mechanism.parameters import (
     Length,
     Place,
     Prescribed,
-    pitch_of,
 )
 
 
@@ -104,10 +103,11 @@ def _geared(frame: Frame, name: str, place: JointNumber, value: float) -> Frame:
     assert frame.coordinate is not None
     if place.field == "pitch":
         assert frame.twist is not None
-        axis = frame.twist[3:]
-        twist = np.concatenate([frame.twist[:3] + (value - pitch_of(frame)) * axis, axis])
-        twist.setflags(write=False)
-        return replace(frame, twist=twist, detail=screw_detail(frame.detail.rpartition(", ")[0], value))
+        assert frame.point is not None
+        axis, point = frame.twist[3:], frame.point
+        return replace(
+            frame, twist=screw_twist(axis, point, value), detail=screw_detail(axis, point, value), pitch=value
+        )
     if place.field == "offset":
         return replace(frame, coordinate=replace(frame.coordinate, offset=value))
     if value == 0.0:

@@ -57,6 +57,11 @@ class Plan:
                 elements[name] = changed
         return replace(self, tree=tree, elements=elements, numbers=rest)
 
+    @property
+    def rotors(self) -> list[Mapping[str, float]]:
+        """The factors of the elements that are rotors."""
+        return [geared for element in self.elements.values() if (geared := element.geared)]
+
     def context(self) -> Context:
         """Return the mechanism as its elements see it."""
         return Context(self.tree, self.dynamic, self.kinematic, self.inputs)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
@@ -20,6 +22,7 @@ from leastaction.mechanics.mechanism import queries
 from leastaction.mechanics.mechanism.arguments import Compiled, batch
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
+from leastaction.mechanics.mechanism.equality import names_hash, same
 from leastaction.mechanics.mechanism.parameters import (
     ElementNumber,
     Place,
@@ -129,7 +132,7 @@ class Mechanism(Compiled):
         vars(self).update(fields)
         if like is None:
             check_names(self.tree, context.parameters)
-            check_masses(self.tree, self.variables, self.core)
+            check_masses(self.tree, settled.rotors, self.variables, self.core)
 
     # Names
 
@@ -298,7 +301,7 @@ class Mechanism(Compiled):
         )
         result = self._of(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
         if tree is not self.tree:
-            check_masses(tree, self.variables, result.core, self.core)
+            check_masses(tree, result._plan.rotors, self.variables, result.core, self.core)
         return result
 
     def slots_of_elements(self, names: Sequence[str]) -> list[int] | None:
@@ -347,6 +350,15 @@ class Mechanism(Compiled):
         """Mass of all bodies (kg), those fixed in the world too."""
         return queries.masses.mass_of(self)
 
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each variable, input and constraint equation by its name, such as "rad", "m", "N m", "m^2".
+
+        "" where there is none, as of products of unit vectors, or where none is known: of a variable that moves joints
+        of both kinds, of a sum of variables with several units, of what a factor or an expression of one's own scales.
+        """
+        return queries.units.units_of(self)
+
     constraint_values = queries.constraints.constraint_values
     constraint_residuals = queries.constraints.constraint_residuals
     constraint_jacobian = queries.constraints.constraint_jacobian
@@ -359,7 +371,62 @@ class Mechanism(Compiled):
     force = queries.functions.force
     constraint = queries.functions.constraint
 
+    # Files
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the mechanism to a file, from which `load` makes the same one, bit by bit.
+
+        Parameters
+        ----------
+        path : path
+            The file: YAML with the ending ``.yaml`` or ``.yml``, JSON with ``.json``. It is there whole or not at all.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        ModelFileError
+            For another ending, or an element that no file can say: one that calls Python.
+        OutputError
+            If the file cannot be written.
+        """
+        from leastaction.mechanics.mechanism.record import write_plan  # here, so that to import the package is quick
+
+        return write_plan(self._plan, path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Mechanism:
+        """Return the mechanism of a file that `save` wrote, or somebody by hand.
+
+        Parameters
+        ----------
+        path : path
+            A file in YAML (``.yaml``, ``.yml``) or JSON (``.json``).
+
+        Raises
+        ------
+        ModelFileError
+            For a file that is not there or is broken, and for what does not fit, with its line and place in the file.
+        DescriptionError
+            For a mechanism that cannot be, such as one with a dynamic variable that moves no mass.
+        """
+        from leastaction.mechanics.mechanism.record import read_plan
+
+        return cls._of(read_plan(path))
+
     # Python
+
+    def __eq__(self, other: object) -> bool:
+        """Tell whether both are the same in description, names, numbers and elements."""
+        if not isinstance(other, Mechanism):
+            return NotImplemented
+        return self is other or same(self._plan, other._plan)
+
+    def __hash__(self) -> int:
+        return names_hash(self._plan)
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a Mechanism is immutable ({name} cannot be set); describe a new one")

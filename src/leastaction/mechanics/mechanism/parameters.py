@@ -15,7 +15,6 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, DescriptionError, unknown
 from leastaction.mechanics.description.affine import Affine
-from leastaction.mechanics.description.frames import Frame
 from leastaction.mechanics.description.tree import Tree
 from leastaction.numerics.arrays import Array, as_number, require_mapping
 
@@ -169,7 +168,8 @@ def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
     if isinstance(place, JointNumber):
         assert frame.coordinate is not None
         if place.field == "pitch":
-            return pitch_of(frame)
+            assert frame.pitch is not None
+            return frame.pitch
         return dict(frame.coordinate.terms)[place.variable] if place.field == "factor" else frame.coordinate.offset
     body = frame.bodies[place.body]
     kind, _, which = place.field.partition(".")
@@ -210,12 +210,6 @@ def checked(changes: Mapping[str, float]) -> dict[str, float]:
     """Return new values as finite floats; raise an `ArgumentError` for anything else."""
     require_mapping(changes, "parameters", "{'bob.mass': 2.0}")
     return {name: as_number(value, f"the parameter {name!r}") for name, value in changes.items()}
-
-
-def pitch_of(frame: Frame) -> float:
-    """Return the pitch of a screw: what its axis, of length one, advances."""
-    assert frame.twist is not None
-    return float(frame.twist[:3] @ frame.twist[3:])
 
 
 def inertia_slope(tree: Tree, place: BodyNumber) -> tuple[int, Array]:

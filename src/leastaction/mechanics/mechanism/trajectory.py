@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar
 
 from leastaction.errors import ArgumentError, closest, unknown
+from leastaction.mechanics.elements.units import rate_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
+from leastaction.mechanics.mechanism.text import text_of
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.dataset import STEP, TIME, Dataset, Savable
+from leastaction.numerics.dataset.plain import plain
 from leastaction.numerics.frozen import Frozen
 
 
@@ -38,7 +44,7 @@ S_co = TypeVar("S_co", bound=BaseState, covariant=True)
 
 
 @dataclass(frozen=True)
-class BaseTrajectory(Frozen, ABC, Generic[S_co]):
+class BaseTrajectory(Frozen, Savable, ABC, Generic[S_co]):
     """A motion of a mechanism at ``N + 1`` instants. Frozen, arrays included: any number of threads may share it.
 
     Attributes
@@ -54,7 +60,7 @@ class BaseTrajectory(Frozen, ABC, Generic[S_co]):
         Multipliers, likewise.
     """
 
-    mechanism: Mechanism = field(repr=False)
+    mechanism: Mechanism = field(repr=False, metadata={"recorded": False})
     t: Array = field(repr=False)
     q: Array = field(repr=False)
     inputs: Array = field(repr=False)
@@ -93,6 +99,24 @@ class BaseTrajectory(Frozen, ABC, Generic[S_co]):
     def energy(self) -> Energy:
         """Return the energy along the motion (J)."""
 
+    @property
+    @abstractmethod
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the entries of the state vector."""
+
+    @property
+    @abstractmethod
+    def multiplier_units(self) -> tuple[str, ...]:
+        """Units of the multipliers: of forces, or in discrete time of impulses."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each variable, input and multiplier by name; "" where none is known (see `Mechanism.units`)."""
+        m = self.mechanism
+        multipliers = dict(zip(m.constraints, self.multiplier_units, strict=True))
+        units = m.units
+        return MappingProxyType({**multipliers, **{name: units[name] for name in (*m.inputs, *m.variables)}})
+
     def __getitem__(self, name: str) -> Array:
         """Return a variable, an input or a multiplier over time by name."""
         m = self.mechanism
@@ -102,9 +126,44 @@ class BaseTrajectory(Frozen, ABC, Generic[S_co]):
         known = m.variables + m.inputs + m.constraints
         raise ArgumentError(f"unknown name {name!r}; {closest(name, known, what='variables, inputs and constraints')}")
 
+    def dataset(self) -> Dataset:
+        """Return all of the motion as plain data, but for functions: what is between the instants, and laws."""
+        m = self.mechanism
+        arrays: dict[str, Any] = {}
+        content = plain(self, arrays)
+        named = named_arrays(m, self.state_units, len(self.inputs) == len(self.t), self.multiplier_units)
+        kept = {name: about for name, about in named.items() if name in arrays}
+        return Dataset(
+            kind=type(self).__name__,
+            t=self.t,
+            arrays=arrays,
+            dims={"t": (TIME,), **{name: (row, dim) for name, (row, dim, _, _) in kept.items()}},
+            labels={dim: names for _, dim, names, _ in kept.values()},
+            units={"t": "s", **{name: units for name, (_, _, _, units) in kept.items()}},
+            content=content,
+            model=text_of(m),
+        )
+
     def _variable(self, name: str) -> int:
         """Return the index of a variable by name."""
         m = self.mechanism
         if name not in m.variables:
             raise unknown("variable", name, m.variables)
         return m.variables.index(name)
+
+
+def named_arrays(
+    m: Mechanism, state_units: tuple[str, ...], is_continuous: bool, multiplier_units: tuple[str, ...]
+) -> dict[str, tuple[str, str, tuple[str, ...], tuple[str, ...]]]:
+    """Return rows, columns, names of columns and their units, of the arrays of a trajectory by their names."""
+    row, units, rates = TIME if is_continuous else STEP, m.units, state_units[m.nq :]
+    accelerations = tuple(rate_of(units[name], 2) for name in m.variables)
+    return {
+        "q": (TIME, "variable", m.variables, state_units[: m.nq]),
+        "p": (TIME, "momentum", tuple(f"p_{name}" for name in m.dynamic), rates[: m.nd]),
+        "v_rho": (TIME, "rate", tuple(f"v_{name}" for name in m.kinematic), rates[m.nd :]),
+        "v": (TIME, "velocity", tuple(f"v_{name}" for name in m.variables), rates),
+        "a": (TIME, "acceleration", tuple(f"a_{name}" for name in m.variables), accelerations),
+        "inputs": (row, "input", m.inputs, tuple(units[name] for name in m.inputs)),
+        "lam": (row, "constraint", m.constraints, multiplier_units),
+    }

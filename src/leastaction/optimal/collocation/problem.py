@@ -75,9 +75,7 @@ class CollocationProblem(BarrierProblem):
         """Begin with a curve to be projected, that of an earlier result, or an initial state and inputs."""
         given = initial.limits if isinstance(initial, ContinuousOptimizationResult) else None
         own = self.own
-        curve, is_curve = own.given(
-            initial.trajectory if isinstance(initial, ContinuousOptimizationResult) else initial
-        )
+        curve, is_curve = own.given(initial.dense if isinstance(initial, ContinuousOptimizationResult) else initial)
         if not is_curve:
             own.apply(curve)
             curve = own.trajectory

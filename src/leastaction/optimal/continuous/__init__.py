@@ -1,7 +1,7 @@
 """Optimal control in continuous time: ``x' = f(x, u, t)``; knows no mechanics.
 
 The counterpart of `leastaction.optimal.discrete`, name by name: a system is a `ContinuousSystem`, a cost a
-`ContinuousCost`; `leastaction.optimal.optimize` brings them together. Functions of time are
+`ContinuousCost`; `leastaction.optimize` brings them together. Functions of time are
 `PiecewisePolynomial`, trajectories `DenseTrajectory`.
 """
 

@@ -156,7 +156,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     def resume(self, result: OptimizationResult) -> None:
         assert isinstance(result, ContinuousOptimizationResult)
-        trajectory, nx, nu = result.trajectory, self.system.nx, self.system.nu
+        trajectory, nx, nu = result.dense, self.system.nx, self.system.nu
         if (trajectory.nx, trajectory.nu) != (nx, nu):
             raise ArgumentError(
                 f"resume: got a result of {trajectory.nx} states and {trajectory.nu} inputs, expected {nx} and {nu}."
@@ -406,11 +406,14 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             K=gain(t),
             projection_gain=self.gain(t)[:, : nu * nx].reshape(-1, nu, nx),
             t=t,
-            trajectory=self.trajectory,
+            dense=self.trajectory,
             feedback=gain,
             projection=self.gain,
             accuracy=self.accuracy,
             jumps=self.jumps,
+            state_names=self.system.state_names,
+            input_names=self.system.input_names,
+            system=self.system.told(),
             **summary,
         )
 

@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.dataset import TIME, Dataset
 from leastaction.numerics.piecewise import PiecewisePolynomial, Through, approximate
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.accuracy import Accuracy
+from leastaction.optimal.continuous.content import ContinuousContent
 from leastaction.optimal.continuous.horizon import first_mesh
-from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.result import OptimizationResult, dataset_of
 
 _FIRST_PIECES = 16
 
@@ -162,8 +164,8 @@ class ContinuousOptimizationResult(OptimizationResult):
     ----------
     t : ndarray (n+1,)
         Times of the samples (s): the ends of the trajectory's pieces.
-    trajectory : DenseTrajectory
-        The trajectory as functions of time.
+    dense : DenseTrajectory
+        The states and inputs as functions of time.
     feedback : PiecewisePolynomial
         Gains (nu, nx) about it as a function of time, ``u = u_opt - K (x - x_opt)``.
     projection : PiecewisePolynomial
@@ -176,8 +178,11 @@ class ContinuousOptimizationResult(OptimizationResult):
     """
 
     t: Array
-    trajectory: DenseTrajectory
+    dense: DenseTrajectory
     feedback: PiecewisePolynomial
     projection: PiecewisePolynomial
     accuracy: Accuracy
     jumps: tuple[float, ...]
+
+    def dataset(self) -> Dataset:
+        return dataset_of(self, ContinuousContent.of(self), steps=TIME, prefix="common.")

@@ -24,7 +24,7 @@ from leastaction.optimal.discrete.linear_quadratic import (
     sweep_forward,
 )
 from leastaction.optimal.discrete.projection import linearize_along_curve
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start, linearized
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start, linearized, told_of
 from leastaction.optimal.discrete.trial import SHORT, leap, try_projection
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Problem
@@ -432,7 +432,9 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         feedback = self.feedback
         if feedback is None:
             feedback = self._final_feedback()
-        return OptimizationResult(x=self.x, u=self.u, K=feedback, projection_gain=self.gain, **summary)
+        return OptimizationResult(
+            x=self.x, u=self.u, K=feedback, projection_gain=self.gain, **summary, **told_of(self.system)
+        )
 
     def _final_feedback(self) -> Array:
         """Return gains about the last iterate, for a run that ended before it had any."""

@@ -214,6 +214,11 @@ class DiscreteSystem(System):
         """Return the time of instant k; its index, of a system that knows no time."""
         return float(k)
 
+    @property
+    def times(self) -> Array:
+        """Times of all instants (N+1,) (s)."""
+        return np.array([self.time(k) for k in range(self.N + 1)], dtype=np.float64)
+
     def span(self, *, of_state: bool) -> tuple[int, int]:
         """Return the first and the last instant of states, or step of inputs."""
         return 0, self.N if of_state else self.N - 1
@@ -226,7 +231,7 @@ class DiscreteSystem(System):
         ArgumentError
             If it is none of the system's.
         """
-        times = np.array([self.time(k) for k in range(self.N + 1)])
+        times = self.times
         k = int(np.argmin(np.abs(times - t)))
         if abs(times[k] - t) > 1e-6 * (times[-1] - times[0]) / self.N:
             raise ArgumentError(
@@ -347,6 +352,18 @@ class WindowSystem(DiscreteSystem):
     def input_name(self, i: int) -> str:
         return self.system.input_name(i)
 
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        return self.system.state_units
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        return self.system.input_units
+
+    def told(self) -> System | None:
+        whole = self.system.told()
+        return whole.window(self.start, self.start + self.N) if isinstance(whole, DiscreteSystem) else None
+
     def when(self, k: int) -> str:
         return self.system.when(self.start + k)
 
@@ -386,6 +403,12 @@ def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
     states = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
     inputs = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
     return read_only(states.copy()), read_only(inputs.copy())
+
+
+def told_of(system: DiscreteSystem) -> dict[str, Any]:
+    """Return what a result says of its system, by the names of its fields."""
+    names = {"state_names": system.state_names, "input_names": system.input_names}
+    return {"t": system.times, "system": system.told(), **names}
 
 
 def check_window(start: int, stop: int, N: int) -> None:

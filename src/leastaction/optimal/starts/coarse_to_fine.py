@@ -16,7 +16,7 @@ from leastaction.numerics.arrays import Array, as_array, as_count, as_times
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.initial import pair_of
-from leastaction.optimal.optimize import optimize
+from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus, check_options
 

@@ -14,7 +14,7 @@ from leastaction.numerics.arrays import as_array, as_count, require_instance
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.limits.limit import FromSecond, Limit
-from leastaction.optimal.optimize import optimize
+from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus, check_options
 from leastaction.optimal.system import check_system

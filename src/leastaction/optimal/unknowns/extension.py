@@ -13,7 +13,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem, told_of
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.limits.rows import Rows
@@ -179,12 +179,13 @@ class Extension:
     def result(self, found: OptimizationResult) -> OptimizationResult:
         """Return a result in the system's own states, with its unknowns."""
         n = self.own.nx
-        values = self.system.values(found.x[0]).tolist()
+        at = self.system.values(found.x[0])
         return replace(
             found,
+            **told_of(self.system.at(at)),
             x=read_only(self.system.own(found.x)),
             K=np.ascontiguousarray(found.K[:, :, :n]),
-            unknowns=MappingProxyType(dict(zip(self.system.names, values, strict=True))),
+            unknowns=MappingProxyType(dict(zip(self.system.names, at.tolist(), strict=True))),
         )
 
 

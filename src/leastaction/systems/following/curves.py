@@ -13,7 +13,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.warm_start import configurations_onto_constraints, velocities_onto_constraints
+from leastaction.systems.warm_starts import configurations_onto_constraints, velocities_onto_constraints
 
 _RIDGE = 1e-10  # of the least squares of inputs, in parts of their normal matrix
 # Of the search for a pose whose frames are where they are wanted: steps, what is close (rad or m), what is there (m).

@@ -26,7 +26,7 @@ from leastaction.numerics.arrays import (
 from leastaction.numerics.frozen import Frozen
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.limits.limit import Limit
-from leastaction.optimal.optimize import optimize
+from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.following.cost import following_cost
 from leastaction.systems.following.curves import held_still, through, wanted_curve, with_inputs
@@ -89,6 +89,15 @@ class Followed(Frozen):
         return self.system.trajectory(self.result.x, self.result.u)
 
     @property
+    def t(self) -> Array:
+        """Times of the states (N+1,) (s)."""
+        return self.system.t
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a state, an input or a multiplier over time by name, as the result does."""
+        return self.result[name]
+
+    @property
     def errors(self) -> dict[str, float]:
         """Root mean square distance from what was wanted, where anything was, by name (rad or m)."""
         m = self.system.mechanism
@@ -111,6 +120,7 @@ def follow(
     *,
     t: ArrayLike | None = None,
     start: State | None = None,
+    resume: OptimizationResult | None = None,
     max_iterations: int = 1000,
     tolerance: float = 1e-6,
     threads: int = 0,
@@ -145,6 +155,9 @@ def follow(
     start : State, optional
         Where it begins. If left out, at rest in the first wanted configuration, and what that does not say is zero, as
         far as constraints let it: give one where there are strings.
+    resume : OptimizationResult, optional
+        Go on with what an earlier call of the same motion, weights and limits had found, without looking for another
+        way.
     max_iterations, tolerance, **options
         Of `optimize`.
     threads : int, optional
@@ -175,6 +188,10 @@ def follow(
     system = MidpointSystem(MidpointVI(m, threads=threads), times, multipliers=m.nc > 0)
     x, u = wanted_curve(system, {name: through(times, values) for name, values in wanted.items()}, start)
     cost = following_cost(system, wanted, x, u, weights)
+    if resume is not None:
+        given = {"limits": limits, "max_iterations": max_iterations, "tolerance": tolerance, **options}
+        result = optimize(system, cost, resume=resume, **given)
+        return Followed(system=system, wanted=wanted, result=result, way="from where an earlier search was")
     starts = [(x, u), held_still(system, x)]
     if m.n_inputs:
         starts[0] = x, _cheaper(system, cost, x, [with_inputs(system, x, u), u])

@@ -9,7 +9,7 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.limits.limit import Limit, checked_limits
-from leastaction.optimal.optimize import optimize
+from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.unknowns.periodic import Periodic
 from leastaction.systems.embedding import embed

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_number
-from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
+from leastaction.numerics.arrays import Array, as_array, as_number, read_only
+from leastaction.numerics.frozen import changed, own_arrays, restore_state, saved_state
 from leastaction.optimal.quantity import Instants
 from leastaction.systems.regions.apart import Hole, Shape, Side, Solid
 
@@ -171,7 +171,7 @@ class Ball(Region):
 
     @property
     def names(self) -> tuple[str, ...]:
-        center = "a moving point" if callable(self.center) else _said(self.center)
+        center = "a moving point" if callable(self.center) or np.ndim(self.center) == 2 else _said(self.center)
         return (f"within {self.radius:.4g} m of {center}",)
 
     def shape(self, k: Instants) -> Shape:
@@ -195,27 +195,13 @@ class Ball(Region):
             return self
         center = self.center
         places = np.stack([as_array(center(float(when)), "Ball: center at a time", (3,)) for when in t])
-        return _Moving(places, self.radius)
-
-    def center_at(self, k: Instants) -> Array:  # noqa: ARG002
-        """Return its centre at instants (n,), (n, 3); or (1, 3) where it stays."""
-        assert not callable(self.center)
-        return np.asarray(self.center, dtype=np.float64)[None]
-
-
-@dataclass(frozen=True)
-class _Moving(Ball):
-    """A ball whose centre is known at all instants."""
-
-    def __post_init__(self) -> None:
-        """Hold what a `Ball` has checked."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return (f"within {self.radius:.4g} m of a moving point",)
+        return changed(self, center=read_only(places))  # which is more than the user may give
 
     def center_at(self, k: Instants) -> Array:
-        return np.asarray(np.asarray(self.center)[k])
+        """Return its centre at instants (n,), (n, 3); or (1, 3) where it stays."""
+        assert not callable(self.center)
+        center = np.asarray(self.center, dtype=np.float64)
+        return center[k] if center.ndim == 2 else center[None]
 
 
 @dataclass(frozen=True)

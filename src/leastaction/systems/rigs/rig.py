@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +13,14 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.queries.units import state_units
+from leastaction.mechanics.mechanism.text import text_of
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_mapping
+from leastaction.numerics.dataset import STEP, TIME, Dataset, Savable
+from leastaction.numerics.dataset.plain import plain
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
+from leastaction.systems.quantities.discrete import quantity_of
 
 _MOST = 1e12  # rad, m, s or N/m: squares and quotients of larger numbers overflow, and no rig has them
 
@@ -109,7 +115,7 @@ class Rig(Frozen):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Played(Frozen):
+class Played(Frozen, Savable):
     """What a rig did. Frozen; threads may share it.
 
     Attributes
@@ -126,7 +132,7 @@ class Played(Frozen):
         Why it ended early; None if it did not.
     """
 
-    mechanism: Mechanism = field(repr=False)
+    mechanism: Mechanism = field(repr=False, metadata={"recorded": False})
     t: Array = field(repr=False)
     x: Array = field(repr=False)
     u: Array = field(repr=False)
@@ -136,6 +142,37 @@ class Played(Frozen):
     def q(self) -> Array:
         """Configurations (N+1, nq)."""
         return self.x[:, : self.mechanism.nq]
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a variable, a momentum ("p_elbow"), a rate ("v_hook") or an input over time by name."""
+        m = self.mechanism
+        state = quantity_of(m, "state", self.t, multipliers=False).names
+        for names, values in ((state, self.x), ((*m.inputs, *m.kinematic), self.u)):
+            if name in names:
+                return values[:, names.index(name)]
+        raise ArgumentError(f"unknown name {name!r}; {closest(name, (*state, *m.inputs), what='states and inputs')}")
+
+    def dataset(self) -> Dataset:
+        m = self.mechanism
+        arrays: dict[str, Any] = {}
+        content, units = plain(self, arrays), m.units
+        return Dataset(
+            kind=type(self).__name__,
+            t=self.t,
+            arrays=arrays,
+            dims={"t": (TIME,), "x": (TIME, "state"), "u": (STEP, "input")},
+            labels={
+                "state": quantity_of(m, "state", self.t, multipliers=False).names,
+                "input": (*m.inputs, *m.kinematic),
+            },
+            units={
+                "t": "s",
+                "x": state_units(m, momenta=True),
+                "u": tuple(units[name] for name in (*m.inputs, *m.kinematic)),
+            },
+            content=content,
+            model=text_of(m),
+        )
 
     def off(self, wanted: ArrayLike, names: str | Sequence[str] = "*") -> float:
         """Return the root mean square distance of dynamic variables from configurations (N+1, nq) or (N+1, nd).

@@ -35,6 +35,7 @@ MORE_ROLES: tuple[str, ...] = ("head",)
 JointNames = Mapping[str, tuple[str, ...]]
 
 _MOST_BYTES = 1_000_000
+_MOST_DOTS = 2000  # TOML's reader takes the square of the parts of a key
 _MOST_NAMES = 200  # of a skeleton that a message lists or guesses among
 
 
@@ -67,6 +68,11 @@ def read_mapping(path: str | PathLike[str]) -> JointNames:
             content = file.read(_MOST_BYTES + 1)
         if len(content) > _MOST_BYTES:
             raise MotionFileError(f"{path}: is too large, expected a joint mapping file of at most {_MOST_BYTES} bytes")
+        if content.count(b".") > _MOST_DOTS:
+            raise MotionFileError(
+                f"{path}: has {content.count(b'.')} dots, expected a joint mapping file, which nests nothing, with at "
+                f"most {_MOST_DOTS}"
+            )
         table = tomllib.loads(content.decode("utf-8"))
     except MotionFileError:
         raise

@@ -13,7 +13,7 @@ from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.apps.marionette.tracking.weights import TrackingWeights
 from leastaction.errors import ArgumentError, closest
 from leastaction.io.motion.motion import Motion
-from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus, to_momentum
+from leastaction.mechanics import Mechanism, MidpointVI, to_momentum
 from leastaction.models.marionette import (
     PLANE_HEIGHT,
     STRINGS,
@@ -94,7 +94,7 @@ class TrackingProblem:
         if tied_strings(m):
             return None
         run = self.integrator.simulate(self.integrator.start(self.reference[0]), self.t, rho=self.reference[:, m.nd :])
-        if run.status is not SimulationStatus.COMPLETED:
+        if run.steps < len(self.t) - 1:
             return None
         rms = np.sqrt(np.mean((run.q - self.reference)[:, : m.nd] ** 2, axis=0))
         far = [

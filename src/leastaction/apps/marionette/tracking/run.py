@@ -1,7 +1,7 @@
 """The main job: a marionette learns to follow a reference motion.
 
 The reference gives the body's variables only. `track` guesses the strings that go with it, finds a first
-trajectory that the puppet can make, and improves it with `leastaction.optimal.optimize`.
+trajectory that the puppet can make, and improves it with `leastaction.optimize`.
 
 The first trajectory is what the puppet does when its strings simply hang above the hooks of the reference.
 Where that goes wrong, because the motion is fast or the strings lose their grip on a stretched limb, the motion is
@@ -78,7 +78,7 @@ def track(
         are (`load_motion` with ``markers=True``), else where they would be if the joints did what is wanted. How
         joints bend in between is then for the optimiser to find. A run or search that is resumed follows what it did.
     method, max_iterations, callback
-        As in `leastaction.optimal.optimize`, for the last optimisation.
+        As in `leastaction.optimize`, for the last optimisation.
     tolerance : float, optional
         Likewise. If not given, 1e-6, or 1e-2 where the first trajectory had to be found by embedding:
         such a motion is far from what the puppet does by itself, and its last digits cost much. With strings on bars,

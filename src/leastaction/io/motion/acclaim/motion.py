@@ -9,7 +9,7 @@ import numpy as np
 
 from leastaction.errors import some
 from leastaction.io.motion.acclaim.skeleton import TURNS, Bone
-from leastaction.io.motion.text import MotionText, is_missing, number_of, shown
+from leastaction.io.motion.text import LONGEST, SHORTEST, MotionText, is_missing, number_of, shown
 from leastaction.numerics.arrays import Array
 
 _RATES = ("SAMPLES-PER-SECOND", "FRAMES-PER-SECOND")
@@ -79,8 +79,10 @@ class _Reader(MotionText):
             self.fail(shown(" ".join(words)), "one of " + ", ".join(f":{each}" for each in _FLAGS) + where)
         if flag in _RATES:
             rate = number_of(words[1]) if len(words) == 2 else float("nan")
-            if not 0.0 < rate < np.inf:
-                self.fail(shown(" ".join(words)), "a finite number of frames a second, greater than zero")
+            if not 1.0 / LONGEST <= rate <= 1.0 / SHORTEST:
+                self.fail(
+                    shown(" ".join(words)), f"a number of frames a second, {1.0 / LONGEST:g} to {1.0 / SHORTEST:g}"
+                )
             self.rate = rate
         elif flag in ("DEGREES", "RADIANS"):
             self.radians = flag == "RADIANS"

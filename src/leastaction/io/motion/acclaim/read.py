@@ -23,7 +23,7 @@ from leastaction.io.motion.acclaim.motion import read_values
 from leastaction.io.motion.acclaim.skeleton import MOVES, ROOT, Bone, read_skeleton, skeleton_beside
 from leastaction.io.motion.capture import Capture, Joint
 from leastaction.io.motion.gaps import fill_gaps
-from leastaction.io.motion.text import read_text
+from leastaction.io.motion.text import LONGEST, SHORTEST, read_text
 from leastaction.numerics.arrays import Array, as_number
 
 FRAME_RATE = 120.0
@@ -42,7 +42,8 @@ def read_amc(
     Parameters
     ----------
     path : path
-        The AMC file. At least two frames. In place of a number the word NaN stands for a sample that is missing.
+        The AMC file. At least two frames. In place of a number NaN, however it is spelled, stands for a sample that is
+        missing.
     skeleton : path, optional
         The ASF file; see `skeleton_beside` if left out.
     frame_rate : float, optional
@@ -66,6 +67,7 @@ def read_amc(
     path = Path(path)
     if frame_rate is not None:
         as_number(frame_rate, "frame_rate", above=0.0)
+        as_number(1.0 / frame_rate, "1 / frame_rate", above=SHORTEST, below=LONGEST)
     text = read_text(path, "an AMC")
     asf = skeleton_beside(path) if skeleton is None else Path(skeleton)
     bones = read_skeleton(asf)

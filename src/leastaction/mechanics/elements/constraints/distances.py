@@ -13,11 +13,23 @@ import numpy as np
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Constraint, Element
-from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.fields import END, FACTORS, FRAME, PATH, number, positive
+from leastaction.mechanics.elements.compiler import Compiler, Paths, Scalar
+from leastaction.mechanics.elements.fields import (
+    END,
+    FACTORS,
+    FRAME,
+    OTHER_SUM_OR_PATH,
+    PATH,
+    SUM_OR_PATH,
+    number,
+    positive,
+)
 from leastaction.mechanics.elements.forces.tendons import TendonForce
-from leastaction.mechanics.elements.kinds import Kind
+from leastaction.mechanics.elements.kinds import Kind, Polynomial
+from leastaction.mechanics.elements.looks import Look, Push, along_axes
 from leastaction.mechanics.elements.potentials.springs import ElasticString, LinearSpring
+from leastaction.mechanics.elements.scalars import unit_of
+from leastaction.mechanics.elements.units import common
 from leastaction.numerics.arrays import Array
 
 _LENGTH = positive("as a string of zero length has no direction to pull in", unit="m", variable="kinematic")
@@ -50,6 +62,10 @@ class Distance(Constraint):
     task = "hold their distance"
 
     @property
+    def looks(self) -> tuple[Look, ...]:
+        return (Look("string" if isinstance(self.length, str) else "rod", (self.frame1, self.frame2)),)
+
+    @property
     def length_variable(self) -> str | None:
         return self.length if isinstance(self.length, str) else None
 
@@ -65,6 +81,9 @@ class Distance(Constraint):
 
     def as_force(self, tension: str) -> Element:
         return TendonForce((self.frame1, self.frame2), tension, name=self.name)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m^2",)
 
     def add_to(self, core: Compiler) -> None:
         ends = core.point(self.frame1), core.point(self.frame2)
@@ -120,8 +139,15 @@ class PointToPoint(Constraint):
     def equations(self) -> tuple[str, ...]:
         return tuple(f".{axis}" for axis in self.axes)
 
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        return (Push(self.frame1, along_axes({axis: f".{axis}" for axis in self.axes})),)
+
     def as_spring(self, stiffness: float) -> Element:
         return LinearSpring(self.frame1, self.frame2, stiffness, name=self.name)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",) * len(self.equations)
 
     def add_to(self, core: Compiler) -> None:
         first, second = core.point(self.frame1), core.point(self.frame2)
@@ -135,7 +161,7 @@ class PathLength(Constraint):
 
     Parameters
     ----------
-    frames : sequence of str
+    frames : sequence of str, or mapping of such to float
         Two frames or more, in the order of the string: the ends, and between them the via-points, such
         as pulleys of no radius.
     length : float or str
@@ -152,11 +178,12 @@ class PathLength(Constraint):
     The multiplier is the impulse of the tension. Consecutive frames must not meet, where the string has no direction.
     """
 
-    frames: Sequence[str] = field(metadata=PATH)
+    frames: Paths = field(metadata=PATH)
     length: float | str = field(metadata=_LENGTH)
 
     called = "path_length"
     reads = "{frames}, {length}"
+    seen_as = "string"
 
     @property
     def length_variable(self) -> str | None:
@@ -173,6 +200,9 @@ class PathLength(Constraint):
 
     def as_force(self, tension: str) -> Element:
         return TendonForce(self.frames, tension, name=self.name)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",)
 
     def add_to(self, core: Compiler) -> None:
         core.constraint(core.path(self.frames), "length", self.length)
@@ -206,5 +236,52 @@ class Coupling(Constraint):
     called = "coupling"
     reads = "{factors} = {offset}"
 
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        unit = common(of.get(name, "") for name in self.factors)
+        return dict.fromkeys(super().units(of), unit)
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return (common(of.get(name, "") for name in self.factors),)
+
     def add_to(self, core: Compiler) -> None:
         core.constraint(core.sum(self.factors), "offset", self.offset)
+
+
+@dataclass(frozen=True)
+class PolynomialCoupling(Constraint):
+    """Couple two scalars by a polynomial: ``h = s - (c0 + c1 x + c2 x^2 + ...)``, such as a knee's rolling.
+
+    Parameters
+    ----------
+    on : str, mapping of str to float, or sequence of str
+        What s is: a variable, a sum of some by their factors, or the length of a path through the origins of frames, or
+        of several with a factor each, as in `PathLength`.
+    of : str, mapping of str to float, or sequence of str
+        What x is, likewise.
+    coefficients : sequence of float
+        c0, c1, c2, ..., two to sixteen.
+
+    Raises
+    ------
+    DescriptionError
+        If ``on`` or ``of`` is none of these, or the coefficients are not two to sixteen numbers.
+
+    Notes
+    -----
+    The parameters are ``"polynomial.c0"`` and so on; the factors of the sums are ``"polynomial.factors.a"`` of s and
+    ``"polynomial.of.b"`` of x. A linear one of variables is a `Coupling`.
+    """
+
+    on: Scalar = field(metadata=SUM_OR_PATH)
+    of: Scalar = field(metadata=OTHER_SUM_OR_PATH)
+    coefficients: Sequence[float] = field(metadata={"kind": Polynomial()})
+
+    called = "polynomial"
+    reads = "{on} by {of}, {coefficients}"
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return (unit_of(self.on, of),)
+
+    def add_to(self, core: Compiler) -> None:
+        law = core.law("polynomial", *(f"c{i}" for i in range(len(self.coefficients))))
+        core.constraint(core.difference(core.along(self.on), core.along(self.of, "of"), law))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from leastaction.errors import DescriptionError
@@ -9,6 +10,7 @@ from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.directions import Direction, triad, vector
 from leastaction.mechanics.elements.fields import AXIS, FRAME, KINEMATIC
+from leastaction.mechanics.elements.looks import Push, along_axes
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,14 @@ class PointOnPlane(Constraint):
     called = "point_on_plane"
     reads = "{frame} on the plane of {plane} across {normal}"
     task = "keep the point on the plane"
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",)
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        x, y, z = (-float(c) for c in vector(self.normal))
+        return (Push(self.frame, (((x, y, z), ""),), axes=self.plane),)
 
     def add_to(self, core: Compiler) -> None:
         normal = vector(self.normal)
@@ -82,6 +92,15 @@ class PointOnLine(Constraint):
     @property
     def equations(self) -> tuple[str, ...]:
         return (".across1", ".across2")
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m", "m")
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        across = [tuple(-float(c) for c in side) for side in triad(self.direction)[1:]]
+        terms = tuple(((x, y, z), suffix) for (x, y, z), suffix in zip(across, self.equations, strict=True))
+        return (Push(self.frame, terms, axes=self.line),)
 
     def add_to(self, core: Compiler) -> None:
         for across in triad(self.direction)[1:]:
@@ -134,8 +153,18 @@ class PrescribedPath(Constraint):
     def equations(self) -> tuple[str, ...]:
         return tuple(f".{axis}" for axis in self.prescribed)
 
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        return (Push(self.frame, along_axes({axis: f".{axis}" for axis in self.prescribed})),)
+
     def describe(self) -> str:
         return f"{self.frame} at {', '.join(f'{a} = {name}' for a, name in self.prescribed.items())}"
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        return dict.fromkeys(self.prescribed.values(), "m")
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m",) * len(self.equations)
 
     def add_to(self, core: Compiler) -> None:
         world = core.context.world

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +12,7 @@ from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.directions import Direction, triad
 from leastaction.mechanics.elements.fields import AXIS, FLAG, FRAME, ROTATION
+from leastaction.mechanics.elements.looks import Push, along_axes
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,19 @@ class HingeLoop(Constraint):
     def equations(self) -> tuple[str, ...]:
         return (".across1", ".across2") if self.planar else (".x", ".y", ".z", ".tilt1", ".tilt2")
 
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        if not self.planar:
+            return (Push(self.frame1, along_axes({axis: f".{axis}" for axis in "xyz"})),)
+        across = [tuple(float(c) for c in side) for side in triad(self.axis)[1:]]
+        terms = tuple(((x, y, z), suffix) for (x, y, z), suffix in zip(across, self.equations, strict=True))
+        return (Push(self.frame1, terms, axes=self.frame1),)
+
     def describe(self) -> str:
         return super().describe() + (", planar" if self.planar else "")
+
+    def equation_units(self, of: Mapping[str, str]) -> tuple[str, ...]:
+        return ("m", "m") if self.planar else ("m", "m", "m", "", "")
 
     def add_to(self, core: Compiler) -> None:
         along, *across = triad(self.axis)
@@ -101,8 +114,9 @@ class FixedOrientation(Constraint):
 
     Notes
     -----
-    Half a turn about any of the axes meets the equations as well. A motion that starts at the wanted
-    attitude stays there; an assembly from a rough guess should start nearer to it than to those.
+    Half a turn about any of the axes meets the equations as well, and so does a third of a turn that exchanges them. A
+    motion that starts at the wanted attitude stays there; an assembly from a rough guess should start nearer to it than
+    to those.
     """
 
     frame1: str = field(metadata=FRAME)

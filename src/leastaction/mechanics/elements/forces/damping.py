@@ -10,10 +10,11 @@ import numpy as np
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Force
-from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.fields import DYNAMIC, END, positive
+from leastaction.mechanics.elements.compiler import Compiler, Scalar
+from leastaction.mechanics.elements.fields import DYNAMIC_SUM_OR_PATH, END, positive
 from leastaction.mechanics.elements.kinds import Kind, Number, Uses
 from leastaction.mechanics.elements.scalars import Factors
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import check_name
 
 _COEFFICIENT = Number(lambda c: c >= 0.0, "zero or more", "as damping opposes the motion")
@@ -98,9 +99,9 @@ class Damping(Force):
                 core.record(name, core.builder.add_damping(index, c))
 
 
-def _oppose(core: Compiler, variable: str, law: int) -> None:
-    """Add the force ``-law(v)`` on a variable."""
-    core.force(core.sum(variable), -1.0, by_rate=law)
+def _oppose(core: Compiler, on: Scalar, law: int) -> None:
+    """Add the force ``-law(s')`` along a scalar."""
+    core.force(core.along(on), -1.0, by_rate=law)
 
 
 @dataclass(frozen=True)
@@ -129,12 +130,13 @@ class _OddPowers(Kind):
 
 @dataclass(frozen=True)
 class NonlinearDamping(Force):
-    """Damping by odd powers of the velocity: ``f = -(c1 v + c3 v^3 + c5 v^5 + ...)``.
+    """Damping by odd powers of a rate: ``f_i = -(c1 s' + c3 s'^3 + c5 s'^5 + ...) ds/dq_i``.
 
     Parameters
     ----------
-    variable : str
-        The dynamic variable.
+    on : str, mapping of str to float, or sequence of str
+        What s is: a dynamic variable, a sum of some by their factors, or the length of a path through the origins of
+        frames, or of several with a factor each, as in `TendonForce`.
     coefficients : sequence of float
         c1, c3, c5, ... (N s/m, N s^3/m^3, ... or with N m and rad). Some may be negative, as in an oscillator
         that excites itself; the last is positive, so that fast motion is opposed.
@@ -149,25 +151,26 @@ class NonlinearDamping(Force):
     The parameters are ``"nonlinear_damping.c1"`` and so on.
     """
 
-    variable: str = field(metadata=DYNAMIC)
+    on: Scalar = field(metadata=DYNAMIC_SUM_OR_PATH)
     coefficients: Sequence[float] = field(metadata={"kind": _OddPowers()})
 
     called = "nonlinear_damping"
-    reads = "{variable}, {coefficients}"
+    needs_dynamic = True
+    reads = "{on}, {coefficients}"
 
     def add_to(self, core: Compiler) -> None:
-        powers = [c for name in self.numbers for c in (0.0, name)]
-        _oppose(core, self.variable, core.law("polynomial", *powers))
+        powers = [c for i in range(len(self.coefficients)) for c in (0.0, f"c{2 * i + 1}")]
+        _oppose(core, self.on, core.law("polynomial", *powers))
 
 
 @dataclass(frozen=True)
 class CoulombFriction(Force):
-    """Dry friction, smoothed: ``f = -F tanh(v / v0)``.
+    """Dry friction, smoothed: ``f_i = -F tanh(s' / v0) ds/dq_i``.
 
     Parameters
     ----------
-    variable : str
-        The dynamic variable.
+    on : str, mapping of str to float, or sequence of str
+        What s is, as in `NonlinearDamping`: for a dynamic variable alone, s' is its velocity.
     force : float
         The friction F of fast motion (N or N m).
     speed : float
@@ -181,18 +184,19 @@ class CoulombFriction(Force):
 
     Notes
     -----
-    The smaller the speed, the stiffer the equations: a step should not change v by much more than v0.
+    The smaller the speed, the stiffer the equations: a step should not change s' by much more than v0.
     """
 
-    variable: str = field(metadata=DYNAMIC)
+    on: Scalar = field(metadata=DYNAMIC_SUM_OR_PATH)
     force: float = field(metadata=positive("as friction opposes the motion"))
     speed: float = field(metadata=positive("the velocity over which the friction turns round"))
 
     called = "friction"
-    reads = "{variable}, {force} beyond a speed of {speed}"
+    needs_dynamic = True
+    reads = "{on}, {force} beyond a speed of {speed}"
 
     def add_to(self, core: Compiler) -> None:
-        _oppose(core, self.variable, core.law("tanh", "force", "speed"))
+        _oppose(core, self.on, core.law("tanh", "force", "speed"))
 
 
 @dataclass(frozen=True)
@@ -219,6 +223,10 @@ class LinearDamper(Force):
     called = "damper"
     reads = "{frame1} to {frame2}, {coefficient}"
     task = "give way to the damper"
+    seen_as = "damper"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        return self.coefficient * rate
 
     def add_to(self, core: Compiler) -> None:
         length = core.path((self.frame1, self.frame2))

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 
 from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.directions import Direction
+from leastaction.mechanics.elements.directions import Direction, triad
 from leastaction.mechanics.elements.fields import AXIS, DYNAMIC_SUM, END, FRAME, INPUT, not_zero
+from leastaction.mechanics.elements.looks import Push
+from leastaction.mechanics.elements.units import common, force_along
+from leastaction.numerics.arrays import Array
 
 _ACTS = "as else the input does nothing"
 
@@ -39,6 +42,15 @@ class JointForce(Force):
     called = "force"
     reads = "{input} on {variable}"
     needs_dynamic = True
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        names = (self.variable,) if isinstance(self.variable, str) else self.variable
+        return {self.input: force_along(common(of.get(name, "") for name in names))}
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        factors = {self.variable: 1.0} if isinstance(self.variable, str) else self.variable
+        return tuple(Push(name, (((f, 0.0, 0.0), self.input),), joint=True) for name, f in factors.items())
 
     def add_to(self, core: Compiler) -> None:
         if isinstance(self.variable, str):
@@ -80,6 +92,14 @@ class Motor(Force):
     reads = "{input} turns {frame2} against {frame1} about {axis}, gain {gain}"
     task, turning, needs_dynamic = "follow the motor", True, True
 
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        return {self.input: "N m" if self.gain == 1.0 else ""}
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        x, y, z = (self.gain * float(c) for c in triad(self.axis)[0])
+        return (Push(self.frame2, (((x, y, z), self.input),), axes=self.frame1, turning=True),)
+
     def add_to(self, core: Compiler) -> None:
         core.force(core.angle(self.frame1, self.frame2, self.axis), "gain", self.input)
 
@@ -111,6 +131,13 @@ class LinearMotor(Force):
     called = "linear_motor"
     reads = "{input} between {frame1} and {frame2}, gain {gain}"
     task, needs_dynamic = "follow the motor", True
+    seen_as = "motor"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        return -self.gain * values[self.input]
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        return {self.input: "N" if self.gain == 1.0 else ""}
 
     def add_to(self, core: Compiler) -> None:
         core.force(core.path((self.frame1, self.frame2)), "gain", self.input)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from leastaction.mechanics.elements.base import Force
-from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.compiler import Compiler, Paths
 from leastaction.mechanics.elements.fields import CURVE, INPUT, PATH, not_zero
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.curve import Curve
 
 
@@ -19,7 +22,7 @@ class TendonForce(Force):
 
     Parameters
     ----------
-    frames : sequence of str
+    frames : sequence of str, or mapping of such to float
         Two frames or more, in the order of the string: the ends, and between them the via-points.
     input : str
         The input u: the tension (N) with the gain 1, an activation with the gain of a muscle's strength. New
@@ -42,7 +45,7 @@ class TendonForce(Force):
     must not meet, where the string has no direction.
     """
 
-    frames: Sequence[str] = field(metadata=PATH)
+    frames: Paths = field(metadata=PATH)
     input: str = field(metadata=INPUT)
     gain: float = field(default=1.0, metadata=not_zero("as else the input does nothing"))
     force_length: Curve | None = field(default=None, metadata=CURVE)
@@ -50,6 +53,17 @@ class TendonForce(Force):
 
     called = "tendon"
     reads = "{input} along {frames}"
+    seen_as = "string"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array | None:
+        if isinstance(self.frames, Mapping):
+            return None  # its pieces pull differently, by the length of all
+        tension = self.gain * values[self.input]
+        if self.force_length is not None:
+            tension = tension * np.asarray(self.force_length(length), dtype=float)
+        if self.force_velocity is not None:
+            tension = tension * np.asarray(self.force_velocity(rate), dtype=float)
+        return tension
 
     def describe(self) -> str:
         parts = [super().describe()]
@@ -60,6 +74,10 @@ class TendonForce(Force):
         if self.force_velocity is not None:
             parts.append("force by velocity")
         return ", ".join(parts)
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        is_tension = self.gain == 1.0 and self.force_length is None and self.force_velocity is None
+        return {self.input: "N" if is_tension else ""}
 
     def add_to(self, core: Compiler) -> None:
         # The sign goes into the first factor, so that the gain is what the user gave.

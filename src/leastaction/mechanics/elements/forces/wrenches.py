@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -13,14 +13,60 @@ from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import FRAME
 from leastaction.mechanics.elements.kinds import Kind, Number, Uses
+from leastaction.mechanics.elements.looks import Push
+from leastaction.mechanics.elements.scalars import Factors
+from leastaction.mechanics.elements.units import common
 from leastaction.numerics.names import check_name
 
-_Three = tuple[float | str, ...]
+Component = float | str | Mapping[str, float]
+_Three = tuple[Component, ...]
+
+
+def _read_component(value: Any, what: str) -> Component:
+    if isinstance(value, str):
+        return check_name(value, what)
+    if not isinstance(value, Mapping):
+        return Number().read(value, what)
+    if len(value) != 1:
+        raise DescriptionError(f"{what}: expected one input with its factor such as {{'thrust': 0.02}}, got {value!r}")
+    (name, factor) = next(iter(value.items()))
+    return Factors({check_name(name, what): Number().read(factor, f"{what}: the factor of {name!r}")})
+
+
+def _input_of(component: Component) -> str | None:
+    """The input of a component, if it has one."""
+    if isinstance(component, Mapping):
+        return next(iter(component))
+    return component if isinstance(component, str) else None
+
+
+def _number_of(component: Component) -> float | None:
+    """The number of a component, which multiplies the input if there is one."""
+    if isinstance(component, Mapping):
+        return next(iter(component.values()))
+    return None if isinstance(component, str) else component
+
+
+def _terms(components: Iterable[Component]) -> tuple[tuple[tuple[float, float, float], float | str], ...]:
+    """The terms of a push along x, y and z."""
+    found: list[tuple[tuple[float, float, float], float | str]] = []
+    for component, axis in zip(components, np.eye(3), strict=True):
+        name, number = _input_of(component), _number_of(component)
+        x, y, z = (float(c) for c in (axis if name is None or number is None else number * axis))
+        source = number if name is None else name
+        if source is not None and source != 0.0:
+            found.append(((x, y, z), source))
+    return tuple(found)
+
+
+def _show(component: Component) -> str:
+    name, number = _input_of(component), _number_of(component)
+    return " ".join(([] if number is None else [f"{number:g}"]) + ([] if name is None else [name]))
 
 
 @dataclass(frozen=True)
 class _Components(Kind):
-    """Three components, each a number or the name of an input; the parameters are called by a letter.
+    """Three components, each a number, an input, or one with a factor; the parameters are called by a letter.
 
     They are numbers of the wrench, which has all six components.
     """
@@ -39,20 +85,17 @@ class _Components(Kind):
                 f"{what}: expected three components along x, y and z, each a number or the name of an input, "
                 f"got {value!r}"
             )
-        return tuple(
-            check_name(c, f"{what}: {axis}") if isinstance(c, str) else Number().read(c, f"{what}: {axis}")
-            for axis, c in zip("xyz", value, strict=True)
-        )
+        return tuple(_read_component(c, f"{what}: {axis}") for axis, c in zip("xyz", value, strict=True))
 
     def uses(self, value: _Three) -> Uses:
-        return Uses(inputs=tuple(c for c in value if isinstance(c, str)))
+        return Uses(inputs=tuple(dict.fromkeys(name for c in value if (name := _input_of(c)) is not None)))
 
-    def named(self, value: _Three) -> dict[str, float | str]:
+    def named(self, value: _Three) -> dict[str, Component]:
         """The components by name."""
         return {f"{self.letter}{axis}": c for axis, c in zip("xyz", value, strict=True)}
 
     def show(self, value: _Three) -> str:
-        shown = ", ".join(c if isinstance(c, str) else f"{c:g}" for c in value)
+        shown = ", ".join(map(_show, value))
         return f"({shown}) {self.unit}"
 
 
@@ -67,10 +110,10 @@ class Wrench(Force):
     ----------
     frame : str
         The frame on which it acts.
-    force : sequence of three float or str, optional
+    force : sequence of three float, str, or mapping of str to float, optional
         The force (N): each component a number, or the name of an input, new with this element or shared
-        with others of the same name. Zero if not given.
-    torque : sequence of three float or str, optional
+        with others of the same name, or an input with its factor, ``{"thrust": 0.02}``. Zero if not given.
+    torque : sequence of three float, str, or mapping of str to float, optional
         The torque (N m), likewise.
 
     Raises
@@ -80,13 +123,13 @@ class Wrench(Force):
 
     Notes
     -----
-    The components that are numbers are the parameters ``"wrench.fx"``, ``"wrench.fy"``, ``"wrench.fz"``,
-    ``"wrench.tx"``, ``"wrench.ty"``, ``"wrench.tz"``.
+    The components that are numbers, and the factors of inputs, are the parameters ``"wrench.fx"``, ``"wrench.fy"``,
+    ``"wrench.fz"``, ``"wrench.tx"``, ``"wrench.ty"``, ``"wrench.tz"``.
     """
 
     frame: str = field(metadata=FRAME)
-    force: Sequence[float | str] | None = field(default=None, metadata={"kind": _FORCE})
-    torque: Sequence[float | str] | None = field(default=None, metadata={"kind": _TORQUE})
+    force: Sequence[Component] | None = field(default=None, metadata={"kind": _FORCE})
+    torque: Sequence[Component] | None = field(default=None, metadata={"kind": _TORQUE})
 
     kind: ClassVar[str]
     task = "follow the wrench"
@@ -97,17 +140,18 @@ class Wrench(Force):
             raise DescriptionError(f"{self.label}: neither a force nor a torque is given; give force= or torque=")
 
     @property
-    def components(self) -> dict[str, float | str]:
-        """The six components by name: numbers or inputs."""
+    def components(self) -> dict[str, Component]:
+        """The six components by name: numbers, inputs, or inputs with a factor."""
         zero = (0.0, 0.0, 0.0)
         return _FORCE.named(tuple(self.force or zero)) | _TORQUE.named(tuple(self.torque or zero))
 
     @property
     def numbers(self) -> dict[str, float]:
-        return {n: c for n, c in self.components.items() if not isinstance(c, str)}
+        return {n: number for n, c in self.components.items() if (number := _number_of(c)) is not None}
 
     def with_number(self, parameter: str, value: float) -> Wrench:
-        values = list({**self.components, parameter: value}.values())
+        name = _input_of(self.components[parameter])
+        values = list({**self.components, parameter: value if name is None else {name: value}}.values())
         return replace(self, force=values[:3], torque=values[3:])
 
     def describe(self) -> str:
@@ -118,11 +162,26 @@ class Wrench(Force):
             parts.append(f"torque {_TORQUE.show(tuple(self.torque))}")
         return ", ".join(parts)
 
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        given: list[tuple[str, str]] = []
+        for kind, components in ((_FORCE, self.force), (_TORQUE, self.torque)):
+            given += [(each, kind.unit) for each in components or () if isinstance(each, str)]
+        return {name: common(unit for other, unit in given if other == name) for name, _ in given}
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        parts = self.components
+        force, torque = (_terms(parts[letter + axis] for axis in "xyz") for letter in "ft")
+        axes = self.frame if self.kind == "body" else None
+        found = (Push(self.frame, force, axes), Push(self.frame, torque, axes, turning=True))
+        return tuple(push for push in found if push.terms)
+
     def add_to(self, core: Compiler) -> None:
         slots, inputs = [], []
         for name, value in self.components.items():
-            inputs.append(core.input(value) if isinstance(value, str) else -1)
-            slots.append(-1 if isinstance(value, str) else core.slot(name))
+            input_ = _input_of(value)
+            inputs.append(-1 if input_ is None else core.input(input_))
+            slots.append(-1 if _number_of(value) is None else core.slot(name))
         placed = core.context.placed(self.frame)
         pose = np.ascontiguousarray(placed.pose)
         core.builder.add_wrench(self.kind, placed.joint, pose, slots, inputs)

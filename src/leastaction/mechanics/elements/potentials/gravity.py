@@ -77,6 +77,11 @@ class Gravity(Potential):
     def weighed(self) -> tuple[str, ...]:
         return tuple(self.frames or ())
 
+    @property
+    def down(self) -> tuple[float, float, float] | None:
+        x, y, z = (float(c) for c in self.vector)
+        return (x, y, z) if self.frames is None and (x, y, z) != (0.0, 0.0, 0.0) else None
+
     def describe(self) -> str:
         return super().describe() + (f" on {', '.join(self.frames)}" if self.frames else "")
 

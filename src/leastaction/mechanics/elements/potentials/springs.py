@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Element, Potential
-from leastaction.mechanics.elements.compiler import Compiler
+from leastaction.mechanics.elements.compiler import Compiler, Paths, Scalar
 from leastaction.mechanics.elements.directions import Direction
 from leastaction.mechanics.elements.fields import (
     AXIS,
@@ -25,6 +25,8 @@ from leastaction.mechanics.elements.fields import (
     number,
     positive,
 )
+from leastaction.mechanics.elements.units import common
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.curve import Curve
 
 
@@ -54,6 +56,10 @@ class JointSpring(Potential):
 
     called = "joint_spring"
     reads = "{variable}, stiffness {stiffness}, rest {rest}"
+
+    def units(self, of: Mapping[str, str]) -> dict[str, str]:
+        names = (self.variable,) if isinstance(self.variable, str) else self.variable
+        return dict.fromkeys(super().units(of), common(of.get(name, "") for name in names))
 
     def add_to(self, core: Compiler) -> None:
         s, rest = core.less(core.sum(self.variable), "rest", self.rest)
@@ -93,6 +99,11 @@ class LinearSpring(Potential):
     called = "spring"
     reads = "{frame1} to {frame2}, {stiffness}, length {length}"
     task = "give way to the spring"
+    seen_as = "spring"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array:
+        rest = values[self.length] if isinstance(self.length, str) else self.length
+        return self.stiffness * (length - rest)
 
     @property
     def strings(self) -> tuple[tuple[str, ...], ...]:
@@ -196,11 +207,17 @@ class NonlinearSpring(Potential):
     The parameter ``"spring.scale"`` multiplies the curve; it is 1.
     """
 
-    on: str | Mapping[str, float] | Sequence[str] = field(metadata=SUM_OR_PATH)
+    on: Scalar = field(metadata=SUM_OR_PATH)
     force: Curve = field(metadata=CURVE)
 
     called = "nonlinear_spring"
     reads = "{on}, force {force}"
+    seen_as = "spring"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array | None:
+        if isinstance(self.on, Mapping):
+            return None  # its pieces pull differently, by the length of all
+        return np.asarray(self.force(length), dtype=float)
 
     def add_to(self, core: Compiler) -> None:
         scale = core.parameter("scale", 1.0)
@@ -216,7 +233,7 @@ class ElasticString(Potential):
 
     Parameters
     ----------
-    frames : sequence of str
+    frames : sequence of str, or mapping of such to float
         Two frames or more, in the order of the string.
     stiffness : float
         The stiffness k of the whole string (N/m).
@@ -239,7 +256,7 @@ class ElasticString(Potential):
     sharp corner, which Newton's method and the step must resolve.
     """
 
-    frames: Sequence[str] = field(metadata=PATH)
+    frames: Paths = field(metadata=PATH)
     stiffness: float = field(metadata=positive(PULLS_BACK, unit="N/m"))
     length: float | str = field(metadata=positive("in metres", unit="m", variable="either"))
     tension_only: bool = field(default=True, metadata=FLAG)
@@ -250,6 +267,15 @@ class ElasticString(Potential):
 
     called = "elastic_string"
     reads = "{frames}, {stiffness}, length {length}"
+    seen_as = "string"
+
+    def pull(self, length: Array, rate: Array, values: Mapping[str, Array]) -> Array | None:
+        if isinstance(self.frames, Mapping):
+            return None  # its pieces pull differently, by the length of all
+        stretch = length - (values[self.length] if isinstance(self.length, str) else self.length)
+        if self.tension_only:
+            stretch = self.smoothing * np.logaddexp(0.0, stretch / self.smoothing)
+        return self.stiffness * stretch
 
     def describe(self) -> str:
         return f"{super().describe()}, {'tension only' if self.tension_only else 'both ways'}"

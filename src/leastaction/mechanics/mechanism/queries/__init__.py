@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from leastaction.mechanics.mechanism.queries import constraints, frames, functions, masses
+from leastaction.mechanics.mechanism.queries import constraints, frames, functions, masses, units
 
-__all__ = ["constraints", "frames", "functions", "masses"]
+__all__ = ["constraints", "frames", "functions", "masses", "units"]

@@ -1,0 +1,46 @@
+"""Files in other formats: which kind a file is, by its ending, and what it can become."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from leastaction.apps.cli.mechanism.options import ModelOptions
+from leastaction.apps.cli.mechanism.source import MODEL_FILES, model_of
+from leastaction.errors import ArgumentError
+
+_RUNS = (".h5", ".npz")
+_MOTIONS = (".bvh", ".amc", ".c3d", ".csv")
+_TARGETS = {"model": (".yaml", ".yml", ".json"), "run": (".h5", ".npz", ".csv", ".mat"), "motion": (".csv",)}
+
+
+def converted(source: Path, target: Path, options: ModelOptions | None = None) -> Path:
+    """Write what a file holds in the format that another's ending says; return the file written.
+
+    Raises
+    ------
+    ArgumentError
+        For endings that do not go together.
+    """
+    kind = _kind(source)
+    if target.suffix not in _TARGETS[kind]:
+        raise ArgumentError(
+            f"got {source.name} and {target.name}: a {kind} is written as {', '.join(_TARGETS[kind])}, "
+            f"not as {target.suffix or 'a file without an ending'}"
+        )
+    if kind == "model":
+        return model_of(str(source), options).mechanism.save(target)
+    if kind == "run":
+        from leastaction.io import open as open_file
+
+        return open_file(source).save(target)
+    from leastaction.io import read_motion
+
+    return read_motion(source).save(target)
+
+
+def _kind(source: Path) -> str:
+    for kind, endings in (("model", MODEL_FILES), ("run", _RUNS), ("motion", _MOTIONS)):
+        if source.suffix.lower() in endings:
+            return kind
+    known = ", ".join((*MODEL_FILES, *_RUNS, *_MOTIONS))
+    raise ArgumentError(f"got {source.name}, expected a file that ends in one of {known}")

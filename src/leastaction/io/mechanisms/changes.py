@@ -1,0 +1,50 @@
+"""What is asked of a file when it is loaded: joints that are welded, a base that is free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from leastaction.errors import ArgumentError, unknown
+from leastaction.io.mechanisms.parts import JointPart, Mimic, Robot
+
+
+def with_free_base(robot: Robot) -> Robot:
+    """Return the robot with its root free in space, by a joint that is called as the root is."""
+    roots = [index for index, link in enumerate(robot.links) if link.parent < 0]
+    if len(roots) != 1 or robot.links[roots[0]].joints:
+        what = (
+            f"{len(roots)} links stand on the world" if len(roots) != 1 else "its root already moves against the world"
+        )
+        raise ArgumentError(f"floating=True: {what}, and one that stands still is to be let free; leave it out")
+    links = list(robot.links)
+    root = links[roots[0]]
+    links[roots[0]] = replace(root, joints=(JointPart(name=root.name, kind="free"),))
+    return replace(robot, links=tuple(links))
+
+
+def with_fixed(robot: Robot, fixed: Sequence[str]) -> Robot:
+    """Return the robot with joints welded where they are at their reference; what follows them stands still too."""
+    if isinstance(fixed, str):
+        raise ArgumentError(f"fixed: expected a list of joints, got {fixed!r}; write [{fixed!r}]")
+    for name in fixed:
+        if name not in robot.joints:
+            raise unknown("joint", name, robot.joints, "fixed")
+    links = tuple(
+        replace(link, joints=tuple(_follower(joint, robot, fixed) for joint in link.joints if joint.name not in fixed))
+        for link in robot.links
+    )
+    return replace(robot, links=links)
+
+
+def _follower(joint: JointPart, robot: Robot, fixed: Sequence[str]) -> JointPart:
+    """Return a joint, as a constant where it follows one that is fixed."""
+    factor, offset, at = 1.0, 0.0, joint
+    seen: set[str] = set()
+    while at.mimic is not None and at.mimic.joint in robot.joints and at.name not in seen:
+        seen.add(at.name)
+        factor, offset = factor * at.mimic.factor, offset + factor * at.mimic.offset
+        at = robot.joints[at.mimic.joint]
+        if at.name in fixed:
+            return replace(joint, mimic=Mimic("", 0.0, factor * at.reference + offset))
+    return joint

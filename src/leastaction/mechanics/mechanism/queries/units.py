@@ -1,0 +1,46 @@
+"""The units of what a mechanism names: methods of `Mechanism`, which is ``m`` here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from leastaction.mechanics.elements.units import common, force_along, impulse_along, momentum_along, rate_of
+from leastaction.mechanics.mechanism.arguments import Compiled
+
+
+def units_of(m: Compiled) -> Mapping[str, str]:
+    """Return the unit of each variable, input and constraint equation; see `Mechanism.units`."""
+    moved: dict[str, set[str]] = {}
+    for joint in m.tree.joints:
+        unit = "rad" if joint.twist[3:].any() else "m"
+        for name in joint.variables:
+            moved.setdefault(name, set()).add(unit)
+    variables = {name: common(units) for name, units in moved.items()}
+    prescribed: dict[str, set[str]] = {}
+    equations: dict[str, str] = {}
+    for name, element in m.elements.items():
+        for of, unit in element.units(variables).items():
+            prescribed.setdefault(of, set()).add(unit)
+        suffixes = zip(element.equations, element.equation_units(variables), strict=True)
+        equations.update({name + suffix: unit for suffix, unit in suffixes})
+    others = {name: common(units) for name, units in prescribed.items()}
+    inputs = {name: others.get(name, "") for name in m.inputs}
+    named = {name: variables.get(name) or others.get(name, "") for name in m.variables}
+    return MappingProxyType({**equations, **inputs, **named})
+
+
+def state_units(m: Compiled, *, momenta: bool) -> tuple[str, ...]:
+    """Return the units of the entries of a state: of ``[q; rho; p; v_rho]`` with momenta, else of ``[q; rho; v]``."""
+    units = units_of(m)
+    rates = [rate_of(units[name]) for name in m.variables]
+    if momenta:
+        rates[: m.nd] = [momentum_along(units[name]) for name in m.dynamic]
+    return (*(units[name] for name in m.variables), *rates)
+
+
+def multiplier_units(m: Compiled, *, impulses: bool) -> tuple[str, ...]:
+    """Return the units of the multipliers: forces along the equations, or impulses, which steps of time have."""
+    along = impulse_along if impulses else force_along
+    units = units_of(m)
+    return tuple(along(units[name]) for name in m.constraints)

@@ -1,0 +1,114 @@
+"""`View`: scenes that show themselves."""
+
+from __future__ import annotations
+
+import html
+import os
+import tempfile
+import webbrowser
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.files import write_bytes, write_text
+from leastaction.viz.animation import animation_page
+from leastaction.viz.scene import Scene
+
+_NOTEBOOK_HEIGHT: Final = 480
+
+
+@dataclass(frozen=True)
+class View:
+    """What `show` returns: scenes side by side, which show themselves in a notebook, a browser or a file.
+
+    Attributes
+    ----------
+    scenes : tuple of Scene
+        What is drawn.
+    joints, forces : bool
+        Whether joints and forces are shown from the start.
+    """
+
+    scenes: tuple[Scene, ...]
+    joints: bool = False
+    forces: bool = False
+
+    def page(self) -> str:
+        """Return the page as HTML: one text that asks for nothing else."""
+        return animation_page(self.scenes, joints=self.joints, forces=self.forces)
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook, in a frame of its own."""
+        return (
+            f'<iframe srcdoc="{html.escape(self.page(), quote=True)}" title="{html.escape(self.scenes[0].title)}" '
+            f'style="width:100%;height:{_NOTEBOOK_HEIGHT}px;border:0" allowfullscreen></iframe>'
+        )
+
+    def open(self) -> Path:
+        """Show it in the browser.
+
+        Returns
+        -------
+        Path
+            The page, in the folder for temporary files.
+        """
+        folder = Path(tempfile.mkdtemp(prefix="leastaction-"))
+        path = write_text(folder / "view.html", self.page())
+        webbrowser.open(path.as_uri())
+        return path
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        at: float | None = None,
+        size: tuple[int, int] | None = None,
+        fps: float = 25.0,
+        dark: bool = False,
+    ) -> Path:
+        """Write it to a file, whole or not at all; no browser is needed for any.
+
+        Parameters
+        ----------
+        path : path-like
+            The ending says what is written: ``.html`` the page, ``.png`` a picture, ``.gif`` and ``.mp4`` movies,
+            ``.glb`` a glTF scene with its motion, for other programs.
+        at : float, optional
+            Time of a picture (s); its beginning if not given.
+        size : tuple of int, optional
+            Width and height in pixels; 1200 by 800 of pictures and 720 by 480 of movies if not given.
+        fps : float, optional
+            Pictures a second of a movie; a .gif has 50 at the most.
+        dark : bool, optional
+            Whether pictures and movies have a dark background.
+
+        Returns
+        -------
+        Path
+            The file written.
+
+        Raises
+        ------
+        ArgumentError
+            The ending is none of these, the time is outside, a movie is to be made of what stands still, or what
+            writes it is not installed.
+        OutputError
+            The file could not be written; nothing was changed.
+        """
+        from leastaction.viz.viewer.gltf import glb
+        from leastaction.viz.viewer.movies import gif, mp4, png
+
+        still, moving = size or (1200, 800), size or (720, 480)
+        made: dict[str, Callable[[], bytes]] = {
+            ".html": lambda: self.page().encode("utf-8"),
+            ".png": lambda: png(self.scenes, at=at, size=still, dark=dark, joints=self.joints, forces=self.forces),
+            ".gif": lambda: gif(self.scenes, size=moving, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
+            ".mp4": lambda: mp4(self.scenes, size=moving, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
+            ".glb": lambda: glb(self.scenes),
+        }
+        ending = Path(path).suffix.lower()
+        if ending not in made:
+            raise ArgumentError(f"{Path(path).name}: got the ending {ending!r}, expected one of {', '.join(made)}")
+        return write_bytes(path, made[ending]())
