@@ -127,6 +127,7 @@ def _panel(stage: Stage, meshes: _Meshes, share: float) -> dict[str, Any]:
             [mark.name, mark.kind, place[mark.frame], _rounded(mark.point), _rounded(mark.axis), list(mark.reach)]
             for mark in scene.marks
         ],
+        "kinematics": scene.kinematics,
         "limits": [[limit.name, [list(span) for span in limit.spans]] for limit in scene.limits],
         "focus": index[scene.focus] if scene.focus else -1,
         "spot": stage.centre.tolist(),
