@@ -58,6 +58,11 @@ def test_the_time_bar_moves_the_bodies(browser: Browser, page: Path) -> None:
     assert browser.compute("time") == pytest.approx(1.0)
     there = browser.compute(PLACE)
     np.testing.assert_allclose([there[0], there[2]], places[40, [0, 1]], atol=5e-3)
+    turned = browser.compute(
+        "panels[0].poses.at(...panels[0].frame(time), panels[0].poses.names.indexOf('rz(crank1)'))"
+    )
+    pose = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) @ run.mechanism.frame_pose(run.q[40], "rz(crank1)")[:3]
+    np.testing.assert_allclose(np.reshape(turned, (4, 3)).T, pose, atol=5e-3)
     browser.compute("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))")
     after = pixels(browser)
     assert np.mean(np.ptp(np.abs(before.astype(int) - after), axis=2) > 20) > 0.005
