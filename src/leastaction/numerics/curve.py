@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable
-from types import FrameType
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -17,8 +16,8 @@ from leastaction.numerics.hermite import monotone, quintics, suggested_curvature
 
 _DEGREE = 5
 Between = Literal["smooth", "monotone"]
-# Parts of the range of two points and their neighbours, and of all points, by which a curve may leave the former:
-# samples of smooth functions, three a wave, stay within them.
+# Parts of the range of two points and their neighbours, and of all points, by which a curve may leave it: samples of
+# smooth functions, three a wave, stay within them.
 _SWING, _SWING_OF_ALL = 1.0, 0.01
 _INSIDE = np.linspace(0.0, 1.0, 12)[1:-1]  # of the way from one point to the next
 
@@ -260,8 +259,7 @@ def _spline(x: Array, y: Array) -> tuple[Array, Array]:
 
 def _outside() -> int:
     """Return the stack level of who made the curve, of a warning in `Curve._tell_of_swings`."""
-    level = 1
-    frame: FrameType | None = sys._getframe(1)
+    level, frame = 1, sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__") == __name__:
         level, frame = level + 1, frame.f_back
     return level

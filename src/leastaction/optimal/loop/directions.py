@@ -76,7 +76,7 @@ class Directions:
         first = self.run.settings.method
         if first == "auto":
             schedule = self.run.schedule
-            newton = self.run.problem.has_curvature and (schedule.newton or schedule.wait == 0)
+            newton = self.run.problem.has_curvature and schedule.wait == 0
             first = "newton" if newton else "quasi-newton"
         return _CHAIN[_CHAIN.index(first) :]
 
