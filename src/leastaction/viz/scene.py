@@ -235,6 +235,11 @@ class Scene:
         """Name of the point that the camera follows."""
         return self.focus or next(iter(self.points))
 
+    @property
+    def top_tension(self) -> float:
+        """The tension that is drawn in the strongest colour, N: all but half a percent of the time it is less."""
+        return max([1e-9, *(float(np.quantile(pull, 0.995)) for pull in (self.tension or {}).values())])
+
     def tension_at(self, name: str, times: Array) -> Array:
         """Return the tension of a cord at other times, (len(times),), N; 0 where it is unknown.
 
