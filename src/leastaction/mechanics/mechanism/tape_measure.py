@@ -35,7 +35,8 @@ class TapeMeasure:
 
     def __init__(self, mechanism: Mechanism, frames: Sequence[str]) -> None:
         require_instance(mechanism, "mechanism", Mechanism)
-        if isinstance(frames, str) or not isinstance(frames, Sequence) or len(frames) < 2:
+        given: object = frames
+        if isinstance(given, str) or not isinstance(given, Sequence) or len(given) < 2:
             raise ArgumentError(f"frames: got {brief(repr(frames))}, expected a list of two frames or more")
         for name in frames:
             frame_index(mechanism, name)
