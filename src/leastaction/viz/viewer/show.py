@@ -17,6 +17,7 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal import LimitReport, LimitState
 from leastaction.viz.scene import ActiveLimit, Arrow, Scene
 from leastaction.viz.viewer.actions import Actions, cords_of
+from leastaction.viz.viewer.kinematics import kinematics
 from leastaction.viz.viewer.sampling import refined
 from leastaction.viz.viewer.sides import plane_normal, side, upright, upward
 from leastaction.viz.viewer.skeletons import joint_marks, skeleton
@@ -220,6 +221,7 @@ def motion_scene(
         )
     return Scene(
         t=t,
+        kinematics=kinematics(m, q[0], turn, [*frames, *held], size) if len(t) == 1 and reference is None else None,
         points=points(q, list(frames)),
         bones=tuple(bones),
         cords=tuple(cords),
