@@ -1154,7 +1154,7 @@ def test_a_step_that_barriers_alone_shortened_does_not_shorten_the_next(rollouts
     limited = LimitedProblem(system, cost, Bound("x-force", max=1.0).rows(system, 1), settings)
     limited.start((np.zeros(4), np.zeros((5, 1))))
     for problem in (limited, DiscreteProblem(system, cost, settings)):
-        run = Run(problem, settings, None, None)
+        run = Run(problem, settings, None)
         step = Step(Trial(None, 1.0), 0.01, rollouts, None)
         problem.value = 1.0
         run.note_step(Direction("newton", -1.0, 1.0), step, decrease=0.1, agreement=0.2, cost=0.9)

@@ -17,8 +17,8 @@ from leastaction.numerics.hermite import monotone, quintics, suggested_curvature
 
 _DEGREE = 5
 Between = Literal["smooth", "monotone"]
-# Parts of the range of two points and their neighbours, and of all points, by which a curve may leave the former:
-# samples of smooth functions, three a wave, stay within them.
+# Parts of the range of two points and their neighbours, and of all points, by which a curve may leave it: samples of
+# smooth functions, three a wave, stay within them.
 _SWING, _SWING_OF_ALL = 1.0, 0.01
 _INSIDE = np.linspace(0.0, 1.0, 12)[1:-1]  # of the way from one point to the next
 

@@ -17,8 +17,8 @@ from leastaction.numerics.arrays import Array, as_array, as_number, require_inst
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import given_start
 from leastaction.optimal.optimization import optimize
+from leastaction.optimal.options import Method
 from leastaction.optimal.result import OptimizationResult, Status
-from leastaction.optimal.settings import Method
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
 from leastaction.optimal.starts.stages import StageCallback, Stages, check_last_limits, check_options
 from leastaction.systems.midpoint import MidpointSystem

@@ -105,7 +105,7 @@ def relax(
         start = initial if earlier is None else (earlier.x, earlier.u)
         return optimize(
             soft, cost, initial=start, max_iterations=stage_iterations, tolerance=stage_tolerance,
-            limits=options.get("limits", ()), shooting="single",
+            limits=options.get("limits", ()), shooting="single", without=["resolved"],
         )  # fmt: skip
 
     def residual(result: OptimizationResult) -> float:

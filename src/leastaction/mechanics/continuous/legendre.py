@@ -62,14 +62,16 @@ def to_velocity(
     m, nd = mechanism, mechanism.nd
     if v_rho is None:
         v_rho = np.zeros((*(shape_of(p) or (0,))[:-1], m.nrho))
+    still = np.zeros(m.nq)
     given = {"q": (q, m.nq), "p": (p, nd), "v_rho": (v_rho, m.nrho)}
     single, (qs, ps, rhos) = _rows(m, given)
     v = np.empty((len(qs), m.nq))
     v[:, nd:] = rhos
     for row, at, momentum in zip(v, qs, ps, strict=True):
-        mass = m.core.hessian(at, np.zeros(m.nq))[2]
-        v_d = solve_mass(mass[:nd, :nd], momentum - mass[:nd, nd:] @ row[nd:])
-        row[:nd] = v_d
+        mass = m.core.hessian(at, still)[2]
+        if m.nrho:
+            momentum = momentum - mass[:nd, nd:] @ row[nd:]
+        row[:nd] = solve_mass(mass[:nd, :nd], momentum)
         if keep_constraints and m.nc:
             metric = ConstraintMetric(m, at)
             row[:nd] -= metric.change(metric.jacobian @ row)
@@ -115,6 +117,12 @@ def _rows(m: Mechanism, given: dict[str, tuple[ArrayLike, int]]) -> tuple[bool, 
 
 def solve_mass(matrix: Array, right: Array) -> Array:
     """Return the solution of equations with a mass matrix or with T; an `ArgumentError` if there is none."""
+    from scipy.linalg.lapack import dposv  # slow to import; a fifth of the time of NumPy's for few variables
+
+    if right.ndim == 1 and len(right):
+        _, found, info = dposv(matrix, right)
+        if info == 0:
+            return np.asarray(found)
     try:
         result = np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:

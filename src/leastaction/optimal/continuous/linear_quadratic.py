@@ -24,9 +24,9 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.function_system import as_dynamics
 from leastaction.optimal.continuous.horizon import as_horizon, first_mesh
-from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, Samples, solve_samples
 from leastaction.optimal.cost import matrix_of
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from leastaction.numerics.arrays import Array, require_finite
 from leastaction.numerics.piecewise import Mesh, approximate
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
-from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.riccati import Samples
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory

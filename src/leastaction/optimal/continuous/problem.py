@@ -11,10 +11,10 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, require_finite
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
 from leastaction.numerics.time_functions import TimeFunctionLike
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.descent import escape
 from leastaction.optimal.continuous.horizon import as_horizon
-from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.model import (
     SampledSystem,
     TangentModel,
@@ -34,8 +34,8 @@ from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResu
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.loop import Direction, Problem
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.settings import Settings
 
 # What a cost is off, in units of the relative error allowed in one step of the integration. Measured on
 # swing-ups of a cart-pendulum of 4 and 10 s, tolerances from 1e-6 to 1e-12: 0.004 to 0.6, of which a
@@ -80,7 +80,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self,
         system: ContinuousSystem,
         cost: ContinuousCost,
-        settings: Settings,
+        settings: Options,
         accuracy: Accuracy,
         horizon: tuple[float, float] | None = None,
     ) -> None:

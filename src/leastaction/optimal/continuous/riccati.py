@@ -22,7 +22,8 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
-from leastaction.optimal.continuous.integrate import Accuracy, integrate
+from leastaction.optimal.accuracy import Accuracy
+from leastaction.optimal.continuous.integrate import integrate
 
 
 class Samples(NamedTuple):

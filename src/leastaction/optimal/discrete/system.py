@@ -136,13 +136,12 @@ class DiscreteSystem(System):
         """Return the steps ``start .. stop-1`` as a system of their own; one with a faster way overrides it."""
         return WindowSystem(self, start, stop)
 
-    def refined(self, parts: int) -> DiscreteSystem | None:  # noqa: ARG002
-        """Return the same system with every step made in so many parts; None where there is none."""
-        return None
+    def resolved_rates(self) -> tuple[tuple[str, ...], Array] | None:
+        """Return names of quantities "rate", and the largest (N, 1) that the steps of time resolve.
 
-    def merged_inputs(self, u: Array, parts: int) -> Array:
-        """Return inputs (N, nu) that come close to those (N parts, nu) of the refined system: their means."""
-        return np.asarray(u.reshape(self.N, parts, self.nu).mean(axis=1))
+        None where nothing is known of that. `optimize` asks for no more where it is stuck at steps that are too coarse.
+        """
+        return None
 
     def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
         """Return the places of entries with these names that are the same again in a periodic motion."""
@@ -378,6 +377,10 @@ class WindowSystem(DiscreteSystem):
     def quantity(self, kind: str) -> Quantity:
         whole = self.system.quantity(kind)
         return whole if isinstance(whole, Entries) else Later(whole, self.start)
+
+    def resolved_rates(self) -> tuple[tuple[str, ...], Array] | None:
+        found = self.system.resolved_rates()
+        return None if found is None else (found[0], found[1][self.start : self.start + self.N])
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         first, last = self.start + start, self.start + stop

@@ -76,7 +76,7 @@ class Directions:
         first = self.run.settings.method
         if first == "auto":
             schedule = self.run.schedule
-            newton = self.run.problem.has_curvature and (schedule.newton or schedule.wait == 0)
+            newton = self.run.problem.has_curvature and schedule.wait == 0
             first = "newton" if newton else "quasi-newton"
         return _CHAIN[_CHAIN.index(first) :]
 
@@ -96,7 +96,8 @@ class Directions:
             return str(model.message)
         damped = "-damped" if 0.0 < scale < 1.0 else ""
         shifted = "-shifted" if shift > 0.0 else ""
-        return problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
+        found: Direction = problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
+        return found
 
     def _unless_newton_will_do(self, direction: Direction | str) -> Direction | str:
         """Return a quasi-Newton direction; that of Newton's method, where one step of it is foretold to be the last.
@@ -111,7 +112,8 @@ class Directions:
             return direction
         model = problem.minimise_model("newton", 1.0)
         if model.definite:
-            return problem.direction("newton", model, 1.0)
+            newton: Direction = problem.direction("newton", model, 1.0)
+            return newton
         return self._direction("quasi-newton", 0.0)  # the model was written over the direction
 
     # ---- Whether it is a minimum ----------------------------------------------------------------
@@ -151,7 +153,7 @@ class Directions:
                 raise Found(Outcome(status, expected=expected))
             return self._unless_close(newton, status)
         scale = 0.0 if direction.shift > 0.0 else direction.curvature_scale
-        down = problem.negative_curvature(scale) if goes_on else None
+        down: Direction | None = problem.negative_curvature(scale) if goes_on else None
         if down is None:
             raise Found(Outcome(Status.SADDLE, model.message, expected))
         promise = -(down.slope + 0.5 * down.bend)

@@ -42,6 +42,10 @@ class Outcome:
     refused: StepQuality | None = None
 
 
+LOST = Outcome(Status.ITERATION_LIMIT, "the gaps did not close")
+"""How gaps end that do not close, where the run had begun violently: it is not stuck, but likely to get lost."""
+
+
 class Found(Exception):
     """The search for a direction has come to an end of the optimisation."""
 

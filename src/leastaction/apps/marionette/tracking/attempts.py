@@ -9,8 +9,7 @@ from leastaction.errors import ProjectionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult, Status, optimize
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.optimization import Shooting
-from leastaction.optimal.settings import Method
+from leastaction.optimal.options import Method, Shooting
 
 
 def attempted(

@@ -25,7 +25,7 @@ from leastaction.mechanics import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.settings import Method
+from leastaction.optimal.options import Method
 
 LOST: Final = 2.0
 """Times the cost with longer steps may the motion cost that begins with these."""
