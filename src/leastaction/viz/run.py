@@ -202,5 +202,5 @@ def _explain(
         handles.append(Patch(**{**ACTIVE, "label": "limit active"}))
     if handles:
         below = HEADING / figure.get_size_inches()[1] if has_title else 0.0
-        corner = (1.0, 1.0 - below)
+        corner = 1.0, 1.0 - below
         figure.legend(handles=handles, ncols=len(handles), loc="upper right", bbox_to_anchor=corner, borderaxespad=0.4)
