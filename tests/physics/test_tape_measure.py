@@ -68,7 +68,7 @@ def arm_tree() -> list[object]:
 
 def test_bad_paths_are_named() -> None:
     m = arm()
-    with pytest.raises(ArgumentError, match="two frames or more"):
+    with pytest.raises(ArgumentError, match="expected a list of frames, got the string 'bob'"):
         TapeMeasure(m, "bob")
     with pytest.raises(ArgumentError, match="two frames or more"):
         TapeMeasure(m, ["bob"])

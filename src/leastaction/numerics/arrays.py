@@ -17,6 +17,8 @@ from leastaction.errors import ArgumentError, LeastActionError, brief
 
 Array = NDArray[np.float64]
 
+_MOST = 2**31 - 1  # of what is counted
+
 
 def as_array(
     value: object,
@@ -139,7 +141,9 @@ def as_count(value: object, what: str, least: int, *, error: type[LeastActionErr
     except TypeError:
         number = least - 1
     if number < least:
-        raise error(f"{what}: got {value!r}, expected a whole number, at least {least}")
+        raise error(f"{what}: got {brief(repr(value))}, expected a whole number, at least {least}")
+    if number > _MOST:
+        raise error(f"{what}: got a number of {len(str(number))} digits, expected at most {_MOST}")
     return number
 
 

@@ -34,7 +34,7 @@ from leastaction.mechanics.configuration.null_space import (
 )
 from leastaction.mechanics.mechanism.arguments import inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_instance
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number, require_instance
 from leastaction.numerics.frozen import Frozen
 
 Kind = Literal["minimum", "any"]
@@ -144,6 +144,7 @@ def equilibrium(
     require_instance(mechanism, "mechanism", Mechanism)
     as_choice(kind, "kind", get_args(Kind))
     as_number(tolerance, "tolerance", above=0.0, below=1.0)
+    as_count(max_iterations, "max_iterations", 0)
     u = inputs_of(mechanism, inputs)
     start = as_array(q_guess, "q_guess", (mechanism.nq,), names=mechanism.variables)
     search = _Search(mechanism, free_variables(mechanism, hold), u)

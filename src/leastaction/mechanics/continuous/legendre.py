@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.stabilisation import ConstraintMetric
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, require_instance, shape_of
+from leastaction.numerics.arrays import Array, as_array, as_flag, require_instance, shape_of
 
 
 def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
@@ -59,6 +59,7 @@ def to_velocity(
         For wrong shapes, values that are not finite, or a mass matrix that is singular.
     """
     require_instance(mechanism, "mechanism", Mechanism)
+    as_flag(keep_constraints, "keep_constraints")
     m, nd = mechanism, mechanism.nd
     if v_rho is None:
         v_rho = np.zeros((*(shape_of(p) or (0,))[:-1], m.nrho))
@@ -93,6 +94,7 @@ def legendre_jacobian(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array
     -------
     ndarray, shape (nx, nx) or (N, nx, nx)
     """
+    require_instance(mechanism, "mechanism", Mechanism)
     m, nd, nq = mechanism, mechanism.nd, mechanism.nq
     single, (qs, vs) = _rows(m, {"q": (q, nq), "v": (v, nq)})
     T = np.tile(np.eye(2 * nq), (len(qs), 1, 1))

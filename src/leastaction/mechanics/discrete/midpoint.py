@@ -52,6 +52,7 @@ from leastaction.numerics.arrays import (
     require_instance,
 )
 from leastaction.numerics.frozen import made
+from leastaction.numerics.names import as_names
 
 Split = Literal["symmetric", "left"]
 
@@ -271,7 +272,7 @@ class MidpointVI(Integrator):
 
 
 def _checked_instants(mechanism: Mechanism, names: Sequence[str]) -> tuple[str, ...]:
-    for name in names:
+    for name in as_names(names, "at_instants", "inputs"):
         if name not in mechanism.inputs:
             raise ArgumentError(f"at_instants: got {name!r}; {closest(name, mechanism.inputs, what='inputs')}")
     late = set(names)

@@ -13,6 +13,7 @@ from leastaction.errors import ArgumentError, brief
 from leastaction.mechanics.mechanism.arguments import batch, batch_of_states, frame_index, shaped
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, require_instance
+from leastaction.numerics.names import as_names
 
 
 @final
@@ -35,9 +36,9 @@ class TapeMeasure:
 
     def __init__(self, mechanism: Mechanism, frames: Sequence[str]) -> None:
         require_instance(mechanism, "mechanism", Mechanism)
-        given: object = frames
-        if isinstance(given, str) or not isinstance(given, Sequence) or len(given) < 2:
-            raise ArgumentError(f"frames: got {brief(repr(frames))}, expected a list of two frames or more")
+        frames = as_names(frames, "frames", "frames")
+        if len(frames) < 2:
+            raise ArgumentError(f"frames: got {brief(repr(frames))}, expected two frames or more")
         for name in frames:
             frame_index(mechanism, name)
         for first, second in pairwise(frames):

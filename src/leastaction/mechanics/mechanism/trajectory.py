@@ -155,6 +155,8 @@ class BaseTrajectory(Frozen, Savable, ABC, Generic[S_co]):
     def _velocity(self, name: str, q: Array, v: Array) -> Array:
         """Return the velocity of a variable (N,), or of a frame (N, 6), at given instants (N, nq)."""
         m = self.mechanism
+        if not isinstance(name, str):
+            raise ArgumentError(f"name: got {brief(repr(name))}, expected the name of a variable or a frame")
         if name not in m.variables and name in m.tree.index:
             return np.asarray(m.frame_velocity(q, v, name))
         return v[:, self._variable(name)]
