@@ -86,6 +86,7 @@ class ShootingProblem(DiscreteProblem):
         self.open_curve: OpenCurve | None = None
         # The start, until gaps were tried from there.
         self.given: Start | None = None
+        self.first: Start | None = None  # the trajectory that it began with
         self.size: Array
         self.costates: Array | None = None
         self.penalty = 0.0  # of the gaps, in the cost that the loop is told
@@ -194,7 +195,7 @@ class ShootingProblem(DiscreteProblem):
 
     def recall(self, memory: Memory) -> None:
         """Remember what an earlier run did of its way."""
-        self.given, self.earlier = memory.start, memory.earlier
+        self.given, self.first, self.earlier = memory.start, memory.first, memory.earlier
 
     def memory(self) -> Memory:
         """Return what resuming needs beside the iterate."""
@@ -214,7 +215,7 @@ class ShootingProblem(DiscreteProblem):
                 self.open_curve.length,
                 self.longest,
             )
-        return Memory(start=self.given, gaps=gaps, earlier=self.earlier)
+        return Memory(start=self.given, first=self.first, gaps=gaps, earlier=self.earlier)
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate; before there is a trajectory again, at the one before."""
