@@ -22,7 +22,7 @@ from benchmarks.robustness_problems import PROBLEMS, Given
 
 BY_NAME = {problem.name: problem for problem in [*PROBLEMS, *OTHERS]}
 STUCK = "acrobot, swing-up, R 1e-06, final 1e+06, rest 0"
-BEGAN = "goes on among motions that the steps of time resolve"
+BEGAN = "began again, among motions that the steps of time resolve"
 
 
 def stuck() -> Given:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from functools import cache
 from types import MappingProxyType
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -84,9 +84,9 @@ def own_arrays(self: object, *names: str) -> None:
 
 
 @cache
-def _declared_arrays(kind: type) -> frozenset[str]:
+def _declared_arrays(kind: Any) -> frozenset[str]:
     """Return the fields of a dataclass that are declared to be arrays: short iterations make many of them."""
-    return frozenset(entry.name for entry in fields(cast(Any, kind)) if entry.type == "Array")
+    return frozenset(entry.name for entry in fields(kind) if entry.type == "Array")
 
 
 class Frozen:

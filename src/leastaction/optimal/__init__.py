@@ -43,8 +43,9 @@ if TYPE_CHECKING:
         solve_linear_quadratic,
         sweep_forward,
     )
-    from leastaction.optimal.discrete.projection import Projection
-    from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
+    from leastaction.optimal.discrete.projection import ProjectionOperator
+    from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+    from leastaction.optimal.discrete.window import WindowSystem
     from leastaction.optimal.limit_report import LimitReport, LimitState
     from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
     from leastaction.optimal.optimization import optimize, optimize_continuous
@@ -80,8 +81,9 @@ else:
             "leastaction.optimal.discrete.linear_quadratic": (
                 "LinearQuadraticSolution adjoint regulate solve_linear_quadratic sweep_forward"
             ),
-            "leastaction.optimal.discrete.projection": "Projection",
-            "leastaction.optimal.discrete.system": "DiscreteSystem Rollout WindowSystem",
+            "leastaction.optimal.discrete.projection": "ProjectionOperator",
+            "leastaction.optimal.discrete.system": "DiscreteSystem Rollout",
+            "leastaction.optimal.discrete.window": "WindowSystem",
             "leastaction.optimal.limit_report": "LimitReport LimitState",
             "leastaction.optimal.limits.limit": "Bound Equal Limit Within",
             "leastaction.optimal.optimization": "optimize optimize_continuous",
@@ -109,7 +111,7 @@ __all__ = [
     "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit",
     "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem",
     "Linearization", "ModelHessian", "OptimizationHistory", "OptimizationResult", "Optimizer", "Options",
-    "Parameter", "Periodic", "PiecewisePolynomial", "Projection", "QuadraticCost", "Quantity", "RateGradient",
+    "Parameter", "Periodic", "PiecewisePolynomial", "ProjectionOperator", "QuadraticCost", "Quantity", "RateGradient",
     "RateHessian", "Rollout", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown",
     "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives", "coarse_to_fine", "continuation",
     "controllability", "cost_along", "optimize", "optimize_continuous", "receding_horizon", "regulate",

@@ -294,8 +294,8 @@ def _one_thread() -> AbstractContextManager[object]:
     More gain nothing on many matrices of a few hundred rows, and wait for each other on a busy machine: such a matrix
     was factored in 73 ms instead of 1.
     """
-    one: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
-    return one
+    context: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
+    return context
 
 
 @cache

@@ -38,7 +38,7 @@ LINES: Final[tuple[dict[str, Any], ...]] = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class PanelRow:
     """Panels beside each other. ``starts``: whether a group begins with it, ``label``: its axis."""
 
     count: int
@@ -49,7 +49,7 @@ class Row:
 
 
 def stack(
-    rows: Sequence[Row], title: str, *, xlabel: str = "time (s)", headed: bool = False
+    rows: Sequence[PanelRow], title: str, *, xlabel: str = "time (s)", headed: bool = False
 ) -> tuple[Figure, list[list[Axes]]]:
     """Return a figure and its panels, row by row, all over the same axis.
 
@@ -103,7 +103,7 @@ def signal_panels(
 
     A few signals share a panel, if not ``one_each``; many have small ones of their own.
     """
-    rows: list[Row] = []
+    rows: list[PanelRow] = []
     contents: list[list[Sequence[Signal]]] = []
     ranges: list[float] = []
     for group in groups:
@@ -111,14 +111,14 @@ def signal_panels(
         least = _LEAST * factor * max(float(np.ptp(signal.values)) for signal in group)
         label = axis_label(group[0].unit, group[0].kind)
         if len(group) == 1 or (len(group) <= _TOGETHER and not one_each):
-            rows.append(Row(count=1, height=_TALL, label=label))
+            rows.append(PanelRow(count=1, height=_TALL, label=label))
             contents.append([group])
             ranges.append(least)
             continue
         columns = min(len(group), _COLUMNS)
         for start in range(0, len(group), columns):
             part = group[start : start + columns]
-            rows.append(Row(count=len(part), height=_SMALL, label=label, starts=start == 0, columns=columns))
+            rows.append(PanelRow(count=len(part), height=_SMALL, label=label, starts=start == 0, columns=columns))
             contents.append([[signal] for signal in part])
             ranges.append(least)
     figure, lines = stack(rows, title, headed=headed)

@@ -70,6 +70,9 @@ def check_result(result: OptimizationResult, source: str) -> None:
                     f"memory.{where}.u": (place.u, (steps, nu)),
                     f"memory.{where}.gain": (place.gain, (steps, nu, least)),
                 }
+        if memory.first is not None:
+            shapes["memory.first.x"] = memory.first.x, (steps + 1, gains)
+            shapes["memory.first.u"] = memory.first.u, (steps, nu)
         if memory.start is not None:
             start = memory.start.x
             shapes["memory.start.x"] = start, (gains,) if start.ndim == 1 else (steps + 1, gains)

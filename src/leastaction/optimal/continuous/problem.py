@@ -25,7 +25,7 @@ from leastaction.optimal.continuous.model import (
 from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.riccati import (
     ContinuousLinearQuadraticSolution,
-    Samples,
+    ModelSamples,
     continuous_adjoint,
     solve_samples,
 )
@@ -282,7 +282,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     def negative_curvature(self, scale: float) -> ContinuousDirection | None:
         model = self._model()
 
-        def solve(samples: Samples) -> ContinuousLinearQuadraticSolution:
+        def solve(samples: ModelSamples) -> ContinuousLinearQuadraticSolution:
             return self._minimum(samples, model.Q_final, np.zeros(self.system.nx))
 
         found = escape(model, self._curvature_along(model), scale, self._size(), solve=solve, sweep=self._sweep)
@@ -315,7 +315,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         return self._minimum(samples, Q_final, model.q_final, escape=_SURELY if scale == 1.0 else _ESCAPE)
 
     def _minimum(
-        self, samples: Samples, Q_final: Array, q_final: Array, **options: float
+        self, samples: ModelSamples, Q_final: Array, q_final: Array, **options: float
     ) -> ContinuousLinearQuadraticSolution:
         """Return the solution of a model with other weights along the current curve."""
         mesh = self._model().mesh

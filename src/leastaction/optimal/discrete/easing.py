@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array, read_only
@@ -24,7 +25,7 @@ from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
-from leastaction.optimal.memory import Memory, Place
+from leastaction.optimal.memory import Memory, Place, Start
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 
@@ -57,6 +58,11 @@ class EasedProblem(ShootingProblem):
         self.asked = cost
         self.settings = settings
         self.ease = 1.0
+
+    def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
+        super().start(initial)
+        if not self.is_open:
+            self.first = Start(self.x, self.u)
 
     def recall(self, memory: Memory) -> None:
         super().recall(memory)

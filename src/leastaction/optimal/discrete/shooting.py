@@ -29,7 +29,7 @@ from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import AmongCurves, DiscreteDirection, Iterate
-from leastaction.optimal.discrete.gap_filter import Curve, Filter
+from leastaction.optimal.discrete.gap_filter import Filter, OpenCurve
 from leastaction.optimal.discrete.hessians import shifted
 from leastaction.optimal.discrete.linear_quadratic import (
     Feedforward,
@@ -83,9 +83,10 @@ class ShootingProblem(DiscreteProblem):
     ) -> None:
         super().__init__(system, cost, settings, free_start)
         self.gapped: Gapped = gapped
-        self.open_curve: Curve | None = None
+        self.open_curve: OpenCurve | None = None
         # The start, until gaps were tried from there.
         self.given: Start | None = None
+        self.first: Start | None = None  # the trajectory that it began with
         self.size: Array
         self.costates: Array | None = None
         self.penalty = 0.0  # of the gaps, in the cost that the loop is told
@@ -194,7 +195,7 @@ class ShootingProblem(DiscreteProblem):
 
     def recall(self, memory: Memory) -> None:
         """Remember what an earlier run did of its way."""
-        self.given, self.earlier = memory.start, memory.earlier
+        self.given, self.first, self.earlier = memory.start, memory.first, memory.earlier
 
     def memory(self) -> Memory:
         """Return what resuming needs beside the iterate."""
@@ -214,7 +215,7 @@ class ShootingProblem(DiscreteProblem):
                 self.open_curve.length,
                 self.longest,
             )
-        return Memory(start=self.given, gaps=gaps, earlier=self.earlier)
+        return Memory(start=self.given, first=self.first, gaps=gaps, earlier=self.earlier)
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate; before there is a trajectory again, at the one before."""
@@ -246,12 +247,12 @@ class ShootingProblem(DiscreteProblem):
         """Return what is minimised in the end, somewhere else."""
         return self.cost.value(place.x, place.u) + self._guide(place.x, place.u)
 
-    def _take(self, curve: Curve) -> None:
+    def _take(self, curve: OpenCurve) -> None:
         self.open_curve = curve
         self.x, self.u, self.worst_step = curve.x, curve.u, curve.worst_step
         self.value = curve.cost + self.penalty * curve.theta
 
-    def _evaluate(self, x: Array, u: Array) -> Curve | Refusal:
+    def _evaluate(self, x: Array, u: Array) -> OpenCurve | Refusal:
         """Return a curve with its gaps, or which step of it cannot be made."""
         made = self.system.step_each(x, u)
         if not made.complete:
@@ -268,7 +269,7 @@ class ShootingProblem(DiscreteProblem):
         if not np.isfinite(shown):
             return Refusal("the cost is not finite")
         theta = float(np.sum(np.abs(gaps) / self.size))
-        return Curve(x, u, made.x, gaps, theta, shown + self._guide(x, u), made.worst_step, shown)
+        return OpenCurve(x, u, made.x, gaps, theta, shown + self._guide(x, u), made.worst_step, shown)
 
     def _guide(self, x: Array, u: Array) -> float:  # noqa: ARG002
         """Return what a curve costs beside its cost, only to guide the search."""
@@ -488,7 +489,7 @@ class ShootingProblem(DiscreteProblem):
             more = feedforward_of_drift(A, B, law.K, among.P, among.factors, gaps, pattern=linearization.pattern)
         return law._replace(C=law.C + more)
 
-    def _moved(self, dx: Array, du: Array, length: float) -> Curve | Refusal:
+    def _moved(self, dx: Array, du: Array, length: float) -> OpenCurve | Refusal:
         x, u = self.x + length * dx, self.u + length * du
         if self.free_start is not False:
             try:
@@ -498,7 +499,7 @@ class ShootingProblem(DiscreteProblem):
         moved = self._evaluate(x, u)
         return moved if isinstance(moved, Refusal) else moved._replace(length=length)
 
-    def _judge(self, fall: float, length: float, trial: Curve | Refusal) -> Trial[Iterate] | Refusal:
+    def _judge(self, fall: float, length: float, trial: OpenCurve | Refusal) -> Trial[Iterate] | Refusal:
         """Return a trial, or why it is refused by the filter."""
         if isinstance(trial, Refusal):
             return trial
@@ -516,7 +517,7 @@ class ShootingProblem(DiscreteProblem):
             return
         among = direction.among
         assert among is not None
-        old, new = self.open_curve, cast(Curve, trial.iterate)
+        old, new = self.open_curve, cast(OpenCurve, trial.iterate)
         self.filter.follow(old, new, among.fall, self.noise)
         if self.costates is None:
             self.costates = among.costates

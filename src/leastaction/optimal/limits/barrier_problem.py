@@ -24,10 +24,10 @@ from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.duals import Room
 from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
-from leastaction.optimal.limits.refinement import Solved, promising, refined
+from leastaction.optimal.limits.refinement import SolvedWithin, promising, refined
 from leastaction.optimal.limits.rows import Rows, check_agreement
 from leastaction.optimal.limits.sides import Sided
-from leastaction.optimal.limits.stages import Stages
+from leastaction.optimal.limits.stages import BarrierStages
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Place
@@ -83,7 +83,7 @@ class BarrierProblem(ShootingProblem):
         check_agreement(rows, system.when)
         self.limited = LimitedCost(cost, rows, system.nx, system.nu)
         self.duals = self.limited.duals
-        self.stages = Stages(self.duals, settings.tolerance, _DIGITS, dearer)
+        self.stages = BarrierStages(self.duals, settings.tolerance, _DIGITS, dearer)
         self.settings = settings
         self.found: OptimizationResult | None = None  # by an earlier run, whose duals are known
         # Of the iterate; None: not yet.
@@ -502,7 +502,7 @@ class BarrierProblem(ShootingProblem):
         far = -direction.slope > _FAR * abs(self.shown)
         return refined(self.duals, self._room(), direction, self.motion, self._solve_within, far=far)
 
-    def _solve_within(self, direction: DiscreteDirection, duals: Sided, sigmas: Sided) -> Solved | None:
+    def _solve_within(self, direction: DiscreteDirection, duals: Sided, sigmas: Sided) -> SolvedWithin | None:
         """Return the minimum of a direction's model with other duals and stiffnesses; None if there is none.
 
         Its law stands where those of directions do.
@@ -528,7 +528,7 @@ class BarrierProblem(ShootingProblem):
         dx, du = self._sweep(model, dx0)
         least = least_of(model, dx0)
         change = self.limited.along(dx, du, self._jacobians()).flat
-        return Solved(least, dx, du, model.K if own_gain is None else own_gain, model.C, change)
+        return SolvedWithin(least, dx, du, model.K if own_gain is None else own_gain, model.C, change)
 
     def _hessian_within(self, share: float, sigmas: Sided) -> ModelHessian:
         """Return second derivatives with other stiffnesses, which are written over those of the iterate."""

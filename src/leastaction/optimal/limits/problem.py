@@ -77,6 +77,8 @@ class LimitedProblem(BarrierProblem):
         if found is not None:
             self.found, initial = found, (found.x, found.u)
         super().start(initial)
+        if not self.is_open:
+            self.first = Start(self.x, self.u)
         # What was found with another cost is no minimum of this one.
         same = found is not None and abs(self.shown - found.cost) <= _SAME * abs(found.cost)
         self.begins_at_minimum = found is not None and found.success and same

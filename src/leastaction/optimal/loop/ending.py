@@ -46,7 +46,7 @@ LOST = Outcome(Status.ITERATION_LIMIT, "the gaps did not close")
 """How gaps end that do not close, where the run had begun violently: it is not stuck, but likely to get lost."""
 
 
-class Found(Exception):
+class EndFound(Exception):
     """The search for a direction has come to an end of the optimisation."""
 
     def __init__(self, outcome: Outcome) -> None:

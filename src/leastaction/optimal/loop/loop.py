@@ -11,9 +11,9 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.line_search import Step, Trial
+from leastaction.optimal.line_search import SearchStep, Trial
 from leastaction.optimal.loop.directions import Directions
-from leastaction.optimal.loop.ending import Found, Outcome, message, outlook
+from leastaction.optimal.loop.ending import EndFound, Outcome, message, outlook
 from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.search import Search
@@ -99,7 +99,7 @@ class Loop:
                     return Outcome(Status.SADDLE, ended, expected, refused=refusal.coarsest)
                 if refusal.hopeless and direction.shift > 0.0:
                     break
-        except Found as found:
+        except EndFound as found:
             return found.outcome
         except LeastActionError as error:
             return Outcome(Status.DERIVATIVES_FAILED, str(error))
@@ -112,7 +112,7 @@ class Loop:
             return Outcome(Status.STALLED, notes[-1], expected)
         return Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected, refusal.failed, refusal.coarsest)
 
-    def _accept(self, direction: Direction, step: Step[Any], trial: Trial[Any], note: str) -> Outcome | None:
+    def _accept(self, direction: Direction, step: SearchStep[Any], trial: Trial[Any], note: str) -> Outcome | None:
         run, problem = self.progress, self.progress.problem
         decrease, expected = problem.value - trial.cost, -direction.slope
         agreement = decrease / max(0.5 * expected, 1e-300)
@@ -128,7 +128,9 @@ class Loop:
             problem.keep_feedback(direction)
         return self._tell(direction, step, decrease, note) or foretold
 
-    def _tell(self, direction: Direction | None, step: Step[Any] | None, decrease: float, note: str) -> Outcome | None:
+    def _tell(
+        self, direction: Direction | None, step: SearchStep[Any] | None, decrease: float, note: str
+    ) -> Outcome | None:
         """Tell the history and the callback of an iteration, or of where it all starts."""
         run, problem = self.progress, self.progress.problem
         x, u = problem.arrays()

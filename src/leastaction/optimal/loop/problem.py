@@ -47,7 +47,7 @@ class _Part:
         self.timings[self.part] += time.perf_counter() - self.began
 
 
-class Model(Protocol):
+class ModelSolution(Protocol):
     """The solution of a linear-quadratic problem, as far as the loop looks into it."""
 
     @property
@@ -84,7 +84,7 @@ class Direction:
     bend: float = 0.0
 
 
-M = TypeVar("M", bound=Model)
+M = TypeVar("M", bound=ModelSolution)
 D = TypeVar("D", bound=Direction)
 I = TypeVar("I")  # noqa: E741 - an iterate
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.line_search import Step
+from leastaction.optimal.line_search import SearchStep
 from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.memory import Memory, Nearer, Resolved
 from leastaction.optimal.options import Options
@@ -42,11 +42,11 @@ class Run:
 
     def __init__(
         self,
-        problem: Problem[Any, Any, Any],
+        problem: Problem[Any, Direction, Any],
         settings: Options,
         resume: OptimizationResult | None,
     ) -> None:
-        self.problem = problem
+        self.problem: Problem[Any, Any, Any] = problem
         self.settings = settings
         self.taken: tuple[str, ...] = ()
         self.resolved: Resolved | None = None
@@ -167,7 +167,9 @@ class Run:
         if shift != self.schedule.shift:
             self.schedule = changed(self.schedule, shift=shift)
 
-    def note_step(self, direction: Direction, step: Step[Any], decrease: float, agreement: float, cost: float) -> None:
+    def note_step(
+        self, direction: Direction, step: SearchStep[Any], decrease: float, agreement: float, cost: float
+    ) -> None:
         """Remember a step that is to be accepted.
 
         ``decrease``: by how much it lowers the cost. ``agreement``: that in parts of what the model promised. ``cost``:

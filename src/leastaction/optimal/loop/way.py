@@ -10,6 +10,7 @@ from leastaction.optimal.loop.run import Run
 
 
 def _as_it_is(run: Run, outcome: Outcome) -> Outcome:  # noqa: ARG001
+    """Return the outcome."""
     return outcome
 
 

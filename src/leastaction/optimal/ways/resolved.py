@@ -1,7 +1,7 @@
 """What steps of time resolve, as a limit: no angle turns by more than some part of a radian within one.
 
-Where a run is stuck because its cost falls towards motions that the steps of time cannot follow, it goes on from there
-with that limit beside those that were asked for. At the minimum the limit is dropped where it
+Where a run is stuck because its cost falls towards motions that the steps of time cannot follow, it begins again from
+its first trajectory, with that limit beside those that were asked for. At the minimum the limit is dropped where it
 holds nothing back: then the run goes on as it was asked for, from there. Where it does, that is how the run ends:
 `Status.RESOLVED`, a minimum among motions that these steps of time resolve.
 """
@@ -55,12 +55,12 @@ def _set_out(run: Run, outcome: Outcome) -> bool:
     if within is None:
         return False
     try:
-        within.start((asked.x, asked.u))
+        within.start((asked.x, asked.u) if asked.first is None else (asked.first.x, asked.first.u))
     except LeastActionError:
         return False
     steps = [step.angle for step in (asked.worst_step, outcome.refused) if step is not None]
     run.resolved, run.problem, run.asked_problem = Resolved(asked.place(), max(steps, default=0.0)), within, asked
-    run.begin_again("", "goes on among motions that the steps of time resolve")
+    run.begin_again("", "began again, among motions that the steps of time resolve")
     return True
 
 
