@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
@@ -15,6 +16,7 @@ from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.numerics.frozen import made
 from leastaction.numerics.step_quality import StepQuality
 
 _LOOKS = 7  # instants at which a run is asked for equations that are redundant
@@ -60,13 +62,18 @@ class State(BaseState):
 
 def state_of(mechanism: Mechanism, t: float, x: Array) -> State:
     """Return a state vector (nx,) at time t as a `State`, with memory of its own."""
-    m = mechanism
-    q, p, v_rho = np.split(x.copy(), [m.nq, m.nq + m.nd])
-    return State(t, q, p, v_rho)
+    m, own = mechanism, x.copy()
+    own.setflags(write=False)
+    return made(State, t=t, q=own[: m.nq], p=own[m.nq : m.nq + m.nd], v_rho=own[m.nq + m.nd :])
 
 
 def vector_of(m: Mechanism, state: State) -> Array:
     """Return a `State` as a vector (nx,), checked."""
+    q, p, v_rho = state.q, state.p, state.v_rho
+    if q.shape == (m.nq,) and p.shape == (m.nd,) and v_rho.shape == (m.nrho,):
+        x = np.concatenate((q, p, v_rho))
+        if x.dtype == np.float64 and math.isfinite(np.vdot(x, x)):
+            return x
     return np.concatenate(
         [
             as_array(state.q, "state.q", (m.nq,), names=m.variables),
@@ -185,8 +192,11 @@ class Trajectory(BaseTrajectory[State]):
         return State(float(self.t[k]), self.q[k], self.p[k], self.v_rho[k])
 
     def velocity(self, name: str) -> Array:
-        """Return the velocity (N,) of a variable by name, over each step (m/s or rad/s)."""
-        return self.v[:, self._variable(name)]
+        """Return the velocity (N,) of a variable by name, over each step (m/s or rad/s).
+
+        Or of a frame, (N, 6) at the middle of each step: of its origin (m/s), and angular (rad/s), in world axes.
+        """
+        return self._velocity(name, 0.5 * (self.q[1:] + self.q[:-1]), self.v)
 
     def energy(self) -> Energy:
         """Return the energy at the midpoint of every step, arrays (N,) (J)."""
