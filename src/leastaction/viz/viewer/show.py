@@ -229,6 +229,7 @@ def motion_scene(
         tension=tension or None,
         traces=tuple(traces),
         focus=focus,
+        base=m.frames[0],
         title=title,
         poses=poses(q, list(held)),
         ghost_poses=poses(wanted, list(dict.fromkeys(s.frame for s in solids))) if wanted is not None else None,
