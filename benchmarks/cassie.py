@@ -16,9 +16,6 @@ import leastaction as la
 
 PELVIS = [f"cassie-pelvis{'.joint' * k}" for k in range(4)]
 BENT = {"hip-pitch": 0.5, "knee": -1.2, "tarsus": 1.4, "foot-crank": -1.5, "plantar-rod": 1.5, "foot": -1.6}
-DRIVEN = [
-    f"{side}-{joint}" for side in ("left", "right") for joint in ("hip-roll", "hip-yaw", "hip-pitch", "knee", "foot")
-]
 FEET = ("left-foot", "right-foot")
 T = np.linspace(0.0, 0.4, 101)
 
@@ -33,13 +30,11 @@ def assembled(model: la.Model, off: float = 0.2, seed: int = 0) -> la.Configurat
 def step(model: la.Model) -> la.Followed:
     """Return how the feet swing to and fro and up, from rest on the springs."""
     m = model.mechanism
-    start = la.equilibrium(m, assembled(model, 0.0).q, hold=DRIVEN).q
+    start = la.equilibrium(m, assembled(model, 0.0).q, hold=[name.removesuffix(".input") for name in m.inputs]).q
     s = np.sin(np.pi * T / T[-1]) ** 2
-    swing = 0.3 * s * np.sin(2.0 * np.pi * T / T[-1])
-    paths = {
-        foot: place + np.stack([sign * swing, 0.0 * s, 0.12 * s], axis=1)
-        for foot, place, sign in zip(FEET, m.positions(start, FEET), (1.0, -1.0), strict=True)
-    }
+    swing = np.stack([0.3 * s * np.sin(2.0 * np.pi * T / T[-1]), 0.0 * s, 0.12 * s], axis=1)
+    left, right = m.positions(start, FEET)
+    paths = dict(zip(FEET, (left + swing, right + swing * [-1.0, 1.0, 1.0]), strict=True))
     return la.follow(m, paths, limits=model.limits, t=T, start=la.MidpointVI(m).start(start))
 
 
@@ -55,11 +50,8 @@ def main(file: Path, output: Path) -> None:
     print(*(line for line in str(found.result.limits).splitlines()[1:] if " 0 of " not in line), sep="\n")
     for name, run in (("falls", fall), ("steps", found.trajectory)):
         open_, energy = np.abs(m.constraint_values(run.q)).max(), vi.balance(run)
-        print(
-            f"{name}: loops closed to {open_:.0e} m, energy off by {energy.swing:.1e} J, kinetic {energy.scale:.1f} J"
-        )
-    shapes = [shape for shape in model.shapes if shape.frame != m.frames[0]]  # without the stairs of the file
-    view = la.show(found.trajectory, shapes=shapes, traces=FEET, title="Cassie")
+        print(f"{name}: closed to {open_:.0e} m, energy off by {energy.swing:.1e} J, kinetic {energy.scale:.1f} J")
+    view = la.show(found.trajectory, shapes=model.shapes, traces=FEET, title="Cassie")
     output.mkdir(parents=True, exist_ok=True)
     view.save(output / "cassie.png", at=0.13, size=(640, 560))
 
