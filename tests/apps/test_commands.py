@@ -102,7 +102,7 @@ def test_gains_hold_a_platform_on_closed_loops(leastaction) -> None:
     q = m.configuration(facts["q"])
     a = la.ContinuousDynamics(m).accelerations(q, np.zeros(m.nq), np.array(facts["u"])).a
     assert np.abs(a).max() < 1e-6
-    assert np.ptp(facts["u"]) < 1e-6 * max(facts["u"])
+    assert np.ptp(facts["u"]) < 1e-5 * max(facts["u"])
 
 
 def test_gains_of_an_arm_fit_a_terminal(leastaction, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,15 +115,13 @@ def test_gains_of_an_arm_fit_a_terminal(leastaction, monkeypatch: pytest.MonkeyP
     assert "the slowest motion dies away at" in out
 
 
-@pytest.mark.parametrize("name", ["cart_pendulum", "four_bars", "arm.urdf", "stewart.xml"])
+@pytest.mark.parametrize("name", ["cart_pendulum", "andrews", "arm.urdf", "stewart.xml"])
 def test_what_is_in_order_passes_the_checks(leastaction, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     if "." in name:
         pytest.importorskip("mujoco")
     monkeypatch.setenv("COLUMNS", "80")
     source = MODELS / name if "." in name else name
-    # Four bars begin where two of them lie in line, which the checks find.
-    pose = ("--set", "*=0.6") if name == "four_bars" else ()
-    code, out, err = leastaction("check", source, *(pose if name != "four_bars" else ()))
+    code, out, err = leastaction("check", source)
     facts = json.loads(leastaction("check", source, "--json")[1])
     assert (code, err) == (0, ""), out
     assert facts["good"]
@@ -138,29 +136,25 @@ def test_an_impossible_inertia_is_found(leastaction, tmp_path: Path) -> None:
     file = tmp_path / "odd.yaml"
     file.write_text(
         "leastaction: mechanism 1\nframes:\n"
-        "  - {type: rx, value: a, name: plate, mass: 1.0, inertia: [1.0, 1.0, 9.0]}\n",
+        "  - {type: rx, value: a, name: plate, "
+        "bodies: [{mass: 1.0, inertia: [1.0, 1.0, 9.0], allow_nonphysical: true}]}\n",
         encoding="utf-8",
     )
     code, out, err = leastaction("check", file)
     assert (code, err) == (1, "")
-    assert "no real body has the inertia of 'plate'" in out
+    assert "no real body has the inertia of 'plate'" in " ".join(out.split())
     file.write_text(file.read_text().replace("9.0", "1.9"), encoding="utf-8")
     assert leastaction("check", file)[0] == 0
 
 
-def test_a_singular_pose_is_found(leastaction, tmp_path: Path) -> None:
-    file = tmp_path / "flat.yaml"
-    # A slider and its crank's rod, of one length: stretched out, with the crank across, both may go on two ways.
-    file.write_text(
-        "leastaction: mechanism 1\nframes:\n"
-        "  - {type: rz, value: a, children: [{type: tx, value: 1.0, name: tip, mass: 1.0}]}\n"
-        "  - {type: tx, value: 2.0, children: [{type: rz, value: b, children: [{type: tx, value: -1.0, name: end, "
-        "mass: 1.0}]}]}\n"
-        "elements:\n  - {type: Distance, frame1: tip, frame2: end, distance: 0.0}\n",
-        encoding="utf-8",
-    )
-    code, out, _ = leastaction("check", file)
-    assert code == 1, out
+def test_a_singular_pose_is_found(leastaction) -> None:
+    # Four bars are drawn in a line, from which they may go on in two ways.
+    code, out, err = leastaction("check", "four_bars")
+    assert (code, err) == (1, "")
+    assert "in a singular configuration" in " ".join(out.split())
+    facts = json.loads(leastaction("check", "four_bars", "--json")[1])
+    assert not facts["good"]
+    assert "loops" in [each["what"] for each in facts["checks"] if not each["good"]]
 
 
 def test_a_simulation_is_written_whole(leastaction, tmp_path: Path) -> None:
@@ -174,7 +168,7 @@ def test_a_simulation_is_written_whole(leastaction, tmp_path: Path) -> None:
     m = build("cart_pendulum")
     t = 0.01 * np.arange(51)
     vi = MidpointVI(m)
-    expected = vi.simulate(vi.start({"theta": np.pi / 3}), t, inputs=np.full((50, 1), 2.0))
+    expected = vi.simulate(vi.start(m.configuration({"theta": np.pi / 3})), t, inputs=np.full((50, 1), 2.0))
     run = la.open(out / "run.h5")
     np.testing.assert_allclose(run.q, expected.q, atol=1e-12)
     assert facts["status"] == "COMPLETED"
@@ -210,7 +204,9 @@ def test_ctrl_c_keeps_what_was_made(leastaction, tmp_path: Path, monkeypatch: py
         return simulated(m, q, t, inputs, stop)
 
     monkeypatch.setattr(simulation, "simulated", cut_off)
-    code, out, err = leastaction("simulate", "cart_pendulum", "--until", 50, "--out", tmp_path / "run")
+    code, out, err = leastaction(
+        "simulate", "cart_pendulum", "--set", "theta=1", "--until", 50, "--out", tmp_path / "run"
+    )
     assert (code, err) == (130, "")
     assert "interrupted after" in out
     (file,) = (tmp_path / "run").glob("run.*")
@@ -350,3 +346,8 @@ def test_completion_is_generated(leastaction, tmp_path: Path, shell: str) -> Non
     for word in ("optimize", "simulate", "convert", "max-iterations"):
         assert word in script
     assert script == app.generate_completion(shell=shell)
+
+
+def test_what_does_not_move_is_drawn_too(leastaction, tmp_path: Path) -> None:
+    assert leastaction("simulate", "cart_pendulum", "--until", 0.1, "--out", tmp_path / "still")[0] == 0
+    assert (tmp_path / "still" / "motion.html").exists()

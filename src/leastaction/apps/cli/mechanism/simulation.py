@@ -26,9 +26,7 @@ def times(until: float, dt: float) -> Array:
     return np.asarray(dt * np.arange(round(until / dt) + 1), dtype=float)
 
 
-def simulated(
-    m: Mechanism, q: Array, t: Array, inputs: Mapping[str, float], told: Callable[[int], object]
-) -> Trajectory:
+def simulated(m: Mechanism, q: Array, t: Array, inputs: Mapping[str, float], told: Callable[[int], None]) -> Trajectory:
     """Return the motion from rest at a configuration (nq,), with constant inputs by name; up to a Ctrl-C.
 
     ``told``: is called with the number of steps that were made.
