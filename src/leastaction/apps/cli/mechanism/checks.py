@@ -114,7 +114,7 @@ def _loops(m: Mechanism, q: Array) -> Check:
     off = max(abs(float(value)) for value in m.constraint_residuals(q).values())
     if m.constraint_rank(q) < m.constraint_rank(_near(m, q)):
         found = f"closed to {off:.2g}, in a singular configuration: equations that are independent elsewhere are not"
-        return Check("loops", False, found, "begin elsewhere (--set elbow=30deg)")
+        return Check("loops", False, found, f"begin elsewhere (--set {m.dynamic[0]}=30deg)")
     redundant = m.redundancy(q)
     found = f"closed to {off:.2g}"
     if redundant:
