@@ -30,6 +30,10 @@ class SimulationStatus(Enum):
         "every step was solved, but energy was lost or gained beside the work that was done: do not trust the motion "
         "from there on. Try a smaller time step, or a start that stays away from where constraints lose rank"
     )
+    ROUNDED = (
+        "every step was solved, but so far from the origin that rounding eats the motion. Measure variables from "
+        "somewhere nearer, or take longer steps"
+    )
     STEP_FAILED = (
         "a step could not be solved: the trajectory ends before it. Try a smaller time step, smoother "
         "prescribed motion, or inputs that the mechanism can follow"
