@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable
+from types import FrameType
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -263,8 +264,9 @@ def _spline(x: Array, y: Array) -> tuple[Array, Array]:
 
 def _outside() -> int:
     """Return the stack level of who made the curve, of a warning in `Curve._tell_of_swings`."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_globals.get("__name__") == __name__ and frame.f_back is not None:
+    level = 1
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_globals.get("__name__") == __name__:
         level, frame = level + 1, frame.f_back
     return level
 

@@ -204,7 +204,8 @@ class _Search:
             saddle = kind == "minimum" and bool(np.any(values < -flat))
             if at_rest and not saddle:
                 # Beside a kink the stiffness has no bound, and any force is small against it.
-                if float(np.abs(point.along).max(initial=0.0)) > _REST * point.load and near_a_kink(self.m, point.q):
+                net, rounding = float(np.abs(point.along).max(initial=0.0)), float(np.spacing(point.size))
+                if net > max(_REST * point.load, rounding) and near_a_kink(self.m, point.q):
                     raise self.error(point, iteration, "the potential or a force has no slope where it led")
                 return self.result(point, iteration)
             if iteration == max_iterations:

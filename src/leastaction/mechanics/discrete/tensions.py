@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from leastaction.mechanics.elements.base import Element, Potential
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array
 
-if TYPE_CHECKING:
-    from leastaction.mechanics.discrete.trajectory import Trajectory
 
-
-def tensions(run: Trajectory) -> dict[str, Array]:
+def tensions(run: BaseTrajectory[Any]) -> dict[str, Array]:
     """Return the tension of every string over each step, (N,) by name (N), positive where it pulls.
 
     Of a `PathLength` ``lam / dt``, whose multiplier is an impulse, and of a `Distance` ``2 L lam / dt`` with the length

@@ -16,7 +16,7 @@ from leastaction.errors import unknown
 from leastaction.mechanics.description.branch import Branch
 from leastaction.mechanics.description.flattening import flatten
 from leastaction.mechanics.description.masses import check_masses
-from leastaction.mechanics.description.tree import Ball
+from leastaction.mechanics.description.tree import BallAngles
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import queries
 from leastaction.mechanics.mechanism.arguments import Compiled, batch
@@ -147,7 +147,7 @@ class Mechanism(Compiled):
         return self.n_inputs
 
     @property
-    def balls(self) -> tuple[Ball, ...]:
+    def balls(self) -> tuple[BallAngles, ...]:
         """The ball joints, those of free joints too, whose singularity is watched."""
         return self.tree.balls
 

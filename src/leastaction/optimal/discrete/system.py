@@ -19,7 +19,7 @@ from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.initial import pair_of
-from leastaction.optimal.quantity import Entries, Later, Quantity
+from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization, System
 
 FINAL_TIME = "final time"
@@ -134,15 +134,16 @@ class DiscreteSystem(System):
 
     def window(self, start: int, stop: int) -> DiscreteSystem:
         """Return the steps ``start .. stop-1`` as a system of their own; one with a faster way overrides it."""
+        from leastaction.optimal.discrete.window import WindowSystem  # which is one of these
+
         return WindowSystem(self, start, stop)
 
-    def refined(self, parts: int) -> DiscreteSystem | None:  # noqa: ARG002
-        """Return the same system with every step made in so many parts; None where there is none."""
-        return None
+    def resolved_rates(self) -> tuple[tuple[str, ...], Array] | None:
+        """Return names of quantities "rate", and the largest (N, 1) that the steps of time resolve.
 
-    def merged_inputs(self, u: Array, parts: int) -> Array:
-        """Return inputs (N, nu) that come close to those (N parts, nu) of the refined system: their means."""
-        return np.asarray(u.reshape(self.N, parts, self.nu).mean(axis=1))
+        None where nothing is known of that. `optimize` asks for no more where it is stuck at steps that are too coarse.
+        """
+        return None
 
     def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
         """Return the places of entries with these names that are the same again in a periodic motion."""
@@ -314,80 +315,6 @@ class DiscreteSystem(System):
         for k in range(self.N):
             H[k] = self.curvature(x[k], u[k], k, z[k + 1])
         return H
-
-
-class WindowSystem(DiscreteSystem):
-    """The steps ``start .. stop-1`` of a system, as a system of their own; as fit for several threads as that is.
-
-    Parameters
-    ----------
-    system : DiscreteSystem
-    start, stop : int
-        First step, and one past the last.
-
-    Raises
-    ------
-    ArgumentError
-        For a window that is empty, or not within the horizon.
-    """
-
-    def __init__(self, system: DiscreteSystem, start: int, stop: int) -> None:
-        check_window(start, stop, system.N)
-        self.system = system
-        self.start = start
-        self.nx, self.nu, self.N = system.nx, system.nu, stop - start
-        self.has_curvature = system.has_curvature
-
-    def f(self, x: Array, u: Array, k: int) -> Array:
-        return self.system.f(x, u, self.start + k)
-
-    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
-        return self.system.derivatives(x, u, self.start + k)
-
-    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        return self.system.curvature(x, u, self.start + k, z)
-
-    def difference(self, x: Array, xbar: Array) -> Array:
-        return self.system.difference(x, xbar)
-
-    def input_name(self, i: int) -> str:
-        return self.system.input_name(i)
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        return self.system.state_units
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        return self.system.input_units
-
-    def told(self) -> System | None:
-        whole = self.system.told()
-        return whole.window(self.start, self.start + self.N) if isinstance(whole, DiscreteSystem) else None
-
-    def when(self, k: int) -> str:
-        return self.system.when(self.start + k)
-
-    def time(self, k: int) -> float:
-        return self.system.time(self.start + k)
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return self.system.quantities
-
-    def quantity(self, kind: str) -> Quantity:
-        whole = self.system.quantity(kind)
-        return whole if isinstance(whole, Entries) else Later(whole, self.start)
-
-    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
-        first, last = self.start + start, self.start + stop
-        rows = slice(first, last)
-        # The system takes rows of its whole horizon; only those of the window are read.
-        N = self.system.N
-        whole_x, whole_u, whole_K = (np.empty((N + 1, self.nx)), np.empty((N, self.nu)), np.empty((N, *K.shape[1:])))
-        whole_x[first : last + 1] = xbar[start : stop + 1]
-        whole_u[rows], whole_K[rows] = ubar[start:stop], K[start:stop]
-        return self.system.rollout(x0, whole_x, whole_u, whole_K, first, last)
 
 
 def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
