@@ -1,6 +1,6 @@
 """The wrench in every joint: what holds together what is before it and what is behind.
 
-Before each joint six prescribed coordinates are put in, at zero and at rest: three slides and three turns of all that is
+Before each joint six prescribed coordinates are put in, at zero and at rest: three slides and three turns of what is
 behind it. What keeps them where they are is the wrench that goes through the joint, with all that elements do on both
 sides.
 """
@@ -31,13 +31,13 @@ def reactions(m: Mechanism, q: Array, v: Array, a: Array, u: Array, lam: Array) 
     cut = _cut(m)
     column = {name: i for i, name in enumerate(cut.variables)}
     places = [column[name] for name in m.variables]
-    points = [np.zeros((len(q), cut.nq)) for _ in range(3)]
-    for to, of in zip(points, (q, v, a), strict=True):
+    at, speed, rate = (np.zeros((len(q), cut.nq)) for _ in range(3))
+    for to, of in ((at, q), (speed, v), (rate, a)):
         to[:, places] = of
     equations = [m.constraints.index(name) for name in cut.constraints]
     dynamics = _core.Continuous(cut.core, 0.0, 0.0)
     forces = np.asarray(
-        dynamics.inverse_dynamics(*points, np.ascontiguousarray(u), np.ascontiguousarray(lam[:, equations]), 1)
+        dynamics.inverse_dynamics(at, speed, rate, np.ascontiguousarray(u), np.ascontiguousarray(lam[:, equations]), 1)
     )
     joints, found = m.core.joint_poses(np.ascontiguousarray(q)), {}
     for index, placed in enumerate(m.tree.frames):
