@@ -204,7 +204,7 @@ def _keep(found: TrackingRun, folder: Path, complain: Complain) -> Path:
 def _save(found: TrackingRun, folder: Path) -> Path:
     """Write a run into its folder, in place of the search that led to it."""
     path = save_run(folder / TRAJECTORY, found)
-    # Pictures of an earlier run lie beside a trajectory that is not theirs now; where it could not be written they stay.
+    # Pictures of an earlier run lie beside a trajectory that is not theirs now; without it they stay.
     remove_report(folder)
     with contextlib.suppress(OSError):
         (folder / SEARCH).unlink(missing_ok=True)
