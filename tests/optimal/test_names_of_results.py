@@ -13,7 +13,7 @@ from leastaction import rx, ry, tx, ty
 from leastaction.errors import ArgumentError
 from leastaction.optimal import LinearSystem
 from leastaction.optimal.continuous import FunctionContinuousSystem
-from leastaction.optimal.discrete.window import WindowSystem
+from leastaction.optimal.discrete.system import WindowSystem
 
 
 def hanging() -> la.Mechanism:

@@ -53,7 +53,7 @@ from leastaction.optimal import (
     check_derivatives,
     resample,
 )
-from leastaction.optimal.discrete.window import OVER_STEPS, SystemAround
+from leastaction.optimal.discrete.system import OVER_STEPS, SystemAround
 from leastaction.optimal.quantity import Samples
 from optimal.systems import CartPendulum, is_trajectory, rolled_out
 

@@ -44,8 +44,7 @@ if TYPE_CHECKING:
         sweep_forward,
     )
     from leastaction.optimal.discrete.projection import ProjectionOperator
-    from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
-    from leastaction.optimal.discrete.window import WindowSystem
+    from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
     from leastaction.optimal.limit_report import LimitReport, LimitState
     from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
     from leastaction.optimal.optimization import optimize, optimize_continuous
@@ -82,8 +81,7 @@ else:
                 "LinearQuadraticSolution adjoint regulate solve_linear_quadratic sweep_forward"
             ),
             "leastaction.optimal.discrete.projection": "ProjectionOperator",
-            "leastaction.optimal.discrete.system": "DiscreteSystem Rollout",
-            "leastaction.optimal.discrete.window": "WindowSystem",
+            "leastaction.optimal.discrete.system": "DiscreteSystem Rollout WindowSystem",
             "leastaction.optimal.limit_report": "LimitReport LimitState",
             "leastaction.optimal.limits.limit": "Bound Equal Limit Within",
             "leastaction.optimal.optimization": "optimize optimize_continuous",

@@ -51,7 +51,7 @@ class Run:
         self.taken: tuple[str, ...] = ()
         self.resolved: Resolved | None = None
         self.nearer: Nearer | None = None
-        self.asked_problem = problem
+        self.asked_problem: Problem[Any, Any, Any] = problem
         self.searched = 0
         self.still = 0
         self.stalled = False
