@@ -171,7 +171,7 @@ private:
     std::vector<double> q_mid_, v_, f_, still_;
     double potential_size_ = 0;            // of the largest slope of a potential
     double stored_ = 0, stored_size_ = 0;  // energy in potentials, and the sum of their sizes
-    std::vector<double> inertia_;   // that rotors give each dynamic variable alone
+    std::vector<double> inertia_;          // that rotors give each dynamic variable alone
     std::vector<double> diagonal_;  // what forces and potentials add to the Newton matrix's, where they add to no more
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;

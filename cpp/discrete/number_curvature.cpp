@@ -55,7 +55,8 @@ public:
             by_q2[j] += 0.5 * by_q + by_v / dt_;
         };
         for (const auto& [i, slot] : m_.damping) by_middle(i, 0.0, -c_[i] * direction[slot]);
-        for (const Rotor& rotor : m_.rotors)  // L_vv is symmetric: of g . L_v by v_j it is the momentum of j for the velocity g
+        for (const Rotor& rotor :
+             m_.rotors)  // L_vv is symmetric: of g . L_v by v_j it is the momentum of j for the velocity g
             rotor.each_momentum(at_.middle, g_.data(),
                                 [&](int j, const Dual<double>& momentum) { by_middle(j, 0.0, momentum.d); });
         for_each_entry(m_.potentials, at_.middle, at_.Q.data(), at_.local,

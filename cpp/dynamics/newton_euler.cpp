@@ -142,7 +142,8 @@ void NewtonEuler::differentiate() {
     const Mechanism& m = mechanism_;
     const int n = m.n_massive;
     if (first.i_qj.empty())
-        for (auto* table : {&first.i_qj, &first.j_qi, &first.i_vj, &first.j_vi}) table->assign(pair_entries(m, stride_), 0.0);
+        for (auto* table : {&first.i_qj, &first.j_qi, &first.i_vj, &first.j_vi})
+            table->assign(pair_entries(m, stride_), 0.0);
     for (int i = 0; i < n; ++i) {
         p_[i] = H_[i].f;
         T_[i] = m.bodies[i].is_empty() ? Mat3<double>{} : flow(I_[i], V_[i]);

@@ -223,8 +223,7 @@ void SumOfCoordinates::evaluate_on(const Placement<T>& at, const T* q, Order ord
         for (std::size_t i = 0; i < size; ++i) out.gradient[to[i]] += factor * one.gradient[i];
         if (order == Order::gradient) continue;
         for (std::size_t i = 0; i < size; ++i)
-            for (std::size_t j = 0; j < size; ++j)
-                out.hessian[to[i] * m + to[j]] += factor * one.hessian[i * size + j];
+            for (std::size_t j = 0; j < size; ++j) out.hessian[to[i] * m + to[j]] += factor * one.hessian[i * size + j];
     }
 }
 

@@ -22,8 +22,8 @@ from leastaction.apps.problems.report import RESULT
 from leastaction.apps.problems.run import solve
 from leastaction.apps.problems.schema import SCHEMA_FILE
 from leastaction.errors import ArgumentError, ModelFileError
-from leastaction.io import load_result
 from leastaction.io.mechanisms import load as load_model
+from leastaction.io.results import open as open_result
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.numerics.documents import schema_text
 
@@ -106,14 +106,14 @@ def test_the_shell_solves_a_problem_and_fills_a_folder(folder: Path, capsys: pyt
     summary = json.loads((out / "summary.json").read_text())
     assert summary["status"] == "CONVERGED"
     assert summary["errors (rms, rad or m)"]["x"] < 0.05
-    table = np.genfromtxt(out / "motion.csv", delimiter=",", names=True, deletechars="")
-    assert table.dtype.names == ("t", "x", "theta", "x-force")
-    result = load_result(out / RESULT)
-    assert table["x"].tolist() == result.x[:, 0].tolist()
+    assert (out / "motion.csv").read_text().startswith("t [s],x [m],theta [rad],")
+    result = open_result(out / RESULT)
+    assert result["theta"].tolist() == result.x[:, 1].tolist()
     # What was made can be wanted: the motion that it writes is one that it reads.
     again = GOOD.replace('{type: formula, name: x, value: "0.2*sin(pi*t)"}', "{type: file, file: out/motion.csv}")
     wanted = load_problem(write(folder, again)).wanted
     assert set(wanted) == {"x", "theta"}
+    assert wanted["x"].tolist() == result.x[:, 0].tolist()
     assert wanted["theta"].tolist() == result.x[:, 1].tolist()
 
 
@@ -122,12 +122,13 @@ def test_a_run_goes_on_where_it_was(folder: Path) -> None:
     whole = solve(load_problem(path)).result
     quiet = ("--out", str(out), "--no-plots", "--no-animation")
     assert command("optimize", str(path), *quiet, "--max-iterations", "5") == 0
-    first = load_result(out / RESULT)
+    first = open_result(out / RESULT)
     assert first.status is Status.ITERATION_LIMIT
     assert command("optimize", str(path), *quiet, "--resume", str(out / RESULT)) == 0
-    result = load_result(out / RESULT)
+    result = open_result(out / RESULT)
     assert result.success
     assert result.cost == pytest.approx(whole.cost, rel=1e-6)
+    assert command("optimize", str(path), *quiet, "--resume", str(out / "motion.csv")) == 2
     longer = write(folder, GOOD.replace("duration: 1.0", "duration: 2.0"))
     assert command("optimize", str(longer), "--out", str(out), "--resume", str(out / RESULT)) == 2
 
@@ -158,7 +159,7 @@ def test_ctrl_c_keeps_the_last_iterate(folder: Path) -> None:
         assert process.wait(60) == 130, rest
     assert "INTERRUPTED" in rest
     assert "Go on with: leastaction optimize" in rest
-    assert load_result(folder / "out" / RESULT).status is Status.INTERRUPTED
+    assert open_result(folder / "out" / RESULT).status is Status.INTERRUPTED
     assert (folder / "out" / "motion.csv").exists()
 
 

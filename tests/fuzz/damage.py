@@ -208,6 +208,7 @@ COEFFICIENTS: Bad = [
     ("huge", [1e300, 1e300], False),
     ("tiny", [1e-300], False),
 ]
+SCALAR: Bad = [*FACTORS, *but(NAMES, "tip1")]
 POLYNOMIAL: Bad = [
     *NOTHING,
     ("wrong type", 1.0, True),
@@ -286,7 +287,7 @@ FIELDS: dict[str, Bad] = {
     **dict.fromkeys(("stiffness", "coefficient", "speed", "smoothing"), POSITIVE),
     "length": but(POSITIVE, "1"),
     **dict.fromkeys(("exponent", "strength", "gain", "damping", "gain_by_place", "gain_by_rate"), NUMBER),
-    **dict.fromkeys(("on", "of"), [*FACTORS, *but(NAMES, "tip1")]),
+    **dict.fromkeys(("on", "of"), SCALAR),
     "inertia": POSITIVE,
     **dict.fromkeys(("rest", "offset"), but(NUMBER, "1")),
     **dict.fromkeys(("frames", "points", "variables", "measured"), NAMES),

@@ -122,6 +122,8 @@ def compiled(path: Path, left_out: tuple[LeftOut, ...] = ()) -> tuple[Any, Any]:
             if f"{what} of the joint {name!r}" in said:
                 setattr(joint, what, none)
     for tendon in spec.tendons:
+        if f"armature of the tendon {tendon.name!r}" in said:
+            tendon.armature = 0.0
         if f"tendon {tendon.name!r}" in names or f"wrapping of the tendon {tendon.name!r}" in said:
             tendon.stiffness, tendon.damping, tendon.armature = [0.0] * 3, [0.0] * 3, 0.0
     m = spec.compile()

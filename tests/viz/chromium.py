@@ -19,10 +19,10 @@ PROGRAM = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
 )
 _OPTIONS = (
-    "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking --hide-scrollbars "
-    "--disable-component-update --disable-sync --use-angle=swiftshader --enable-unsafe-swiftshader "
-    "--remote-debugging-port=0 --force-color-profile=srgb"
-).split()
+    "--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--hide-scrollbars", "--disable-component-update", "--disable-sync", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--remote-debugging-port=0", "--force-color-profile=srgb",
+)  # fmt: skip
 _PATIENCE = 60.0  # seconds
 
 

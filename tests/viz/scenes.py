@@ -55,10 +55,17 @@ def four_bar() -> View:
 def suspended() -> View:
     """A block on a spring and a damper on a rail, with a force on it."""
     m = Mechanism(
-        [tz(3.0, name="top"), tz("z", name="block", mass=1.0, inertia=[0.02] * 3), [tx(0.1, name="hook")], tx(0.1, name="foot")],
-        [Gravity(), LinearSpring("top", "block", 40.0, 1.0, name="spring"), LinearDamper("foot", "hook", 0.5, name="damper"),
-         HybridWrench("block", force=("push", 0.0, 2.0), name="wind")],
-    )  # fmt: skip
+        [
+            *(tz(3.0, name="top"), tx(0.1, name="foot")),
+            *(tz("z", name="block", mass=1.0, inertia=[0.02] * 3), [tx(0.1, name="hook")]),
+        ],
+        [
+            Gravity(),
+            LinearSpring("top", "block", 40.0, 1.0, name="spring"),
+            LinearDamper("foot", "hook", 0.5, name="damper"),
+            HybridWrench("block", force=("push", 0.0, 2.0), name="wind"),
+        ],
+    )
     return show(simulate(m, [1.5], None, np.linspace(0.0, 2.0, 41), inputs=[1.0]), forces=True, title="Block")
 
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from viz import scenes
 
 from leastaction import Mechanism, rz, show, tx
 from leastaction.errors import ArgumentError, OutputError
@@ -24,16 +23,22 @@ from leastaction.viz.viewer.collada import read_collada
 from leastaction.viz.viewer.meshes import decimated, welded
 from leastaction.viz.viewer.raster import visible
 from leastaction.viz.viewer.solids import Solid
+from viz import scenes
 
 ARM = Mechanism([rz("a", name="arm", mass=1.0), [tx(1.0, name="hand", mass=1.0)]])
-COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"><asset><unit meter="0.01"/><up_axis>Y_UP</up_axis></asset>
-<library_effects><effect id="e"><profile_COMMON><technique sid="t"><lambert><diffuse><color>1 0.5 0 1</color></diffuse></lambert></technique></profile_COMMON></effect></library_effects>
+COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
+<asset><unit meter="0.01"/><up_axis>Y_UP</up_axis></asset>
+<library_effects><effect id="e"><profile_COMMON><technique sid="t"><lambert>
+<diffuse><color>1 0.5 0 1</color></diffuse></lambert></technique></profile_COMMON></effect></library_effects>
 <library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
-<library_geometries><geometry id="g"><mesh><source id="s"><float_array id="f" count="12">0 0 0 100 0 0 100 200 0 0 200 0</float_array></source>
+<library_geometries><geometry id="g"><mesh>
+<source id="s"><float_array id="f" count="12">0 0 0 100 0 0 100 200 0 0 200 0</float_array></source>
 <vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
-<polylist count="1" material="orange"><input semantic="VERTEX" source="#v" offset="0"/><vcount>4</vcount><p>0 1 2 3</p></polylist></mesh></geometry></library_geometries>
-<library_visual_scenes><visual_scene id="w"><node><translate>0 0 300</translate><instance_geometry url="#g"><bind_material><technique_common>
-<instance_material symbol="orange" target="#m"/></technique_common></bind_material></instance_geometry></node></visual_scene></library_visual_scenes>
+<polylist count="1" material="orange"><input semantic="VERTEX" source="#v" offset="0"/>
+<vcount>4</vcount><p>0 1 2 3</p></polylist></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="w"><node><translate>0 0 300</translate>
+<instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="orange" target="#m"/>
+</technique_common></bind_material></instance_geometry></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#w"/></scene></COLLADA>"""
 
 

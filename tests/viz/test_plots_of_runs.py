@@ -36,7 +36,7 @@ from leastaction.errors import ArgumentError
 from leastaction.models import build, four_bars
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import FunctionSystem
-from leastaction.viz import plot_energy, plot_reactions, plot_residuals, plot_run, save_png
+from leastaction.viz import plot_energy, plot_poses, plot_reactions, plot_residuals, plot_run, save_png
 from leastaction.viz.energy import work_and_energy
 from leastaction.viz.reactions import reactions_of
 
@@ -138,6 +138,16 @@ def test_limits_of_a_result_are_shaded_where_its_report_says_so() -> None:
     reference = panels["x"].lines[0]
     np.testing.assert_array_equal(reference.get_ydata(), x[:, 0])
     assert len(panels["theta"].lines) == 2  # no limit, but a reference
+
+
+def test_reference_has_gaps_where_nothing_was_wanted(cart: Trajectory) -> None:
+    keyframes = np.full(cart.q.shape, np.nan)
+    keyframes[[10, -1], 1] = 3.0
+    panels = axes_of(plot_run(cart, reference=keyframes))
+    assert len(panels["x"].lines) == 1
+    dots = panels["theta"].lines[0]
+    assert dots.get_marker() == "o"
+    assert list(dots.get_markevery()) == [10, len(cart.t) - 1]
 
 
 def test_reference_is_a_run_a_result_or_arrays_of_the_first_columns(cart: Trajectory) -> None:
@@ -340,3 +350,35 @@ def test_figures_are_written_under_each_other(cart: Trajectory, tmp_path: Any) -
     assert (both[: heights[0]].min(), both[heights[0] :].min()) < (0.5, 0.5)
     with pytest.raises(ArgumentError, match="got no figures"):
         save_png([], tmp_path / "none.png")
+
+
+def test_an_input_may_have_the_name_of_a_variable() -> None:
+    m = Mechanism([rz("arm", mass=1.0, inertia=(1.0, 1.0, 1.0))], [JointForce("arm", input="arm")])
+    vi = MidpointVI(m)
+    run = vi.simulate(vi.start([0.0]), T, inputs=2.0 * np.ones((50, 1)))
+    angle, torque = plot_run(run, reference=(run.q, run.inputs), limits=[Bound("arm", max=2.0)]).axes
+    assert [axes.get_ylabel() for axes in (angle, torque)] == ["angle (°)", "torque (N m)"]
+    np.testing.assert_allclose(angle.lines[1].get_ydata(), np.degrees(run.q[:, 0]))
+    assert set(torque.lines[1].get_ydata()) == {2.0}
+    assert (len(angle.lines), len(torque.lines)) == (2, 3)  # a limit is one of the input first
+    assert shaded(torque) == [(0.0, 1.0)]
+    (angle, _) = plot_run(run, limits=[Bound("arm", max=2.0, of="variable")]).axes
+    assert set(np.round(angle.lines[1].get_ydata(), 9)) == {round(np.degrees(2.0), 9)}
+    cost = QuadraticCost(np.ones((51, 2)), np.zeros((50, 1)), Q=[1.0, 0.0], R=[1e-3])
+    limits = [Bound("arm", max=0.4, of="input"), Bound("arm", max=0.1, of="variable")]
+    result = optimize(MidpointSystem(vi, T), cost, initial=(np.zeros(2), np.zeros((50, 1))), limits=limits)
+    angle, torque = plot_run(result).axes
+    assert set(np.round(angle.lines[1].get_ydata(), 6)) == {round(np.degrees(0.1), 6)}
+    assert set(np.round(torque.lines[1].get_ydata(), 6)) == {0.4}
+
+
+def test_poses_are_pictures_with_their_times(cart: Trajectory) -> None:
+    figure = plot_poses(cart, [0.0, 0.5], title="A cart")
+    assert [axes.get_title() for axes in figure.axes] == ["0 s", "0.5 s"]
+    first, second = (np.asarray(axes.images[0].get_array()) for axes in figure.axes)
+    assert first.shape == second.shape
+    assert np.mean(np.any(first != second, axis=2)) > 0.005  # it moved
+    with pytest.raises(ArgumentError, match=r"times: got \[2.0\], expected some from 0 to 1 s"):
+        plot_poses(cart, [2.0])
+    with pytest.raises(ArgumentError, match="plot_poses: got int, expected a run"):
+        plot_poses(3)  # type: ignore[arg-type]

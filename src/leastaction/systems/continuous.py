@@ -16,7 +16,7 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics, as_dyn
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.elements.units import rate_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.units import state_units
+from leastaction.mechanics.mechanism.queries.units import input_units, state_units
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.dataset import Dataset
 from leastaction.optimal.continuous import ContinuousSystem
@@ -124,7 +124,7 @@ class MechanismSystem(ContinuousSystem):
     @property
     def input_units(self) -> tuple[str, ...]:
         m, units = self.mechanism, self.mechanism.units
-        return (*(units[name] for name in m.inputs), *(rate_of(units[name], 2) for name in m.kinematic))
+        return (*input_units(m), *(rate_of(units[name], 2) for name in m.kinematic))
 
     def told(self) -> MechanismSystem | None:
         """Return the system without what a subclass adds; None of one with rates of its own."""

@@ -19,7 +19,7 @@ from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
+from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, restore_state, saved_state
@@ -92,7 +92,7 @@ class MidpointSystem(DiscreteSystem):
     @property
     def input_units(self) -> tuple[str, ...]:
         m, units = self.mechanism, self.mechanism.units
-        return tuple(units[name] for name in (*m.inputs, *m.kinematic))
+        return (*input_units(m), *(units[name] for name in m.kinematic))
 
     def told(self) -> MidpointSystem | None:
         """Return the system without what a subclass adds; None of one that steps otherwise, or has other states."""

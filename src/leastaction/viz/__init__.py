@@ -13,7 +13,6 @@ Matplotlib comes with the extra ``viz`` and is imported only when a figure is ma
 
 from __future__ import annotations
 
-from leastaction.viz.animation import animation_page, write_animation
 from leastaction.viz.convergence import plot_convergence
 from leastaction.viz.descent import plot_descent
 from leastaction.viz.energy import plot_energy
@@ -28,6 +27,7 @@ from leastaction.viz.scene import ActiveLimit, Arrow, Bone, Cord, JointMark, Sce
 from leastaction.viz.snapshots import plot_snapshots
 from leastaction.viz.strings import plot_strings
 from leastaction.viz.tracking import TrackingErrors, plot_tracking, tracking_errors
+from leastaction.viz.viewer.animation import animation_page, write_animation
 from leastaction.viz.viewer.show import show
 from leastaction.viz.viewer.view import View
 

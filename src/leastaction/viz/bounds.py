@@ -16,7 +16,7 @@ from leastaction.numerics.names import matching
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Bound, Limit, Value
 from leastaction.viz.figures import INK, ORANGE
-from leastaction.viz.signals import Signal
+from leastaction.viz.signals import Key, Signal
 from leastaction.viz.strings import spans
 
 if TYPE_CHECKING:
@@ -42,15 +42,20 @@ class DrawnBound:
     end: float | None
 
 
-def stated_bounds(limits: Sequence[Limit], signals: Sequence[Signal]) -> dict[str, list[DrawnBound]]:
+def stated_bounds(limits: Sequence[Limit], signals: Sequence[Signal]) -> dict[Key, list[DrawnBound]]:
     """Return each `Bound` that holds all along, by the names of the signals; no others."""
-    found: dict[str, list[DrawnBound]] = {}
+    found: dict[Key, list[DrawnBound]] = {}
     for limit in limits:
         if not isinstance(limit, Bound) or limit.of not in _KINDS or limit.at is not None:
             continue
         if not isinstance(limit.names, str | Sequence):
             continue  # a weighted sum
-        known = [signal.name for signal in signals]
+        # As of a limit of the optimiser: names are looked for among inputs first.
+        meant = [signal for signal in signals if signal.kind == "input" or limit.of != "input"]
+        meant = [signal for signal in meant if signal.kind != "input" or limit.of in (None, "input")]
+        inputs = [signal.name for signal in meant if signal.kind == "input"]
+        meant = [signal for signal in meant if signal.kind == "input" or signal.name not in inputs]
+        known = [signal.name for signal in meant]
         for pattern in [limit.names] if isinstance(limit.names, str) else limit.names:
             places = matching(known, pattern)
             if not places and limit.of is None:
@@ -58,7 +63,7 @@ def stated_bounds(limits: Sequence[Limit], signals: Sequence[Signal]) -> dict[st
                     f"plot_run: limits: unknown name {pattern!r}; {closest(pattern, known, what='names')}"
                 )
             for column, i in enumerate(places):
-                found.setdefault(signals[i].name, []).extend(_sides(limit, signals[i], column, len(places)))
+                found.setdefault(meant[i].key, []).extend(_sides(limit, meant[i], column, len(places)))
     return found
 
 
@@ -92,14 +97,16 @@ def _over_time(bound: Value, signal: Signal, column: int, count: int) -> Array:
     return np.broadcast_to(given, (n,)).astype(float)
 
 
-def reported_bounds(report: LimitReport, signals: Sequence[Signal]) -> dict[str, list[DrawnBound]]:
+def reported_bounds(report: LimitReport, signals: Sequence[Signal]) -> dict[Key, list[DrawnBound]]:
     """Return the limits of an optimisation that are on signals and hold at several instants, by name."""
-    named = {signal.name: signal for signal in signals}
-    found: dict[str, list[DrawnBound]] = {}
+    found: dict[Key, list[DrawnBound]] = {}
     for side in report.sides:
         for j, label in enumerate(side.labels):
             said = _LABEL.match(label)
-            signal = named.get(said["name"]) if said else None
+            named = [each for each in signals if said and each.name == said["name"]]
+            # An input may have the name of a variable; its steps are one less than instants.
+            fit = [each for each in named if side.t is not None or int(side.k.max(initial=0)) < len(each.t)]
+            signal = next(iter(sorted(fit, key=lambda each: each.kind)), None)
             if said is None or signal is None or len(side.k) < 2:
                 continue
             if side.t is None:
@@ -108,7 +115,7 @@ def reported_bounds(report: LimitReport, signals: Sequence[Signal]) -> dict[str,
                 t, values = side.t, np.interp(side.t, signal.t, signal.values)
             room = side.value[:, j] if said["relation"] == "<=" else -side.value[:, j]
             active = np.zeros(len(t), dtype=bool) if side.equation else side.active[:, j]
-            found.setdefault(signal.name, []).append(
+            found.setdefault(signal.key, []).append(
                 DrawnBound(t=t, values=values + room, active=active, end=signal.end)
             )
     return found

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH: Final = 8.0  # of a figure, inches: about 800 pixels on a page
-_LEFT, _RIGHT, _TOP, _BARE, _BOTTOM = 0.78, 0.15, 0.62, 0.36, 0.5  # around all panels, inches; without a heading
+_LEFT, _RIGHT, _TOP, _BOTTOM = 0.78, 0.15, 0.34, 0.5  # around all panels, inches
+HEADING: Final = 0.29  # a line above all panels, inches
 _ACROSS, _DOWN, _BETWEEN = 0.5, 0.38, 0.62  # between panels, between rows of a group, between groups
 _TALL, _SMALL = 1.45, 0.95  # heights of panels
 _COLUMNS: Final = 4
@@ -55,7 +56,7 @@ def stack(
     The places are computed, not found by a layout engine, which takes longer than all the drawing. ``headed``: whether
     something stands above them even without a title.
     """
-    top = _TOP if title or headed else _BARE
+    top = _TOP + HEADING * (bool(title) + headed)
     gaps = [0.0, *(_BETWEEN if row.starts else _DOWN for row in rows[1:])]
     height = top + sum(row.height for row in rows) + sum(gaps) + _BOTTOM
     figure = new_figure(WIDTH, height, layout=None)

@@ -11,12 +11,16 @@ import numpy as np
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.mechanism.queries.units import input_units, state_units
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import matching
 from leastaction.optimal.result import OptimizationResult
+from leastaction.systems.rigs.rig import Played
 
 Source = Trajectory | ContinuousTrajectory | OptimizationResult
+Drawn = Source | Played
+Key = tuple[str, str]  # kind and name of a signal
 
 _DEGREES: Final = 180.0 / np.pi
 # What a unit measures, for the axis.
@@ -52,6 +56,11 @@ class Signal:
     kind: str = "state"
 
     @property
+    def key(self) -> Key:
+        """Kind and name: a variable and an input may share a name."""
+        return self.kind, self.name
+
+    @property
     def held(self) -> bool:
         """Whether each value is held until the next instant."""
         return self.end is not None
@@ -84,7 +93,7 @@ def axis_label(unit: str, otherwise: str = "") -> str:
 
 def check_source(source: object, what: str) -> None:
     """Raise unless this is a run or a result."""
-    if not isinstance(source, BaseTrajectory | OptimizationResult):
+    if not isinstance(source, BaseTrajectory | OptimizationResult | Played):
         raise ArgumentError(
             f"{what}: got {type(source).__name__}, expected a run of simulate() or a result of optimize()"
         )
@@ -93,36 +102,42 @@ def check_source(source: object, what: str) -> None:
 def motion_of(source: Source, what: str) -> Trajectory | ContinuousTrajectory:
     """Return the motion of the mechanism; an error says where there is none."""
     check_source(source, what)
+    if isinstance(source, Played):
+        raise ArgumentError(f"{what}: got what a rig did, which has no multipliers, expected a run or a result")
     found: Trajectory | ContinuousTrajectory = source.trajectory if isinstance(source, OptimizationResult) else source
     if found.steps < 2:
         raise ArgumentError(f"{what}: got a run of {found.steps} steps, expected two at least: {found.message}")
     return found
 
 
-def states_of(source: Source) -> list[Signal]:
+def states_of(source: Drawn) -> list[Signal]:
     """Return everything in the state, by name."""
     if isinstance(source, OptimizationResult):
         names, units = source.state_names, source.state_units
     else:
         m = source.mechanism
-        if isinstance(source, Trajectory):
+        if not isinstance(source, ContinuousTrajectory):
             rates = (*(f"p_{name}" for name in m.dynamic), *(f"v_{name}" for name in m.kinematic))
         else:
             rates = tuple(f"v_{name}" for name in m.variables)
-        names, units = (*m.variables, *rates), source.state_units
+        names, units = (*m.variables, *rates), state_units(m, momenta=not isinstance(source, ContinuousTrajectory))
     columns = zip(names, units, source.x.T, strict=True)
     return [Signal(name=name, unit=unit, t=source.t, values=values) for name, unit, values in columns]
 
 
-def inputs_of(source: Source) -> list[Signal]:
+def inputs_of(source: Drawn) -> list[Signal]:
     """Return the inputs, by name; not those that are states at the next instant."""
     if isinstance(source, OptimizationResult):
-        kept = [i for i, name in enumerate(source.input_names) if name not in source.state_names]
+        # What is prescribed is a state at the next instant, in the same unit; others may share no more than a name.
+        known = dict(zip(source.state_names, source.state_units, strict=True))
+        pairs = zip(source.input_names, source.input_units, strict=True)
+        kept = [i for i, (name, unit) in enumerate(pairs) if known.get(name) != unit]
         names, values = [source.input_names[i] for i in kept], source.u[:, kept]
         units = [source.input_units[i] for i in kept]
     else:
-        names, values = list(source.mechanism.inputs), source.inputs
-        units = [source.units[name] for name in names]
+        m = source.mechanism
+        names, values = list(m.inputs), source.u[:, : m.n_inputs]
+        units = list(input_units(m))
     end = float(source.t[-1]) if len(values) < len(source.t) else None
     return [
         Signal(name=name, unit=unit, t=source.t[: len(values)], values=column, end=end, kind="input")

@@ -182,7 +182,7 @@ def test_expressions_come_back() -> None:
         la.ExpressionConstraint(lift - 0.01 * (1 + sympy.sin(ex.variable("it's"))), name="cam"),
         la.ExpressionForce(-0.1 * ex.rate(d) * ex.input_("u") + ex.coordinate(lift**2), along=d),
         la.ExpressionForce(-ex.speed("lift"), along="lift"),
-        la.ExpressionForce(0.5, along="it's"),
+        la.ExpressionForce(0.5 + lift * (1 / 7) + 1e-300, along="it's"),
     ]
     mechanism = la.Mechanism(tree, elements)
     again = check_back(mechanism)

@@ -98,7 +98,7 @@ class FormulaPart(WantedPart, tag="formula", kw_only=True):
 
 
 class FilePart(WantedPart, tag="file", kw_only=True):
-    """Columns of a CSV with a first line of names, or arrays of an NPZ; ``t`` are the times (s).
+    """Columns of a CSV with a first line of names (``x`` or ``x [m]``), or arrays of an NPZ; ``t`` are the times (s).
 
     ``columns``: the column of each name, where it is called otherwise; of a frame ``name.x``, ``name.y``, ``name.z``.
     All columns that are variables or frames are taken if it is left out. ``degrees``: columns that are in degrees.

@@ -17,7 +17,7 @@ from leastaction.viz import plot_convergence, plot_limits, plot_run, save_png, s
 
 RESULT: Final = "result.npz"
 FILES: Final = {
-    RESULT: "the result: leastaction.io.load_result",
+    RESULT: "the result: leastaction.open",
     "motion.csv": "the motion and its inputs, by names",
     "summary.txt": "what was found, to read",
     "summary.json": "what was found, for programs",
@@ -47,7 +47,7 @@ def write_report(
     """Write everything but the result itself; return what there is, by file, in words."""
     result = found.result
     written = [RESULT, "motion.csv", "summary.txt", "summary.json"]
-    write_text(folder / "motion.csv", _table(found))
+    found.trajectory.save(folder / "motion.csv")
     limits = "" if result.limits is None else f"\n\n{result.limits}"
     write_text(folder / "summary.txt", f"{problem.title}\n\n{found}{limits}\n")
     write_text(folder / "summary.json", json.dumps(summary(problem, found), indent=1) + "\n")
@@ -87,17 +87,6 @@ def summary(problem: ProblemFile, found: Followed) -> dict[str, Any]:
 def _largest_inputs(found: Followed) -> dict[str, float]:
     run = found.trajectory
     return {name: float(np.abs(run.inputs[:, i]).max()) for i, name in enumerate(run.mechanism.inputs)}
-
-
-def _table(found: Followed) -> str:
-    """Return times, variables and inputs as CSV; the inputs of a step stand where it begins."""
-    run = found.trajectory
-    m = run.mechanism
-    rows = [",".join(json.dumps(name) if "," in name else name for name in ("t", *m.variables, *m.inputs))]
-    for k, t in enumerate(run.t.tolist()):
-        inputs = run.inputs[k].tolist() if k < run.steps else [""] * m.n_inputs
-        rows.append(",".join(map(str, [t, *run.q[k].tolist(), *inputs])))
-    return "\n".join(rows) + "\n"
 
 
 def _reference(found: Followed) -> Array:

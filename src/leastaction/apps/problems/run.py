@@ -13,8 +13,8 @@ from rich.console import Console
 from leastaction.apps.problems.problem import ProblemFile
 from leastaction.apps.problems.report import RESULT, remove_report, write_report
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.io.results import load_result, save_result
-from leastaction.optimal import IterationRecord, IterationTable, StageRecord, StageTable, Status
+from leastaction.io.results import open as open_file
+from leastaction.optimal import IterationRecord, IterationTable, OptimizationResult, StageRecord, StageTable, Status
 from leastaction.systems import Followed, follow
 
 INTERRUPTED = 130  # what a shell expects of a program ended by Ctrl-C
@@ -74,7 +74,7 @@ def run_problem(
     found = solve(problem, resume=resume, options=options, console=console)
     with whole():
         remove_report(folder)
-        save_result(folder / RESULT, found.result)
+        found.result.save(folder / RESULT)
     console.print()
     console.print(str(found), markup=False, soft_wrap=True)
     if found.result.limits is not None:
@@ -117,8 +117,12 @@ def solve(
         With the place in the file, where it is one of the file's.
     """
     shown = {} if console is None else _progress(console)
-    earlier = None if resume is None else load_result(resume)
     m = problem.model.mechanism
+    earlier: Any = None if resume is None else open_file(resume)
+    if resume is not None and not isinstance(earlier, OptimizationResult):
+        raise ArgumentError(
+            f"--resume {resume}: it holds no result of the optimiser; give the {RESULT} of an earlier run"
+        )
     if earlier is not None and len(earlier.u) != len(problem.t) - 1:
         raise ArgumentError(
             f"--resume {resume}: got a result of {len(earlier.u)} steps, expected {len(problem.t) - 1}, as "

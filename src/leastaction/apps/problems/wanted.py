@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -188,7 +189,7 @@ def _table(path: Path) -> dict[str, Array]:
         rows = [row for row in csv.reader(text) if any(cell.strip() for cell in row)]
     if len(rows) < 2:
         raise ArgumentError(f"{path}: expected a line of names and lines of numbers")
-    names = [cell.strip() for cell in rows[0]]
+    names = [re.sub(r"\s*\[[^\]]*\]$", "", cell.strip()) for cell in rows[0]]  # "x [m]" is x
     columns: dict[str, list[float]] = {name: [] for name in names}
     for line, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):

@@ -75,7 +75,7 @@ class _BvhReader(MotionText):
             self.fail(f"the frame time is {frame_time:g} s", f"a time greater than zero, {SHORTEST:g} to {LONGEST:g} s")
         values = self.read_rows(int(n_frames))
         values.flags.writeable = False
-        notes = ()
+        notes: tuple[str, ...] = ()
         if len(values) != n_frames:
             notes = (f"{int(n_frames)} frames are declared and {len(values)} are there, which were read",)
         return Capture(str(self.path), tuple(self.joints), frame_time, values, notes=notes)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from leastaction.numerics.arrays import Array
+from leastaction.io.motion.motion import Motion
+from leastaction.numerics.arrays import Array, as_number
 
 _MOST_NAMES = 4
 
@@ -110,6 +111,33 @@ class Capture:
             return self.names.index(name)
         except ValueError:
             raise KeyError(name) from None
+
+    def motion(self, *, unit: float = 1.0) -> Motion:
+        """Return its channels as a motion of named variables, ``hips_tx``, ``knee_rx`` ...: angles in radians.
+
+        A channel that a joint has again is ``knee_rx#2``.
+
+        Parameters
+        ----------
+        unit : float, optional
+            Metres in a unit of length of the file, such as 0.01.
+
+        Raises
+        ------
+        ArgumentError
+            If there are fewer than two frames, or the unit is no number above zero.
+        """
+        metres = as_number(unit, "unit (m)", above=0.0)
+        channels = [(joint.name, channel) for joint in self.joints for channel in joint.channels]
+        turns = np.array([channel.lower().endswith("rotation") for _, channel in channels], dtype=bool)
+        names: list[str] = []
+        for (joint, channel), turn in zip(channels, turns, strict=True):
+            name = f"{joint}_{'r' if turn else 't'}{channel[0].lower()}"
+            again = sum(other.partition("#")[0] == name for other in names)
+            names.append(f"{name}#{again + 1}" if again else name)
+        values = np.asarray(self.values * np.where(turns, np.pi / 180.0, metres), dtype=np.float64)
+        t = np.asarray(self.frame_time * np.arange(self.n_frames), dtype=np.float64)
+        return Motion(tuple(names), t, values, self.path)
 
     def describe_gaps(self) -> str:
         """Return a sentence on what was missing and is filled, and `notes`; empty if there is nothing to say."""

@@ -73,7 +73,7 @@ def fill_gaps(capture: Capture) -> Capture:
         spike &= ~zero
         lost[joint.name] = [(none, "not numbers"), (zero, "zeros"), (spike, "leaps")]
         if (gone := none | zero | spike).any():
-            missing[np.ix_(gone, joint.all)] = True
+            missing[np.ix_(np.flatnonzero(gone), np.array(joint.all))] = True
     if not missing.any():
         return capture
     filled = values.copy()

@@ -13,7 +13,7 @@ from leastaction.mechanics.configuration.constraint_projection import Constraint
 from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
 from leastaction.mechanics.configuration.null_space import Indices, free_variables, restoring, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_count, require_instance
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
 
 _VELOCITY_TOLERANCE = 1e-6  # of the rate of a constraint, relative to its terms (at least 1)
 
@@ -83,6 +83,7 @@ def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = 1
         variables brings it onto them.
     """
     require_instance(mechanism, "mechanism", Mechanism)
+    as_number(tolerance, "tolerance", above=0.0, below=1.0)
     values = mechanism.constraint_values(as_array(q, "q", (mechanism.nq,), names=mechanism.variables))
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q))
     if not np.all(np.abs(values) <= limits):
@@ -95,6 +96,26 @@ def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = 1
             "Use project_configuration to bring it onto them",
             residuals=residuals,
         )
+
+
+def check_lengths(mechanism: Mechanism, q: Array, t: Array | None = None) -> None:
+    """Raise an `ArgumentError` for a prescribed length that is not positive, in q (nq,), or in (N, nq) at times t (N,).
+
+    A string of no length has no direction to pull in.
+    """
+    rows = q if q.ndim == 2 else q[None, :]
+    for name, element in mechanism.elements.items():
+        variable = element.length_variable
+        if variable is None:
+            continue
+        lengths = rows[:, mechanism.variables.index(variable)]
+        if np.any(lengths <= 0.0):
+            k = int(np.argmax(lengths <= 0.0))
+            when = "" if t is None else f" at t = {t[k]:.6g} s"
+            raise ArgumentError(
+                f"{name}: its length {variable!r} is {lengths[k]:.6g} m{when}, expected a positive one, as a string of "
+                f"zero length has no direction to pull in. Set {variable!r} in the configuration"
+            )
 
 
 def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "") -> None:
@@ -155,7 +176,8 @@ def project_configuration(
     Raises
     ------
     ArgumentError
-        For a wrong shape, a value that is not finite, an unknown name or a weight that is not positive.
+        For a wrong shape, a value that is not finite, an unknown name, a weight that is not positive, or prescribed
+        lengths of zero or less that lead nowhere.
     ContradictoryConstraintsError
         If constraints contradict each other or are out of reach: names them, and the held variables that
         stand in the way.
@@ -166,6 +188,8 @@ def project_configuration(
     start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
     free = free_variables(mechanism, hold, move_kinematic)
     as_count(attempts, "attempts", 1)
+    as_count(max_iterations, "max_iterations", 0)
+    as_number(tolerance, "tolerance", above=0.0, below=1.0)
     root = np.sqrt(_weights(mechanism, weights)[free])
     problem = ConstraintProjection(mechanism, start, free, root)
     q_near, iterations = problem.solve(tolerance, max_iterations, attempts)
@@ -173,6 +197,7 @@ def project_configuration(
     residuals = dict(zip(mechanism.constraints, (float(h) for h in values), strict=True))
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q_near))
     if not np.all(np.isfinite(values) & (np.abs(values) <= limits)):
+        check_lengths(mechanism, q_near)
         contradiction = None
         if np.all(np.isfinite(values)):
             contradiction = find_contradiction(mechanism, q_near, hold=hold, move_kinematic=move_kinematic)
@@ -220,6 +245,7 @@ def project_velocity(
         If the held velocities cannot be followed; carries Dh v by constraint name.
     """
     require_instance(mechanism, "mechanism", Mechanism)
+    as_number(tolerance, "tolerance", above=0.0, below=1.0)
     given = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
     jacobian = mechanism.constraint_jacobian(q)
     free = free_variables(mechanism, hold, move_kinematic)

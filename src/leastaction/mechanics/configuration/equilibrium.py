@@ -13,6 +13,7 @@ step is brought back onto the constraints and must lessen the potential (less th
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -33,13 +34,15 @@ from leastaction.mechanics.configuration.null_space import (
 )
 from leastaction.mechanics.mechanism.arguments import inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_instance
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number, require_instance
 from leastaction.numerics.frozen import Frozen
 
 Kind = Literal["minimum", "any"]
 
 _ON_CONSTRAINTS = 1e-12  # relative residual of the constraints at every iterate
 _FLAT = 1e-9  # eigenvalues below this part of the largest count as zero
+_NEAR = 0.2  # m: frames of a path that are nearer, or nearer than this part of it, are told of where a search fails
+_REST = 1e-6  # of the largest force: a net force of less is none
 _FIRST_RADIUS, _LONGEST = 0.5, 1e6  # bound on the first step, on every step (m or rad)
 _FAR = 1e5  # from the guess, where the potential has no bound
 
@@ -141,6 +144,7 @@ def equilibrium(
     require_instance(mechanism, "mechanism", Mechanism)
     as_choice(kind, "kind", get_args(Kind))
     as_number(tolerance, "tolerance", above=0.0, below=1.0)
+    as_count(max_iterations, "max_iterations", 0)
     u = inputs_of(mechanism, inputs)
     start = as_array(q_guess, "q_guess", (mechanism.nq,), names=mechanism.variables)
     search = _Search(mechanism, free_variables(mechanism, hold), u)
@@ -163,6 +167,7 @@ class _Point:
     size: float  # of the forces, and of the stiffness at a deflection of one
 
     along: Array  # slope along the free directions, (nf,)
+    load: float  # the largest force, of the potential or given
 
 
 class _Search:
@@ -184,13 +189,10 @@ class _Search:
         if m.nc and len(free):
             stiffness = stiffness + core.constraint_hessian(q, lam)
         reduced = space.reduced(stiffness[np.ix_(free, free)])
-        size = max(
-            float(np.abs(potential_slope[free]).max(initial=0.0)),
-            float(np.abs(force[free]).max(initial=0.0)),
-            float(np.abs(reduced).max(initial=0.0)),
-        )
+        load = max(float(np.abs(each[free]).max(initial=0.0)) for each in (potential_slope, force))
+        size = max(load, float(np.abs(reduced).max(initial=0.0)))
         along = space.basis.T @ slope[free]
-        return _Point(q, slope, jacobian, lam, space.basis, reduced, force, size, along)
+        return _Point(q, slope, jacobian, lam, space.basis, reduced, force, size, along, load)
 
     def run(self, q: Array, kind: str, tolerance: float, max_iterations: int) -> Equilibrium:
         start, radius = q, _FIRST_RADIUS
@@ -201,6 +203,10 @@ class _Search:
             flat = _FLAT * float(np.abs(values).max(initial=0.0))
             saddle = kind == "minimum" and bool(np.any(values < -flat))
             if at_rest and not saddle:
+                # Beside a kink the stiffness has no bound, and any force is small against it.
+                net, rounding = float(np.abs(point.along).max(initial=0.0)), float(np.spacing(point.size))
+                if net > max(_REST * point.load, rounding) and near_a_kink(self.m, point.q):
+                    raise self.error(point, iteration, "the potential or a force has no slope where it led")
                 return self.result(point, iteration)
             if iteration == max_iterations:
                 raise self.error(point, iteration, f"none was found in {iteration} iterations")
@@ -321,14 +327,34 @@ class _Search:
         values = m.constraint_values(point.q)
         residuals |= {f"constraint {n!r}": float(h) for n, h in zip(m.constraints, values, strict=True)}
         shown = ", ".join(f"{n}: {r:.3g}" for n, r in list(worst_first(residuals).items())[:3])
+        kink = near_a_kink(m, point.q)
         reached = self.result(point, iterations) if np.isfinite(point.size) else None
         return EquilibriumError(
-            f"no equilibrium: {what}; largest residuals {shown}. Start nearer, hold variables along which "
+            f"no equilibrium: {what}; largest residuals {shown}. {kink}Start nearer, hold variables along which "
             "nothing resists, allow more iterations, or ask for kind='any'",
             residuals=residuals,
             iteration=iterations,
             reached=reached,
         )
+
+
+def near_a_kink(m: Mechanism, q: Array) -> str:
+    """Return a sentence on the frames of a path that are nearest, if they are near; where they meet it has a kink."""
+    found: list[tuple[float, str]] = []
+    for name, element in m.elements.items():
+        for path in element.strings:
+            places = m.positions(q, path)
+            pieces = [float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(places)]
+            k = int(np.argmin(pieces))
+            if pieces[k] < _NEAR * max(1.0, sum(pieces)):
+                found.append((pieces[k], f"{path[k]!r} and {path[k + 1]!r} of {name!r}"))
+    if not found:
+        return ""
+    apart, frames = min(found)
+    return (
+        f"The frames {frames} are {apart:.2g} m apart there; where they meet, the length has a kink and a pull no "
+        "direction: keep them apart, or choose other points. "
+    )
 
 
 def _modes(stiffness: Array, mass: Array) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:

@@ -156,8 +156,11 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         return rows[0] if single else rows
 
     def velocity(self, name: str) -> Array:
-        """Return the velocity (N+1,) of a variable by name (m/s or rad/s)."""
-        return self.v[:, self._variable(name)]
+        """Return the velocity (N+1,) of a variable by name (m/s or rad/s).
+
+        Or of a frame, (N+1, 6): of its origin (m/s), and angular (rad/s), in world axes.
+        """
+        return self._velocity(name, self.q, self.v)
 
     def acceleration(self, name: str) -> Array:
         """Return the acceleration (N+1,) of a variable by name (m/s^2 or rad/s^2)."""

@@ -12,6 +12,9 @@ from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, sha
 
 # Relative slack of the inequalities that the inertia of a real body obeys.
 INERTIA_TOLERANCE = 1e-9
+# Moments below that of the body's mass at so short a radius (m), or of a gram there, are rounding.
+ROUNDING_RADIUS = 1e-8
+_GRAM = 1e-3
 
 
 class Body:
@@ -28,8 +31,8 @@ class Body:
         the entries ``[Ixx, Iyy, Izz, Ixy, Ixz, Iyz]`` of the symmetric inertia matrix (so ``Ixy`` is the entry of row x
         and column y, minus the integral of ``x y dm``), or the matrix itself. Zero if not given: a point mass.
     allow_nonphysical : bool, optional
-        Accept an inertia that no distribution of positive mass has (one principal moment larger than
-        the sum of the other two), as identified or lumped models sometimes need.
+        Accept an inertia that no distribution of positive mass has (a principal moment that is negative, or larger
+        than the sum of the other two), as identified or lumped models sometimes need.
 
     Raises
     ------
@@ -62,7 +65,8 @@ class Body:
             centre = as_array(com, "com", (3,), error=DescriptionError).copy()
         if inertia is not None:
             matrix = _inertia_matrix(inertia).copy()
-            _check_inertia(matrix, triangle=not allowed)
+            if not allowed:
+                matrix = _checked_inertia(matrix, number)
         for array in (centre, matrix):
             array.setflags(write=False)
         for field, value in (("mass", number), ("com", centre), ("inertia", matrix), ("allow_nonphysical", allowed)):
@@ -106,17 +110,21 @@ def _inertia_matrix(inertia: ArrayLike) -> Array:
     return (values + values.T) / 2.0
 
 
-def _check_inertia(matrix: Array, *, triangle: bool) -> None:
-    smallest, middle, largest = np.linalg.eigvalsh(matrix)
-    slack = INERTIA_TOLERANCE * max(abs(largest), abs(smallest))
+def _checked_inertia(matrix: Array, mass: float) -> Array:
+    """Return the inertia of a real body, without moments that are negative by rounding."""
+    (smallest, middle, largest), axes = np.linalg.eigh(matrix)
+    slack = INERTIA_TOLERANCE * max(abs(largest), abs(smallest)) + ROUNDING_RADIUS**2 * max(mass, _GRAM)
     moments = f"principal moments {smallest:.6g}, {middle:.6g}, {largest:.6g} kg m^2"
     if smallest < -slack:
         raise DescriptionError(
             f"inertia: {moments}; none may be negative. Check the signs of Ixy, Ixz, Iyz, that the inertia is about "
             "the centre of mass, and that six numbers are [Ixx, Iyy, Izz, Ixy, Ixz, Iyz]: URDF has another order"
         )
-    if triangle and largest > smallest + middle + slack:
+    if largest > smallest + middle + slack:
         raise DescriptionError(
             f"inertia: {moments}; no real body has one larger than the sum of the other two: a flat disc has J about "
             "its axis and J / 2 about others. Correct it, or say Body(..., allow_nonphysical=True) if it is meant"
         )
+    if smallest < 0.0:
+        return np.asarray(axes @ np.diag(np.maximum([smallest, middle, largest], 0.0)) @ axes.T)
+    return matrix

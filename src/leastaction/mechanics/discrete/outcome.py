@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction import _core
-from leastaction.errors import ArgumentError, InconsistentStartError, StepError, worst_first
+from leastaction.errors import InconsistentStartError, StepError, worst_first
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete.trajectory import State
@@ -85,18 +85,3 @@ def _overdetermined(m: Mechanism, q: Array) -> str:
                 "Leave one of these constraints out, or put a force or a spring in its place"
             )
     return ""
-
-
-def check_lengths(m: Mechanism, q: Array, t: Array) -> None:
-    """Complain about a prescribed distance that is not positive: it has no direction to pull in."""
-    for name, element in m.elements.items():
-        variable = element.length_variable
-        if variable is None:
-            continue
-        lengths = q[:, m.variables.index(variable)]
-        if np.any(lengths <= 0.0):
-            k = int(np.argmax(lengths <= 0.0))
-            raise ArgumentError(
-                f"{name}: its length {variable!r} is {lengths[k]:.6g} m at t = {t[k]:.6g} s, "
-                "expected a positive one, as a string of zero length has no direction to pull in"
-            )

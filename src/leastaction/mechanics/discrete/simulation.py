@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import ArgumentError, CoarseStepWarning, StepError
+from leastaction.mechanics.configuration.assembly import check_lengths
 from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of, tell
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
-from leastaction.mechanics.discrete.outcome import check_lengths, quality_of, step_error
+from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.trajectory import (
     SimulationStatus,
     State,
@@ -30,7 +31,7 @@ from leastaction.numerics.step_quality import StepQuality, coarsest
 
 LawAt = Literal["start", "midpoint"]
 
-_CHUNK = 2000  # steps between looks at Ctrl-C
+_CHUNK = 2000  # steps from one call of `progress` to the next
 
 
 def simulate(
@@ -151,6 +152,8 @@ class _Run:
                     stop = min(N, self.done + _CHUNK)
                     out = self._rolled_out(stop, energies=True)
                 self._keep(out)
+                if out.interrupted:
+                    raise KeyboardInterrupt
                 if self.done < stop:
                     last = state_of(m, float(self.t[self.done]), self.x[self.done])
                     raise step_error(m, out, last, self.u[self.done, m.n_inputs :])
@@ -180,7 +183,13 @@ class _Run:
         """Make steps up to an instant, with the inputs that there are."""
         k = self.done
         return self.vi.core.roll_out(
-            self.t[k : stop + 1], self.x[k].copy(), None, self.u[k:stop], None, energies=energies
+            self.t[k : stop + 1],
+            self.x[k].copy(),
+            None,
+            self.u[k:stop],
+            None,
+            energies=energies,
+            interruptible=energies,
         )
 
     def balance(self) -> DiscreteBalance:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
@@ -9,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from leastaction.mechanics.discrete.balance import DiscreteBalance
+from leastaction.mechanics.discrete.tensions import tensions
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.numerics.frozen import made
 from leastaction.numerics.step_quality import StepQuality
 
 _LOOKS = 7  # instants at which a run is asked for equations that are redundant
@@ -59,13 +62,18 @@ class State(BaseState):
 
 def state_of(mechanism: Mechanism, t: float, x: Array) -> State:
     """Return a state vector (nx,) at time t as a `State`, with memory of its own."""
-    m = mechanism
-    q, p, v_rho = np.split(x.copy(), [m.nq, m.nq + m.nd])
-    return State(t, q, p, v_rho)
+    m, own = mechanism, x.copy()
+    own.setflags(write=False)
+    return made(State, t=t, q=own[: m.nq], p=own[m.nq : m.nq + m.nd], v_rho=own[m.nq + m.nd :])
 
 
 def vector_of(m: Mechanism, state: State) -> Array:
     """Return a `State` as a vector (nx,), checked."""
+    q, p, v_rho = state.q, state.p, state.v_rho
+    if q.shape == (m.nq,) and p.shape == (m.nd,) and v_rho.shape == (m.nrho,):
+        x = np.concatenate((q, p, v_rho))
+        if x.dtype == np.float64 and math.isfinite(np.vdot(x, x)):
+            return x
     return np.concatenate(
         [
             as_array(state.q, "state.q", (m.nq,), names=m.variables),
@@ -93,7 +101,7 @@ class Trajectory(BaseTrajectory[State]):
     inputs : ndarray, shape (N, n_inputs)
         Force inputs, held over each step.
     lam : ndarray, shape (N, nc)
-        Multipliers of each step: impulses ``Dh(q_k)^T lam_k`` act at its start.
+        Multipliers of each step: impulses ``-Dh(q_k)^T lam_k`` act at its start.
     p : ndarray, shape (N+1, nd)
         Discrete momenta of the dynamic variables.
     v_rho : ndarray, shape (N+1, nrho)
@@ -184,35 +192,25 @@ class Trajectory(BaseTrajectory[State]):
         return State(float(self.t[k]), self.q[k], self.p[k], self.v_rho[k])
 
     def velocity(self, name: str) -> Array:
-        """Return the velocity (N,) of a variable by name, over each step (m/s or rad/s)."""
-        return self.v[:, self._variable(name)]
+        """Return the velocity (N,) of a variable by name, over each step (m/s or rad/s).
+
+        Or of a frame, (N, 6) at the middle of each step: of its origin (m/s), and angular (rad/s), in world axes.
+        """
+        return self._velocity(name, 0.5 * (self.q[1:] + self.q[:-1]), self.v)
 
     def energy(self) -> Energy:
         """Return the energy at the midpoint of every step, arrays (N,) (J)."""
         return self.mechanism.energy(0.5 * (self.q[1:] + self.q[:-1]), self.v)
 
     def tensions(self) -> dict[str, Array]:
-        """Return the tension of every string (`Distance` and `PathLength` constraints) over each step.
+        """Return the tension of every string over each step: `strings.tensions` says what counts as one.
 
         Returns
         -------
         dict of str to ndarray, shape (N,)
-            Newtons, positive where the string pulls: ``lam / dt`` of a path, whose multiplier is an impulse, and ``2 L
-            lam / dt`` with the length at the step's start of a distance, for the constraint ``h = |p1 - p2|^2 - L^2``.
-
-        Notes
-        -----
-        An impulse at an instant makes up for the halves of the two steps that meet there. At a start that
-        was given by a velocity there is no step before, so the first impulse, and with it the first
-        tension, is half of what follows.
+            Newtons, positive where the string pulls.
         """
-        m, dt = self.mechanism, np.diff(self.t)
-        start = dict(zip(m.variables, self.q[:-1].T, strict=True))
-        impulse = dict(zip(m.constraints, self.lam.T, strict=True))
-        tensions = {
-            name: element.tension(impulse[name], dt, start) for name, element in m.elements.items() if name in impulse
-        }
-        return {name: tension for name, tension in tensions.items() if tension is not None}
+        return tensions(self)
 
 
 def trajectory_of(m: Mechanism, t: Array, x: Array, u: Array, lam: Array, **told: Any) -> Trajectory:

@@ -186,6 +186,18 @@ class Element(abc.ABC):
         """
         return None
 
+    def slope(self, pieces: Mapping[tuple[str, str], Array], values: Mapping[str, Array | float]) -> Array | None:
+        """Return the slope of its function by the lengths of all pieces of a cord; None where it is none of a cord.
+
+        Parameters
+        ----------
+        pieces : mapping of pairs of frames to ndarray, shape (N,)
+            Distances of frames, of any pair.
+        values : mapping of str to ndarray, shape (N,), or float
+            Configuration variables, and the element's numbers by their own names.
+        """
+        return None
+
     # What it looks like
 
     @property

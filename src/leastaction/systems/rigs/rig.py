@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.units import state_units
+from leastaction.mechanics.mechanism.queries.units import input_units, state_units
 from leastaction.mechanics.mechanism.text import text_of
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_mapping
 from leastaction.numerics.dataset import STEP, TIME, Dataset, Savable
@@ -168,7 +168,7 @@ class Played(Frozen, Savable):
             units={
                 "t": "s",
                 "x": state_units(m, momenta=True),
-                "u": tuple(units[name] for name in (*m.inputs, *m.kinematic)),
+                "u": (*input_units(m), *(units[name] for name in m.kinematic)),
             },
             content=content,
             model=text_of(m),

@@ -42,7 +42,7 @@ def glb(scenes: Sequence[Scene]) -> bytes:
 def _lasting(stage: Stage, time: float) -> list[Thing]:
     """Return what is there all the time, in the same order at any time."""
     size = stage.size
-    found = placing.bodies(stage, time) + placing.marks(stage, time, LIGHT_LOOK, joints=False)
+    found = placing.bodies(stage, time) + placing.rails(stage, time)
     for cord in stage.scene.cords:
         places = [placing.at_time(stage.scene.points[name], stage.scene.t, time) for name in cord.path]
         for a, b in itertools.pairwise(places):

@@ -106,8 +106,8 @@ def _clustered(solid: Solid, cell: float) -> Solid:
     normal = np.cross(b - a, c - a)  # as long as twice the area, which weighs it
     area = np.linalg.norm(normal, axis=1)
     unit = normal / np.maximum(area, 1e-300)[:, None]
-    mean = np.stack([np.bincount(place, p[:, k], count) for k in range(3)], -1)
-    mean = mean / np.bincount(place, minlength=count)[:, None]
+    total = np.stack([np.bincount(place, p[:, k], count) for k in range(3)], -1)
+    mean = np.asarray(total / np.bincount(place, minlength=count)[:, None], dtype=float)
     H, g = np.zeros((count, 3, 3)), np.zeros((count, 3))
     for corner in range(3):
         at = place[triangles[:, corner]]

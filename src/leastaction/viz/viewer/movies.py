@@ -147,7 +147,7 @@ def _rate(fps: float) -> float:
 
 def _checked(size: tuple[int, int]) -> tuple[int, int]:
     width, height = size
-    if not (isinstance(width, int) and isinstance(height, int) and min(size) >= 16 and max(size) <= 8192):
+    if min(size) < 16 or max(size) > 8192:
         raise ArgumentError(f"size: got {size!r}, expected width and height in pixels, 16 to 8192")
     return width, height
 

@@ -14,9 +14,10 @@ from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
-from leastaction.optimal import LimitReport
+from leastaction.optimal import LimitReport, LimitState
 from leastaction.viz.scene import ActiveLimit, Arrow, Scene
 from leastaction.viz.viewer.actions import Actions, cords_of
+from leastaction.viz.viewer.kinematics import kinematics
 from leastaction.viz.viewer.sampling import refined
 from leastaction.viz.viewer.sides import plane_normal, side, upright, upward
 from leastaction.viz.viewer.skeletons import joint_marks, skeleton
@@ -120,7 +121,7 @@ def _scene(
     if not isinstance(run, BaseTrajectory):
         raise ArgumentError(f"show: the trajectory of a {type(what).__name__} is no motion of a mechanism")
     scene = _run_scene(run, shapes=own, reference=reference, traces=traces, up=up, title=called)
-    report = getattr(what, "limits", None)
+    report = getattr(getattr(what, "result", what), "limits", None)  # what was followed has its result within
     return replace(scene, limits=active_limits(report, run.t)) if isinstance(report, LimitReport) else scene
 
 
@@ -220,6 +221,7 @@ def motion_scene(
         )
     return Scene(
         t=t,
+        kinematics=kinematics(m, q[0], turn, [*frames, *held], size) if len(t) == 1 and reference is None else None,
         points=points(q, list(frames)),
         bones=tuple(bones),
         cords=tuple(cords),
@@ -243,25 +245,29 @@ def _floating(m: Mechanism) -> str:
     for group, indices in m.tree.compositions:
         if group.kind == "free":
             return m.tree.frames[indices[-1]].name
-    row: list[str] = []
-    for at in m.tree.frames[1:4]:
-        if at.frame.twist is not None and not at.frame.twist[3:].any() and at.frame.variables:
-            row.append(at.name)
+    row = [
+        at.name
+        for at in m.tree.frames[1:4]
+        if at.frame.twist is not None and not at.frame.twist[3:].any() and at.frame.variables
+    ]
     return row[-1] if len(row) == 3 else ""
 
 
 def active_limits(report: LimitReport, t: Array) -> tuple[ActiveLimit, ...]:
     """Return when which limit of an optimisation holds the motion back. ``t`` (N+1,): the times of its instants."""
-    found: list[ActiveLimit] = []
-    for state in report.sides:
-        times = state.t if state.t is not None else t[np.minimum(state.k, len(t) - 1)]
-        ends = np.append(times[1:], min(2.0 * times[-1] - times[-2], t[-1]) if len(times) > 1 else times[-1])
-        for column, label in enumerate(state.labels):
-            if state.equation:
-                continue
-            on = np.flatnonzero(state.active[:, column])
-            groups = np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else []
-            spans = tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)
-            if spans:
-                found.append(ActiveLimit(name=label, spans=spans))
-    return tuple(found)
+    found = [
+        ActiveLimit(name=label, spans=_spans(state, column, t))
+        for state in report.sides
+        if not state.equation
+        for column, label in enumerate(state.labels)
+    ]
+    return tuple(limit for limit in found if limit.spans)
+
+
+def _spans(state: LimitState, column: int, t: Array) -> tuple[tuple[float, float], ...]:
+    """Return from when to when a limit is active; each instant counts until the next."""
+    times = state.t if state.t is not None else t[np.minimum(state.k, len(t) - 1)]
+    ends = np.append(times[1:], min(2.0 * times[-1] - times[-2], t[-1]) if len(times) > 1 else times[-1])
+    on = np.flatnonzero(state.active[:, column])
+    groups = np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else []
+    return tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)

@@ -185,18 +185,16 @@ def _heavy_joints(mechanism: Mechanism) -> set[int]:
 
 
 def _floats(mechanism: Mechanism, joint: int) -> bool:
-    """Whether a slide is one of three in a row: then what they carry floats, and there are no rails."""
+    """Whether a slide is one of several in a row without a mass between them: what they carry floats, on no rails."""
     tree = mechanism.tree
+    loaded = {k for k, body, _ in tree.bodies() if body.is_massive}
+
+    def carries_a_slide(k: int) -> bool:
+        """Whether a massless slide carries another one and nothing else."""
+        above = [j for j, other in enumerate(tree.joints) if other.parent == k]
+        return slides(k) and k not in loaded and len(above) == 1 and slides(above[0])
 
     def slides(k: int) -> bool:
         return k >= 0 and not tree.joints[k].twist[3:].any()
 
-    children = next([j for j, other in enumerate(tree.joints) if other.parent == k] for k in (joint,))
-    up = tree.joints[joint].parent
-    chain = 1
-    while slides(up):
-        chain, up = chain + 1, tree.joints[up].parent
-    while len(children) == 1 and slides(children[0]):
-        chain += 1
-        children = [j for j, other in enumerate(tree.joints) if other.parent == children[0]]
-    return chain >= 3
+    return carries_a_slide(joint) or carries_a_slide(tree.joints[joint].parent)

@@ -68,6 +68,11 @@ class Stage:
                 half = np.array([0.0, 0.0, each.width])
                 found = np.concatenate((found - half, found + half), axis=1)
             parts.append(found)
+        for mark in scene.marks:
+            if mark.kind == "slide":
+                pose = scene.poses[mark.frame][k]
+                ends = mark.point + np.outer(mark.reach, mark.axis)
+                parts.append(ends @ pose[:, :3, :3].transpose(0, 2, 1) + pose[:, None, :3, 3])
         if not parts:
             parts = [path[k][:, None] for path in scene.points.values()]
         return np.concatenate(parts, axis=1)

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.viz.scene import Scene
+from leastaction.viz.scene import JointMark, Scene
 from leastaction.viz.viewer import solids
 from leastaction.viz.viewer.collada import Colour
 from leastaction.viz.viewer.solids import Solid
@@ -172,7 +172,7 @@ def bodies(stage: Stage, time: float, *, ghost: Colour | None = None) -> list[Th
 def cords(stage: Stage, time: float, look: Look3D, thin: Callable[[Array, float], float]) -> list[Thing]:
     """Return strings and springs at a time. ``thin(place, pixels)``: half the thickness of what is so many thick."""
     scene, size = stage.scene, stage.size
-    top = max([1e-9, *(float(np.quantile(scene.tension_at(name, scene.t), 0.995)) for name in scene.tension or {})])
+    top = scene.top_tension
     found = []
     for cord in scene.cords:
         known = cord.name in (scene.tension or {})
@@ -212,20 +212,33 @@ def cord_things(kind: str, a: Array, b: Array, line: float, size: float, colour:
     ]
 
 
-def marks(stage: Stage, time: float, look: Look3D, *, joints: bool) -> list[Thing]:
-    """Return the rails of slides, and the other joints where they are asked for."""
-    scene, r = stage.scene, 0.011 * stage.size
+def _axis(stage: Stage, mark: JointMark, time: float) -> tuple[Array, Array]:
+    """Return a point and the direction of a joint's axis at a time."""
+    pose = pose_at(stage.scene.poses[mark.frame], stage.scene.t, time)
+    return pose[:3, :3] @ mark.point + pose[:3, 3], pose[:3, :3] @ mark.axis
+
+
+def rails(stage: Stage, time: float) -> list[Thing]:
+    """Return the rails of slides."""
     found = []
-    for mark in scene.marks:
-        pose = pose_at(scene.poses[mark.frame], scene.t, time)
-        p, d = pose[:3, :3] @ mark.point + pose[:3, 3], pose[:3, :3] @ mark.axis
+    for mark in stage.scene.marks:
         if mark.kind == "slide":
+            p, d = _axis(stage, mark, time)
             ends = p + mark.reach[0] * d, p + mark.reach[1] * d
-            found.append(Thing(solids.capsule(), between(*ends), 0.5 * r, _METAL))
-        elif joints and mark.kind == "ball":
+            found.append(Thing(solids.capsule(), between(*ends), 0.0055 * stage.size, _METAL))
+    return found
+
+
+def joints(stage: Stage, time: float, look: Look3D) -> list[Thing]:
+    """Return the other joints, and their axes."""
+    r = 0.011 * stage.size
+    found = []
+    for mark in stage.scene.marks:
+        p, d = _axis(stage, mark, time)
+        if mark.kind == "ball":
             found.append(Thing(solids.sphere(), np.column_stack((1.6 * r * np.eye(3), p)), 0.0, look.accent))
-        elif joints:
-            found.append(Thing(solids.cylinder(), between(p - 3 * r * d, p + 3 * r * d, r), 0.0, look.accent))
+        elif mark.kind == "hinge":
+            found.append(Thing(solids.cylinder(), between(p - 2 * r * d, p + 2 * r * d, r), 0.0, look.accent))
             found.append(Thing(solids.capsule(), between(p - 7 * r * d, p + 7 * r * d), 0.12 * r, look.accent, 0.6))
     return found
 

@@ -13,8 +13,8 @@ from typing import Final
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.files import write_bytes, write_text
-from leastaction.viz.animation import animation_page
 from leastaction.viz.scene import Scene
+from leastaction.viz.viewer.animation import animation_page
 
 _NOTEBOOK_HEIGHT: Final = 480
 

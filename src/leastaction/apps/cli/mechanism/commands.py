@@ -211,7 +211,7 @@ def convert(source: Path, target: Path, /, *, model: ModelOptions | None = None)
     Parameters
     ----------
     source
-        A model (URDF, MJCF, YAML), a run or result (.h5, .npz), or a motion (BVH, AMC, C3D, CSV).
+        A model (URDF, MJCF, YAML), a run or result (.h5, .npz), or a motion (BVH, AMC, CSV).
     target
         File to write, by its ending: .yaml or .json of a model; .h5, .npz, .csv or .mat of a run; .csv of a motion.
     """

@@ -9,7 +9,7 @@ from leastaction.apps.cli.mechanism.source import MODEL_FILES, model_of
 from leastaction.errors import ArgumentError
 
 _RUNS = (".h5", ".npz")
-_MOTIONS = (".bvh", ".amc", ".c3d", ".csv")
+_MOTIONS = (".bvh", ".amc", ".csv")
 _TARGETS = {"model": (".yaml", ".yml", ".json"), "run": (".h5", ".npz", ".csv", ".mat"), "motion": (".csv",)}
 
 
@@ -33,9 +33,10 @@ def converted(source: Path, target: Path, options: ModelOptions | None = None) -
         from leastaction.io import open as open_file
 
         return open_file(source).save(target)
-    from leastaction.io import read_motion
+    from leastaction.io import read_capture, read_motion
 
-    return read_motion(source).save(target)
+    motion = read_motion(source) if source.suffix.lower() == ".csv" else read_capture(source).motion()
+    return motion.save(target)
 
 
 def _kind(source: Path) -> str:

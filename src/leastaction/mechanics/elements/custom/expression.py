@@ -10,17 +10,21 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from leastaction.errors import brief
 from leastaction.mechanics.elements.base import Constraint, Force, Potential
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.kinds import Uses
 from leastaction.mechanics.expressions.terms import symbols
+from leastaction.numerics.arrays import Array
 
 if TYPE_CHECKING:
     import sympy
 
     from leastaction.mechanics.expressions.compiled import CompiledExpression, CompiledForce
+    from leastaction.mechanics.expressions.cords import Cord
 
 
 def _compiled(element: ExpressionPotential | ExpressionConstraint) -> CompiledExpression:
@@ -34,6 +38,23 @@ def _compiled(element: ExpressionPotential | ExpressionConstraint) -> CompiledEx
 def _uses_of_scalar(element: ExpressionPotential | ExpressionConstraint) -> Uses:
     """Frames and variables of the expression."""
     return Uses(frames=element.compiled.frames, variables=element.compiled.variables)
+
+
+def _slope(
+    element: ExpressionPotential | ExpressionConstraint,
+    pieces: Mapping[tuple[str, str], Array],
+    values: Mapping[str, Array | float],
+) -> Array | None:
+    """The slope of the expression by distances, where it is one of distances alone."""
+    cord = element.cord
+    return None if cord is None else cord.by_lengths(np.array([pieces[pair] for pair in cord.pieces]), values)
+
+
+def _cord(element: ExpressionPotential | ExpressionConstraint) -> Cord | None:
+    """The expression as a cord."""
+    from leastaction.mechanics.expressions.cords import cord_of
+
+    return cord_of(element.expression)
 
 
 @dataclass(frozen=True)
@@ -60,6 +81,8 @@ class ExpressionPotential(Potential):
         _ = self.compiled  # so that an expression that cannot be compiled is an error here
 
     compiled = cached_property(_compiled)
+    cord = cached_property(_cord)
+    slope = _slope
     uses = property(_uses_of_scalar)
 
     def describe(self) -> str:
@@ -94,6 +117,8 @@ class ExpressionConstraint(Constraint):
         _ = self.compiled  # so that an expression that cannot be compiled is an error here
 
     compiled = cached_property(_compiled)
+    cord = cached_property(_cord)
+    slope = _slope
     uses = property(_uses_of_scalar)
 
     def describe(self) -> str:

@@ -273,9 +273,11 @@ class ElasticString(Potential):
         if isinstance(self.frames, Mapping):
             return None  # its pieces pull differently, by the length of all
         stretch = length - (values[self.length] if isinstance(self.length, str) else self.length)
-        if self.tension_only:
-            stretch = self.smoothing * np.logaddexp(0.0, stretch / self.smoothing)
-        return self.stiffness * stretch
+        if not self.tension_only:
+            return self.stiffness * stretch
+        share = stretch / self.smoothing
+        taut = np.logaddexp(0.0, share)
+        return np.asarray(self.stiffness * self.smoothing * taut * np.exp(share - taut))
 
     def describe(self) -> str:
         return f"{super().describe()}, {'tension only' if self.tension_only else 'both ways'}"

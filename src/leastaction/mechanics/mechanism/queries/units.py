@@ -11,23 +11,40 @@ from leastaction.mechanics.mechanism.arguments import Compiled
 
 def units_of(m: Compiled) -> Mapping[str, str]:
     """Return the unit of each variable, input and constraint equation; see `Mechanism.units`."""
+    variables = _moved(m)
+    others = _of_elements(m, variables)
+    equations: dict[str, str] = {}
+    for name, element in m.elements.items():
+        suffixes = zip(element.equations, element.equation_units(variables), strict=True)
+        equations.update({name + suffix: unit for suffix, unit in suffixes})
+    inputs = {name: others.get(name, "") for name in m.inputs}
+    named = {name: variables.get(name) or others.get(name, "") for name in m.variables}
+    return MappingProxyType({**equations, **inputs, **named})
+
+
+def input_units(m: Compiled) -> tuple[str, ...]:
+    """Return the units of the inputs, also of those that have the name of a variable."""
+    others = _of_elements(m, _moved(m))
+    return tuple(others.get(name, "") for name in m.inputs)
+
+
+def _moved(m: Compiled) -> dict[str, str]:
+    """Return the units of the variables that move joints."""
     moved: dict[str, set[str]] = {}
     for joint in m.tree.joints:
         unit = "rad" if joint.twist[3:].any() else "m"
         for name in joint.variables:
             moved.setdefault(name, set()).add(unit)
-    variables = {name: common(units) for name, units in moved.items()}
-    prescribed: dict[str, set[str]] = {}
-    equations: dict[str, str] = {}
-    for name, element in m.elements.items():
-        for of, unit in element.units(variables).items():
-            prescribed.setdefault(of, set()).add(unit)
-        suffixes = zip(element.equations, element.equation_units(variables), strict=True)
-        equations.update({name + suffix: unit for suffix, unit in suffixes})
-    others = {name: common(units) for name, units in prescribed.items()}
-    inputs = {name: others.get(name, "") for name in m.inputs}
-    named = {name: variables.get(name) or others.get(name, "") for name in m.variables}
-    return MappingProxyType({**equations, **inputs, **named})
+    return {name: common(units) for name, units in moved.items()}
+
+
+def _of_elements(m: Compiled, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the units of what elements name: inputs, and variables that prescribe numbers of them."""
+    found: dict[str, set[str]] = {}
+    for element in m.elements.values():
+        for name, unit in element.units(variables).items():
+            found.setdefault(name, set()).add(unit)
+    return {name: common(units) for name, units in found.items()}
 
 
 def state_units(m: Compiled, *, momenta: bool) -> tuple[str, ...]:

@@ -95,7 +95,7 @@ function painter(canvas) {
   return function paint({ box, camera, eye, light, lamp, reach, things, ghosts, look, ground }) {
     gl.bindFramebuffer(gl.FRAMEBUFFER, target); gl.viewport(0, 0, SHADOW, SHADOW); gl.disable(gl.SCISSOR_TEST); gl.depthMask(true); gl.clear(gl.DEPTH_BUFFER_BIT);
     gl.useProgram(cast.made); gl.uniformMatrix4fv(cast.at.camera, false, lamp);
-    for (const each of things) if (!each.flat) put(cast, each);
+    for (const each of things) if (!each.flat && !each.over) put(cast, each);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null); gl.viewport(...box); gl.enable(gl.SCISSOR_TEST); gl.scissor(...box); gl.clear(gl.DEPTH_BUFFER_BIT);
     gl.depthMask(false); gl.useProgram(back.made); gl.uniform3fv(back.at.top, look.sky); gl.uniform3fv(back.at.bottom, look.paper);
     gl.bindVertexArray(plane.vao); gl.drawElements(gl.TRIANGLES, 6, gl.UNSIGNED_INT, 0);
@@ -113,9 +113,10 @@ function painter(canvas) {
           gl.colorMask(true, true, true, true); gl.depthFunc(gl.LEQUAL); for (const each of ghosts) put(body, each); gl.depthFunc(gl.LESS);
           gl.disable(gl.BLEND); gl.clear(gl.DEPTH_BUFFER_BIT);
         }
-        for (const each of things) if (each.colour[3] >= 1) put(body, each);
+        for (const each of things) if (each.colour[3] >= 1 && !each.over) put(body, each);
         gl.enable(gl.BLEND); gl.depthMask(false);
         for (const each of things) if (each.colour[3] < 1) put(body, each);
+        gl.depthMask(true); gl.clear(gl.DEPTH_BUFFER_BIT); for (const each of things) if (each.over) put(body, each); // joints are seen through what is around them
         gl.disable(gl.BLEND); gl.depthMask(true);
       }
     }

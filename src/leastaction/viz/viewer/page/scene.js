@@ -31,8 +31,8 @@ function markThings(panel, found) {
   for (const [, kind, frame, point, axis, reach] of panel.marks) {
     const pose = panel.poses.now(frame), p = moved(pose, point), d = turned(pose, axis), colour = [...rgb(ink.accent), 1];
     if (kind === "slide") found.push({ mesh: CAPSULE, A: between(add(p, d, reach[0]), add(p, d, reach[1])), width: 0.5 * r, colour: METAL });
-    else if (show.joints && kind === "ball") found.push({ mesh: SPHERE, A: [1.6 * r, 0, 0, 0, 1.6 * r, 0, 0, 0, 1.6 * r, ...p], colour });
-    else if (show.joints) found.push({ mesh: CYLINDER, A: between(add(p, d, -3 * r), add(p, d, 3 * r), r), colour }, { mesh: CAPSULE, A: between(add(p, d, -7 * r), add(p, d, 7 * r)), width: thin(p, 1.6), colour, flat: 0.6 });
+    else if (show.joints && kind === "ball") found.push({ mesh: SPHERE, A: [1.6 * r, 0, 0, 0, 1.6 * r, 0, 0, 0, 1.6 * r, ...p], colour, over: true });
+    else if (show.joints) found.push({ mesh: CYLINDER, A: between(add(p, d, -2 * r), add(p, d, 2 * r), r), colour, over: true }, { mesh: CAPSULE, A: between(add(p, d, -7 * r), add(p, d, 7 * r)), width: thin(p, 1.6), colour, flat: 0.6, over: true });
   }
 }
 function arrow(found, p, v, colour, double) {
