@@ -154,7 +154,14 @@ def calls() -> dict[str, Call]:
     functions: dict[str, Call] = {
         "MidpointVI": (
             la.MidpointVI,
-            {"mechanism": m, "split": "left", "tolerance": 1e-12, "max_iterations": 20, "threads": 1, "at_instants": ()},
+            {
+                "mechanism": m,
+                "split": "left",
+                "tolerance": 1e-12,
+                "max_iterations": 20,
+                "threads": 1,
+                "at_instants": (),
+            },
         ),
         "ContinuousDynamics": (mech.ContinuousDynamics, {"mechanism": m}),
         "TapeMeasure": (mech.TapeMeasure, {"mechanism": m, "frames": ["world", "B"]}),
@@ -190,7 +197,10 @@ def calls() -> dict[str, Call]:
         ),
         "to_continuous": (mech.to_continuous, {"run": run()}),
         "to_discrete": (mech.to_discrete, {"trajectory": continuous(), "integrator": vi, "t": None, "sampled": False}),
-        "Body": (mech.Body, {"mass": 1.0, "com": [0.0, 0.0, 0.1], "inertia": [1.0, 1.0, 1.0], "allow_nonphysical": False}),
+        "Body": (
+            mech.Body,
+            {"mass": 1.0, "com": [0.0, 0.0, 0.1], "inertia": [1.0, 1.0, 1.0], "allow_nonphysical": False},
+        ),
         "Curve": (
             la.Curve,
             {"x": [0.0, 1.0, 2.0], "y": [0.0, 1.0, 3.0], "slopes": None, "curvatures": None, "between": "smooth"},

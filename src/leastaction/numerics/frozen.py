@@ -94,7 +94,8 @@ class Frozen:
 
     def __post_init__(self) -> None:
         """Make arrays of the fields that are declared so, read-only like those that are arrays already."""
-        declared, held = _declared_arrays(cast(Any, type(self))), vars(self)
+        kind: Any = type(self)
+        declared, held = _declared_arrays(kind), vars(self)
         for name in [name for name, value in held.items() if isinstance(value, np.ndarray) or name in declared]:
             held[name] = read_only(np.asarray(held[name]))
 

@@ -74,7 +74,7 @@ def shaped(result: Array, one: bool) -> Array:
     return result[0] if one else result
 
 
-def frame_index(m: Compiled, name: str) -> int:
+def frame_index(m: Compiled, name: object) -> int:
     """Return the index of a frame by name."""
     index = m.tree.index.get(name) if isinstance(name, str) else None
     if index is None:
