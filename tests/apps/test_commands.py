@@ -365,3 +365,5 @@ def test_a_first_step_that_cannot_be_made(leastaction, two_links: Path, tmp_path
     code, text, err = leastaction(*words[:-1])
     assert (code, err) == (1, "")
     assert "too coarse" in text
+    (run,) = out.iterdir()
+    assert leastaction("view", run, "--out", tmp_path / "coarse.html")[0] == 0
