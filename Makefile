@@ -4,7 +4,7 @@
 #   make test                 the test suite        (ARGS="-k midpoint", SLOW=1, ORACLES=1, WORKERS=0)
 #   make bench                the benchmarks        (ARGS=--json)
 #   make lint                 everything that is checked without running
-#   make variants             the fast tests in the variants of the core that are not the default here
+#   make variants             the fast tests of what is computed, in the variants of the core that are not the default here
 #   make lowest               the fast tests with the lowest versions that pyproject.toml states
 #   make sanitize             tests of the core with its memory, its arithmetic and Eigen's assertions checked (slow)
 #   make build                compile the C++ that changed   (VARIANTS=v3: only that instruction set)
@@ -20,6 +20,10 @@ WORKERS  ?= auto
 LOWEST   ?= .venv-lowest
 # What is quick enough when every access is checked.
 SANITIZED ?= tests/conformance tests/derivatives tests/physics tests/optimal
+# What is computed by the core, which its other variants run once more.
+COMPUTED  ?= tests/conformance tests/derivatives tests/physics tests/optimal tests/api
+# MJCF files of other packages, which an oracle compiles too: only their data is wanted, so nothing that they need is installed.
+COLLECTIONS := dm-control gymnasium-robotics robosuite
 JOBS     ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu 2>/dev/null || echo 2)
 
 BIN       := $(VENV)/bin
@@ -65,7 +69,14 @@ $(STAMPS)/extra-%: $(STAMPS)/installed
 	$(PIP) install -r $(VENV)/extra-$*.txt
 	@touch $@
 
-setup: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extra-dev
+# What the tests use: every extra that is light.
+TESTED := $(foreach extra,viz models data c3d test,$(STAMPS)/extra-$(extra))
+
+$(STAMPS)/collections: $(STAMPS)/build-tools
+	$(PIP) install --no-deps --target $(VENV)/collections $(COLLECTIONS)
+	@touch $@
+
+setup: $(STAMPS)/compiled $(TESTED) $(STAMPS)/extra-dev
 
 build: $(STAMPS)/installed
 	@$(BIN)/cmake -S . -B $(BUILD_DIR) $(if $(VARIANTS),-DLEASTACTION_VARIANTS="$(VARIANTS)") > $(BUILD_DIR)/configure.log || { cat $(BUILD_DIR)/configure.log; exit 1; }
@@ -77,29 +88,29 @@ build: $(STAMPS)/installed
 demo: $(STAMPS)/compiled $(STAMPS)/extra-viz
 	$(BIN)/leastaction demo --out $(OUT) $(ARGS)
 
-test: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(if $(ORACLES),$(STAMPS)/extra-oracles)
-	$(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(if $(SLOW),--slow) $(ARGS)
+test: $(STAMPS)/compiled $(TESTED) $(if $(ORACLES),$(STAMPS)/extra-oracles $(STAMPS)/collections)
+	$(if $(ORACLES),LEASTACTION_MJCF=$(abspath $(VENV))/collections )$(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(if $(SLOW),--slow) $(ARGS)
 
 bench: $(STAMPS)/compiled $(STAMPS)/extra-viz
 	@$(BIN)/python -m benchmarks $(ARGS)
 
-lint: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(STAMPS)/extra-dev
+lint: $(STAMPS)/compiled $(TESTED) $(STAMPS)/extra-dev
 	$(BIN)/ruff check $(PY_FILES)
 	$(BIN)/ruff format --check $(PY_FILES)
 	$(BIN)/mypy
 	$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 	$(BIN)/lint-imports
 
-variants: $(STAMPS)/compiled $(STAMPS)/extra-viz $(STAMPS)/extra-test $(if $(ORACLES),$(STAMPS)/extra-oracles)
+variants: $(STAMPS)/compiled $(TESTED) $(if $(ORACLES),$(STAMPS)/extra-oracles)
 	for variant in $$($(BIN)/python -c 'from leastaction import _core; print(*[v for v in _core.available_variants() if v != _core.variant])'); do \
-	  LEASTACTION_CORE=$$variant $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(if $(ORACLES),,--without-oracles) $(ARGS) || exit 1; \
+	  LEASTACTION_CORE=$$variant $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(if $(ORACLES),,--without-oracles) $(COMPUTED) $(ARGS) || exit 1; \
 	done
 
 # An environment of its own beside $(VENV), with the modules that are compiled already. (Matplotlib 3.9 calls what
 # pyparsing 3.3 deprecates.)
 lowest: $(STAMPS)/compiled
 	@test -x $(LOWEST)/bin/python || $(PYTHON) -m venv $(LOWEST)
-	@$(BIN)/python -c 'import re, tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; x = p["optional-dependencies"]; print("\n".join(re.sub(">=([^,]*).*", r"==\1", r) for r in ["pyparsing<3.3"] + p["dependencies"] + x["viz"] + x["expressions"] + x["test"]))' > $(LOWEST)/lowest.txt
+	@$(BIN)/python -c 'import re, tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; x = p["optional-dependencies"]; print("\n".join(re.sub(">=([^,]*).*", r"==\1", r) for r in ["pyparsing<3.3"] + p["dependencies"] + x["viz"] + x["models"] + x["data"] + x["c3d"] + x["expressions"] + x["test"]))' > $(LOWEST)/lowest.txt
 	$(LOWEST)/bin/python -m pip --disable-pip-version-check -qq install -r $(LOWEST)/lowest.txt
 	@echo "$(abspath src)" > $$(echo $(LOWEST)/lib/python*/site-packages)/leastaction.pth
 	@cp -r $(VENV)/lib/python*/site-packages/leastaction-*.dist-info $(LOWEST)/lib/python*/site-packages/
@@ -108,7 +119,7 @@ lowest: $(STAMPS)/compiled
 
 # The checked modules go into a copy of the package: those of `make build` stay as they are. (What CasADi loads cannot
 # be together with the sanitizer.)
-sanitize: $(STAMPS)/installed $(STAMPS)/extra-viz $(STAMPS)/extra-test
+sanitize: $(STAMPS)/installed $(TESTED)
 	$(BIN)/cmake -S . -B build/sanitize -DPython_EXECUTABLE=$(abspath $(BIN))/python -DLEASTACTION_SANITIZE=ON -DLEASTACTION_VARIANTS=baseline
 	$(BIN)/cmake --build build/sanitize
 	rm -rf build/sanitize/package && mkdir build/sanitize/package && cp -r src/leastaction build/sanitize/package/ && rm -f build/sanitize/package/leastaction/_core/*.so

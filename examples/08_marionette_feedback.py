@@ -13,22 +13,23 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from leastaction import MidpointSystem, MidpointVI, Trajectory, project_configuration, regulate
+import leastaction as la
 from leastaction.models.marionette import marionette, rest_pose
+from leastaction.viz import plot_poses, plot_run, save_png
 
 T = np.linspace(0.0, 10.0, 1001)
 SHAKEN = 0.1  # of every variable at the start, at random (rad, m)
 DAMPING = 0.1
+AFTER = (0, 200, 500, 1000)  # steps, at which the error is printed
 DISSERTATION = {"simulation": 2110.0, "first derivatives": 1120.0, "second derivatives": 22150.0}  # us a step
 
 
-def walk(vi: MidpointVI) -> Trajectory:
+def walk(vi: la.MidpointVI) -> la.Trajectory:
     """Return the motion: an arm and the leg of the other side go up and down together."""
     m = vi.mechanism
     q = rest_pose(m)
@@ -37,20 +38,6 @@ def walk(vi: MidpointVI) -> Trajectory:
     for string, sign in (("right_leg", 1.0), ("left_arm", 1.0), ("left_leg", -1.0), ("right_arm", -1.0)):
         rho[:, m.kinematic.index(f"{string}_string-length")] += sign * swing
     return vi.simulate(vi.start(q), T, rho=rho)
-
-
-@dataclass(frozen=True)
-class Result:
-    """The motion, and what becomes of the shaken puppet with and without feedback.
-
-    ``off``: root mean square over the joints of how far they are off (rad), at every instant. ``seconds``: of each part
-    of the work, for all steps.
-    """
-
-    run: Trajectory
-    shaken: dict[str, np.ndarray]  # states (N+1, nx)
-    off: dict[str, np.ndarray]
-    seconds: dict[str, float]
 
 
 def best(work: Callable[[], object], repeats: int = 7) -> float:
@@ -63,74 +50,54 @@ def best(work: Callable[[], object], repeats: int = 7) -> float:
     return min(seconds)
 
 
-def solve() -> Result:
-    """Simulate, linearise, regulate, and let the shaken puppet go."""
+def solve() -> tuple[la.Trajectory, dict[str, la.Trajectory], dict[str, float]]:
+    """Simulate, linearise, regulate, and let the shaken puppet go; return seconds of each part for all steps, too."""
     m = marionette(damping=DAMPING)
-    vi = MidpointVI(m, threads=1)
+    vi = la.MidpointVI(m, threads=1)
     run = walk(vi)
     d = vi.linearize(run)
     z, positions = np.ones((run.steps, m.nx)), np.where(np.arange(m.nx) < m.nd, 100.0, 1.0)
     gains = {
         "open loop": np.zeros((run.steps, run.u.shape[1], m.nx)),
-        "closed, identities": regulate(d.A, d.B),
-        "closed, positions": regulate(d.A, d.B, Q=positions),
+        "closed, identities": la.regulate(d.A, d.B),
+        "closed, positions": la.regulate(d.A, d.B, Q=positions),
     }
     seconds = {
         "simulation": best(lambda: walk(vi)),
         "first derivatives": best(lambda: vi.linearize(run)),
         "second derivatives": best(lambda: vi.linearize(run).curvature(z)),
-        "regulator": best(lambda: regulate(d.A, d.B)),
+        "regulator": best(lambda: la.regulate(d.A, d.B)),
     }
     q = run.q[0].copy()
     q[: m.nd] += SHAKEN * np.random.default_rng(1).uniform(-1.0, 1.0, m.nd)
-    start = vi.start(project_configuration(m, q).q).x
-    system = MidpointSystem(vi, T)
-    shaken = {name: system.rollout(start, run.x, run.u, K, 0, run.steps).x for name, K in gains.items()}
-    off = {name: np.sqrt(np.mean((x - run.x)[:, 3 : m.nd] ** 2, axis=1)) for name, x in shaken.items()}
-    return Result(run, shaken, off, seconds)
+    start = vi.start(la.project_configuration(m, q).q).x
+    system = la.MidpointSystem(vi, T)
+    rolled = {name: system.rollout(start, run.x, run.u, K, 0, run.steps) for name, K in gains.items()}
+    return run, {name: system.trajectory(each.x, each.u) for name, each in rolled.items()}, seconds
 
 
-def draw(result: Result) -> Figure:
-    """Return the figure: the error over time, two joints, and the times."""
-    figure = Figure(figsize=(11.5, 6.2), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=[1.2, 1.0])
-    error = left.subplots()
-    colors = dict(zip(result.off, ("tab:orange", "tab:cyan", "tab:blue"), strict=True))
-    for name, off in result.off.items():
-        error.semilogy(T, np.degrees(off), color=colors[name], label=name)
-    error.set(xlabel="time (s)", ylabel="joints off by (degrees, rms)", xlim=(0.0, T[-1]), title="after a shake")
-    error.legend(frameon=False)
-    m = result.run.mechanism
-    axes = right.subplots(3, 1)
-    for axis, joint in zip(axes, ("lknee_rx", "relbow_rx"), strict=False):
-        i = m.variables.index(joint)
-        axis.plot(T, np.degrees(result.run.q[:, i]), "--", color="0.4", lw=1, label="motion")
-        for name, x in result.shaken.items():
-            axis.plot(T, np.degrees(x[:, i]), color=colors[name], lw=1, label=name)
-        axis.set(ylabel=f"{joint}\n(degrees)", xlim=(0.0, T[-1]), xlabel="time (s)")
-    axes[0].legend(frameon=False, ncols=2, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    names = list(DISSERTATION)
-    axes[2].barh(names, [DISSERTATION[n] for n in names], 0.4, align="edge", color="0.7", label="dissertation, 2012")
-    ours = [1e6 * result.seconds[n] / result.run.steps for n in names]
-    axes[2].barh(names, ours, -0.4, align="edge", color="tab:green", label="today")
-    axes[2].set(xscale="log", xlim=(1.0, 1e5), xlabel="us a step, on the machine of each")
-    axes[2].legend(frameon=False, ncols=2, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    return figure
+def off(shaken: la.Trajectory, run: la.Trajectory) -> np.ndarray:
+    """Return how far joints are off at every instant (rad, rms)."""
+    return np.sqrt(np.mean((shaken.q - run.q)[:, 3 : run.mechanism.nd] ** 2, axis=1))
 
 
-def main(output: Path) -> Result:
+def main(output: Path) -> None:
     """Simulate, print and draw."""
-    result = solve()
-    for name, seconds in result.seconds.items():
-        each = 1e6 * seconds / result.run.steps
+    run, shaken, seconds = solve()
+    for name, each in seconds.items():
         then = f" (dissertation: {DISSERTATION[name]:g} us)" if name in DISSERTATION else ""
-        print(f"{name:18} {each:7.1f} us a step{then}")
-    for name, off in result.off.items():
-        values = ", ".join(f"{np.degrees(off[k]):.3g} after {T[k]:g} s" for k in (0, 200, 500, 1000))
-        print(f"{name:18} off by (degrees, rms) {values}")
+        print(f"{name:18} {1e6 * each / run.steps:7.1f} us a step{then}")
+    errors = Figure(figsize=(8.0, 2.6), layout="constrained")
+    axes = errors.subplots()
+    for (name, each), look in zip(shaken.items(), ("-", "--", "-."), strict=True):
+        values = np.degrees(off(each, run))
+        print(f"{name:18} off by (degrees, rms) " + ", ".join(f"{values[k]:.3g} after {T[k]:g} s" for k in AFTER))
+        axes.semilogy(T, values, look, label=name)
+    axes.set(xlabel="time (s)", ylabel="off by (degrees, rms)", xlim=(0.0, T[-1]), title="all joints, after a shake")
+    axes.legend(frameon=False)
     output.mkdir(parents=True, exist_ok=True)
-    draw(result).savefig(output / "08_marionette_feedback.png", dpi=110)
-    return result
+    joints = plot_run(shaken, ["lknee_rx", "relbow_rx"], reference=run, title="Two of them")
+    save_png([plot_poses(run, [0.0, 0.8, 2.5]), errors, joints], output / "08_marionette_feedback.png", dpi=110)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <array>
+#include <chrono>
 #include <optional>
 
 #include "bindings/arrays.hpp"
@@ -44,8 +45,37 @@ std::size_t check(const Mechanism& m, const In<1>& t, const In<2>& x, const In<2
     return N;
 }
 
+// Ctrl-C: looked for by time, and what Python elements raised for it.
+class Keyboard : public Interruption {
+public:
+    bool poll() override {
+        const auto now = std::chrono::steady_clock::now();
+        if (now - last_ < std::chrono::milliseconds(20)) return false;
+        last_ = now;
+        nb::gil_scoped_acquire acquire;
+        if (PyErr_CheckSignals() == 0) return false;
+        if (!PyErr_ExceptionMatches(PyExc_KeyboardInterrupt)) nb::raise_python_error();
+        PyErr_Clear();
+        return true;
+    }
+    bool caught() override {
+        try {
+            throw;
+        } catch (nb::python_error& error) {
+            nb::gil_scoped_acquire acquire;
+            return error.matches(PyExc_KeyboardInterrupt);
+        } catch (...) {
+            return false;
+        }
+    }
+
+private:
+    std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
 RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1>& x0, const std::optional<In<2>>& xbar,
-                            const In<2>& ubar, const std::optional<In<3>>& K, double first_share, bool with_energies) {
+                            const In<2>& ubar, const std::optional<In<3>>& K, double first_share, bool with_energies,
+                            bool interruptible) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = steps_of(t), nx = m.n_states(), nu = m.n_controls(), nc = m.n_constraints();
     expect(x0.size(), nx, "x0");
@@ -64,11 +94,12 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
     auto workspace = midpoint.workspace();
     MidpointStep& step = workspace->step;
     RollOut result;
+    Keyboard keyboard;
     {
         nb::gil_scoped_release release;
         result = roll_out(step, static_cast<int>(N), t.data(), xbar ? xbar->data() : nullptr, ubar.data(),
                           K ? K->data() : nullptr, first_share, X.data(), U.data(), lam.data(),
-                          with_energies ? energies.data() : nullptr);
+                          with_energies ? energies.data() : nullptr, interruptible ? &keyboard : nullptr);
     }
     std::vector<double> residual(m.n_dynamic + nc, 0.0);
     if (result.failure.status != StepStatus::converged) {
@@ -76,6 +107,7 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
         std::copy(step.residual.begin() + m.n_dynamic, step.residual.end(), residual.begin() + m.n_dynamic);
         workspace.discard();
     }
+    if (result.interrupted) workspace.discard();
     return {X, U, lam, energies, result, copy_of(residual, {residual.size()})};
 }
 
@@ -310,6 +342,7 @@ void bind_midpoint(nb::module_& module) {
     report("factorizations", &RollOut::factorizations, "Newton matrices of all steps.");
     report("rank_deficient", &RollOut::rank_deficient, "Whether constraints were redundant somewhere.");
     report("worst", &RollOut::worst, "The coarsest step, which may be the one that failed.");
+    report("interrupted", &RollOut::interrupted, "Whether Ctrl-C stopped it, where it was to keep what it had made.");
     report("followed", &RollOut::followed, "Steps whose solution was followed from dt -> 0.");
     rolled.def_prop_ro(
         "reached", [](const R& r) { return r.report.failure.reached; },
@@ -343,7 +376,8 @@ void bind_midpoint(nb::module_& module) {
             "at_instants: the inputs whose forces act at the instants. Where steps are asked for below, `first_share` "
             "is the part of the first one for which those forces act at its start.")
         .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(), "first_share"_a = 1.0,
-             "energies"_a = false, "Steps from x0 over the times t under u = ubar - K (x - xbar).")
+             "energies"_a = false, "interruptible"_a = false,
+             "Steps from x0 over the times t under u = ubar - K (x - xbar).")
         .def("step_each", &step_each_of, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "first_share"_a = 1.0,
              "The steps of a curve, each from its own state: x (N, nx) of the result is where they lead to.")
         .def("energies", &energies_of, "t"_a, "x"_a, "u"_a, "lam"_a, "first_share"_a = 1.0,

@@ -10,6 +10,8 @@ namespace leastaction {
 
 namespace {
 
+constexpr int steps_between_polls = 16;
+
 // Guesses of the next dynamic velocities and multipliers. Those of the last steps go on as the parabola through them does;
 // where a reference motion is known, what goes on is the deviation of the velocities from its, if that foretold the last
 // step better.
@@ -90,7 +92,8 @@ void judge_worst(MidpointStep& step, const Layout& at, double dt, double share, 
 }  // namespace
 
 RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* xbar, const double* ubar,
-                 const double* K, double first_share, double* X, double* U, double* lam, double* energies) {
+                 const double* K, double first_share, double* X, double* U, double* lam, double* energies,
+                 Interruption* interruption) {
     const Layout at(step.mechanism());
     RollOut out;
     EnergyRows noted;
@@ -126,7 +129,18 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
             step.kick(share);
             series.guess(step, dt, xbar ? reference.data() : nullptr);
         }
-        const StepReport report = step.find(dt);
+        if (interruption && k % steps_between_polls == 0 && k > 0 && interruption->poll()) {
+            out.interrupted = true;
+            break;
+        }
+        StepReport report;
+        try {
+            report = step.find(dt);
+        } catch (...) {
+            if (!interruption || !interruption->caught()) throw;
+            out.interrupted = true;
+            break;
+        }
         out.iterations += report.iterations;
         out.factorizations += report.factorizations;
         out.rank_deficient = out.rank_deficient || report.rank_deficient;

@@ -67,6 +67,7 @@ if TYPE_CHECKING:
         SimulationStatus,
         SpatialWrench,
         State,
+        TapeMeasure,
         TendonForce,
         TorsionalSpring,
         Trajectory,
@@ -170,7 +171,7 @@ else:
                 "InverseSquareGravity JointForce JointSpring LinearDamper LinearMotor LinearSpring Mechanism "
                 "MidpointVI Motor NonlinearDamping NonlinearSpring PathLength PointOnLine PointOnPlane PointToPoint "
                 "PolynomialCoupling PrescribedMotion PrescribedPath Projection PythonConstraint PythonForce "
-                "PythonFunction PythonPotential Servo SimulationStatus SpatialWrench State TendonForce "
+                "PythonFunction PythonPotential Servo SimulationStatus SpatialWrench State TapeMeasure TendonForce "
                 "TorsionalSpring Trajectory ball check_consistent equilibrium free gain_to_continuous "
                 "gain_to_discrete pose prismatic project_configuration project_velocity revolute rx ry rz screw "
                 "simulate to_continuous to_discrete to_momentum to_velocity twist tx ty tz universal var world"
@@ -194,22 +195,22 @@ else:
 
 __all__ = [
     "Armature", "Ball", "Baumgarte", "Body", "BodyWrench", "Bound", "Box", "ContinuousDynamics",
-    "ContinuousQuadraticCost", "ContinuousTrajectory", "CoulombFriction", "Coupling", "Curve", "Damping", "Distance",
-    "Drag", "ElasticString", "Equal", "Event", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential",
-    "Feedback", "FinalTime", "FixedOrientation", "Followed", "FunctionQuantity", "Gravity", "HalfSpace", "HingeLoop",
-    "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "IterationTable", "JointForce", "JointSpring", "Keep",
-    "LeastActionError", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism", "MechanismSystem", "MidpointSystem",
-    "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "OptimizationResult", "Parameter", "PathLength",
-    "Periodic", "PlaceCost", "Played", "PointOnLine", "PointOnPlane", "PointToPoint", "PolynomialCoupling",
-    "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction",
-    "PythonPotential", "QuadraticCost", "Rig", "Servo", "SimulationStatus", "SmoothCost", "SpatialWrench",
-    "StageRecord", "StageTable", "StartResult", "StartStatus", "State", "Status", "TendonForce", "TorsionalSpring",
-    "Trajectory", "Within", "__version__", "ball", "by_tensions", "check_consistent", "check_derivatives",
-    "coarse_to_fine", "continuation", "controllability", "coordinate", "direction", "distance", "embed", "equilibrium",
-    "follow", "free", "gain_to_continuous", "gain_to_discrete", "input_", "load", "open", "optimize",
-    "optimize_continuous", "parameter", "play", "point", "pose", "prismatic", "project_configuration",
-    "project_velocity", "rate", "read_motion", "receding_horizon", "regulate", "regulate_continuous", "relax",
-    "revolute", "rx", "ry", "rz", "screw", "show", "simulate", "speed", "steady_state_regulator", "to_continuous",
-    "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal", "var",
-    "variable", "warm_start", "world",
+    "ContinuousQuadraticCost", "ContinuousTrajectory", "CoulombFriction", "Coupling", "Curve", "Damping",
+    "Distance", "Drag", "ElasticString", "Equal", "Event", "ExpressionConstraint", "ExpressionForce",
+    "ExpressionPotential", "Feedback", "FinalTime", "FixedOrientation", "Followed", "FunctionQuantity", "Gravity",
+    "HalfSpace", "HingeLoop", "HybridWrench", "IntegrationStatus", "InverseSquareGravity", "IterationTable",
+    "JointForce", "JointSpring", "Keep", "LeastActionError", "LinearDamper", "LinearMotor", "LinearSpring",
+    "Mechanism", "MechanismSystem", "MidpointSystem", "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring",
+    "OptimizationResult", "Parameter", "PathLength", "Periodic", "PlaceCost", "Played", "PointOnLine",
+    "PointOnPlane", "PointToPoint", "PolynomialCoupling", "PrescribedMotion", "PrescribedPath", "Projection",
+    "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "QuadraticCost", "Rig", "Servo",
+    "SimulationStatus", "SmoothCost", "SpatialWrench", "StageRecord", "StageTable", "StartResult", "StartStatus",
+    "State", "Status", "TapeMeasure", "TendonForce", "TorsionalSpring", "Trajectory", "Within", "__version__",
+    "ball", "by_tensions", "check_consistent", "check_derivatives", "coarse_to_fine", "continuation",
+    "controllability", "coordinate", "direction", "distance", "embed", "equilibrium", "follow", "free",
+    "gain_to_continuous", "gain_to_discrete", "input_", "load", "open", "optimize", "optimize_continuous",
+    "parameter", "play", "point", "pose", "prismatic", "project_configuration", "project_velocity", "rate",
+    "read_motion", "receding_horizon", "regulate", "regulate_continuous", "relax", "revolute", "rx", "ry", "rz",
+    "screw", "show", "simulate", "speed", "steady_state_regulator", "to_continuous", "to_discrete", "to_momentum",
+    "to_velocity", "twist", "tx", "ty", "tz", "unit_vector", "universal", "var", "variable", "warm_start", "world",
 ]  # fmt: skip

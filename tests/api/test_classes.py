@@ -34,3 +34,17 @@ def test_no_class_is_both_made_and_built_upon() -> None:
             if own(called) and not issubclass(called, Exception) and any(map(own, called.__subclasses__())):
                 bases.add(called.__name__)
     assert bases == OPEN
+
+
+# Two words for what a field of an element holds, which are those of a frame and of many names too.
+SHARED = {"Frame", "Names"}
+
+
+def test_every_class_has_a_name_of_its_own() -> None:
+    found: dict[str, str] = {}
+    twice = set()
+    for name in MODULES:
+        for node in ast.walk(ast.parse(inspect.getsource(importlib.import_module(name)))):
+            if isinstance(node, ast.ClassDef) and found.setdefault(node.name, name) != name:
+                twice.add(node.name)
+    assert twice <= SHARED

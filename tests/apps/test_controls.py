@@ -40,7 +40,7 @@ from leastaction.apps.marionette.tracking.by_lengths import _qualified
 from leastaction.apps.marionette.tracking.files import _mechanism
 from leastaction.apps.marionette.tracking.limits import pelvis_of
 from leastaction.apps.marionette.tracking.pace import Pace
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.apps.marionette.tracking.priced_limits import PricedLimit, PricedLimits
 from leastaction.apps.marionette.tracking.problem import TrackingProblem, unheld
 from leastaction.apps.marionette.tracking.ties import FIRM
@@ -164,7 +164,7 @@ def test_bars_go_with_the_pelvis_and_strings_are_tied_where_they_are() -> None:
 def test_the_price_of_lengths_has_its_derivatives() -> None:
     motion = walk_in_place(0.2, 0.02)
     m = marionette(strings="cross+legs")
-    plan = Plan(TrackingProblem(m, motion, FORCED, 1), FORCED, PuppetLimits())
+    plan = TrackingPlan(TrackingProblem(m, motion, FORCED, 1), FORCED, PuppetLimits())
     assert plan.ties is not None
     plan.ties.weight = 50.0
     x = plan.x_reference + np.random.default_rng(4).normal(0.0, 0.02, plan.x_reference.shape)
@@ -182,7 +182,7 @@ def test_the_price_of_lengths_has_its_derivatives() -> None:
 def test_the_model_of_the_price_of_lengths_feels_how_strings_that_are_too_long_swing() -> None:
     """Else a search creeps where strings are tied more firmly: it is most of what bends the price across them."""
     motion = walk_in_place(0.1, 0.02)
-    plan = Plan(TrackingProblem(marionette(strings="cross+legs"), motion, FORCED, 1), FORCED, PuppetLimits())
+    plan = TrackingPlan(TrackingProblem(marionette(strings="cross+legs"), motion, FORCED, 1), FORCED, PuppetLimits())
     ties, x, u = plan.ties, plan.x_reference, plan.u_reference
     assert ties is not None
     own, nq = ties.lengths, plan.mechanism.nq
@@ -330,7 +330,7 @@ def test_strings_that_keep_their_lengths_pull_no_more_than_they_bear(run: Tracki
     assert 0.8 * most < pulls.max() <= limits.strength
     assert run.plan is not None
     for strength, status in ((1.1 * most, Status.CONVERGED), (0.9 * most, Status.INFEASIBLE)):
-        plan = Plan(problem, FORCED, PuppetLimits(strength=strength))
+        plan = TrackingPlan(problem, FORCED, PuppetLimits(strength=strength))
         ended = _qualified(plan, run.plan, run.result.x, run.result.u)
         assert ended.status is status
     assert "limits of tension" in ended.message

@@ -14,7 +14,7 @@ from leastaction.apps.marionette import FORCED, PuppetLimits, TrackingRun, load_
 from leastaction.apps.marionette.tracking import TrackingSearch, beginning, by_lengths, poses, tracker, tying
 from leastaction.apps.marionette.tracking.beginning import on_one_bar
 from leastaction.apps.marionette.tracking.pace import Pace
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.apps.marionette.tracking.poses import at_rest, held_still
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.apps.marionette.tracking.ties import FIRM, LEAST_WEIGHT, LOOSE
@@ -37,7 +37,7 @@ def test_a_puppet_that_is_held_still_is_near_all_that_is_wanted(monkeypatch: pyt
     motion, puppet = Motion(PUPPET.dynamic, t, q, "an arm is raised"), marionette(strings="cross+hands")
     run = track(puppet, motion)
     assert run.plan is not None
-    plan = Plan(TrackingProblem(puppet, motion, FORCED, 1), FORCED, PuppetLimits())
+    plan = TrackingPlan(TrackingProblem(puppet, motion, FORCED, 1), FORCED, PuppetLimits())
     still = held_still(plan, run.plan)
     assert np.ptp(still.x, axis=0).max() == 0.0
     beginning, mean = at_rest(plan), at_rest(plan, k=None)
@@ -49,7 +49,7 @@ def test_a_puppet_that_is_held_still_is_near_all_that_is_wanted(monkeypatch: pyt
 
     # Where no pose near the start is held, one near the mean is; where none is at all, it says so.
     def only(*allowed: int | None) -> None:
-        def sought(plan: Plan, *starts: np.ndarray, k: int | None = 0) -> tuple[np.ndarray, np.ndarray]:
+        def sought(plan: TrackingPlan, *starts: np.ndarray, k: int | None = 0) -> tuple[np.ndarray, np.ndarray]:
             if k not in allowed:
                 raise ArgumentError("no pose")
             return at_rest(plan, *starts, k=k)

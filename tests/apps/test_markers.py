@@ -31,7 +31,7 @@ from leastaction.apps.marionette.tracking import (
     save_run,
     save_search,
 )
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.io import Motion, read_bvh
@@ -120,7 +120,7 @@ def test_derivatives_of_the_cost_of_markers() -> None:
 
 def test_motors_have_the_price_of_markers_too() -> None:
     problem = TrackingProblem(PUPPET, reaching(0.1, 0.02), TrackingWeights(), 1, "markers")
-    own = Plan(problem, problem.weights, plan.PuppetLimits())
+    own = TrackingPlan(problem, problem.weights, plan.PuppetLimits())
     motored = own.cost(motor=1.0)
     motored.check_shapes(own.by_motors.N, own.by_motors.nx, own.by_motors.nu)
     x, u = own.x_reference, own.u_reference

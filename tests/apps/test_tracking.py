@@ -118,7 +118,7 @@ def test_ctrl_c_ends_the_search_for_a_first_trajectory(monkeypatch: pytest.Monke
 def test_a_first_motion_that_cannot_be_followed_is_no_error(grows: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The motion grows from a puppet that hangs; or the run begins with that; its strings pull."""
 
-    def wild(wanted: plan.Plan, *_: object, **__: object) -> tuple[np.ndarray, np.ndarray]:
+    def wild(wanted: plan.TrackingPlan, *_: object, **__: object) -> tuple[np.ndarray, np.ndarray]:
         noise = np.random.default_rng(0).normal(scale=1e3, size=wanted.x_reference.shape)
         return wanted.x_reference + noise, wanted.u_reference + 1e6
 
@@ -285,11 +285,11 @@ def test_a_hanging_puppet_keeps_to_what_strings_bear() -> None:
 def test_what_strings_bear_holds_wherever_a_plan_begins(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tensions at rest, a pose that is held, a roll-out that is clipped, and what motors begin with."""
     limits = PuppetLimits(strength=60.0)
-    wanted = plan.Plan(TrackingProblem(PUPPET, leap(0.3), FORCED, 0), FORCED, PuppetLimits())
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(0.3), FORCED, 0), FORCED, PuppetLimits())
     assert wanted.tension.max() > 70.0
     strings = len(STRINGS)
     assert at_rest(wanted)[1][:, :strings].max() > 65.0
-    held = plan.Plan(wanted.problem, FORCED, limits)
+    held = plan.TrackingPlan(wanted.problem, FORCED, limits)
     for tension in (held.tension, at_rest(held)[1][:, :strings]):
         assert tension.min() >= 0.5 - 1e-9
         assert tension.max() <= 60.0 + 1e-9
@@ -302,7 +302,7 @@ def test_what_strings_bear_holds_wherever_a_plan_begins(monkeypatch: pytest.Monk
         np.testing.assert_allclose(pulls[:2], np.repeat([[60.0 - by], [0.5 + by]], strings, axis=1))
     begun: list[Array] = []
 
-    def driven(_: plan.Plan, _q: Array, tensions: Array) -> None:
+    def driven(_: plan.TrackingPlan, _q: Array, tensions: Array) -> None:
         begun.append(tensions)
         raise KeyboardInterrupt
 
@@ -339,11 +339,11 @@ def test_a_motion_farther_off_than_a_puppet_that_hangs_still_is_no_start(
     far: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where strings are too few for what the motors did, it may be a violent one, from which no search leads back."""
-    wanted = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
     x, u = np.array(wanted.x_reference), np.array(wanted.u_reference)
     x[:, : PUPPET.nd] += far
 
-    def released(_: plan.Plan, result: OptimizationResult, *_rest: object) -> OptimizationResult:
+    def released(_: plan.TrackingPlan, result: OptimizationResult, *_rest: object) -> OptimizationResult:
         return replace(result, x=x, u=u, status=Status.CONVERGED)
 
     monkeypatch.setattr(motors, "_release", released)
@@ -359,10 +359,10 @@ def test_a_search_that_finds_nothing_begins_with_a_pose_at_rest_where_the_puppet
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of what falls only some steps are known: a curve of these had ended in a comparison of shapes."""
-    wanted = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
     falls = wanted.x_reference[:3], wanted.u_reference[:2]
     with_motors = SimpleNamespace(x=wanted.x_reference, u=np.zeros((wanted.system.N, wanted.by_motors.nu)))
-    monkeypatch.setattr(plan.Plan, "clipped", lambda *_: falls)
+    monkeypatch.setattr(plan.TrackingPlan, "clipped", lambda *_: falls)
     x, u = motors.search(wanted, lambda _: None, stage=motors.SEARCH_STAGES, result=with_motors, keep=lambda *_: None)  # type: ignore[arg-type]
     assert (x.shape, u.shape) == (wanted.x_reference.shape, wanted.u_reference.shape)
     assert np.ptp(x, axis=0).max() == 0.0
@@ -393,7 +393,7 @@ def test_where_a_search_is_stuck_or_creeps_another_begins_elsewhere(
     monkeypatch.setattr(tracker, "optimize", stuck_at_first)
     if how == "is seen to creep":
         monkeypatch.setattr(tracker.Pace, "creeps", lambda *_: len(begun) == 1)
-    wanted = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
     at_rest = wanted.hung()
     monkeypatch.setattr(beginning, "grown", lambda *_: at_rest)
     said: list[str] = []
@@ -419,7 +419,7 @@ def test_what_is_stuck_and_nearest_is_begun_once_more_with_other_prices(monkeypa
         return replace(found, status=(Status.ITERATION_LIMIT, Status.LINE_SEARCH_FAILED)[len(begun) > 1])
 
     monkeypatch.setattr(tracker, "optimize", stuck_until_new)
-    wanted = plan.Plan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
     monkeypatch.setattr(beginning, "grown", lambda *_: wanted.hung())
     run = track(PUPPET, leap(), planned=True, max_iterations=60)
     assert len(begun) >= 4
@@ -522,7 +522,7 @@ def test_limits_that_help_leads_beyond_are_stated_when_it_is_taken_away(monkeypa
     monkeypatch.setattr(motors, "optimize", seen)
     limits = PuppetLimits(speed=0.8)
     problem = TrackingProblem(PUPPET, leap(), FORCED, 0)
-    wanted = plan.Plan(problem, FORCED, limits)
+    wanted = plan.TrackingPlan(problem, FORCED, limits)
     x, _ = motors.search(wanted, lambda _: None, keep=lambda *_: None)
     released = [speed for inputs, speed in stated if inputs == len(STRINGS)]
     assert released == [True]
@@ -550,14 +550,16 @@ def test_nine_strings_hold_the_shins(tmp_path: Path) -> None:
 def test_a_plan_that_cannot_be_followed_is_searched_with_its_own_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the motion found with longer steps is no start for these."""
 
-    def wild(self: plan.Plan, coarse: plan.Plan, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        monkeypatch.setattr(plan.Plan, "finer", whole)
+    def wild(
+        self: plan.TrackingPlan, coarse: plan.TrackingPlan, x: np.ndarray, u: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        monkeypatch.setattr(plan.TrackingPlan, "finer", whole)
         return 1e3 * self.x_reference, 1e3 * self.u_reference
 
-    whole = plan.Plan.finer
+    whole = plan.TrackingPlan.finer
 
     monkeypatch.setattr("leastaction.apps.marionette.tracking.tying._FEW", 10)
-    monkeypatch.setattr(plan.Plan, "finer", wild)
+    monkeypatch.setattr(plan.TrackingPlan, "finer", wild)
     said: list[str] = []
     run = track(PUPPET, leap(0.3), max_iterations=20, progress=said.append)
     assert "the search begins again with these" in " ".join(said)
@@ -569,7 +571,7 @@ def test_motors_can_make_any_motion() -> None:
     motion = leap(0.4)
     wild = replace(motion, q=motion.q + 0.5 * np.sin(40.0 * motion.t)[:, None])
     problem = TrackingProblem(PUPPET, wild, FORCED, 0)
-    wanted = plan.Plan(problem, FORCED, PuppetLimits())
+    wanted = plan.TrackingPlan(problem, FORCED, PuppetLimits())
     m = wanted.mechanism
     x, u = motors.driven(wanted, wanted.x_reference[:, : m.nq], wanted.u_reference[:, : len(STRINGS)])
     helpers = [JointForce(name, f"motor of {name}") for name in m.dynamic]
@@ -583,7 +585,7 @@ def test_whatever_was_found_ends_with_strings_that_pull() -> None:
     """Also where an optimisation left numbers that are none, or a motion that cannot be followed."""
     run = track(PUPPET, leap(0.3), max_iterations=1)
     assert run.plan is not None
-    wanted = plan.Plan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
     strings = len(STRINGS)
     pushing, lost = run.plan.u.copy(), np.full_like(run.plan.u, np.nan)
     pushing[5:9, :strings] -= 30.0
@@ -600,10 +602,10 @@ def test_a_motion_that_pulls_a_little_less_than_it_should_is_no_other_one(monkey
     run = track(PUPPET, leap(0.3))
     assert run.plan is not None
     assert run.plan.success
-    wanted = plan.Plan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
-    clipped, hung = plan.Plan.clipped, wanted.hung()
-    monkeypatch.setattr(plan.Plan, "clipped", lambda _, x, u, *_rest: (x[:3], u[:2]))
-    monkeypatch.setattr(plan.Plan, "hung", lambda _: hung)
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
+    clipped, hung = plan.TrackingPlan.clipped, wanted.hung()
+    monkeypatch.setattr(plan.TrackingPlan, "clipped", lambda _, x, u, *_rest: (x[:3], u[:2]))
+    monkeypatch.setattr(plan.TrackingPlan, "hung", lambda _: hung)
     less, pushing = run.plan.u.copy(), run.plan.u.copy()
     less[5, 0], pushing[5, 0] = 0.48, -0.1
     assert wanted.pulling(replace(run.plan, u=less)).success
@@ -613,9 +615,9 @@ def test_a_motion_that_pulls_a_little_less_than_it_should_is_no_other_one(monkey
     assert not still.success
     assert "hangs still" in still.message
     # A roll-out that costs much more is another motion too.
-    monkeypatch.setattr(plan.Plan, "clipped", lambda *_: hung)
+    monkeypatch.setattr(plan.TrackingPlan, "clipped", lambda *_: hung)
     np.testing.assert_array_equal(wanted.pulling(replace(run.plan, u=less)).u, less)
-    monkeypatch.setattr(plan.Plan, "clipped", clipped)
+    monkeypatch.setattr(plan.TrackingPlan, "clipped", clipped)
     assert wanted.pulling(replace(run.plan, u=less)).u[:, : len(STRINGS)].min() >= 0.5
 
 
@@ -623,7 +625,7 @@ def test_rods_that_go_another_way_do_not_push(monkeypatch: pytest.MonkeyPatch) -
     """Where strings lose their grip, a roll-out by lengths may snap through: the motion stays what was planned."""
     run = track(PUPPET, leap(0.3))
     assert run.plan is not None
-    wanted = plan.Plan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, run.motion, FORCED, 0), FORCED, PuppetLimits())
     rollout = wanted.problem.system.rollout
 
     def snapped(*arguments: Any) -> object:
@@ -638,12 +640,12 @@ def test_rods_that_go_another_way_do_not_push(monkeypatch: pytest.MonkeyPatch) -
 def test_a_motion_that_grows_keeps_to_all_limits() -> None:
     limits = PuppetLimits(speed=2.0)
     motion = leap(0.3)
-    wanted = plan.Plan(TrackingProblem(PUPPET, motion, FORCED, 0), FORCED, limits)
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, motion, FORCED, 0), FORCED, limits)
     half = growing.smaller(wanted, motion, 0.5)
     np.testing.assert_allclose(half.problem.body[0], motion.q[0])
     np.testing.assert_allclose(half.problem.body - motion.q[0], 0.5 * (motion.q - motion.q[0]), atol=1e-15)
     slow = motion.resample(0.02)
-    coarse = plan.Plan(TrackingProblem(PUPPET, slow, FORCED, 0), FORCED, limits)
+    coarse = plan.TrackingPlan(TrackingProblem(PUPPET, slow, FORCED, 0), FORCED, limits)
     said: list[str] = []
     counted: list[float] = []
     for longer in (wanted, coarse):
@@ -711,12 +713,14 @@ def test_a_second_search_is_kept_too(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(motors, "_ITERATIONS", 2)
     monkeypatch.setattr("leastaction.apps.marionette.tracking.tying._FEW", 10)
 
-    def wild(self: plan.Plan, coarse: plan.Plan, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        monkeypatch.setattr(plan.Plan, "finer", whole)
+    def wild(
+        self: plan.TrackingPlan, coarse: plan.TrackingPlan, x: np.ndarray, u: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        monkeypatch.setattr(plan.TrackingPlan, "finer", whole)
         return 1e3 * self.x_reference, 1e3 * self.u_reference
 
-    whole = plan.Plan.finer
-    monkeypatch.setattr(plan.Plan, "finer", wild)
+    whole = plan.TrackingPlan.finer
+    monkeypatch.setattr(plan.TrackingPlan, "finer", wild)
     kept: list[TrackingSearch] = []
 
     def checkpoint(found: TrackingRun | TrackingSearch) -> None:

@@ -82,7 +82,7 @@ def test_it_runs_from_the_command_line(script: str, tmp_path: Path) -> None:
     )
     assert run.returncode == 0, run.stderr
     assert 3 <= len(run.stdout.splitlines()) <= 20
-    assert [path.name for path in output.iterdir()] == [f"{script}.png"]
+    assert {path.name for path in output.iterdir()} - {f"{script}.html"} == {f"{script}.png"}  # some write a page too
     picture = imread(output / f"{script}.png")
     assert picture.shape[0] > 500
     assert picture.shape[1] > 800
@@ -214,7 +214,7 @@ def test_scissor_lift_over_a_thousand_seconds(monkeypatch: pytest.MonkeyPatch) -
 def test_cart_pendulum(monkeypatch: pytest.MonkeyPatch) -> None:
     example = load("06_cart_pendulum", monkeypatch)
     hanging = np.zeros(4), np.zeros((example.STEPS, 1))
-    alone = example.optimize(*example.discrete(example.MILD), initial=hanging)
+    alone = optimize(*example.discrete(example.MILD), initial=hanging)
     assert alone.success
     assert np.degrees(alone.x[:, 1].max()) < 60.0
     runs = {weights: example.embedded(weights) for weights in (example.MILD, example.STEEP)}
@@ -263,7 +263,8 @@ def test_actuated_arm(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_marionette_feedback(monkeypatch: pytest.MonkeyPatch) -> None:
     example = load("08_marionette_feedback", monkeypatch)
     monkeypatch.setattr(example, "best", lambda work: 0.0)
-    off = {name: values[-200:].mean() for name, values in example.solve().off.items()}
+    walk, shaken, _ = example.solve()
+    off = {name: example.off(run, walk)[-200:].mean() for name, run in shaken.items()}
     assert off["closed, identities"] < 0.6 * off["open loop"]
     assert off["closed, positions"] < 0.15 * off["open loop"]
 

@@ -386,7 +386,7 @@ def test_what_contradicts_itself_in_continuous_time_is_named(tmp_path: Path) -> 
 def test_what_cannot_be_saved_is_refused_before_writing(result: OptimizationResult, tmp_path: Path) -> None:
     path = tmp_path / "trajectory.npz"
     settings = copy.copy(result.settings)
-    object.__setattr__(settings, "method", object())  # which no `Settings` that was made takes
+    object.__setattr__(settings, "method", object())  # which no `Options` that was made takes
     objects = np.array([object()])
     for bad in (
         dataclasses.replace(result, settings=settings),

@@ -20,7 +20,7 @@ from leastaction.optimal import (
     LinearContinuousSystem,
     LinearSystem,
     OptimizationResult,
-    Projection,
+    ProjectionOperator,
     QuadraticCost,
     check_derivatives,
     optimize,
@@ -147,7 +147,7 @@ def test_feedback_goes_through_the_systems_own_difference():
     near = plain.rollout(np.array([0.1, 1.0]), xbar, ubar, K, 0, 4)
     np.testing.assert_allclose(around.u, near.u, atol=1e-14)
     assert np.abs(plain.rollout(x0, xbar, ubar, K, 0, 4).u - near.u).max() > 1.0
-    projected = Projection(circle, K)(np.vstack([x0, xbar[1:]]), ubar)
+    projected = ProjectionOperator(circle, K)(np.vstack([x0, xbar[1:]]), ubar)
     assert np.isfinite(projected.x).all()
     assert check_derivatives(circle, xbar, ubar).ok
 

@@ -51,12 +51,12 @@ from leastaction.optimal.limits.barrier import (
     split,
     stiffness,
 )
-from leastaction.optimal.limits.duals import Duals, Side
+from leastaction.optimal.limits.duals import Duals, LimitSide
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
-from leastaction.optimal.limits.sides import Layout
-from leastaction.optimal.limits.stages import Stages
-from leastaction.optimal.line_search import Step, Trial
+from leastaction.optimal.limits.sides import SideLayout
+from leastaction.optimal.limits.stages import BarrierStages
+from leastaction.optimal.line_search import SearchStep, Trial
 from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.quantity import Quantity, Samples, WeightedSum
@@ -300,8 +300,8 @@ def test_the_tolerance_is_relative_to_the_cost_without_barriers(cart: MidpointSy
 def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:
     """Exact duals want a motion nearer to the barrier's minimum than the cost does; rough ones do not."""
     for tolerance, enough, off in ((1e-2, 1.0, 1e-4), (1e-9, 1e-5, 1e-6)):
-        side = Side("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
-        stages = Stages(Duals([side], Layout([(1000, 1)])), tolerance, 1e-12)
+        side = LimitSide("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
+        stages = BarrierStages(Duals([side], SideLayout([(1000, 1)])), tolerance, 1e-12)
         c = stages.duals.layout.empty()
         c.flat[:] = 1.0
         stages.begin(1.0, c, lambda: 1.0)
@@ -318,8 +318,8 @@ def test_a_stage_of_equations_without_a_step_is_followed_by_the_next_but_one(equ
     """Its minimum was where it began, and there are no active limits to be found."""
     after: dict[bool, list[float]] = {}
     for moved in (True, False):
-        sides = [Side("limit", ("c = 0",), equal, first, np.ones(1), np.zeros(1)) for first in (True, False)]
-        stages = Stages(Duals(sides, Layout([(10, 1), (10, 1)])), 1e-9, 1e-12)
+        sides = [LimitSide("limit", ("c = 0",), equal, first, np.ones(1), np.zeros(1)) for first in (True, False)]
+        stages = BarrierStages(Duals(sides, SideLayout([(10, 1), (10, 1)])), 1e-9, 1e-12)
         c = stages.duals.layout.filled([0.0, 0.0] if equal else [1.0, 1.0])
         stages.begin(1.0, c, lambda: 1.0)
         found = after[moved] = []
@@ -335,8 +335,8 @@ def test_a_stage_of_equations_without_a_step_is_followed_by_the_next_but_one(equ
 
 def test_what_is_off_keeps_its_price() -> None:
     """Its dual has hardly begun to grow; by that it would be given away, and bought back in many stages."""
-    side = Side("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
-    duals = Duals([side], Layout([(4, 1)]))
+    side = LimitSide("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
+    duals = Duals([side], SideLayout([(4, 1)]))
     c = duals.layout.empty()
     c.flat[:] = 1.0
     duals.begin(c, 1e-6, 1.0)
@@ -1009,8 +1009,8 @@ def test_a_full_step_goes_on_within_the_model_where_barriers_bend_along_it(most:
 
 def test_a_stage_ends_sooner_where_its_duals_are_near_those_of_the_barrier() -> None:
     """From elsewhere a much smaller barrier leads close to limits whose duals are still those of others."""
-    side = Side("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
-    stages = Stages(Duals([side], Layout([(50, 1)])), 1e-9, 1e-12)
+    side = LimitSide("limit", ("c >= 0",), False, False, np.ones(1), np.zeros(1))
+    stages = BarrierStages(Duals([side], SideLayout([(50, 1)])), 1e-9, 1e-12)
     c = stages.duals.layout.empty()
     c.flat[:] = 1.0
     stages.begin(1.0, c, lambda: 1.0)
@@ -1026,8 +1026,8 @@ def test_a_stage_ends_sooner_where_its_duals_are_near_those_of_the_barrier() -> 
 def test_the_least_that_limits_are_off_by_is_looked_for_once() -> None:
     """However prices times scales are rounded: a search that leads nowhere would begin with that for ever."""
     for scale in np.random.default_rng(0).uniform(0.1, 10.0, 200):
-        side = Side("limit", ("c >= 0",), False, False, np.array([scale]), np.zeros(1))
-        stages = Stages(Duals([side], Layout([(5, 1)])), 1e-9, 1e-12)
+        side = LimitSide("limit", ("c >= 0",), False, False, np.array([scale]), np.zeros(1))
+        stages = BarrierStages(Duals([side], SideLayout([(5, 1)])), 1e-9, 1e-12)
         c = stages.duals.layout.empty()
         c.flat[:] = -scale
         stages.begin(960.1668613147427, c, lambda: 1.0)
@@ -1037,8 +1037,8 @@ def test_the_least_that_limits_are_off_by_is_looked_for_once() -> None:
 
 def test_prices_of_equations_fall_to_a_hundred_duals_in_the_end() -> None:
     """Dear ones leave their barriers no room, and before the end duals are rough."""
-    sides = [Side("equal", ("c = 0",), True, first, np.ones(1), np.zeros(1)) for first in (True, False)]
-    duals = Duals(sides, Layout([(1, 1), (1, 1)]))
+    sides = [LimitSide("equal", ("c = 0",), True, first, np.ones(1), np.zeros(1)) for first in (True, False)]
+    duals = Duals(sides, SideLayout([(1, 1), (1, 1)]))
     c = duals.layout.empty()
     c.flat[:] = 0.0
     duals.begin(c, 1e-6, 1.0)
@@ -1053,8 +1053,8 @@ def test_prices_of_equations_fall_to_a_hundred_duals_in_the_end() -> None:
 
 def test_duals_of_equations_stay_as_they_are_where_prices_do() -> None:
     """To the last bit: what was computed with them is not computed again for rounding."""
-    sides = [Side("equal", ("c = 0",), True, first, np.ones(1), np.zeros(1)) for first in (True, False)]
-    duals = Duals(sides, Layout([(5, 1), (5, 1)]))
+    sides = [LimitSide("equal", ("c = 0",), True, first, np.ones(1), np.zeros(1)) for first in (True, False)]
+    duals = Duals(sides, SideLayout([(5, 1), (5, 1)]))
     c = duals.layout.empty()
     c.flat[:] = np.r_[np.linspace(-1e-3, 1e-3, 5), np.linspace(1e-3, -1e-3, 5)]
     duals.begin(c, 1e-3, 1.0)
@@ -1154,8 +1154,8 @@ def test_a_step_that_barriers_alone_shortened_does_not_shorten_the_next(rollouts
     limited = LimitedProblem(system, cost, Bound("x-force", max=1.0).rows(system, 1), settings)
     limited.start((np.zeros(4), np.zeros((5, 1))))
     for problem in (limited, DiscreteProblem(system, cost, settings)):
-        run = Run(problem, settings, None, None)
-        step = Step(Trial(None, 1.0), 0.01, rollouts, None)
+        run = Run(problem, settings, None)
+        step = SearchStep(Trial(None, 1.0), 0.01, rollouts, None)
         problem.value = 1.0
         run.note_step(Direction("newton", -1.0, 1.0), step, decrease=0.1, agreement=0.2, cost=0.9)
         assert run.schedule.length == (1.0 if problem is limited and rollouts == 1 else 0.01)

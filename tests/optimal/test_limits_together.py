@@ -12,7 +12,7 @@ from leastaction.optimal import Bound, Equal, FunctionQuantity, Limit, Parameter
 from leastaction.optimal.collocation.limits import stated
 from leastaction.optimal.collocation.mesh import RadauMesh
 from leastaction.optimal.limits.rows import Rows, Weights
-from leastaction.optimal.limits.sides import Layout
+from leastaction.optimal.limits.sides import SideLayout
 from leastaction.optimal.limits.together import together
 from leastaction.optimal.unknowns.extension import Extension
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MechanismSystem, MidpointSystem
@@ -62,7 +62,7 @@ LIMITS: dict[str, tuple[list[Limit], int]] = {
 def _hold(rows: Sequence[Rows], found: int, x: np.ndarray, u: np.ndarray, rng: np.random.Generator) -> None:
     """Hold what is taken together to its parts, with values, gradients, changes and second derivatives."""
     nx, nu = x.shape[1], u.shape[1]
-    layout = Layout([row.bounds.shape for row in rows])
+    layout = SideLayout([row.bounds.shape for row in rows])
     groups = together(rows, range(len(rows)), layout, nx, nu)
     assert len(groups) == found
     y, sigma, c, dc = (layout.filled([rng.uniform(0.5, 1.0, shape) for shape in layout.shapes]) for _ in range(4))

@@ -35,7 +35,7 @@ from leastaction import (
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
 from leastaction.optimal import ContinuousQuadraticCost, DiscreteSystem, LinearSystem, solve_linear_quadratic
-from leastaction.optimal.discrete.gap_filter import Curve, Filter
+from leastaction.optimal.discrete.gap_filter import Filter, OpenCurve
 from leastaction.optimal.discrete.linear_quadratic import sweep_forward
 from leastaction.optimal.discrete.shooting import ShootingProblem
 from leastaction.optimal.line_search import Refusal
@@ -542,7 +542,7 @@ def test_gaps_that_hardly_shrink_are_not_closed_at_any_price():
     nothing = np.zeros((2, 1))
 
     def curve(theta, cost):
-        return Curve(nothing, nothing[:1], nothing[:1], nothing[:1], theta, cost, None, cost)
+        return OpenCurve(nothing, nothing[:1], nothing[:1], nothing[:1], theta, cost, None, cost)
 
     now, penalty = curve(theta=1.0, cost=2.0), 3.0
     takes = partial(Filter(1.0).takes, now, length=1.0, fall=-1.0, noise=0.0, penalty=penalty)

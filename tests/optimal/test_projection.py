@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal import Projection, QuadraticCost, adjoint, regulate
+from leastaction.optimal import ProjectionOperator, QuadraticCost, adjoint, regulate
 from optimal.systems import CartPendulum, simulate
 
 N = 60
@@ -20,7 +20,7 @@ def setting():
     u = 2.0 * np.sin(0.2 * np.arange(N))[:, None]
     x = simulate(system, [0.1, 0.5, 0.0, 0.0], u)
     linearization = system.linearize(x, u)
-    projection = Projection(system, regulate(*linearization))
+    projection = ProjectionOperator(system, regulate(*linearization))
     cost = QuadraticCost(rng.standard_normal(x.shape), rng.standard_normal(u.shape), Q=[3.0, 2.0, 1.0, 1.0], R=[0.5])
     direction = rng.standard_normal(x.shape), rng.standard_normal(u.shape)
     return system, projection, linearization, cost, x, u, direction
@@ -96,4 +96,4 @@ def test_second_derivative_of_the_projected_cost(setting):
 
 def test_wrong_gains(setting):
     with pytest.raises(ArgumentError, match=r"K: got shape \(3, 1, 4\)"):
-        Projection(setting[0], np.zeros((3, 1, 4)))
+        ProjectionOperator(setting[0], np.zeros((3, 1, 4)))

@@ -290,7 +290,6 @@ def test_windows_and_copies_keep_what_they_are() -> None:
     later = system.with_parameters({FINAL_TIME: 0.6})
     assert (type(later), later.at_instants, later.first_share) == (PulledSystem, ("T1", "T2"), 0.5)
     assert later.time(30) == 0.6
-    assert system.refined(2) is None
 
 
 def test_a_roll_out_is_that_of_single_steps_and_tells_of_failure() -> None:

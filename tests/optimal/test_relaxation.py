@@ -39,6 +39,17 @@ from benchmarks.robustness_problems import PROBLEMS, posed, puppet_arm
 BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
 
 
+def finer(given, parts):
+    """Return the problem with every step of time in so many parts."""
+    t, wanted = given.system.t, given.cost
+    at = np.arange(given.system.N * parts + 1) / parts
+    times = np.interp(at, np.arange(len(t)), t)
+    x = np.stack([np.interp(at, np.arange(len(t)), column) for column in wanted.x_wanted.T], axis=1)
+    u_wanted, u = (np.repeat(each, parts, axis=0) for each in (wanted.u_wanted, given.u))
+    cost = QuadraticCost(x, u_wanted, Q=wanted.Q / parts, R=wanted.R / parts, Q_final=wanted.Q_final)
+    return MidpointSystem(given.system.integrator, times), cost, u
+
+
 @pytest.mark.parametrize(
     ("name", "parts"),
     [
@@ -50,7 +61,7 @@ BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
 def test_a_loop_that_is_open_at_the_start_is_closed_by_springs(name, parts):
     """Only the driven joint is known; the others are not where the loop would be closed."""
     given = BY_NAME[name].build()
-    system, cost, u = given.system.refined(parts), given.cost.refined(parts), np.repeat(given.u, parts, axis=0)
+    system, cost, u = finer(given, parts)
     m = system.integrator.mechanism
     x0 = np.array(given.x)
     x0[1:] = 0.0

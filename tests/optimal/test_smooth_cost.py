@@ -57,7 +57,7 @@ def test_weights_that_are_not_given_change_nothing() -> None:
     assert cost.value(x, u) == plain.value(x, u)
 
 
-def test_windows_refined_and_eased_costs_are_those_of_the_same_accelerations() -> None:
+def test_windows_and_eased_costs_are_those_of_the_same_accelerations() -> None:
     t = np.linspace(0.0, 0.5, 51)
     system, plain, cost = made(t, {"*": 0.01})
     x, u = np.zeros((51, system.nx)), np.zeros((50, system.nu))
@@ -70,10 +70,6 @@ def test_windows_refined_and_eased_costs_are_those_of_the_same_accelerations() -
     eased, wanted = cost.eased(100.0)
     np.testing.assert_array_equal(wanted, plain.u_wanted)
     assert eased.value(x, u) - plain.eased(100.0)[0].value(x, u) == pytest.approx(price)
-    finer, fine = cost.refined(2), np.linspace(0.0, 0.5, 101)
-    X, U = np.zeros((101, system.nx)), np.zeros((100, system.nu))
-    X[:, 1], X[:, 4], U[:, 1] = fine**2, 2.0 * fine - 0.005, fine[1:] ** 2
-    assert finer.value(X, U) - plain.refined(2).value(X, U) == pytest.approx(price)
 
 
 def test_an_optimum_is_smoother() -> None:

@@ -44,14 +44,16 @@ from leastaction.optimal import (
     CostHessian,
     DiscreteSystem,
     FinalTime,
+    FunctionSystem,
     HelpedCost,
     LinearSystem,
-    Projection,
+    ProjectionOperator,
     WindowCost,
     WindowSystem,
     check_derivatives,
     resample,
 )
+from leastaction.optimal.discrete.system import OVER_STEPS, SystemAround
 from leastaction.optimal.quantity import Samples
 from optimal.systems import CartPendulum, is_trajectory, rolled_out
 
@@ -319,7 +321,7 @@ def test_a_window_is_a_problem_of_its_own(rng, start, stop):
         cost.check_shapes(3, 4, 1)
     K = rng.standard_normal((20, 1, 4))
     run = whole.rollout(x[start], x, u, K, start, stop)
-    own = Projection(part, K[start:stop])(x[start : stop + 1], u[start:stop])
+    own = ProjectionOperator(part, K[start:stop])(x[start : stop + 1], u[start:stop])
     np.testing.assert_array_equal(run.x, own.x)
     np.testing.assert_array_equal(run.u, own.u)
     nested = part.window(2, 5)
@@ -954,3 +956,65 @@ def test_a_start_off_the_constraints_is_named_as_such() -> None:
     with pytest.raises(ProjectionError, match="first state, which is fixed, is no state of the mechanism"):
         optimize(system, cost, initial=([*near, 0.0, 0.0], np.zeros((50, 1))))
     assert optimize(system, cost, initial=([*near, 0.0, 0.0], np.zeros((50, 1))), free_start=True).success
+
+
+class OwnSystem(FunctionSystem):
+    """A system with answers of its own, which a window of it has too."""
+
+    asked: tuple[str, ...] = ()
+
+    def start_directions(self, x, free):
+        del x, free
+        return np.array([[1.0], [1.0]])
+
+    def moved_start(self, x, dx):
+        return np.round(x + dx, 6)
+
+    def linearize(self, x, u, out=None):
+        found = super().linearize(x, u, out)
+        object.__setattr__(self, "asked", (*self.asked, "linearize"))
+        return found
+
+    def check_start(self, x):
+        if x[0] > 5.0:
+            raise ProjectionError("too far")
+
+    def hello(self):
+        return "hello"
+
+
+def test_a_window_has_what_its_system_has_of_its_own(rng):
+    system = OwnSystem(
+        lambda x, u, k: np.array([x[0] + 0.1 * x[1], x[1] + 0.1 * u[0] + 0.01 * k]), nx=2, nu=1, N=12,
+        derivatives="complex-step", curvature="differences",
+    )  # fmt: skip
+    part = WindowSystem(system, 3, 8)
+    x, u = rng.normal(size=(6, 2)), rng.normal(size=(5, 1))
+    np.testing.assert_array_equal(part.start_directions(x[0], None), [[1.0], [1.0]])
+    assert part.moved_start(np.zeros(2), np.array([1.23456789, 0.0]))[0] == 1.234568
+    assert part.hello() == "hello"
+    with pytest.raises(ProjectionError, match="too far"):
+        part.check_start(np.array([6.0, 0.0]))
+    A, B = part.linearize(x, u)
+    assert system.asked == ("linearize",)
+    for k in range(5):
+        a, b = system.derivatives(x[k], u[k], 3 + k)
+        np.testing.assert_allclose(A[k], a)
+        np.testing.assert_allclose(B[k], b)
+    z = rng.normal(size=(5, 2))
+    expected = [system.curvature(x[k], u[k], 3 + k, z[k]) for k in range(5)]
+    np.testing.assert_allclose(part.linearize(x, u).curvature(z), expected, atol=1e-6)
+    # A search by windows starts where the system says that it may.
+    wanted = np.tile([1.0, 0.0], (13, 1))
+    cost = QuadraticCost(wanted, np.zeros((12, 1)), Q=[1.0, 0.1], R=[0.1])
+    start = np.zeros(2), np.zeros((12, 1))
+    found = receding_horizon(system, cost, initial=start, window=6, keep=3, free_start=True)
+    assert found.success
+    assert found.x[0, 0] == found.x[0, 1] != 0.0
+
+
+def test_whatever_a_system_is_asked_a_window_answers():
+    """By the other system, or of its own steps: nothing is forgotten."""
+    names = {name for name in dir(DiscreteSystem) if not name.startswith("_")}
+    assert names - OVER_STEPS - set(vars(SystemAround)) == {"nx", "nu", "N", "has_curvature"} & names
+    assert not OVER_STEPS - names

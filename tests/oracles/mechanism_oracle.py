@@ -22,7 +22,7 @@ import numpy as np
 
 from derivatives.elements import formulas
 from leastaction.mechanics import Body, Element, Mechanism
-from leastaction.mechanics.description.tree import Joint
+from leastaction.mechanics.description.tree import TreeJoint
 
 Data = dict[str, jnp.ndarray]
 Orders = Callable[[np.ndarray], list[np.ndarray]]
@@ -138,7 +138,7 @@ class Oracle:
             for body in frame.frame.bodies
         ]
 
-    def _joint(self, joint: Joint) -> JointData:
+    def _joint(self, joint: TreeJoint) -> JointData:
         factors = np.zeros(len(self.index))
         for name, factor in joint.coordinate.terms:
             factors[self.index[name]] += factor

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from leastaction import show
+from leastaction import Mechanism, ball, screw, show, tx, ty, tz
 from leastaction.viz import View
 from viz import scenes
 from viz.chromium import PROGRAM, Browser
@@ -58,6 +58,11 @@ def test_the_time_bar_moves_the_bodies(browser: Browser, page: Path) -> None:
     assert browser.compute("time") == pytest.approx(1.0)
     there = browser.compute(PLACE)
     np.testing.assert_allclose([there[0], there[2]], places[40, [0, 1]], atol=5e-3)
+    turned = browser.compute(
+        "panels[0].poses.at(...panels[0].frame(time), panels[0].poses.names.indexOf('rz(crank1)'))"
+    )
+    pose = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) @ run.mechanism.frame_pose(run.q[40], "rz(crank1)")[:3]
+    np.testing.assert_allclose(np.reshape(turned, (4, 3)).T, pose, atol=5e-3)
     browser.compute("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))")
     after = pixels(browser)
     assert np.mean(np.ptp(np.abs(before.astype(int) - after), axis=2) > 20) > 0.005
@@ -123,6 +128,31 @@ def test_what_it_looks_like(browser: Browser, tmp_path: Path, what: str) -> None
     browser.show(view.save(tmp_path / "page.html"), "#t=0.6")
     assert painted(pixels(browser, what)) > 0.01
     assert browser.compute("document.getElementById('missing').hidden")
+    assert browser.complaints == []
+
+
+def test_sliders_move_the_joints(browser: Browser, tmp_path: Path) -> None:
+    m = Mechanism(
+        [
+            tx("x", name="cart", mass=1.0),
+            [
+                screw("s", axis=(0, 1, 1), point=(0.1, 0, 0.2), pitch=0.3, mass=1.0),
+                [ty(0.5), [ball("b"), [tx({"x": -0.5, "s": 0.2}, offset=0.3), [tz(0.4, name="tip", mass=1.0)]]]],
+            ],
+        ]
+    )
+    browser.show(show(m, up="y").save(tmp_path / "page.html"))
+    browser.press("m")
+    assert not browser.compute("document.getElementById('sliders').hidden")
+    q = np.linspace(-0.4, 0.45, m.nq)
+    for i, value in enumerate(q):
+        slider = f"document.querySelectorAll('#sliders input')[{i}]"
+        browser.compute(
+            f"(e => {{ e.step = 'any'; e.value = {value}; e.dispatchEvent(new Event('input')); }})({slider})"
+        )
+    place = browser.compute("panels[0].got.at(0, 0, panels[0].got.names.indexOf('tip'))")
+    x, y, z = m.positions(q, ["tip"])[0]
+    np.testing.assert_allclose(place, [x, -z, y], atol=1e-6)
     assert browser.complaints == []
 
 

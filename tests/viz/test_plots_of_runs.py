@@ -36,7 +36,7 @@ from leastaction.errors import ArgumentError
 from leastaction.models import build, four_bars
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import FunctionSystem
-from leastaction.viz import plot_energy, plot_reactions, plot_residuals, plot_run, save_png
+from leastaction.viz import plot_energy, plot_poses, plot_reactions, plot_residuals, plot_run, save_png
 from leastaction.viz.energy import work_and_energy
 from leastaction.viz.reactions import reactions_of
 
@@ -370,3 +370,15 @@ def test_an_input_may_have_the_name_of_a_variable() -> None:
     angle, torque = plot_run(result).axes
     assert set(np.round(angle.lines[1].get_ydata(), 6)) == {round(np.degrees(0.1), 6)}
     assert set(np.round(torque.lines[1].get_ydata(), 6)) == {0.4}
+
+
+def test_poses_are_pictures_with_their_times(cart: Trajectory) -> None:
+    figure = plot_poses(cart, [0.0, 0.5], title="A cart")
+    assert [axes.get_title() for axes in figure.axes] == ["0 s", "0.5 s"]
+    first, second = (np.asarray(axes.images[0].get_array()) for axes in figure.axes)
+    assert first.shape == second.shape
+    assert np.mean(np.any(first != second, axis=2)) > 0.005  # it moved
+    with pytest.raises(ArgumentError, match=r"times: got \[2.0\], expected some from 0 to 1 s"):
+        plot_poses(cart, [2.0])
+    with pytest.raises(ArgumentError, match="plot_poses: got int, expected a run"):
+        plot_poses(3)  # type: ignore[arg-type]

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from leastaction.mechanics.description.frames import Frame, rx, ry, rz, tx, ty, tz
     from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
     from leastaction.mechanics.description.poses import pose
+    from leastaction.mechanics.discrete.balance import DiscreteBalance
     from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
     from leastaction.mechanics.discrete.midpoint import MidpointVI
     from leastaction.mechanics.discrete.sensitivity import Sensitivity
@@ -92,6 +93,7 @@ if TYPE_CHECKING:
     from leastaction.mechanics.mechanism.mechanism import Mechanism
     from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives
     from leastaction.mechanics.mechanism.queries.masses import Energy
+    from leastaction.mechanics.mechanism.tape_measure import TapeMeasure
     from leastaction.numerics.curve import Curve
 else:
     __getattr__, __dir__ = lazily(
@@ -120,6 +122,7 @@ else:
             "leastaction.mechanics.description.frames": "Frame rx ry rz tx ty tz",
             "leastaction.mechanics.description.joints": "prismatic revolute screw twist",
             "leastaction.mechanics.description.poses": "pose",
+            "leastaction.mechanics.discrete.balance": "DiscreteBalance",
             "leastaction.mechanics.discrete.linearization": "StepDerivatives StepTensors",
             "leastaction.mechanics.discrete.midpoint": "MidpointVI",
             "leastaction.mechanics.discrete.sensitivity": "Sensitivity",
@@ -137,6 +140,7 @@ else:
             "leastaction.mechanics.mechanism.mechanism": "Mechanism",
             "leastaction.mechanics.mechanism.queries.function_derivatives": "FunctionDerivatives",
             "leastaction.mechanics.mechanism.queries.masses": "Energy",
+            "leastaction.mechanics.mechanism.tape_measure": "TapeMeasure",
             "leastaction.numerics.curve": "Curve",
         },
     )
@@ -145,17 +149,18 @@ __all__ = [
     "AccelerationDerivatives", "AccelerationTensors", "Accelerations", "Affine", "Armature", "Baumgarte", "Body",
     "BodyWrench", "Branch", "Composition", "ConfigurationProjection", "Constraint", "ContinuousDynamics",
     "ContinuousState", "ContinuousTrajectory", "Contradiction", "CoulombFriction", "Coupling", "Curve", "Damping",
-    "Distance", "Drag", "Drift", "ElasticString", "Element", "Energy", "Equilibrium", "Event", "EventRecord",
-    "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation", "Force",
-    "Frame", "FunctionDerivatives", "FunctionReport", "Gravity", "HingeLoop", "HybridWrench", "IntegrationStatus",
-    "InverseSquareGravity", "JointForce", "JointSpring", "LinearDamper", "LinearMotor", "LinearSpring", "Mechanism",
-    "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "PathLength", "PointOnLine", "PointOnPlane",
-    "PointToPoint", "PolynomialCoupling", "Potential", "PrescribedMotion", "PrescribedPath", "Projection",
-    "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential", "Sensitivity", "Servo",
-    "SimulationStatus", "SpatialWrench", "Stability", "State", "Step", "StepDerivatives", "StepSensitivity",
-    "StepTensors", "TendonForce", "TorsionalSpring", "Trajectory", "VelocityProjection", "Wrench", "ball",
-    "check_consistent", "check_function", "equilibrium", "find_contradiction", "free", "gain_to_continuous",
-    "gain_to_discrete", "legendre_jacobian", "momentum_by", "pose", "prismatic", "project_configuration",
-    "project_velocity", "revolute", "rx", "ry", "rz", "screw", "simulate", "to_continuous", "to_discrete",
-    "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal", "var", "world",
+    "DiscreteBalance", "Distance", "Drag", "Drift", "ElasticString", "Element", "Energy", "Equilibrium", "Event",
+    "EventRecord", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation",
+    "Force", "Frame", "FunctionDerivatives", "FunctionReport", "Gravity", "HingeLoop", "HybridWrench",
+    "IntegrationStatus", "InverseSquareGravity", "JointForce", "JointSpring", "LinearDamper", "LinearMotor",
+    "LinearSpring", "Mechanism", "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "PathLength",
+    "PointOnLine", "PointOnPlane", "PointToPoint", "PolynomialCoupling", "Potential", "PrescribedMotion",
+    "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential",
+    "Sensitivity", "Servo", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step", "StepDerivatives",
+    "StepSensitivity", "StepTensors", "TapeMeasure", "TendonForce", "TorsionalSpring", "Trajectory",
+    "VelocityProjection", "Wrench", "ball", "check_consistent", "check_function", "equilibrium",
+    "find_contradiction", "free", "gain_to_continuous", "gain_to_discrete", "legendre_jacobian", "momentum_by",
+    "pose", "prismatic", "project_configuration", "project_velocity", "revolute", "rx", "ry", "rz", "screw",
+    "simulate", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz",
+    "universal", "var", "world",
 ]  # fmt: skip

@@ -32,7 +32,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajectory
 from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_time_step, as_times, require_instance
+from leastaction.numerics.arrays import Array, as_array, as_flag, as_time_step, as_times, require_instance
 
 _STATUS = {
     SimulationStatus.COMPLETED: IntegrationStatus.COMPLETED,
@@ -73,6 +73,7 @@ def to_discrete(
     """
     require_instance(trajectory, "trajectory", ContinuousTrajectory, "simulate(mechanism, ...) makes one")
     require_instance(integrator, "integrator", MidpointVI, "MidpointVI(mechanism) makes one")
+    as_flag(sampled, "sampled")
     m, nd = integrator.mechanism, integrator.mechanism.nd
     check_same_names(trajectory.mechanism, m, "trajectory")
     times = trajectory.t if t is None else as_times(t)

@@ -11,14 +11,14 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import DescriptionError, SwingWarning
+from leastaction.errors import DescriptionError, SwingWarning, brief
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number
 from leastaction.numerics.hermite import monotone, quintics, suggested_curvatures
 
 _DEGREE = 5
 Between = Literal["smooth", "monotone"]
-# Parts of the range of two points and their neighbours, and of all points, by which a curve may leave the former:
-# samples of smooth functions, three a wave, stay within them.
+# Parts of the range of two points and their neighbours, and of all points, by which a curve may leave it: samples of
+# smooth functions, three a wave, stay within them.
 _SWING, _SWING_OF_ALL = 1.0, 0.01
 _INSIDE = np.linspace(0.0, 1.0, 12)[1:-1]  # of the way from one point to the next
 
@@ -141,6 +141,8 @@ class Curve:
         if first >= last:
             raise DescriptionError(f"Curve: got start {first:g} and end {last:g}; expected start < end")
         number = as_count(pieces, "Curve: pieces", 1, error=DescriptionError)
+        if not callable(function):
+            raise DescriptionError(f"Curve: function: got {brief(repr(function))}, expected a function of one number")
         places = np.linspace(first, last, number + 1)
         values = [
             as_number(function(float(x)), f"Curve: the function at {x:g}", error=DescriptionError) for x in places
@@ -185,6 +187,8 @@ class Curve:
         ``x``: places. ``derivative``: order of the derivative.
         """
         order = as_count(derivative, "Curve: derivative (integral() goes the other way)", 0)
+        if not isinstance(x, (float, np.ndarray)) or getattr(x, "dtype", None) not in (None, np.dtype(np.float64)):
+            x = as_array(x, "Curve: x")
         values = self._polynomial()(np.asarray(x, dtype=np.float64), order)
         return float(values) if values.ndim == 0 else values
 

@@ -9,8 +9,9 @@ holds some derives from `Frozen`; another class says::
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cache
 from types import MappingProxyType
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -82,14 +83,20 @@ def own_arrays(self: object, *names: str) -> None:
             object.__setattr__(self, name, read_only(value.copy()))
 
 
+@cache
+def _declared_arrays(kind: Any) -> frozenset[str]:
+    """Return the fields of a dataclass that are declared to be arrays: short iterations make many of them."""
+    return frozenset(entry.name for entry in fields(kind) if entry.type == "Array")
+
+
 class Frozen:
     """What a frozen dataclass that holds arrays derives from: nobody can write to them, copied or not."""
 
     def __post_init__(self) -> None:
         """Make arrays of the fields that are declared so, read-only like those that are arrays already."""
-        for entry in fields(cast(Any, self)):
-            value = getattr(self, entry.name)
-            if isinstance(value, np.ndarray) or entry.type == "Array":
-                object.__setattr__(self, entry.name, read_only(np.asarray(value)))
+        kind: Any = type(self)
+        declared, held = _declared_arrays(kind), vars(self)
+        for name in [name for name, value in held.items() if isinstance(value, np.ndarray) or name in declared]:
+            held[name] = read_only(np.asarray(held[name]))
 
     __getstate__, __setstate__ = saved_state, restore_state

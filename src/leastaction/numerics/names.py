@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 
-from leastaction.errors import DescriptionError
+from leastaction.errors import ArgumentError, DescriptionError, brief
 
 
 def check_name(name: object, what: str) -> str:
@@ -16,6 +16,19 @@ def check_name(name: object, what: str) -> str:
     if not isinstance(name, str) or not name.strip():
         raise DescriptionError(f"{what}: a name is a string that is not empty, got {name!r}")
     return name
+
+
+def as_names(names: object, what: str, of: str) -> tuple[str, ...]:
+    """Return some names, or raise an `ArgumentError` if they are no list of words; ``of``: what they are names of."""
+    if isinstance(names, str):
+        raise ArgumentError(f"{what}: expected a list of {of}, got the string {names!r}")
+    if not isinstance(names, Iterable) or isinstance(names, (bytes, Mapping)):
+        raise ArgumentError(f"{what}: expected a list of {of}, got {brief(repr(names))}")
+    found = tuple(names)
+    for name in found:
+        if not isinstance(name, str):
+            raise ArgumentError(f"{what}: expected a list of {of} by name, got {brief(repr(name))} among them")
+    return found
 
 
 def matching(names: Sequence[str], pattern: str) -> list[int]:

@@ -83,7 +83,7 @@ class Interpolant:
         return values
 
 
-class Step:
+class OdeStep:
     """An accepted step, as a `March` gives it; its interpolant is to be asked for (first) before the next step.
 
     Attributes
@@ -177,14 +177,14 @@ class March:
         self._cause: str | None = None
         self._theirs: ValueError | None = None
 
-    def __iter__(self) -> Iterator[Step]:
+    def __iter__(self) -> Iterator[OdeStep]:
         """Make the steps."""
         # Only those who integrate pay for the import, of most of a second.
         kind = getattr(importlib.import_module("scipy.integrate"), self._solver)
         for begin, end in itertools.pairwise(self._stops):
             yield from self._segment(kind, begin, end)
 
-    def _segment(self, kind: Any, begin: float, end: float) -> Iterator[Step]:
+    def _segment(self, kind: Any, begin: float, end: float) -> Iterator[OdeStep]:
         """Integrate from one jump to the next."""
         steps = self._steps(kind, begin, begin, end)
         if self._passage is None:
@@ -207,9 +207,9 @@ class March:
         begin: float,
         end: float,
         before: tuple[float, Array, float | None],
-        step: Step,
-        steps: Iterator[Step],
-    ) -> tuple[list[Step], bool]:
+        step: OdeStep,
+        steps: Iterator[OdeStep],
+    ) -> tuple[list[OdeStep], bool]:
         """Return the steps through a fragile place that went least wrong, and whether to begin anew after them."""
         assert self._passage is not None
         best = self._try(step, steps)
@@ -235,7 +235,7 @@ class March:
         self._lost = self._lost + 1 if best.error > 1.0 else 0
         return best.steps, best is not first or best.shrunk
 
-    def _try(self, step: Step, steps: Iterator[Step]) -> _Trial:
+    def _try(self, step: OdeStep, steps: Iterator[OdeStep]) -> _Trial:
         """Go on from the first step into a fragile place until it is left."""
         passage = self._passage
         assert passage is not None
@@ -266,7 +266,7 @@ class March:
         end: float,
         fun: Callable[[float, Array], Array] | None = None,
         looser: float = 1.0,
-    ) -> Iterator[Step]:
+    ) -> Iterator[OdeStep]:
         """Integrate to a jump from a time after the jump before it, which is at ``first``."""
         fun = fun or self._fun
         low, high = min(first, end), math.nextafter(max(first, end), -math.inf)
@@ -324,7 +324,7 @@ class March:
             ) -> Interpolant:
                 return Interpolant(solver.dense_output(), start, t, past, change)
 
-            yield Step(start, t, raw, y, interpolate)
+            yield OdeStep(start, t, raw, y, interpolate)
             if change is not None:
                 shift += change
                 if hasattr(solver, "f"):
@@ -394,7 +394,7 @@ class March:
 class _Trial:
     """Steps through a fragile place, how wrong they went, where they came to, and whether they became too short."""
 
-    steps: list[Step]
+    steps: list[OdeStep]
     error: float
     state: tuple[float, Array, float | None]
     shrunk: bool

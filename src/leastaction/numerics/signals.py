@@ -40,7 +40,7 @@ def signal_rows(
     if shape is not None and len(shape) == 1:
         row = as_array(signal, what, (n,), meaning=f"a constant; rows are of shape ({N}, {n})", names=names)
         return np.tile(row, (N, 1))
-    rows = N + 1 if extra_row and shape is not None and shape[0] == N + 1 else N
+    rows = N + 1 if extra_row and shape and shape[0] == N + 1 else N
     values = as_array(signal, what, (rows, n), names=names)
     if rows > N:
         off = np.abs(values[0] - default)

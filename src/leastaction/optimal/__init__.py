@@ -43,14 +43,15 @@ if TYPE_CHECKING:
         solve_linear_quadratic,
         sweep_forward,
     )
-    from leastaction.optimal.discrete.projection import Projection
+    from leastaction.optimal.discrete.projection import ProjectionOperator
     from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
     from leastaction.optimal.limit_report import LimitReport, LimitState
     from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
     from leastaction.optimal.optimization import optimize, optimize_continuous
+    from leastaction.optimal.optimizer import Optimizer
+    from leastaction.optimal.options import Options
     from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
     from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Status
-    from leastaction.optimal.settings import Settings
     from leastaction.optimal.starts.coarse_to_fine import coarse_to_fine, resample
     from leastaction.optimal.starts.continuation import continuation
     from leastaction.optimal.starts.help import HelpedCost
@@ -79,14 +80,15 @@ else:
             "leastaction.optimal.discrete.linear_quadratic": (
                 "LinearQuadraticSolution adjoint regulate solve_linear_quadratic sweep_forward"
             ),
-            "leastaction.optimal.discrete.projection": "Projection",
+            "leastaction.optimal.discrete.projection": "ProjectionOperator",
             "leastaction.optimal.discrete.system": "DiscreteSystem Rollout WindowSystem",
             "leastaction.optimal.limit_report": "LimitReport LimitState",
             "leastaction.optimal.limits.limit": "Bound Equal Limit Within",
             "leastaction.optimal.optimization": "optimize optimize_continuous",
+            "leastaction.optimal.optimizer": "Optimizer",
+            "leastaction.optimal.options": "Options",
             "leastaction.optimal.quantity": "Entries FunctionQuantity Quantity",
             "leastaction.optimal.result": "IterationRecord OptimizationHistory OptimizationResult Status",
-            "leastaction.optimal.settings": "Settings",
             "leastaction.optimal.starts.coarse_to_fine": "coarse_to_fine resample",
             "leastaction.optimal.starts.continuation": "continuation",
             "leastaction.optimal.starts.help": "HelpedCost",
@@ -102,14 +104,15 @@ else:
 __all__ = [
     "Accuracy", "Bound", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
     "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Controllability",
-    "ControllabilityWindow", "Cost", "CostAlong", "CostGradient", "CostHessian", "DenseTrajectory", "DerivativeReport",
-    "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem",
-    "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit", "LimitReport", "LimitState",
-    "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem", "Linearization", "ModelHessian",
-    "OptimizationHistory", "OptimizationResult", "Parameter", "Periodic", "PiecewisePolynomial", "Projection",
-    "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout", "Settings", "StageRecord", "StageTable",
-    "StartResult", "StartStatus", "Status", "Unknown", "WindowCost", "WindowSystem", "Within", "adjoint",
-    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "cost_along", "optimize",
-    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
-    "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
+    "ControllabilityWindow", "Cost", "CostAlong", "CostGradient", "CostHessian", "DenseTrajectory",
+    "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem",
+    "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit",
+    "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem",
+    "Linearization", "ModelHessian", "OptimizationHistory", "OptimizationResult", "Optimizer", "Options",
+    "Parameter", "Periodic", "PiecewisePolynomial", "ProjectionOperator", "QuadraticCost", "Quantity", "RateGradient",
+    "RateHessian", "Rollout", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown",
+    "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives", "coarse_to_fine", "continuation",
+    "controllability", "cost_along", "optimize", "optimize_continuous", "receding_horizon", "regulate",
+    "regulate_continuous", "resample", "solve_continuous_linear_quadratic", "solve_linear_quadratic",
+    "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

@@ -51,7 +51,7 @@ class Refusal:
 
 
 @dataclass(frozen=True)
-class Step(Generic[Iterate]):
+class SearchStep(Generic[Iterate]):
     """An accepted step, or the failure to find one.
 
     Attributes
@@ -95,7 +95,7 @@ class LineSearch:
         bend: float = 0.0,
         max_backtracks: int,
         first: float = 1.0,
-    ) -> Step[Iterate]:
+    ) -> SearchStep[Iterate]:
         """Search from a trajectory, with this many shorter steps at most.
 
         ``simulate``: ``simulate(length, bound)`` returns the trajectory at a step length, or why it is refused; a cost
@@ -109,12 +109,12 @@ class LineSearch:
             expected = length * slope + 0.5 * length**2 * bend
             outcome = simulate(length, value + self.alpha * expected + noise)
             if isinstance(outcome, Trial):
-                return Step(outcome, length, trial + 1, refusal)
+                return SearchStep(outcome, length, trial + 1, refusal)
             refusal = outcome
             if outcome.hopeless or -expected <= noise:
                 break
             length *= self._factor(outcome.cost - value, length * slope)
-        return Step(None, 0.0, trial + 1, refusal)
+        return SearchStep(None, 0.0, trial + 1, refusal)
 
     def _factor(self, rise: float, linear: float) -> float:
         """Return where the parabola through the refused trial has its minimum, within limits."""

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.limit_report import LimitReport
 
 
 @dataclass(frozen=True)
 class Place(Frozen):
     """A trajectory that a run may go back to.
 
-    ``x`` (N+1, nx), ``u`` (N, nu): the trajectory. ``gain`` (N, nu, nx): by which it was reached. ``ease``: of its
-    stage. ``worst_step``: its coarsest step.
+    ``x`` (N+1, nx), ``u`` (N, nu): the trajectory. ``gain`` (N, nu, nx): by which it was reached. ``worst_step``: its
+    coarsest step.
     """
 
     x: Array
     u: Array
     gain: Array
-    ease: float
     worst_step: StepQuality | None
 
 
@@ -61,22 +61,67 @@ class Gaps(Frozen):
 
 
 @dataclass(frozen=True)
+class Resolved(Frozen):
+    """A search among the motions that the steps of time resolve.
+
+    ``before``: where it was stuck without that limit. ``angle``: how far a variable turned within a step there, or in
+    what was tried last (rad).
+    """
+
+    before: Place
+    angle: float
+
+
+@dataclass(frozen=True)
+class Nearer(Frozen):
+    """Where a search ended that did not meet all limits, and what is told of these: it may be nearer than the next."""
+
+    place: Place
+    limits: LimitReport
+
+
+@dataclass(frozen=True)
+class OnMesh(Frozen):
+    """Where a search on a mesh of a continuous horizon stands.
+
+    ``breaks`` (N+1,): ends of the pieces (s). ``x`` (N+1, nz), ``u`` (N, nv): states and inputs of the discrete system.
+    ``gain`` (N, nv, nz): by which it was reached. ``rounds``: how often the mesh was made finer. ``moved``: whether a
+    step was made on this one.
+    """
+
+    breaks: Array
+    x: Array
+    u: Array
+    gain: Array
+    rounds: int
+    moved: bool
+
+
+@dataclass(frozen=True)
 class Memory(Frozen):
     """What a run remembers of its way.
 
-    ``stride``, ``retries``: how much less ease the next stage has, and how often one may be made again. ``earlier``:
-    where it stood before it began again. ``sound``: where the last stage ended that ended well. ``start``: what it
-    began with, until another way is looked for from there. ``first``: the trajectory that it began with, until
-    Newton's method alone is tried from there. ``here``: where it stands, if what is returned is `earlier`. ``gaps``:
-    None of a trajectory. ``wanted``: what gaps are tried from once more.
+    ``taken``: names of the ways to begin again that it has taken. ``ease``: how much dearer inputs are in this stage
+    than asked for. ``start``: what it began with, until another way is looked for from there. ``wanted``: what gaps are
+    tried from once more. ``first``: the trajectory that it began with. ``gaps``: None of a trajectory. ``earlier``:
+    where it stood before there were gaps, which is what is returned until they are closed. ``resolved``: None where the
+    steps of time are no limit. ``nearer``: where it ended before prices were raised. ``mesh``: where the continuous
+    horizon is on one. ``still``: steps in a row that lowered the cost by no more than its noise. ``roughness``: what
+    the cost was seen to be off by. ``tells_saddles``: whether Newton's model does, in this stage; None of files from
+    before this was kept. ``remark``: what is to be said of the next iteration.
     """
 
-    stride: float = 1.0
-    retries: int = 0
-    earlier: Place | None = None
-    sound: Place | None = None
+    taken: tuple[str, ...] = ()
+    ease: float = 1.0
     start: Start | None = None
-    first: Start | None = None
-    here: Place | None = None
-    gaps: Gaps | None = None
     wanted: Start | None = None
+    first: Start | None = None
+    gaps: Gaps | None = None
+    earlier: Place | None = None
+    resolved: Resolved | None = None
+    nearer: Nearer | None = None
+    mesh: OnMesh | None = None
+    still: int = 0
+    roughness: float = 0.0
+    tells_saddles: bool | None = None
+    remark: str = ""

@@ -52,8 +52,6 @@ class Quantity(ABC):
     """The first instant at which a quantity of the state means something."""
     says_all: bool = False
     """Whether the names say all of a bound at zero."""
-    is_of_any_steps: bool = False
-    """Whether it is the same of a system whose steps of time are shorter."""
 
     def columns(self, nx: int, nu: int) -> Instants | None:  # noqa: ARG002 - overridden
         """Return the places in ``(x, u, x_next)`` on which it depends at all, in which its derivatives are given.
@@ -351,7 +349,6 @@ class FunctionQuantity(Quantity):
         self.of_state, self.unit = of_state, unit
         self._values, self._jacobian, self._curvature = values, jacobian, curvature
         self._indexed = indexed
-        self.is_of_any_steps = not indexed
 
     def values(self, at: Samples) -> Array:
         return np.asarray(self._called(at.k, self._joined(at), at.x.shape[1]), dtype=np.float64)

@@ -18,8 +18,8 @@ from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.memory import Memory
+from leastaction.optimal.options import Options
 from leastaction.optimal.schedule import NewtonSchedule
-from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import System
 
 
@@ -27,6 +27,10 @@ class Status(Enum):
     """How an optimisation ended; the value says what happened and what to try."""
 
     CONVERGED = "The expected decrease of the cost is below the tolerance."
+    RESOLVED = (
+        "A minimum among the motions that the steps of time resolve: the cost falls on towards others, which they "
+        "cannot follow (see the message)."
+    )
     STALLED = (
         "The cost cannot be lowered any more in double precision, though the expected decrease is "
         "above the tolerance. Take it as converged, or loosen the tolerance."
@@ -242,7 +246,7 @@ class OptimizationResult(Frozen, Savable):
         Seconds spent in "linearize", "curvature", "lq", "rollout" and in "total", in this run.
     rollouts : int
         Roll-outs tried in this run.
-    settings : Settings
+    settings : Options
         Settings of this run.
     projection_gain : ndarray (N, nu, nx)
         The gains by which the trajectory was reached. Resuming needs them to go on exactly. With unknowns they are by
@@ -278,7 +282,7 @@ class OptimizationResult(Frozen, Savable):
     history: OptimizationHistory
     timings: Mapping[str, float]
     rollouts: int
-    settings: Settings
+    settings: Options
     projection_gain: Array
     schedule: NewtonSchedule
     limits: LimitReport | None = field(default=None, kw_only=True)
@@ -366,8 +370,11 @@ class OptimizationResult(Frozen, Savable):
 
     @property
     def success(self) -> bool:
-        """Whether the trajectory is a local minimum to the accuracy asked for or possible."""
-        return self.status in (Status.CONVERGED, Status.STALLED)
+        """Whether the trajectory is a local minimum to the accuracy asked for or possible.
+
+        Of `Status.RESOLVED` among the motions that the steps of time resolve.
+        """
+        return self.status in (Status.CONVERGED, Status.STALLED, Status.RESOLVED)
 
     def __str__(self) -> str:
         lines = [

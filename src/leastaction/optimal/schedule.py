@@ -59,14 +59,6 @@ class NewtonSchedule:
         Whether the last step lowered the cost by what its model had foretold, or it begins at a minimum.
     method : str
         That of the last step.
-    again : bool
-        Whether the run has begun again.
-    finer : bool
-        Whether it has begun from what shorter steps of time led to.
-    newton : bool
-        Whether Newton's method is tried in every iteration.
-    ease : float
-        How much easier the problem of this stage is than the one that was asked for.
     spent : int
         Iterations in this stage.
     wary : bool
@@ -84,10 +76,6 @@ class NewtonSchedule:
     reach: float = 0.0
     holds: bool = False
     method: str = ""
-    again: bool = False
-    finer: bool = False
-    newton: bool = False
-    ease: float = 1.0
     spent: int = 0
     wary: bool = False
 

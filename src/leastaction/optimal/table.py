@@ -26,7 +26,7 @@ _COLUMNS = (
 )
 
 
-class Table:
+class PrintedTable:
     """Prints rows as they happen, under a heading; in colour on a terminal.
 
     ``columns``: headings and widths. ``file``: where to. ``then``: another callback, called after printing. Threads do
@@ -62,7 +62,7 @@ class Table:
         self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
 
 
-class IterationTable(Table):
+class IterationTable(PrintedTable):
     """Prints the iterations as they happen; give it to `optimize` as the callback, one for each run.
 
     A full step of a perfect model decreases the cost by half of what is expected. Where a step had to be cut, the step

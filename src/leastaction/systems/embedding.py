@@ -17,10 +17,10 @@ from leastaction.numerics.arrays import Array, as_array, as_number, require_inst
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import given_start
 from leastaction.optimal.optimization import optimize
+from leastaction.optimal.options import Method
 from leastaction.optimal.result import OptimizationResult, Status
-from leastaction.optimal.settings import Method
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import StageCallback, Stages, check_last_limits, check_options
+from leastaction.optimal.starts.stages import StageCallback, StartStages, check_last_limits, check_options
 from leastaction.systems.midpoint import MidpointSystem
 
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE
@@ -224,7 +224,7 @@ def _without_help(
     options: dict[str, Any],
 ) -> tuple[StartResult, bool]:
     """Return the motion without the help that the last stage still had, or that stage; and whether that is the end."""
-    stages = Stages(callback, found.stages)
+    stages = StartStages(callback, found.stages)
     start = helped.x, np.delete(helped.u, columns, axis=1)
 
     def keeps(result: OptimizationResult) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.optimal.collocation.limits import Points
-from leastaction.optimal.limits.limit import Horizon, Limit, When, Within, finer_instants
+from leastaction.optimal.limits.limit import Horizon, Limit, When, Within
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Instants, Quantity, Samples
 from leastaction.systems.continuous import MechanismSystem
@@ -208,6 +208,3 @@ class Keep(Limit):
         region = Outside(self.outside) if self.outside is not None else self.inside
         assert region is not None
         return Within(_PlaceOfFrame(mechanism, t, self, region), at=self.at).rows(system, first)
-
-    def refined(self, parts: int, N: int) -> Keep:
-        return replace(self, at=finer_instants(self.at, parts, N))

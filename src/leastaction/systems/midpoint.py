@@ -31,6 +31,7 @@ from leastaction.systems.quantities.discrete import KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers
 
+_RESOLVED = 0.7  # angle (rad) by which a variable may turn within a step that follows its motion
 _OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
 
 
@@ -115,18 +116,12 @@ class MidpointSystem(DiscreteSystem):
         check_window(start, stop, self.N)
         return self._remade(self.integrator, self.t[start : stop + 1], self._share(start))
 
-    def refined(self, parts: int) -> DiscreteSystem | None:
-        if type(self) is not MidpointSystem:
-            return super().refined(parts)
-        t = np.interp(np.arange(self.N * parts + 1) / parts, np.arange(self.N + 1), self.t)
-        return MidpointSystem(self.integrator, t, multipliers=self.multipliers)
-
-    def merged_inputs(self, u: Array, parts: int) -> Array:
-        """Return the means of inputs, and what is prescribed for the ends of steps as it is there."""
-        merged = super().merged_inputs(u, parts)
-        n = self.mechanism.n_inputs
-        merged[:, n:] = u[parts - 1 :: parts, n:]
-        return merged
+    def resolved_rates(self) -> tuple[tuple[str, ...], Array] | None:
+        """Return the angles, and what turns them as far as a step of time follows well; see `DiscreteSystem`."""
+        m = self.mechanism
+        turning = {name for joint in m.tree.joints if joint.twist[3:].any() for name in joint.variables}
+        names = tuple(name for name in m.variables if name in turning)
+        return (names, _RESOLVED / np.diff(self.t)[:, None]) if names else None
 
     def time(self, k: int) -> float:
         return float(self.t[k])

@@ -19,7 +19,7 @@ from leastaction.optimal.limits.limit import Bound
 from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import StageCallback, Stages, check_last_limits, check_options
+from leastaction.optimal.starts.stages import StageCallback, StartStages, check_last_limits, check_options
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.warm_starts import warm_start
@@ -105,7 +105,7 @@ def relax(
         start = initial if earlier is None else (earlier.x, earlier.u)
         return optimize(
             soft, cost, initial=start, max_iterations=stage_iterations, tolerance=stage_tolerance,
-            limits=options.get("limits", ()), shooting="single",
+            limits=options.get("limits", ()), shooting="single", without=["resolved"],
         )  # fmt: skip
 
     def residual(result: OptimizationResult) -> float:
@@ -208,7 +208,7 @@ def by_tensions(
         Q_final=_part(cost.Q_final, states),
     )
     limits = [] if least is None else [Bound(late, min=least, of="input")]
-    stages = Stages(callback)
+    stages = StartStages(callback)
     solve = partial(
         optimize, pulled, easier, initial=(x, with_tensions), limits=limits, max_iterations=stage_iterations,
         tolerance=stage_tolerance,
@@ -235,7 +235,7 @@ def _put_back(
     options: dict[str, Any],
 ) -> StartResult:
     """Return what a motion of another system leads to in the system itself, brought onto its constraints."""
-    stages = Stages(callback, found.stages)
+    stages = StartStages(callback, found.stages)
 
     def solve() -> OptimizationResult:
         start = warm_start((found.x, found.u), other, system)

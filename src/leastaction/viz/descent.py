@@ -14,7 +14,7 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.viz.figures import BLUE, GREEN, GREY, VERMILION, styled
-from leastaction.viz.panels import Row, legend_above, stack
+from leastaction.viz.panels import PanelRow, legend_above, stack
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,7 +61,7 @@ def plot_descent(
     if not names:
         raise ArgumentError("methods: got none, expected some of 'newton', 'quasi-newton', 'steepest'")
     curves = [cost_along(system, cost, initial, method=name, horizon=horizon) for name in names]
-    row = Row(count=len(curves), height=2.6, label="cost")
+    row = PanelRow(count=len(curves), height=2.6, label="cost")
     figure, ((*panels,),) = stack([row], title, xlabel="step length", headed=True)
     for curve, axes in zip(curves, panels, strict=True):
         axes.plot(curve.gamma, curve.cost, color=BLUE, linewidth=1.6, marker="o", markersize=3, label="cost", zorder=3)

@@ -14,7 +14,7 @@ from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.numerics.arrays import Array
 from leastaction.viz.figures import GREY, VERMILION, at_least, styled
-from leastaction.viz.panels import LINES, Row, legend_above, limit_time, stack
+from leastaction.viz.panels import LINES, PanelRow, legend_above, limit_time, stack
 from leastaction.viz.signals import Source, motion_of
 
 if TYPE_CHECKING:
@@ -69,7 +69,10 @@ def plot_energy(run: Source, *, title: str = "") -> Figure:
     """
     motion = motion_of(run, "plot_energy")
     found = work_and_energy(motion)
-    rows = [Row(count=1, height=2.2, label="energy (J)"), Row(count=1, height=1.1, label="balance (J)", starts=True)]
+    rows = [
+        PanelRow(count=1, height=2.2, label="energy (J)"),
+        PanelRow(count=1, height=1.1, label="balance (J)", starts=True),
+    ]
     figure, ((above,), (below,)) = stack(rows, title)
     energy = found.energy
     lines = {"kinetic": energy.kinetic, "potential": energy.potential, "total": energy.total, "work done": found.work}

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH: Final = 8.0  # of a figure, inches: about 800 pixels on a page
-_LEFT, _RIGHT, _TOP, _BARE, _BOTTOM = 0.78, 0.15, 0.62, 0.36, 0.5  # around all panels, inches; without a heading
+_LEFT, _RIGHT, _TOP, _BOTTOM = 0.78, 0.15, 0.34, 0.5  # around all panels, inches
+HEADING: Final = 0.29  # a line above all panels, inches
 _ACROSS, _DOWN, _BETWEEN = 0.5, 0.38, 0.62  # between panels, between rows of a group, between groups
 _TALL, _SMALL = 1.45, 0.95  # heights of panels
 _COLUMNS: Final = 4
@@ -37,7 +38,7 @@ LINES: Final[tuple[dict[str, Any], ...]] = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class PanelRow:
     """Panels beside each other. ``starts``: whether a group begins with it, ``label``: its axis."""
 
     count: int
@@ -48,14 +49,14 @@ class Row:
 
 
 def stack(
-    rows: Sequence[Row], title: str, *, xlabel: str = "time (s)", headed: bool = False
+    rows: Sequence[PanelRow], title: str, *, xlabel: str = "time (s)", headed: bool = False
 ) -> tuple[Figure, list[list[Axes]]]:
     """Return a figure and its panels, row by row, all over the same axis.
 
     The places are computed, not found by a layout engine, which takes longer than all the drawing. ``headed``: whether
     something stands above them even without a title.
     """
-    top = _TOP if title or headed else _BARE
+    top = _TOP + HEADING * (bool(title) + headed)
     gaps = [0.0, *(_BETWEEN if row.starts else _DOWN for row in rows[1:])]
     height = top + sum(row.height for row in rows) + sum(gaps) + _BOTTOM
     figure = new_figure(WIDTH, height, layout=None)
@@ -102,7 +103,7 @@ def signal_panels(
 
     A few signals share a panel, if not ``one_each``; many have small ones of their own.
     """
-    rows: list[Row] = []
+    rows: list[PanelRow] = []
     contents: list[list[Sequence[Signal]]] = []
     ranges: list[float] = []
     for group in groups:
@@ -110,14 +111,14 @@ def signal_panels(
         least = _LEAST * factor * max(float(np.ptp(signal.values)) for signal in group)
         label = axis_label(group[0].unit, group[0].kind)
         if len(group) == 1 or (len(group) <= _TOGETHER and not one_each):
-            rows.append(Row(count=1, height=_TALL, label=label))
+            rows.append(PanelRow(count=1, height=_TALL, label=label))
             contents.append([group])
             ranges.append(least)
             continue
         columns = min(len(group), _COLUMNS)
         for start in range(0, len(group), columns):
             part = group[start : start + columns]
-            rows.append(Row(count=len(part), height=_SMALL, label=label, starts=start == 0, columns=columns))
+            rows.append(PanelRow(count=len(part), height=_SMALL, label=label, starts=start == 0, columns=columns))
             contents.append([[signal] for signal in part])
             ranges.append(least)
     figure, lines = stack(rows, title, headed=headed)

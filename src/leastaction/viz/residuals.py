@@ -13,7 +13,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array
 from leastaction.viz.figures import GREY, PALE, styled
-from leastaction.viz.panels import LINES, Row, legend_above, limit_time, stack
+from leastaction.viz.panels import LINES, PanelRow, legend_above, limit_time, stack
 from leastaction.viz.signals import Source, motion_of, pretty
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def plot_residuals(run: Source, *, title: str = "") -> Figure:
     t, lacking = _lacking(motion)
     if lacking.size:
         sets.append(("equations (relative)", m.dynamic, t, lacking))
-    rows = [Row(count=1, height=1.5, label=label) for label, *_ in sets]
+    rows = [PanelRow(count=1, height=1.5, label=label) for label, *_ in sets]
     figure, panels = stack(rows, title)
     for (label, names, times, values), (axes,) in zip(sets, panels, strict=True):
         del label

@@ -18,7 +18,17 @@ from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.rigs.rig import Played
 from leastaction.viz.bounds import ACTIVE, LIMIT, DrawnBound, draw_bound, reported_bounds, stated_bounds
 from leastaction.viz.figures import ORANGE, at_least, styled
-from leastaction.viz.panels import LINES, Panel, by_unit, draw_line, limit_time, name_lines, signal_panels, widen
+from leastaction.viz.panels import (
+    HEADING,
+    LINES,
+    Panel,
+    by_unit,
+    draw_line,
+    limit_time,
+    name_lines,
+    signal_panels,
+    widen,
+)
 from leastaction.viz.signals import Drawn, Key, Signal, check_source, chosen, drawn_unit, inputs_of, states_of
 
 if TYPE_CHECKING:
@@ -92,7 +102,7 @@ def plot_run(
     for panel in panels:
         _draw(panel, compared, wanted, bounds)
         limit_time(panel.axes, run.t)
-    _explain(figure, panels, list(runs), wanted, bounds)
+    _explain(figure, panels, list(runs), wanted, bounds, has_title=bool(title))
     return figure
 
 
@@ -172,8 +182,10 @@ def _explain(
     runs: list[str],
     wanted: Mapping[Key, Signal],
     bounds: Mapping[Key, list[DrawnBound]],
+    *,
+    has_title: bool,
 ) -> None:
-    """Write once, in the upper right corner, what is drawn beside the lines."""
+    """Write once, above all panels, what is drawn beside the lines."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -189,4 +201,6 @@ def _explain(
     if any(bound.active.any() for bound in shown):
         handles.append(Patch(**{**ACTIVE, "label": "limit active"}))
     if handles:
-        figure.legend(handles=handles, loc="upper right", ncols=len(handles), borderaxespad=0.5)
+        below = HEADING / figure.get_size_inches()[1] if has_title else 0.0
+        corner = 1.0, 1.0 - below
+        figure.legend(handles=handles, ncols=len(handles), loc="upper right", bbox_to_anchor=corner, borderaxespad=0.4)

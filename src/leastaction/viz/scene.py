@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -143,6 +143,8 @@ class Scene:
         Names of the points whose paths are drawn.
     focus
         Name of the point that the camera follows; when empty it stays where it is.
+    base
+        Name of the frame of the world: shapes on it that are far from everything else do not count for the camera.
     ground
         Height of the floor, m; the lowest point of any bone when None.
     title
@@ -157,6 +159,8 @@ class Scene:
         Forces, joints, and when which limit is active.
     azimuth, elevation
         From where it is first seen: about the vertical from the x axis, and above the floor (degrees).
+    kinematics
+        How joints move the frames of what stands still, for the page's sliders; see `kinematics`.
 
     Raises
     ------
@@ -173,6 +177,7 @@ class Scene:
     error: Array | None = None
     traces: tuple[str, ...] = ()
     focus: str = ""
+    base: str = ""
     ground: float | None = None
     title: str = "leastaction"
     poses: Mapping[str, Array] = field(default_factory=dict)
@@ -183,6 +188,7 @@ class Scene:
     limits: tuple[ActiveLimit, ...] = ()
     azimuth: float = 50.0
     elevation: float = 9.0
+    kinematics: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         """Check names, shapes and values."""
@@ -231,6 +237,11 @@ class Scene:
     def followed(self) -> str:
         """Name of the point that the camera follows."""
         return self.focus or next(iter(self.points))
+
+    @property
+    def top_tension(self) -> float:
+        """The tension that is drawn in the strongest colour, N: all but half a percent of the time it is less."""
+        return max([1e-9, *(float(np.quantile(pull, 0.995)) for pull in (self.tension or {}).values())])
 
     def tension_at(self, name: str, times: Array) -> Array:
         """Return the tension of a cord at other times, (len(times),), N; 0 where it is unknown.

@@ -28,7 +28,7 @@ from leastaction.optimal.continuous import (
     solve_continuous_linear_quadratic,
 )
 from leastaction.optimal.continuous.problem import ContinuousProblem
-from leastaction.optimal.settings import Settings
+from leastaction.optimal.options import Options
 from optimal.continuous.systems import CartPendulum
 
 T = 3.0
@@ -119,7 +119,7 @@ def test_all_methods_find_the_same_trajectory(system):
 
 def _problem(system, regulator="descent"):
     """A problem at its first iterate, as the optimiser's loop sees it."""
-    settings = Settings(
+    settings = Options(
         method="auto",
         regulator=regulator,
         max_iterations=1,

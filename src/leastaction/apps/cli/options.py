@@ -12,7 +12,7 @@ from cyclopts import Group, Parameter, Token
 
 from leastaction.apps.choices import Axis, Follow, Heading, Strings
 from leastaction.errors import ArgumentError
-from leastaction.optimal.settings import Method
+from leastaction.optimal.options import Method
 
 if TYPE_CHECKING:
     from leastaction.apps.marionette.tracking import PuppetLimits

@@ -14,7 +14,7 @@ import numpy as np
 from leastaction.apps.marionette.markers import MARKERS
 from leastaction.apps.marionette.tracking.found import TrackingRun, held_error
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.apps.marionette.tracking.poses import PoseSearch
 from leastaction.apps.marionette.tracking.problem import ROOT, TrackingProblem
 from leastaction.apps.marionette.tracking.weights import FORCED, TrackingWeights
@@ -90,7 +90,7 @@ def resting(
     if instants < 1:
         raise ArgumentError(f"instants: got {instants}, expected 1 or more")
     limits = limits or run.limits or PuppetLimits()
-    plan = Plan(TrackingProblem(run.mechanism, run.motion, weights, 1, run.follow), weights, limits)
+    plan = TrackingPlan(TrackingProblem(run.mechanism, run.motion, weights, 1, run.follow), weights, limits)
     search = PoseSearch(plan)
     last = len(plan.t) - 1
     made = np.stack([run.trajectory[name] for name in plan.mechanism.variables], axis=1)

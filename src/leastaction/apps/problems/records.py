@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import UNSET, Meta, UnsetType
 
-from leastaction.optimal.settings import Method, Regulator
+from leastaction.optimal.options import Method, Regulator
 
 FORMAT = "problem 1"
 """What the first line of a file says: its kind, and the version of the format."""

@@ -47,11 +47,11 @@ def read_bvh(path: str | PathLike[str], *, fill: bool = True) -> Capture:
         what the format asks for at some line; the message names file, line, what was found and expected.
     """
     path = Path(path)
-    capture = _Reader(path, read_text(path, "a BVH")).read()
+    capture = _BvhReader(path, read_text(path, "a BVH")).read()
     return fill_gaps(capture) if fill else capture
 
 
-class _Reader(MotionText):
+class _BvhReader(MotionText):
     """One pass over the lines of a BVH file."""
 
     def __init__(self, path: Path, text: str) -> None:

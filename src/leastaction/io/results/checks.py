@@ -57,7 +57,11 @@ def check_result(result: OptimizationResult, source: str) -> None:
     }
     memory = result.memory
     if memory is not None:
-        places = {"earlier": memory.earlier, "sound": memory.sound, "here": memory.here, "gaps": memory.gaps}
+        places = {"earlier": memory.earlier, "gaps": memory.gaps}
+        if memory.resolved is not None:
+            places["resolved.before"] = memory.resolved.before
+        if memory.nearer is not None:
+            places["nearer.place"] = memory.nearer.place
         for where, place in places.items():
             if place is not None:
                 # With unknowns the states of a run are longer than those of its result.
@@ -67,7 +71,7 @@ def check_result(result: OptimizationResult, source: str) -> None:
                     f"memory.{where}.gain": (place.gain, (steps, nu, least)),
                 }
         if memory.first is not None:
-            shapes["memory.first.x"] = memory.first.x, (steps + 1, least)
+            shapes["memory.first.x"] = memory.first.x, (steps + 1, gains)
             shapes["memory.first.u"] = memory.first.u, (steps, nu)
         if memory.start is not None:
             start = memory.start.x

@@ -13,7 +13,7 @@ from leastaction.mechanics.configuration.constraint_projection import Constraint
 from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
 from leastaction.mechanics.configuration.null_space import Indices, free_variables, restoring, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_count, require_instance
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
 
 _VELOCITY_TOLERANCE = 1e-6  # of the rate of a constraint, relative to its terms (at least 1)
 
@@ -83,6 +83,7 @@ def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = 1
         variables brings it onto them.
     """
     require_instance(mechanism, "mechanism", Mechanism)
+    as_number(tolerance, "tolerance", above=0.0, below=1.0)
     values = mechanism.constraint_values(as_array(q, "q", (mechanism.nq,), names=mechanism.variables))
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q))
     if not np.all(np.abs(values) <= limits):
@@ -187,6 +188,8 @@ def project_configuration(
     start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
     free = free_variables(mechanism, hold, move_kinematic)
     as_count(attempts, "attempts", 1)
+    as_count(max_iterations, "max_iterations", 0)
+    as_number(tolerance, "tolerance", above=0.0, below=1.0)
     root = np.sqrt(_weights(mechanism, weights)[free])
     problem = ConstraintProjection(mechanism, start, free, root)
     q_near, iterations = problem.solve(tolerance, max_iterations, attempts)
@@ -242,6 +245,7 @@ def project_velocity(
         If the held velocities cannot be followed; carries Dh v by constraint name.
     """
     require_instance(mechanism, "mechanism", Mechanism)
+    as_number(tolerance, "tolerance", above=0.0, below=1.0)
     given = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
     jacobian = mechanism.constraint_jacobian(q)
     free = free_variables(mechanism, hold, move_kinematic)

@@ -12,7 +12,7 @@ from leastaction.errors import ContradictoryConstraintsError, worst_first
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
 from leastaction.mechanics.configuration.null_space import free_variables, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
 
 # Part of the largest that counts as a part in a contradiction.
 _PART = 1e-3
@@ -82,6 +82,8 @@ def find_contradiction(
     Contradiction or None
         None if the constraints can be met, or if no point of least residual was found.
     """
+    require_instance(mechanism, "mechanism", Mechanism)
+    as_number(tolerance, "tolerance", above=0.0, below=1.0)
     start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
     free = free_variables(mechanism, hold, move_kinematic)
     if not mechanism.nc:

@@ -34,7 +34,7 @@ from leastaction.mechanics.configuration.null_space import (
 )
 from leastaction.mechanics.mechanism.arguments import inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_instance
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number, require_instance
 from leastaction.numerics.frozen import Frozen
 
 Kind = Literal["minimum", "any"]
@@ -144,6 +144,7 @@ def equilibrium(
     require_instance(mechanism, "mechanism", Mechanism)
     as_choice(kind, "kind", get_args(Kind))
     as_number(tolerance, "tolerance", above=0.0, below=1.0)
+    as_count(max_iterations, "max_iterations", 0)
     u = inputs_of(mechanism, inputs)
     start = as_array(q_guess, "q_guess", (mechanism.nq,), names=mechanism.variables)
     search = _Search(mechanism, free_variables(mechanism, hold), u)
@@ -203,7 +204,8 @@ class _Search:
             saddle = kind == "minimum" and bool(np.any(values < -flat))
             if at_rest and not saddle:
                 # Beside a kink the stiffness has no bound, and any force is small against it.
-                if float(np.abs(point.along).max(initial=0.0)) > _REST * point.load and near_a_kink(self.m, point.q):
+                net, rounding = float(np.abs(point.along).max(initial=0.0)), float(np.spacing(point.size))
+                if net > max(_REST * point.load, rounding) and near_a_kink(self.m, point.q):
                     raise self.error(point, iteration, "the potential or a force has no slope where it led")
                 return self.result(point, iteration)
             if iteration == max_iterations:

@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from leastaction.errors import ArgumentError, unknown
+from leastaction.errors import unknown
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, as_flag
+from leastaction.numerics.names import as_names
 
 Indices = NDArray[np.intp]
 
@@ -48,8 +49,8 @@ def free_variables(mechanism: Mechanism, hold: Sequence[str], move_kinematic: bo
     ``hold``: variables that must not move. ``move_kinematic``: let the kinematic variables move too. Raises
     `ArgumentError` for an unknown name.
     """
-    if isinstance(hold, str):
-        raise ArgumentError(f"hold: expected a list of variables, got the string {hold!r}")
+    hold = as_names(hold, "hold", "variables")
+    as_flag(move_kinematic, "move_kinematic")
     for name in hold:
         if name not in mechanism.variables:
             raise unknown("variable", name, mechanism.variables, "hold")

@@ -11,7 +11,7 @@ from leastaction.mechanics.continuous.equations import Equations
 from leastaction.mechanics.continuous.events import Watched
 from leastaction.mechanics.continuous.stabilisation import Drift, rates
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.ode import IntegrationFailed, Interpolant, March, Step
+from leastaction.numerics.ode import IntegrationFailed, Interpolant, March, OdeStep
 
 _AT_ONCE = 1e-12  # after the start, relative to its time (at least 1 s): as good as at the start
 
@@ -81,7 +81,7 @@ class Progress:
         """What it has taken."""
         return SolverCounts(self.march.steps, self.march.evaluations, self.march.jacobians)
 
-    def _accept(self, step: Step) -> None:
+    def _accept(self, step: OdeStep) -> None:
         """Take from a step what is asked for."""
         e, times = self.equations, self.times
         inside = times[(times > step.start) & (times <= step.end)]

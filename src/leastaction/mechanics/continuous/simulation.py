@@ -35,6 +35,7 @@ from leastaction.numerics.ode import SOLVERS, March, Passage
 from leastaction.numerics.signals import StateLaw
 
 _SHOWN = 8  # variables of a state that a message lists
+_SHORTEST = 1e-9  # of the whole time: shorter steps never end
 
 
 def simulate(
@@ -270,6 +271,11 @@ def _options(
             continue
         if as_number(value, name) <= 0.0:
             raise ArgumentError(f"{name}: got {value} s, expected a positive time")
+        if value < _SHORTEST * span:
+            raise ArgumentError(
+                f"{name}: got {value} s, which makes {span / value:.2g} steps of {span:g} s; expected at least "
+                f"{_SHORTEST * span:.2g} s"
+            )
         if name == "first_step" and value > span:
             raise ArgumentError(f"first_step: got {value} s, expected at most the {span:g} s of t")
         options[name] = float(value)

@@ -12,7 +12,7 @@ from leastaction.errors import DescriptionError
 from leastaction.mechanics.description.branch import Branch, check_once, preorder, read_nested
 from leastaction.mechanics.description.frames import PRIMITIVES, Frame, Group
 from leastaction.mechanics.description.poses import constant_matrix, exponential
-from leastaction.mechanics.description.tree import WORLD, Ball, Joint, Tree, TreeFrame
+from leastaction.mechanics.description.tree import WORLD, BallAngles, Tree, TreeFrame, TreeJoint
 from leastaction.numerics.arrays import Array
 
 _EYE = np.eye(4)
@@ -76,7 +76,7 @@ def frame_names(world: str, frames: Sequence[Frame], parents: Sequence[int]) -> 
 def place_frames(names: Sequence[str], frames: Sequence[Frame], parents: Sequence[int]) -> Tree:
     """Return the tree of frames with settled names; the world has the first, and parent 0."""
     placed = [TreeFrame(names[0], -1, Frame("world", matrix=_EYE, name=names[0]), WORLD, _EYE)]
-    joints: list[Joint] = []
+    joints: list[TreeJoint] = []
     kinds: dict[str, tuple[bool, str]] = {}
     for name, frame, parent in zip(names[1:], frames, parents, strict=True):
         carrier = placed[parent]
@@ -89,7 +89,7 @@ def place_frames(names: Sequence[str], frames: Sequence[Frame], parents: Sequenc
         for variable in variables:
             _same_kind(kinds, variable, variable in frame.kinematic, name)
         joints.append(
-            Joint(
+            TreeJoint(
                 frame=len(placed),
                 parent=carrier.joint,
                 pose=carrier.pose,
@@ -117,7 +117,7 @@ def place_frames(names: Sequence[str], frames: Sequence[Frame], parents: Sequenc
     )
 
 
-def _massive_first(frames: list[TreeFrame], joints: list[Joint]) -> tuple[list[TreeFrame], list[Joint]]:
+def _massive_first(frames: list[TreeFrame], joints: list[TreeJoint]) -> tuple[list[TreeFrame], list[TreeJoint]]:
     """Put the joints with a mass somewhere behind them before those without."""
     massive = [False] * len(joints)
     for at in frames:
@@ -138,7 +138,7 @@ def _massive_first(frames: list[TreeFrame], joints: list[Joint]) -> tuple[list[T
 
 def _balls(
     frames: Sequence[TreeFrame], compositions: Sequence[tuple[Group, tuple[int, ...]]], dynamic: Sequence[str]
-) -> tuple[Ball, ...]:
+) -> tuple[BallAngles, ...]:
     balls = []
     for group, indices in compositions:
         if len(group.axes) != 3:
@@ -146,7 +146,7 @@ def _balls(
         turns = [frames[index].frame.coordinate for index in indices[-3:]]
         outer, middle, inner = (turn for turn in turns if turn is not None)
         balls.append(
-            Ball(
+            BallAngles(
                 name=group.name,
                 angles=(outer, middle, inner),
                 singular=0.0 if group.axes[0] == group.axes[2] else np.pi / 2.0,

@@ -42,7 +42,7 @@ class TreeFrame:
 
 
 @dataclass(frozen=True)
-class Joint:
+class TreeJoint:
     """A joint of the flattened tree.
 
     ``frame``: index of the frame that it moves. ``parent``: the joint before it, -1 for the world. ``pose``: its base
@@ -66,7 +66,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Ball:
+class BallAngles:
     """Three rotations one behind the other, of a `ball` or a `free` joint.
 
     ``name``: name of the joint. ``angles``: the outer, middle and inner angle (rad). ``singular``: its angles are not
@@ -96,11 +96,11 @@ class Tree:
     """
 
     frames: tuple[TreeFrame, ...]
-    joints: tuple[Joint, ...]
+    joints: tuple[TreeJoint, ...]
     dynamic: tuple[str, ...]
     kinematic: tuple[str, ...]
     compositions: tuple[tuple[Group, tuple[int, ...]], ...]
-    balls: tuple[Ball, ...]
+    balls: tuple[BallAngles, ...]
 
     @cached_property
     def index(self) -> dict[str, int]:

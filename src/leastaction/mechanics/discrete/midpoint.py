@@ -51,6 +51,8 @@ from leastaction.numerics.arrays import (
     as_time_step,
     require_instance,
 )
+from leastaction.numerics.frozen import made
+from leastaction.numerics.names import as_names
 
 Split = Literal["symmetric", "left"]
 
@@ -104,6 +106,7 @@ class MidpointVI(Integrator):
         steps = as_count(max_iterations, "max_iterations", 1)
         self.max_iterations = steps
         self.at_instants = _checked_instants(mechanism, at_instants)
+        self.reels = any(element.length_variable is not None for element in mechanism.elements.values())
         self.watch = SingularityWatch(mechanism.balls, mechanism.variables)
         late = [mechanism.inputs.index(name) for name in self.at_instants]
         self.core = _core.Midpoint(mechanism.core, _core.Split[split], self.tolerance, steps, at_instants=late)
@@ -149,17 +152,19 @@ class MidpointVI(Integrator):
         """
         m = self.mechanism
         q0 = as_array(q, "q", (m.nq,), names=m.variables)
-        check_lengths(m, q0[None, :], np.array([t]))
-        check_consistent(m, q0)
+        if self.reels:
+            check_lengths(m, q0[None, :], np.array([t]))
+        if m.nc:
+            check_consistent(m, q0)
         if v is not None and p is not None:
             raise ArgumentError("start: got both v and p; give the velocity or the momentum")
         if p is not None:
             momentum = as_array(p, "p", (m.nd,), names=m.dynamic)
-            return State(as_number(t, "t"), q0.copy(), momentum.copy(), np.zeros(m.nrho))
+            return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, np.zeros(m.nrho))))
         v0 = np.zeros(m.nq) if v is None else as_array(v, "v", (m.nq,), names=m.variables)
         check_velocity(m, q0, v0)
-        momentum = as_array(m.momentum(q0, v0)[: m.nd], "momentum", (m.nd,), names=m.dynamic)
-        return State(as_number(t, "t"), q0.copy(), momentum, v0[m.nd :].copy())
+        momentum = as_array(m.core.gradient(q0, v0)[1][: m.nd], "momentum", (m.nd,), names=m.dynamic)
+        return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, v0[m.nd :])))
 
     def start_from_configurations(
         self, q0: ArrayLike, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
@@ -222,19 +227,25 @@ class MidpointVI(Integrator):
         check_state(state)
         h = as_time_step(dt)
         u = inputs_of(m, inputs)
-        rho = state.q[m.nd :] if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
-        t = np.array([as_number(state.t, "state.t"), state.t + h])
-        check_lengths(m, np.concatenate([state.q[: m.nd], rho])[None, :], t[1:])
-        out = self.core.roll_out(t, vector_of(m, state), None, np.concatenate([u, rho])[None, :], None)
+        start = vector_of(m, state)
+        rho = start[m.nd : m.nq] if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
+        begin = as_number(state.t, "state.t")
+        t = np.array((begin, begin + h))
+        if self.reels:
+            check_lengths(m, np.concatenate((start[: m.nd], rho))[None, :], t[1:])
+        controls = np.concatenate((u, rho)) if m.nrho else u
+        out = self.core.roll_out(t, start, None, controls[None, :], None)
         if out.steps < 1:
             raise step_error(m, out, state, rho)
         x = out.x[1]
         # The start is the end of the step before, which has told of it.
-        self.watch.look(t[1:], x[None, : m.nq], before=state.q)
+        if self.watch.balls:
+            self.watch.look(t[1:], x[None, : m.nq], before=state.q)
         quality = quality_of(m, out, t)
         if quality is not None and quality.is_coarse:
             warnings.warn(str(quality), CoarseStepWarning, stacklevel=2)
-        return Step(state_of(m, float(t[1]), x), out.lam[0], out.iterations, quality)
+        end = state_of(m, begin + h, x)
+        return made(Step, state=end, lam=out.lam[0], iterations=out.iterations, quality=quality)
 
     simulate = simulation.simulate
 
@@ -261,7 +272,7 @@ class MidpointVI(Integrator):
 
 
 def _checked_instants(mechanism: Mechanism, names: Sequence[str]) -> tuple[str, ...]:
-    for name in names:
+    for name in as_names(names, "at_instants", "inputs"):
         if name not in mechanism.inputs:
             raise ArgumentError(f"at_instants: got {name!r}; {closest(name, mechanism.inputs, what='inputs')}")
     late = set(names)

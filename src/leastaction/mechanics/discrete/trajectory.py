@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
@@ -13,8 +14,10 @@ from leastaction.mechanics.discrete.tensions import tensions
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
+from leastaction.mechanics.mechanism.reactions import reactions
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.numerics.frozen import made
 from leastaction.numerics.step_quality import StepQuality
 
 _LOOKS = 7  # instants at which a run is asked for equations that are redundant
@@ -27,6 +30,10 @@ class SimulationStatus(Enum):
     UNBALANCED = (
         "every step was solved, but energy was lost or gained beside the work that was done: do not trust the motion "
         "from there on. Try a smaller time step, or a start that stays away from where constraints lose rank"
+    )
+    ROUNDED = (
+        "every step was solved, but so far from the origin that rounding eats the motion. Measure variables from "
+        "somewhere nearer, or take longer steps"
     )
     STEP_FAILED = (
         "a step could not be solved: the trajectory ends before it. Try a smaller time step, smoother "
@@ -60,13 +67,18 @@ class State(BaseState):
 
 def state_of(mechanism: Mechanism, t: float, x: Array) -> State:
     """Return a state vector (nx,) at time t as a `State`, with memory of its own."""
-    m = mechanism
-    q, p, v_rho = np.split(x.copy(), [m.nq, m.nq + m.nd])
-    return State(t, q, p, v_rho)
+    m, own = mechanism, x.copy()
+    own.setflags(write=False)
+    return made(State, t=t, q=own[: m.nq], p=own[m.nq : m.nq + m.nd], v_rho=own[m.nq + m.nd :])
 
 
 def vector_of(m: Mechanism, state: State) -> Array:
     """Return a `State` as a vector (nx,), checked."""
+    q, p, v_rho = state.q, state.p, state.v_rho
+    if q.shape == (m.nq,) and p.shape == (m.nd,) and v_rho.shape == (m.nrho,):
+        x = np.concatenate((q, p, v_rho))
+        if x.dtype == np.float64 and math.isfinite(np.vdot(x, x)):
+            return x
     return np.concatenate(
         [
             as_array(state.q, "state.q", (m.nq,), names=m.variables),
@@ -185,12 +197,34 @@ class Trajectory(BaseTrajectory[State]):
         return State(float(self.t[k]), self.q[k], self.p[k], self.v_rho[k])
 
     def velocity(self, name: str) -> Array:
-        """Return the velocity (N,) of a variable by name, over each step (m/s or rad/s)."""
-        return self.v[:, self._variable(name)]
+        """Return the velocity (N,) of a variable by name, over each step (m/s or rad/s).
+
+        Or of a frame, (N, 6) at the middle of each step: of its origin (m/s), and angular (rad/s), in world axes.
+        """
+        return self._velocity(name, 0.5 * (self.q[1:] + self.q[:-1]), self.v)
 
     def energy(self) -> Energy:
         """Return the energy at the midpoint of every step, arrays (N,) (J)."""
         return self.mechanism.energy(0.5 * (self.q[1:] + self.q[:-1]), self.v)
+
+    def reactions(self) -> dict[str, Array]:
+        """Return the wrench in every joint at the instants between two steps, ``t[1:-1]``.
+
+        With velocities and accelerations from the differences of the steps beside each, so to the second order in them;
+        of what is prescribed too.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (N-1, 6)
+            By the frame that the joint moves: the force (N), then the torque (N m) about the origin of that frame, in
+            world axes, with which what is before the joint acts on what is behind it. Drives, springs and friction of
+            the joint itself are part of it.
+        """
+        dt = np.diff(self.t)[:, None]
+        held = 0.5 * (dt[1:] + dt[:-1])
+        v, u = self.v, 0.5 * (self.inputs[1:] + self.inputs[:-1])
+        middle, a = 0.5 * (v[1:] + v[:-1]), (v[1:] - v[:-1]) / held
+        return reactions(self.mechanism, self.q[1:-1], middle, a, u, -self.lam[1:] / held)
 
     def tensions(self) -> dict[str, Array]:
         """Return the tension of every string over each step: `strings.tensions` says what counts as one.

@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from leastaction.errors import DescriptionError, brief
-from leastaction.mechanics.expressions.symbols import Coordinate, Quantity, Rate, sympified
+from leastaction.mechanics.expressions.symbols import Coordinate, MechanismSymbol, Rate, sympified
 
 # The operation of each function; those in the second table are one over it.
 FUNCTIONS: dict[Any, str] = {
@@ -53,9 +53,9 @@ NOT_SMOOTH = (
 def check_expression(expression: Any, what: str, *, allowed: Sequence[sympy.Symbol] | None = None) -> sympy.Expr:
     """Return an expression that a tape can hold, or raise an error that names the part that it cannot.
 
-    ``what``: what it belongs to, for messages. ``allowed``: the symbols that may occur. By default every `Quantity`.
-    Raises `DescriptionError` for text, matrices and truth values; plain symbols; numbers that are infinite or not real;
-    functions that are unknown or have a jump or a kink.
+    ``what``: what it belongs to, for messages. ``allowed``: the symbols that may occur. By default every
+    `MechanismSymbol`. Raises `DescriptionError` for text, matrices and truth values; plain symbols; numbers that are
+    infinite or not real; functions that are unknown or have a jump or a kink.
     """
     if isinstance(expression, str):
         raise DescriptionError(
@@ -79,10 +79,10 @@ def check_expression(expression: Any, what: str, *, allowed: Sequence[sympy.Symb
 
 def _check_part(part: sympy.Basic, what: str, allowed: Sequence[sympy.Symbol] | None) -> None:
     if isinstance(part, sympy.Symbol):
-        fits = isinstance(part, Quantity) if allowed is None else part in allowed
+        fits = isinstance(part, MechanismSymbol) if allowed is None else part in allowed
         if fits:
             return
-        if isinstance(part, Quantity):
+        if isinstance(part, MechanismSymbol):
             raise DescriptionError(f"{what}: {part} is not an argument of this function")
         hint = (
             f"write variable({part.name!r}), input_({part.name!r}) or "

@@ -10,7 +10,7 @@ import sympy
 
 from leastaction.errors import DescriptionError, brief
 from leastaction.mechanics.expressions.checks import check_expression
-from leastaction.mechanics.expressions.symbols import Coordinate, Quantity, Rate
+from leastaction.mechanics.expressions.symbols import Coordinate, MechanismSymbol, Rate
 from leastaction.mechanics.expressions.tape_compiler import TapeCode, compile_tape
 from leastaction.numerics.names import check_name
 
@@ -63,7 +63,7 @@ def compile_expression(expression: Any, *, what: str = "the expression") -> Comp
     """
     scalar = _without_marks(check_expression(expression, what))
     for part in sympy.preorder_traversal(scalar):
-        if isinstance(part, Rate) or (isinstance(part, Quantity) and part.role == "input"):
+        if isinstance(part, Rate) or (isinstance(part, MechanismSymbol) and part.role == "input"):
             raise DescriptionError(
                 f"{what}: {brief(part)} occurs where only the configuration may; rates and inputs belong into an "
                 "ExpressionForce, and a prescribed motion is a kinematic variable"
@@ -77,8 +77,8 @@ def compile_expression(expression: Any, *, what: str = "the expression") -> Comp
     points = tuple(dict.fromkeys(symbol.of[0] for symbol in found["point"]))
     directions = tuple(dict.fromkeys(symbol.of[:2] for symbol in found["direction"]))
     arguments = [
-        *(Quantity("point", frame, axis) for frame in points for axis in range(3)),
-        *(Quantity("direction", *of, axis) for of in directions for axis in range(3)),
+        *(MechanismSymbol("point", frame, axis) for frame in points for axis in range(3)),
+        *(MechanismSymbol("direction", *of, axis) for of in directions for axis in range(3)),
         *found["variable"],
         *found["parameter"],
     ]
@@ -101,7 +101,7 @@ def compile_force(expression: Any, along: Any, *, what: str = "the force") -> Co
     """
     first = along
     if isinstance(along, str):
-        first = Quantity("variable", check_name(along, f"{what}: along"))
+        first = MechanismSymbol("variable", check_name(along, f"{what}: along"))
     split = _Split()
     split.symbol(_without_marks(check_expression(first, f"{what}: along")))
     scalar = check_expression(expression, what)
@@ -148,7 +148,7 @@ class _Split:
             return self.rates[at]
         if isinstance(part, Coordinate):
             return self.symbol(_without_marks(part.args[0]))
-        if part in self.coordinates or (isinstance(part, Quantity) and part.role == "variable"):
+        if part in self.coordinates or (isinstance(part, MechanismSymbol) and part.role == "variable"):
             return self.symbol(part)
         if part.is_Atom and not _is_place(part):
             return part
@@ -194,7 +194,7 @@ def _is_place(part: sympy.Expr) -> bool:
     symbols = part.free_symbols
     return (
         bool(symbols)
-        and all(isinstance(symbol, Quantity) and symbol.role in PLACES for symbol in symbols)
+        and all(isinstance(symbol, MechanismSymbol) and symbol.role in PLACES for symbol in symbols)
         and not part.has(Rate, Coordinate)
     )
 
@@ -203,16 +203,18 @@ def _without_marks(part: sympy.Expr) -> sympy.Expr:
     return part.replace(Coordinate, lambda argument: argument)
 
 
-def _by_role(part: sympy.Expr) -> dict[str, list[Quantity]]:
+def _by_role(part: sympy.Expr) -> dict[str, list[MechanismSymbol]]:
     """Return the quantities of an expression by role, in an order that is always the same."""
-    roles: dict[str, list[Quantity]] = {role: [] for role in ("point", "direction", "variable", "input", "parameter")}
-    quantities = (symbol for symbol in part.free_symbols if isinstance(symbol, Quantity))
+    roles: dict[str, list[MechanismSymbol]] = {
+        role: [] for role in ("point", "direction", "variable", "input", "parameter")
+    }
+    quantities = (symbol for symbol in part.free_symbols if isinstance(symbol, MechanismSymbol))
     for symbol in sorted(quantities, key=lambda symbol: symbol.name):
         roles[symbol.role].append(symbol)
     return roles
 
 
-def _parameters(symbols: Iterable[Quantity], what: str) -> tuple[tuple[str, float], ...]:
+def _parameters(symbols: Iterable[MechanismSymbol], what: str) -> tuple[tuple[str, float], ...]:
     parameters = tuple((symbol.of[0], symbol.of[1]) for symbol in symbols)
     _one_value(what, parameters)
     return parameters

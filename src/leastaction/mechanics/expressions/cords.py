@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from leastaction.mechanics.expressions.symbols import Quantity
+from leastaction.mechanics.expressions.symbols import MechanismSymbol
 from leastaction.numerics.arrays import Array
 
 
@@ -44,7 +44,7 @@ def cord_of(expression: Any) -> Cord | None:
             symbol = pieces.setdefault((frames[0], frames[1]), sympy.Dummy(positive=True))
             known[root] = symbol ** (2 * root.exp)
     rest = _without_squares(expression.xreplace(known), pieces)
-    others = sorted((each for each in rest.free_symbols if isinstance(each, Quantity)), key=str)
+    others = sorted((each for each in rest.free_symbols if isinstance(each, MechanismSymbol)), key=str)
     if not pieces or any(each.role not in ("variable", "parameter") for each in others):
         return None
     slopes = [sympy.diff(rest, symbol) for symbol in pieces.values()]
@@ -59,7 +59,7 @@ def _without_squares(expression: Any, pieces: dict[tuple[str, str], Any]) -> Any
     if len(frames) != 2:
         return expression
     expanded = sympy.expand(expression)
-    factor = expanded.coeff(Quantity("point", frames[0], 0), 2)
+    factor = expanded.coeff(MechanismSymbol("point", frames[0], 0), 2)
     rest = sympy.expand(expanded - factor * _squared(*frames))
     if any(getattr(each, "role", "") == "point" for each in rest.free_symbols | factor.free_symbols):
         return expression
@@ -67,4 +67,4 @@ def _without_squares(expression: Any, pieces: dict[tuple[str, str], Any]) -> Any
 
 
 def _squared(frame1: str, frame2: str) -> Any:
-    return sum((Quantity("point", frame1, i) - Quantity("point", frame2, i)) ** 2 for i in range(3))
+    return sum((MechanismSymbol("point", frame1, i) - MechanismSymbol("point", frame2, i)) ** 2 for i in range(3))

@@ -13,7 +13,7 @@ import sympy
 AXES = "xyz"
 
 
-class Quantity(sympy.Symbol):  # type: ignore[misc]
+class MechanismSymbol(sympy.Symbol):  # type: ignore[misc]
     """A real symbol that stands for something of a mechanism; equal to any other of the same meaning.
 
     ``role``: ``"point"``, ``"direction"``, ``"variable"``, ``"input"`` or ``"parameter"``. ``of``: what of that kind:
@@ -26,7 +26,7 @@ class Quantity(sympy.Symbol):  # type: ignore[misc]
     role: str
     of: tuple[Any, ...]
 
-    def __new__(cls, role: str, *of: Any) -> Quantity:
+    def __new__(cls, role: str, *of: Any) -> MechanismSymbol:
         """Make the symbol of a role and what it is of."""
         # The text is what SymPy compares and sorts by, so it must tell every meaning apart; it reads like
         # the call that makes the symbol.
@@ -35,7 +35,7 @@ class Quantity(sympy.Symbol):  # type: ignore[misc]
             text = f"{role}({', '.join(map(_shown, what))}).{AXES[axis]}"
         else:
             text = f"{role}({', '.join(map(_shown, of))})"
-        symbol: Quantity = super().__new__(cls, text, real=True)
+        symbol: MechanismSymbol = super().__new__(cls, text, real=True)
         symbol.role = role
         symbol.of = of
         return symbol

@@ -29,7 +29,7 @@ from leastaction.numerics.names import check_name
 if TYPE_CHECKING:
     import sympy
 
-    from leastaction.mechanics.expressions.symbols import Quantity
+    from leastaction.mechanics.expressions.symbols import MechanismSymbol
 
 UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -49,7 +49,7 @@ def point(frame: str) -> sympy.Matrix:
     """
     check_name(frame, "point: the frame")
     module = symbols()
-    return module.sympy.ImmutableMatrix([module.Quantity("point", frame, axis) for axis in range(3)])
+    return module.sympy.ImmutableMatrix([module.MechanismSymbol("point", frame, axis) for axis in range(3)])
 
 
 def direction(frame: str, vector: str | ArrayLike) -> sympy.Matrix:
@@ -74,7 +74,7 @@ def direction(frame: str, vector: str | ArrayLike) -> sympy.Matrix:
     check_name(frame, "direction: the frame")
     unit = unit_vector(frame, vector)
     module = symbols()
-    return module.sympy.ImmutableMatrix([module.Quantity("direction", frame, unit, axis) for axis in range(3)])
+    return module.sympy.ImmutableMatrix([module.MechanismSymbol("direction", frame, unit, axis) for axis in range(3)])
 
 
 def unit_vector(frame: str, vector: str | ArrayLike) -> tuple[float, ...]:
@@ -113,17 +113,17 @@ def distance(frame1: str, frame2: str) -> sympy.Expr:
     return symbols().sympy.sqrt(sum(component**2 for component in between))
 
 
-def variable(name: str) -> Quantity:
+def variable(name: str) -> MechanismSymbol:
     """Return the symbol of a configuration variable (m or rad), dynamic or kinematic."""
     return _quantity("variable", name)
 
 
-def input_(name: str) -> Quantity:
+def input_(name: str) -> MechanismSymbol:
     """Return the symbol of an input; new with the force that uses it, or shared with others of that name."""
     return _quantity("input", name)
 
 
-def parameter(name: str, value: float) -> Quantity:
+def parameter(name: str, value: float) -> MechanismSymbol:
     """Return the symbol of a named number.
 
     Parameters
@@ -182,9 +182,9 @@ def symbols() -> ModuleType:
     return module
 
 
-def _quantity(role: str, name: str, *more: Any) -> Quantity:
+def _quantity(role: str, name: str, *more: Any) -> MechanismSymbol:
     check_name(name, f"{role}: the name")
-    made: Quantity = symbols().Quantity(role, name, *more)
+    made: MechanismSymbol = symbols().MechanismSymbol(role, name, *more)
     return made
 
 

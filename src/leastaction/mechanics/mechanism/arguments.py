@@ -66,7 +66,7 @@ def batch(m: Compiled, q: ArrayLike, what: str = "q", *, rows: int | None = None
 def batch_of_states(m: Compiled, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array, bool]:
     """Return q and v as (N, nq), and whether it was a single state."""
     values, one = batch(m, q)
-    return values, batch(m, v, "v", rows=None if one else len(values))[0], one
+    return values, single(m, v, "v")[None, :] if one else as_array(v, "v", (len(values), m.nq), names=m.variables), one
 
 
 def shaped(result: Array, one: bool) -> Array:
@@ -74,9 +74,9 @@ def shaped(result: Array, one: bool) -> Array:
     return result[0] if one else result
 
 
-def frame_index(m: Compiled, name: str) -> int:
+def frame_index(m: Compiled, name: object) -> int:
     """Return the index of a frame by name."""
-    index = m.tree.index.get(name)
+    index = m.tree.index.get(name) if isinstance(name, str) else None
     if index is None:
         raise unknown("frame", name, m.tree.index)
     return index

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.errors import SingularityWarning
-from leastaction.mechanics.description.tree import Ball
+from leastaction.mechanics.description.tree import BallAngles
 from leastaction.numerics.arrays import Array
 
 # At 0.05 rad (2.9 degrees) the angles turn up to 20 times as fast as the joint: a time step that resolves 20
@@ -34,7 +34,7 @@ class SingularityWatch:
     entries of q.
     """
 
-    def __init__(self, balls: Sequence[Ball], variables: Sequence[str]) -> None:
+    def __init__(self, balls: Sequence[BallAngles], variables: Sequence[str]) -> None:
         self.balls = tuple(ball for ball in balls if ball.watched)
         column = {name: index for index, name in enumerate(variables)}
         # The middle angles less the singular ones, in half turns: singular where they are whole numbers.
@@ -83,7 +83,7 @@ class SingularityWatch:
         return tuple(found)
 
 
-def _message(ball: Ball, turns: float, when: str) -> str:
+def _message(ball: BallAngles, turns: float, when: str) -> str:
     outer, middle, inner = ball.angles
     offset = np.degrees(ball.singular)
     return (

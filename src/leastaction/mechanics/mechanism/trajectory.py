@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
-from leastaction.errors import ArgumentError, closest, unknown
+import numpy as np
+
+from leastaction.errors import ArgumentError, brief, closest, unknown
 from leastaction.mechanics.elements.units import rate_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
@@ -119,13 +121,18 @@ class BaseTrajectory(Frozen, Savable, ABC, Generic[S_co]):
         return MappingProxyType({**multipliers, **{name: units[name] for name in (*m.inputs, *m.variables)}})
 
     def __getitem__(self, name: str) -> Array:
-        """Return a variable, an input or a multiplier over time by name."""
+        """Return a variable, an input or a multiplier over time by name, or the places (N+1, 3) of a frame (m)."""
         m = self.mechanism
+        if not isinstance(name, str):
+            raise ArgumentError(f"name: got {brief(repr(name))}, expected the name of a variable, an input or a frame")
         for names, values in ((m.variables, self.q), (m.inputs, self.inputs), (m.constraints, self.lam)):
             if name in names:
                 return values[:, names.index(name)]
-        known = m.variables + m.inputs + m.constraints
-        raise ArgumentError(f"unknown name {name!r}; {closest(name, known, what='variables, inputs and constraints')}")
+        if name in m.tree.index:
+            return np.asarray(m.positions(self.q, (name,)))[:, 0]
+        known = m.variables + m.inputs + m.constraints + m.frames
+        what = "variables, inputs, constraints and frames"
+        raise ArgumentError(f"unknown name {name!r}; {closest(name, known, what=what)}")
 
     def dataset(self) -> Dataset:
         """Return all of the motion as plain data, but for functions: what is between the instants, and laws."""
@@ -144,6 +151,15 @@ class BaseTrajectory(Frozen, Savable, ABC, Generic[S_co]):
             content=content,
             model=text_of(m),
         )
+
+    def _velocity(self, name: str, q: Array, v: Array) -> Array:
+        """Return the velocity of a variable (N,), or of a frame (N, 6), at given instants (N, nq)."""
+        m = self.mechanism
+        if not isinstance(name, str):
+            raise ArgumentError(f"name: got {brief(repr(name))}, expected the name of a variable or a frame")
+        if name not in m.variables and name in m.tree.index:
+            return np.asarray(m.frame_velocity(q, v, name))
+        return v[:, self._variable(name)]
 
     def _variable(self, name: str) -> int:
         """Return the index of a variable by name."""

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, require_instance
 from leastaction.numerics.frozen import Frozen
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
-from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
@@ -21,8 +21,8 @@ from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.line_search import Trial
 from leastaction.optimal.loop import Problem
+from leastaction.optimal.options import Method, Options
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.settings import Method, Settings
 from leastaction.optimal.system import check_system
 
 _LENGTHS = np.linspace(0.0, 1.5, 31)
@@ -106,7 +106,7 @@ def cost_along(
             f"method: got 'newton', but {type(system).__name__} has no second derivative; use 'quasi-newton'"
         )
     lengths = _LENGTHS if gamma is None else as_array(gamma, "gamma", (None,))
-    settings = Settings(method, "descent", 1, 0.0, 0.0, 1e-4, 0.5, 20, 256)
+    settings = Options(method=method, max_iterations=1, tolerance=0.0, absolute_tolerance=0.0)
     made: Problem[Any, Any, Any]
     if isinstance(system, DiscreteSystem):
         require_instance(cost, "cost", Cost, "such as a QuadraticCost")

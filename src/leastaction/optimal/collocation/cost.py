@@ -8,7 +8,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
-from leastaction.optimal.collocation.system import Layout
+from leastaction.optimal.collocation.system import NodeLayout
 from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
@@ -20,7 +20,7 @@ class CollocationCost(Cost):
     The base of two ways to it: see `collocation_cost`. As fit for several threads as the cost is.
     """
 
-    def __init__(self, cost: ContinuousCost, mesh: RadauMesh, layout: Layout) -> None:
+    def __init__(self, cost: ContinuousCost, mesh: RadauMesh, layout: NodeLayout) -> None:
         self.cost, self.mesh, self.layout = cost, mesh, layout
         self.nonnegative = cost.nonnegative
         self.weights: Array = mesh.weights
@@ -92,7 +92,7 @@ class QuadraticCollocationCost(CollocationCost):
     every piece.
     """
 
-    def __init__(self, cost: ContinuousQuadraticCost, mesh: RadauMesh, layout: Layout) -> None:
+    def __init__(self, cost: ContinuousQuadraticCost, mesh: RadauMesh, layout: NodeLayout) -> None:
         super().__init__(cost, mesh, layout)
         t = mesh.t.ravel()
 
@@ -122,7 +122,7 @@ class QuadraticCollocationCost(CollocationCost):
         return self._hessian
 
 
-def collocation_cost(cost: ContinuousCost, mesh: RadauMesh, layout: Layout) -> CollocationCost:
+def collocation_cost(cost: ContinuousCost, mesh: RadauMesh, layout: NodeLayout) -> CollocationCost:
     """Return a cost on a mesh, in the way that is fastest for it."""
     if type(cost) is ContinuousQuadraticCost:
         t = float(mesh.breaks[0])

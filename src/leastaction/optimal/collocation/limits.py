@@ -10,7 +10,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import read_only
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
-from leastaction.optimal.collocation.system import Layout
+from leastaction.optimal.collocation.system import NodeLayout
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.limit_report import LimitState
 from leastaction.optimal.limits.limit import Limit
@@ -78,7 +78,7 @@ class Stated:
 
 def stated(limits: Sequence[Limit], system: ContinuousSystem, mesh: RadauMesh, first: int) -> list[Stated]:
     """Return the sides of limits on a mesh. ``first``: the first point at which states are limited."""
-    points, layout, found = Points(system, mesh), Layout(system.nx, system.nu), []
+    points, layout, found = Points(system, mesh), NodeLayout(system.nx, system.nu), []
     for side in (side for limit in limits for side in limit.rows(points, first)):
         if side.quantity.looks_ahead:
             raise ArgumentError(
@@ -105,7 +105,7 @@ def stated(limits: Sequence[Limit], system: ContinuousSystem, mesh: RadauMesh, f
     return found
 
 
-def _at_stage(quantity: Quantity, layout: Layout, stage: int) -> Quantity:
+def _at_stage(quantity: Quantity, layout: NodeLayout, stage: int) -> Quantity:
     places = layout.places(stage)
     if isinstance(quantity, Entries):
         own = quantity.places if quantity.of_state else layout.nx + quantity.places
@@ -118,7 +118,7 @@ def _at_stage(quantity: Quantity, layout: Layout, stage: int) -> Quantity:
 class AtStage(QuantityView):
     """A quantity of the continuous system at one point of every piece, as one of the discrete system's state."""
 
-    def __init__(self, whole: Quantity, layout: Layout, stage: int) -> None:
+    def __init__(self, whole: Quantity, layout: NodeLayout, stage: int) -> None:
         super().__init__(whole)
         self.of_state, self.layout, self.stage = True, layout, stage
         self.places = layout.places(stage)

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.collocation.cost import AnyCollocationCost, collocation_cost
 from leastaction.optimal.collocation.limits import Stated, stated, told
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
 from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost
-from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
@@ -28,8 +28,9 @@ from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.line_search import Trial
+from leastaction.optimal.memory import Memory, OnMesh
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.settings import Settings
 
 # Pieces of the first mesh, and of the last one at most; how often it is made finer.
 _FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
@@ -55,7 +56,7 @@ class CollocationProblem(BarrierProblem):
         system: ContinuousSystem,
         cost: ContinuousCost,
         limits: Sequence[Limit],
-        settings: Settings,
+        settings: Options,
         accuracy: Accuracy,
         horizon: tuple[float, float] | None,
         free_start: bool | Sequence[str],
@@ -99,16 +100,19 @@ class CollocationProblem(BarrierProblem):
         own = self.own
         own.resume(result)
         self._times(own.trajectory.t0, own.trajectory.tf)
-        if result.limits is None:
-            raise ArgumentError("resume: got a result without limits, expected those of this call. Give it as initial")
-        mesh = RadauMesh(own.trajectory.t)
-        self._set(mesh)
-        x, u = self._nodes(own.trajectory)
-        self.x, self.u = read_only(x), read_only(u)
-        self._project_curve()
-        self.value = self.cost.value(self.x, self.u)
-        self._begin()
-        self._restore(result.limits)
+        mesh = None if result.memory is None else result.memory.mesh
+        if mesh is None:
+            raise ArgumentError(
+                "resume: got a result that was not found on a mesh, expected one with the limits of this call. Give it "
+                "as initial"
+            )
+        self._set(RadauMesh(mesh.breaks))
+        self.x, self.u, self.gain = mesh.x, mesh.u, mesh.gain
+        self.value, self.rounds = self.cost.value(self.x, self.u), mesh.rounds
+        self._begin(resumed=True)
+        if result.limits is not None or self.sides:
+            self._restore(result.limits)
+        self.moved = mesh.moved
 
     def _times(self, t0: float, tf: float) -> list[float]:
         """Return the times that have to be ends of pieces: where something jumps, or limits are asked alone."""
@@ -146,7 +150,7 @@ class CollocationProblem(BarrierProblem):
         super().__init__(system, cost, list(_rows(self.sides)), self.settings, self.free_start)
         self.clock, self.rollouts = clock, rollouts
 
-    def _with(self, rows: list[Rows], settings: Settings) -> LimitedProblem:
+    def _with(self, rows: list[Rows], settings: Options) -> LimitedProblem:
         return LimitedProblem(self.system, self.cost, rows, settings, self.free_start)
 
     def _nodes(self, curve: DenseTrajectory) -> tuple[Array, Array]:
@@ -186,6 +190,17 @@ class CollocationProblem(BarrierProblem):
         mesh = self.mesh.halved(coarse)
         if not coarse.any() or mesh.N > _MOST:
             return False
+        before = vars(self).copy()
+        try:
+            self._refine(mesh)
+        except KeyboardInterrupt:  # it stands where it stood, as a whole
+            vars(self).clear()
+            vars(self).update(before)
+            raise
+        return True
+
+    def _refine(self, mesh: RadauMesh) -> None:
+        """Go on with the motion found so far on a finer mesh."""
         self.rounds += 1
         curve, self.densities = self.curve(), _densities(self._told())
         before = self.mesh
@@ -195,7 +210,6 @@ class CollocationProblem(BarrierProblem):
             # The motion on the mesh before is an answer; a finer one could not be set out on.
             self._lay(before, curve)
             self.rounds = _ROUNDS
-        return True
 
     def _coarse(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return which pieces are too long."""
@@ -258,8 +272,10 @@ class CollocationProblem(BarrierProblem):
         duals.mu = max(_AGAIN * stages.first_mu, stages.last)
         self._set_out()
 
-    def _restore(self, given: LimitReport) -> None:
+    def _restore(self, given: LimitReport | None) -> None:
         """Go on with the duals of an earlier run."""
+        if given is None:
+            raise ArgumentError("resume: got a result without limits, expected those of this call. Give it as initial")
         if given.labels != self._told().labels:
             raise ArgumentError(
                 f"resume: got a result with the limits {', '.join(given.labels[:4])} ..., expected those of this "
@@ -291,7 +307,8 @@ class CollocationProblem(BarrierProblem):
         # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.
         u = found.u.copy()
         u[1:] = self.layout.points(self.x[1:])[1][:, -1]
-        return replace(found, u=u, limits=self._told() if self.sides else None)
+        mesh = OnMesh(self.mesh.breaks, self.x, self.u, self.gain.copy(), self.rounds, self.moved)
+        return replace(found, u=u, limits=self._told() if self.sides else None, memory=Memory(mesh=mesh))
 
     def _gains(self) -> PiecewisePolynomial:
         """Return the gains of the cost's own regulator, without limits, and no feedforward, as functions of time."""
@@ -333,7 +350,7 @@ class CollocationProblem(BarrierProblem):
 
     def _told(self) -> LimitReport:
         """Return the report of the limits as they were stated."""
-        report = self._report()
+        report = self.report()
         return replace(report, sides=told(self.sides, report.sides, self.mesh))
 
 

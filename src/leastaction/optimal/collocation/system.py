@@ -27,7 +27,7 @@ Factors = tuple[Array, Instants]
 """Triangular factors of a matrix, and how their rows were exchanged."""
 
 
-class Layout:
+class NodeLayout:
     """Where states and inputs of the points are in the state of the discrete system, ``z = [x(end); x(others); u]``.
 
     The end of a piece comes first, so the state of the continuous system is the first nx entries.
@@ -70,7 +70,7 @@ class CollocationSystem(DiscreteSystem):
 
     def __init__(self, system: ContinuousSystem, mesh: RadauMesh) -> None:
         self.system, self.mesh = system, mesh
-        self.layout = Layout(system.nx, system.nu)
+        self.layout = NodeLayout(system.nx, system.nu)
         self.nx, self.nu, self.N = self.layout.nz, STAGES * system.nu, mesh.N
         self.has_curvature = system.has_curvature
 

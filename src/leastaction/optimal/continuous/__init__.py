@@ -8,9 +8,9 @@ The counterpart of `leastaction.optimal.discrete`, name by name: a system is a `
 from __future__ import annotations
 
 from leastaction.numerics.piecewise import PiecewisePolynomial
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost, RateGradient, RateHessian
 from leastaction.optimal.continuous.function_system import FunctionContinuousSystem, LinearContinuousSystem
-from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.linear_quadratic import (
     regulate_continuous,
     solve_continuous_linear_quadratic,

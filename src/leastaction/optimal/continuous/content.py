@@ -7,7 +7,7 @@ from typing import Any
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import PiecewisePolynomial
-from leastaction.optimal.continuous.integrate import Accuracy
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.result import OptimizationResult
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.continuous.model import TangentModel, with_curvature
-from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, Samples
+from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, ModelSamples
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
 _MODELS, _ENOUGH = 40, 6  # that are tried at most, and once there is a direction
@@ -36,7 +36,7 @@ def escape(
     scale: float,
     sizes: Array,
     *,
-    solve: Callable[[Samples], ContinuousLinearQuadraticSolution],
+    solve: Callable[[ModelSamples], ContinuousLinearQuadraticSolution],
     sweep: Callable[[ContinuousLinearQuadraticSolution], DenseTrajectory],
 ) -> Escape | None:
     """Return a direction of negative curvature, where the whole Newton model has one.

@@ -24,10 +24,10 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.function_system import as_dynamics
 from leastaction.optimal.continuous.horizon import as_horizon, first_mesh
-from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, Samples, solve_samples
+from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, ModelSamples, solve_samples
 from leastaction.optimal.cost import matrix_of
 
 # Pieces that a horizon is divided into before anything is known of the functions sampled on it.
@@ -103,7 +103,7 @@ def solve_continuous_linear_quadratic(
 
     def sample(t: Array) -> Array:
         parts = []
-        for name in Samples._fields:
+        for name in ModelSamples._fields:
             value = signals[name].samples(t)
             if name in ("Q", "R") and value.ndim == 2:
                 value = value[..., None] * np.eye(value.shape[1])
@@ -120,7 +120,7 @@ def solve_continuous_linear_quadratic(
             "finite numbers. Look at the functions that were given."
         )
     return solve_samples(
-        mesh, Samples.unpack(packed, nx, nu), matrix_of(final), gradient, accuracy=accuracy, jumps=every
+        mesh, ModelSamples.unpack(packed, nx, nu), matrix_of(final), gradient, accuracy=accuracy, jumps=every
     )
 
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from leastaction.numerics.arrays import Array, require_finite
 from leastaction.numerics.piecewise import Mesh, approximate
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
-from leastaction.optimal.continuous.integrate import Accuracy
-from leastaction.optimal.continuous.riccati import Samples
+from leastaction.optimal.continuous.riccati import ModelSamples
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
@@ -25,7 +25,7 @@ class TangentModel:
     """
 
     mesh: Mesh
-    samples: Samples
+    samples: ModelSamples
     Q_final: Array
     q_final: Array
 
@@ -51,7 +51,7 @@ def sample_model(
     n = len(mesh.t)
     A, B, q, r = np.split(packed, np.cumsum([nx * nx, nx * nu, nx]), axis=1)
     Q, R, S = cost.hessian(*curve.sample(mesh.t), mesh.t)
-    samples = Samples(
+    samples = ModelSamples(
         A=A.reshape(n, nx, nx),
         B=B.reshape(n, nx, nu),
         Q=Q,
@@ -68,7 +68,7 @@ def sample_model(
 class SampledSystem(ContinuousSystem):
     """The linear system ``dx' = A dx + B du`` of samples along a trajectory."""
 
-    def __init__(self, mesh: Mesh, samples: Samples) -> None:
+    def __init__(self, mesh: Mesh, samples: ModelSamples) -> None:
         n, self.nx, self.nu = samples.B.shape
         packed = np.concatenate([samples.A.reshape(n, -1), samples.B.reshape(n, -1)], axis=1)
         self._AB = mesh.fit(packed, packed.shape[1:]).flat
@@ -83,7 +83,7 @@ class SampledSystem(ContinuousSystem):
         return AB[: nx * nx].reshape(nx, nx), AB[nx * nx :].reshape(nx, nu)
 
 
-def with_identities(samples: Samples) -> Samples:
+def with_identities(samples: ModelSamples) -> ModelSamples:
     """Return the problem with identities for weights."""
     n, nx, nu = samples.B.shape
     return samples._replace(
@@ -91,7 +91,7 @@ def with_identities(samples: Samples) -> Samples:
     )
 
 
-def with_curvature(samples: Samples, H: Array) -> Samples:
+def with_curvature(samples: ModelSamples, H: Array) -> ModelSamples:
     """Return the problem with a Hessian (n, nx+nu, nx+nu) beside the weights: a part of the dynamics' curvature."""
     nx = samples.A.shape[1]
     return samples._replace(Q=samples.Q + H[:, :nx, :nx], R=samples.R + H[:, nx:, nx:], S=samples.S + H[:, :nx, nx:])

@@ -11,10 +11,10 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, require_finite
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
 from leastaction.numerics.time_functions import TimeFunctionLike
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.descent import escape
 from leastaction.optimal.continuous.horizon import as_horizon
-from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.continuous.model import (
     SampledSystem,
     TangentModel,
@@ -25,7 +25,7 @@ from leastaction.optimal.continuous.model import (
 from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.riccati import (
     ContinuousLinearQuadraticSolution,
-    Samples,
+    ModelSamples,
     continuous_adjoint,
     solve_samples,
 )
@@ -34,8 +34,8 @@ from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResu
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.loop import Direction, Problem
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.settings import Settings
 
 # What a cost is off, in units of the relative error allowed in one step of the integration. Measured on
 # swing-ups of a cart-pendulum of 4 and 10 s, tolerances from 1e-6 to 1e-12: 0.004 to 0.6, of which a
@@ -80,7 +80,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self,
         system: ContinuousSystem,
         cost: ContinuousCost,
-        settings: Settings,
+        settings: Options,
         accuracy: Accuracy,
         horizon: tuple[float, float] | None = None,
     ) -> None:
@@ -282,7 +282,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     def negative_curvature(self, scale: float) -> ContinuousDirection | None:
         model = self._model()
 
-        def solve(samples: Samples) -> ContinuousLinearQuadraticSolution:
+        def solve(samples: ModelSamples) -> ContinuousLinearQuadraticSolution:
             return self._minimum(samples, model.Q_final, np.zeros(self.system.nx))
 
         found = escape(model, self._curvature_along(model), scale, self._size(), solve=solve, sweep=self._sweep)
@@ -315,7 +315,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         return self._minimum(samples, Q_final, model.q_final, escape=_SURELY if scale == 1.0 else _ESCAPE)
 
     def _minimum(
-        self, samples: Samples, Q_final: Array, q_final: Array, **options: float
+        self, samples: ModelSamples, Q_final: Array, q_final: Array, **options: float
     ) -> ContinuousLinearQuadraticSolution:
         """Return the solution of a model with other weights along the current curve."""
         mesh = self._model().mesh

@@ -14,8 +14,9 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
-from leastaction.optimal.continuous.integrate import Accuracy, integrate
+from leastaction.optimal.continuous.integrate import integrate
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 

@@ -22,10 +22,11 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
-from leastaction.optimal.continuous.integrate import Accuracy, integrate
+from leastaction.optimal.accuracy import Accuracy
+from leastaction.optimal.continuous.integrate import integrate
 
 
-class Samples(NamedTuple):
+class ModelSamples(NamedTuple):
     """A linear-quadratic problem sampled at the points of a mesh; n is their number.
 
     ``A``, ``B`` (n, nx, nx), (n, nx, nu): dynamics. ``Q``, ``R``, ``S`` (n, nx, nx), (n, nu, nu), (n, nx, nu): weights.
@@ -42,7 +43,7 @@ class Samples(NamedTuple):
     c: Array
 
     @classmethod
-    def unpack(cls, packed: Array, nx: int, nu: int) -> Samples:
+    def unpack(cls, packed: Array, nx: int, nu: int) -> ModelSamples:
         """Return the samples from rows of A, B, Q, R, S, q, r, c, in this order."""
         shapes = [(nx, nx), (nx, nu), (nx, nx), (nu, nu), (nx, nu), (nx,), (nu,), (nx,)]
         parts, begin = [], 0
@@ -111,7 +112,7 @@ class ContinuousLinearQuadraticSolution:
 
 def solve_samples(
     mesh: Mesh,
-    samples: Samples,
+    samples: ModelSamples,
     Q_final: Array,
     q_final: Array,
     *,
@@ -172,7 +173,7 @@ class _Law:
     With ``E = R^-1 S'``, ``G = R^-1 B'`` and ``g = R^-1 r``.
     """
 
-    def __init__(self, mesh: Mesh, samples: Samples) -> None:
+    def __init__(self, mesh: Mesh, samples: ModelSamples) -> None:
         self.mesh, self.samples = mesh, samples
         nx = samples.B.shape[1]
         transposed = (np.swapaxes(each, 1, 2) for each in (samples.B, samples.S))
@@ -219,7 +220,7 @@ class _Law:
 
 
 def continuous_adjoint(
-    mesh: Mesh, samples: Samples, K: Array, q_final: Array, *, accuracy: Accuracy, jumps: Sequence[float]
+    mesh: Mesh, samples: ModelSamples, K: Array, q_final: Array, *, accuracy: Accuracy, jumps: Sequence[float]
 ) -> PiecewisePolynomial:
     """Return the adjoint z(t) (nx,) of the loop closed with K (dissertation Prop. 5).
 

@@ -13,9 +13,9 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.dataset import TIME, Dataset
 from leastaction.numerics.piecewise import PiecewisePolynomial, Through, approximate
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
+from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.content import ContinuousContent
 from leastaction.optimal.continuous.horizon import first_mesh
-from leastaction.optimal.continuous.integrate import Accuracy
 from leastaction.optimal.result import OptimizationResult, dataset_of
 
 _FIRST_PIECES = 16

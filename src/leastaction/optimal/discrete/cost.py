@@ -104,13 +104,6 @@ class Cost(ABC):
         """
         return None
 
-    def refined(self, parts: int) -> Cost | None:  # noqa: ARG002
-        """Return the cost of the same motion where every step is made in so many parts; None if it is not known.
-
-        `optimize` begins with it where it is stuck because its steps are too coarse.
-        """
-        return None
-
 
 def convex(hessian: CostHessian) -> CostHessian:
     """Return a Hessian whose stages' eigenvalues below zero are zero; itself where there are none."""
@@ -225,17 +218,6 @@ class QuadraticCost(Cost):
             return super().eased(ease)
         weights = {"Q": self.Q, "R": ease * self.R, "Q_final": self.Q_final / np.sqrt(ease)}
         return QuadraticCost(self.x_wanted, self.u_wanted, **weights), self.u_wanted
-
-    def refined(self, parts: int) -> Cost | None:
-        """Return the cost with the stages' weights shared out to the parts; see `Cost`."""
-        if type(self) is not QuadraticCost:
-            return super().refined(parts)
-        at = np.arange(len(self.u_wanted) * parts + 1) / parts
-        x_wanted = np.stack(
-            [np.interp(at, np.arange(len(self.x_wanted)), column) for column in self.x_wanted.T], axis=1
-        )
-        Q, R = (np.repeat(W, parts, axis=0) / parts if W.ndim == 3 else W / parts for W in (self.Q, self.R))
-        return QuadraticCost(x_wanted, np.repeat(self.u_wanted, parts, axis=0), Q=Q, R=R, Q_final=self.Q_final)
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         if type(self) is not QuadraticCost:

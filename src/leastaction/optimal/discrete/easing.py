@@ -13,37 +13,30 @@ Gaps between the steps are the other way to begin again, from the start that was
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.discrete.trial import COARSE
-from leastaction.optimal.loop import Loop
+from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.memory import Memory, Place, Start
-from leastaction.optimal.result import OptimizationResult, Status
-from leastaction.optimal.schedule import NewtonSchedule
-from leastaction.optimal.settings import Settings
+from leastaction.optimal.options import Options
+from leastaction.optimal.result import OptimizationResult
 
-# How much dearer inputs are in the first stage, and by which factor less from one stage to the next; how often its
-# root is taken, to make a stage again that led nowhere.
-_EASIEST, _STRIDE, _RETRIES = 1e6, 10.0, 2
+# Factor by which inputs are dearer in the first stage, and by which they are less so from one stage to the next.
+_EASIEST, _STRIDE = 1e6, 10.0
 
-# Into so many parts a step of time is divided that is too coarse.
-_PARTS = 2
-
-# A stage but the last is over where no more than this part of the cost is to be gained, or after so many iterations.
+# Part of the cost that is left to be gained where a stage but the last is over, and its most iterations.
 _LOOSE, _LONGEST = 1e-2, 20
 
-# A search over trajectories is a long one after so many iterations; one with gaps that takes its place, where there are
-# other ways, is over after so many.
+# Iterations after which a search over trajectories is a long one; and the most with gaps that take its place, where
+# there are other ways.
 _LONG, _BRIEF = 200, 40
 
 
@@ -57,59 +50,31 @@ class EasedProblem(ShootingProblem):
         self,
         system: DiscreteSystem,
         cost: Cost,
-        settings: Settings,
+        settings: Options,
         free_start: bool | Sequence[str] = False,
         gapped: Gapped = "never",
     ) -> None:
         super().__init__(system, cost, settings, free_start, gapped)
         self.asked = cost
         self.settings = settings
-        self.stride, self.retries = _STRIDE, _RETRIES
-        self.sound: Place | None = None
-        self.first: Start | None = None
-        self.plainly = False  # whether it goes from the first trajectory once more
-        self.went_finer = False  # whether it was looked where half the steps of time lead: always to the same place
+        self.ease = 1.0
 
     def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
         super().start(initial)
         if not self.is_open:
             self.first = Start(self.x, self.u)
 
+    def recall(self, memory: Memory) -> None:
+        super().recall(memory)
+        self._set_stage(memory.ease)
+
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended, in the stage that it had come to."""
-        self._set_stage(result.schedule.ease)
+        self._set_stage(1.0 if result.memory is None else result.memory.ease)
         super().resume(result)
-        memory = result.memory
-        if memory is not None:
-            self.stride, self.retries = memory.stride, memory.retries
-            self.sound, self.first = memory.sound, memory.first
-            self.plainly = result.schedule.newton
-            if memory.here is not None:
-                self._go_to(memory.here)
 
     def memory(self) -> Memory:
-        return replace(super().memory(), stride=self.stride, retries=self.retries, sound=self.sound, first=self.first)
-
-    def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        """Return the result at the current iterate, or where it stood before it set out again, if that is better."""
-        result, ahead = super().result(summary), self._ahead
-        if ahead is None or result.memory is None:
-            return result
-        return replace(self._of(ahead, result), memory=replace(result.memory, here=self._place()))
-
-    @property
-    def _ahead(self) -> Place | None:
-        """Where it stood before it went from the first trajectory once more, while that is better."""
-        if not self.plainly or self.earlier is None or self.is_open:
-            return None
-        return self.earlier if self._asked_at(self.earlier) < self.value else None
-
-    def arrive(self) -> None:
-        self.plainly = False
-
-    def fall_back(self) -> bool:
-        self.plainly = False
-        return super().fall_back()
+        return changed(super().memory(), ease=self.ease)
 
     # ---- What the loop knows of a stage ---------------------------------------------------------
 
@@ -126,11 +91,6 @@ class EasedProblem(ShootingProblem):
     @property
     def unfinished(self) -> str:
         """What is to be said of a run that ends in a stage that is not the last."""
-        if self._ahead is not None:
-            return (
-                "It had set out again from where it had begun, and has not come as far yet: what is returned is the "
-                "trajectory that it had come to before."
-            )
         if self.ease == 1.0:
             return super().unfinished
         return (
@@ -163,7 +123,12 @@ class EasedProblem(ShootingProblem):
             self.longest = _BRIEF
         return True
 
-    def begin_again(self) -> bool:
+    @property
+    def remark(self) -> str:  # type: ignore[override]
+        """What is to be said of a stage where it begins."""
+        return "" if self.ease == 1.0 else f"inputs are {self.ease:.4g} times as dear as asked for"
+
+    def begin_with_ease(self) -> bool:
         """Begin again with the motion that costs no effort, and with a cost whose minimum is close to it."""
         eased = None if self.is_open else self.asked.eased(_EASIEST)
         if eased is None:
@@ -187,95 +152,36 @@ class EasedProblem(ShootingProblem):
         """Go on with less ease, or over trajectories where there were gaps."""
         if self.ease == 1.0:
             return super().next_stage(moved=moved)
-        if self.worst_step is None or self.worst_step.s <= COARSE:
-            self.sound = self._place()
-        self._set_stage(max(1.0, self.ease / self.stride))
+        self._set_stage(max(1.0, self.ease / _STRIDE))
         self.value = self.cost.value(self.x, self.u)
         self._forget_cost()
         return True
 
-    def retry_stage(self) -> bool:
-        """Go back to the last stage that ended well, and on from there by a shorter stride."""
-        if self.sound is None or self.retries == 0:
-            return False
-        now = self._place()
-        self._remember(now)
-        self.retries -= 1
-        self.stride = float(np.sqrt(self.stride))
-        self._go_to(replace(self.sound, ease=max(1.0, self.sound.ease / self.stride)))
-        return True
-
-    def begin_plainly(self) -> bool:
-        """Begin again with the first trajectory, once; return whether that can be done."""
-        first, self.first = self.first, None
-        if first is None or self.is_open:
-            return False
-
-        def again() -> bool:
-            # What a system of a user's own says now need not be what it said then.
-            return self._stand_at(first.x, first.u) and np.allclose(self.x, first.x, rtol=1e-6, atol=1e-6)
-
-        self.plainly = self._leave(again)
-        return self.plainly
-
-    def begin_finer(self) -> bool:
-        """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
-        if self.went_finer or self.free_start is not False:
-            return False
-        system, cost = self.system.refined(_PARTS), self.asked.refined(_PARTS)
-        eased = None if cost is None else cost.eased(1.0)
-        if system is None or cost is None or eased is None:
-            return False
-
-        def refine() -> bool:
-            finer = EasedProblem(system, cost, self.settings)
-            finer.start((self.x[0], eased[1]))
-            finer.first = None  # one way there is enough
-            found = Loop(finer, self.settings, schedule=NewtonSchedule(finer=True)).run()
-            self.rollouts += found.rollouts
-            if found.status is Status.INTERRUPTED:
-                raise KeyboardInterrupt
-            self.went_finer = True
-            if found.worst_step is None or found.worst_step.is_coarse:
-                return False
-            return self._stand_at(found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS))
-
-        return self._leave(refine)
+    def go_on_from(self, x: Array, u: Array, report: LimitReport | None) -> None:  # noqa: ARG002
+        """Begin the last stage at a trajectory; ``report``: of the limits there, of a problem that has some."""
+        self._set_stage(1.0)
+        self.forget()
+        DiscreteProblem.start(self, (x, u))
 
     def _leave(self, go: Callable[[], bool]) -> bool:
-        """Go elsewhere and remember where it stood; if that leads nowhere or is interrupted, it stands there again."""
-        now = self._place()
+        """Go elsewhere; if that leads nowhere or is interrupted, it stands where it stood."""
+        now, ease = self.place(), self.ease
         try:
             gone = go()
         except BaseException as error:
+            self._set_stage(ease)
             self._go_to(now)
             if isinstance(error, LeastActionError):
                 return False
             raise
-        if gone:
-            self._remember(now)
-        else:
+        if not gone:
+            self._set_stage(ease)
             self._go_to(now)
         return gone
-
-    def _stand_at(self, x: Array, u: Array) -> bool:
-        """Begin the last stage at the projection of a curve."""
-        self.plainly = False
-        self._set_stage(1.0)
-        self.forget()
-        DiscreteProblem.start(self, (x, u))
-        return True
 
     def _asked_at(self, place: Place) -> float:
         """Return the cost that was asked for, somewhere else."""
         return self.asked.value(place.x, place.u)
-
-    def _place(self) -> Place:
-        return replace(super()._place(), ease=self.ease)
-
-    def _go_to(self, place: Place) -> None:
-        self._set_stage(place.ease)
-        super()._go_to(place)
 
     def _set_stage(self, ease: float) -> None:
         eased = None if ease == 1.0 else self.asked.eased(ease)

@@ -25,7 +25,7 @@ _DEAREST = 10.0
 _COST_POWER, _GAP_POWER, _ARMIJO = 2.3, 1.1, 1e-4
 
 
-class Curve(NamedTuple):
+class OpenCurve(NamedTuple):
     """States and inputs, where its steps lead to, the gaps, their sum by the states' sizes, and what it costs.
 
     ``worst_step``: its coarsest step. ``shown``: what it costs without what only guides the search. ``length``: of the
@@ -53,7 +53,9 @@ class Filter:
         self.first = max(1.0, first)
         self.pairs = list(pairs)
 
-    def takes(self, curve: Curve, trial: Curve, length: float, fall: float, noise: float, penalty: float) -> bool:
+    def takes(
+        self, curve: OpenCurve, trial: OpenCurve, length: float, fall: float, noise: float, penalty: float
+    ) -> bool:
         """Whether a trial may follow a curve, along which the cost has the derivative `fall`.
 
         ``penalty``: of a gap, with which the step is one of descent.
@@ -68,7 +70,7 @@ class Filter:
         good = good and trial.cost <= cost + _DEAREST * penalty * theta + noise
         return good and not any(trial.theta > t and trial.cost > c + noise for t, c in self.pairs)
 
-    def follow(self, old: Curve, new: Curve, fall: float, noise: float) -> None:
+    def follow(self, old: OpenCurve, new: OpenCurve, fall: float, noise: float) -> None:
         """Remember a curve that was left for one of fewer gaps rather than for a lower cost."""
         if not (fall < 0.0 and new.cost <= old.cost + _ARMIJO * new.length * fall + noise):
             self.pairs.append(((1.0 - _SHRINK) * old.theta, old.cost - _FALL * old.theta))

@@ -28,8 +28,8 @@ from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_s
 from leastaction.optimal.discrete.trial import SHORT, leap, try_projection
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Problem
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import Linearization
 
 # A projection of a curve that costs so much more than its inputs alone has lost the curve.
@@ -44,7 +44,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     """The current trajectory of a discrete system, and what was computed along it."""
 
     def __init__(
-        self, system: DiscreteSystem, cost: Cost, settings: Settings, free_start: bool | Sequence[str] = False
+        self, system: DiscreteSystem, cost: Cost, settings: Options, free_start: bool | Sequence[str] = False
     ) -> None:
         super().__init__()
         self.system = system

@@ -19,7 +19,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.system import Linearization
 
 
-class Projection:
+class ProjectionOperator:
     """The projection operator of a system with given gains; as fit for several threads as the system is.
 
     Parameters

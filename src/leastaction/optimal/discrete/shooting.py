@@ -25,10 +25,11 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import AmongCurves, DiscreteDirection, Iterate
-from leastaction.optimal.discrete.gap_filter import Curve, Filter
+from leastaction.optimal.discrete.gap_filter import Filter, OpenCurve
 from leastaction.optimal.discrete.hessians import shifted
 from leastaction.optimal.discrete.linear_quadratic import (
     Feedforward,
@@ -41,8 +42,8 @@ from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.discrete.trial import is_too_coarse
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.memory import Gaps, Memory, Place, Start
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.settings import Settings
 from leastaction.optimal.system import Linearization
 
 Gapped = Literal["never", "where needed", "at once"]
@@ -76,15 +77,16 @@ class ShootingProblem(DiscreteProblem):
         self,
         system: DiscreteSystem,
         cost: Cost,
-        settings: Settings,
+        settings: Options,
         free_start: bool | Sequence[str] = False,
         gapped: Gapped = "never",
     ) -> None:
         super().__init__(system, cost, settings, free_start)
         self.gapped: Gapped = gapped
-        self.open_curve: Curve | None = None
+        self.open_curve: OpenCurve | None = None
         # The start, until gaps were tried from there.
         self.given: Start | None = None
+        self.first: Start | None = None  # the trajectory that it began with
         self.size: Array
         self.costates: Array | None = None
         self.penalty = 0.0  # of the gaps, in the cost that the loop is told
@@ -125,9 +127,13 @@ class ShootingProblem(DiscreteProblem):
             self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
 
     def begin_with_gaps(self, *, brief: bool) -> bool:  # noqa: ARG002
+        """Begin again with gaps between the steps, and return whether that can be done.
+
+        If `brief`, they have to close soon: there are other ways.
+        """
         if self.is_open or self.given is None:
             return False
-        now, value = self._place(), self.value
+        now, value = self.place(), self.value
         try:
             refused = self._open(self.given, still=self.holds_state) is not None
         except BaseException as error:  # an interruption too leaves it where it stood
@@ -139,7 +145,7 @@ class ShootingProblem(DiscreteProblem):
         if refused:
             self.given = None
             return False
-        self._remember(now)
+        self.earlier = now
         self.forget()
         self.longest = _LONGEST_INSTEAD
         return True
@@ -173,9 +179,10 @@ class ShootingProblem(DiscreteProblem):
         if self.gapped == "never" or memory is None or memory.gaps is None:
             super().resume(result)
             if memory is not None:
-                self.given, self.earlier = memory.start, memory.earlier
+                self.recall(memory)
             return
-        gaps, self.given, self.earlier = memory.gaps, memory.start, memory.earlier
+        gaps = memory.gaps
+        self.recall(memory)
         super().resume(replace(result, x=gaps.x, u=gaps.u, projection_gain=gaps.gain, gap=0.0))
         self.size, self.penalty, self.longest = gaps.size, gaps.penalty, gaps.longest
         self.filter = Filter(gaps.first, [(float(theta), float(cost)) for theta, cost in gaps.filter])
@@ -185,6 +192,10 @@ class ShootingProblem(DiscreteProblem):
             raise ArgumentError(f"resume: {curve.reason}; expected the result of a run with this system")
         self.tells_saddles = False
         self._take(curve._replace(length=gaps.length))
+
+    def recall(self, memory: Memory) -> None:
+        """Remember what an earlier run did of its way."""
+        self.given, self.first, self.earlier = memory.start, memory.first, memory.earlier
 
     def memory(self) -> Memory:
         """Return what resuming needs beside the iterate."""
@@ -204,11 +215,11 @@ class ShootingProblem(DiscreteProblem):
                 self.open_curve.length,
                 self.longest,
             )
-        return Memory(start=self.given, gaps=gaps, earlier=self.earlier)
+        return Memory(start=self.given, first=self.first, gaps=gaps, earlier=self.earlier)
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate; before there is a trajectory again, at the one before."""
-        result, before = replace(super().result(summary), memory=self.memory(), gap=self.gap), self.earlier
+        result, before = changed(super().result(summary), memory=self.memory(), gap=self.gap), self.earlier
         if not self.is_open or before is None:
             return result
         return self._of(before, result)
@@ -222,14 +233,10 @@ class ShootingProblem(DiscreteProblem):
 
     # ---- Where it stood before ------------------------------------------------------------------
 
-    def _place(self) -> Place:
+    def place(self) -> Place:
+        """Return where it stands."""
         # The gains lie in memory that is used again.
-        return Place(self.x, self.u, self.gain.copy(), 1.0, self.worst_step)
-
-    def _remember(self, place: Place) -> None:
-        """Take a place for where it stood before, unless there was a better one."""
-        if self.earlier is None or self._asked_at(place) < self._asked_at(self.earlier):
-            self.earlier = replace(place, ease=1.0)  # as it is judged
+        return Place(self.x, self.u, self.gain.copy(), self.worst_step)
 
     def _go_to(self, place: Place) -> None:
         self.x, self.u, self.worst_step, self.gain = place.x, place.u, place.worst_step, place.gain.copy()
@@ -240,19 +247,12 @@ class ShootingProblem(DiscreteProblem):
         """Return what is minimised in the end, somewhere else."""
         return self.cost.value(place.x, place.u) + self._guide(place.x, place.u)
 
-    def fall_back(self) -> bool:
-        earlier, self.earlier = self.earlier, None
-        if earlier is None or self._asked_at(earlier) >= self._asked_at(self._place()):
-            return False
-        self._go_to(earlier)
-        return True
-
-    def _take(self, curve: Curve) -> None:
+    def _take(self, curve: OpenCurve) -> None:
         self.open_curve = curve
         self.x, self.u, self.worst_step = curve.x, curve.u, curve.worst_step
         self.value = curve.cost + self.penalty * curve.theta
 
-    def _evaluate(self, x: Array, u: Array) -> Curve | Refusal:
+    def _evaluate(self, x: Array, u: Array) -> OpenCurve | Refusal:
         """Return a curve with its gaps, or which step of it cannot be made."""
         made = self.system.step_each(x, u)
         if not made.complete:
@@ -269,7 +269,7 @@ class ShootingProblem(DiscreteProblem):
         if not np.isfinite(shown):
             return Refusal("the cost is not finite")
         theta = float(np.sum(np.abs(gaps) / self.size))
-        return Curve(x, u, made.x, gaps, theta, shown + self._guide(x, u), made.worst_step, shown)
+        return OpenCurve(x, u, made.x, gaps, theta, shown + self._guide(x, u), made.worst_step, shown)
 
     def _guide(self, x: Array, u: Array) -> float:  # noqa: ARG002
         """Return what a curve costs beside its cost, only to guide the search."""
@@ -322,7 +322,18 @@ class ShootingProblem(DiscreteProblem):
         return "no trajectory yet" if self.earlier is None else "the trajectory that it had come to before them"
 
     @property
+    def tells_violence(self) -> bool:
+        """Whether first steps that are cut short tell of a run that is likely to get lost."""
+        return True
+
+    @property
+    def prefers_gaps(self) -> bool:
+        """Whether gaps are more promising than an easier stage, where a run gets lost."""
+        return False
+
+    @property
     def long_run(self) -> int | None:
+        """Iterations after which gaps may be the shorter way; None where they are none."""
         lost = self.given is not None and self.given.is_lost and not self.is_open
         return _LONG_IF_LOST if lost else None
 
@@ -365,9 +376,9 @@ class ShootingProblem(DiscreteProblem):
         self.given = None
         # Only closed gaps are worth leaving a place that costs less.
         here = self.value + self._guide(self.x, self.u)
-        if closed or self.earlier is None or here < self._asked_at(self.earlier):
-            return True
         earlier, self.earlier = self.earlier, None
+        if closed or earlier is None or here < self._asked_at(earlier):
+            return True
         self._go_to(earlier)
         return False
 
@@ -478,7 +489,7 @@ class ShootingProblem(DiscreteProblem):
             more = feedforward_of_drift(A, B, law.K, among.P, among.factors, gaps, pattern=linearization.pattern)
         return law._replace(C=law.C + more)
 
-    def _moved(self, dx: Array, du: Array, length: float) -> Curve | Refusal:
+    def _moved(self, dx: Array, du: Array, length: float) -> OpenCurve | Refusal:
         x, u = self.x + length * dx, self.u + length * du
         if self.free_start is not False:
             try:
@@ -488,7 +499,7 @@ class ShootingProblem(DiscreteProblem):
         moved = self._evaluate(x, u)
         return moved if isinstance(moved, Refusal) else moved._replace(length=length)
 
-    def _judge(self, fall: float, length: float, trial: Curve | Refusal) -> Trial[Iterate] | Refusal:
+    def _judge(self, fall: float, length: float, trial: OpenCurve | Refusal) -> Trial[Iterate] | Refusal:
         """Return a trial, or why it is refused by the filter."""
         if isinstance(trial, Refusal):
             return trial
@@ -506,7 +517,7 @@ class ShootingProblem(DiscreteProblem):
             return
         among = direction.among
         assert among is not None
-        old, new = self.open_curve, cast(Curve, trial.iterate)
+        old, new = self.open_curve, cast(OpenCurve, trial.iterate)
         self.filter.follow(old, new, among.fall, self.noise)
         if self.costates is None:
             self.costates = among.costates

@@ -24,16 +24,15 @@ from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.duals import Room
 from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
-from leastaction.optimal.limits.refinement import Solved, promising, refined
+from leastaction.optimal.limits.refinement import SolvedWithin, promising, refined
 from leastaction.optimal.limits.rows import Rows, check_agreement
 from leastaction.optimal.limits.sides import Sided
-from leastaction.optimal.limits.stages import Stages
+from leastaction.optimal.limits.stages import BarrierStages
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Loop
 from leastaction.optimal.memory import Place
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult, Status
-from leastaction.optimal.schedule import NewtonSchedule
-from leastaction.optimal.settings import Settings
 
 _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
 
@@ -63,7 +62,7 @@ class BarrierProblem(ShootingProblem):
     system : DiscreteSystem
     cost : Cost
     rows : sequence of Rows
-    settings : Settings
+    settings : Options
     dearer : float
         Than others are equations and what is asked at a single instant, at first.
     """
@@ -75,7 +74,7 @@ class BarrierProblem(ShootingProblem):
         system: DiscreteSystem,
         cost: Cost,
         rows: list[Rows],
-        settings: Settings,
+        settings: Options,
         free_start: bool | Sequence[str] = False,
         gapped: Gapped = "never",
         dearer: float = 1.0,
@@ -84,7 +83,7 @@ class BarrierProblem(ShootingProblem):
         check_agreement(rows, system.when)
         self.limited = LimitedCost(cost, rows, system.nx, system.nu)
         self.duals = self.limited.duals
-        self.stages = Stages(self.duals, settings.tolerance, _DIGITS, dearer)
+        self.stages = BarrierStages(self.duals, settings.tolerance, _DIGITS, dearer)
         self.settings = settings
         self.found: OptimizationResult | None = None  # by an earlier run, whose duals are known
         # Of the iterate; None: not yet.
@@ -156,14 +155,14 @@ class BarrierProblem(ShootingProblem):
         obstacles = [rows for rows in self.limited.rows if may_be_obstacle(rows, self.x, self.u)]
         if self.is_open or not any(stands_still(rows, self.x, self.u) for rows in obstacles):
             return []
-        found = self._found_with([rows for rows in self.limited.rows if rows not in obstacles], _AHEAD)
+        found = self.found_with([rows for rows in self.limited.rows if rows not in obstacles], _AHEAD)
         return [] if found is None else [(found.x, found.u)]
 
     @abstractmethod
-    def _with(self, rows: list[Rows], settings: Settings) -> BarrierProblem:
+    def _with(self, rows: list[Rows], settings: Options) -> BarrierProblem:
         """Return the problem with other limits."""
 
-    def _found_with(self, rows: list[Rows], iterations: int, *, tolerance: float = 0.0) -> OptimizationResult | None:
+    def found_with(self, rows: list[Rows], iterations: int, *, tolerance: float = 0.0) -> OptimizationResult | None:
         """Return what some iterations with other limits lead to from the iterate; None where that is nowhere.
 
         ``tolerance``: is enough, where a smaller one is asked for.
@@ -172,16 +171,11 @@ class BarrierProblem(ShootingProblem):
         settings = replace(self.settings, max_iterations=iterations, tolerance=enough)
         return self._found_by(self._with(rows, settings), (self.x, self.u))
 
-    def _found_by(
-        self, other: BarrierProblem, start: tuple[Array, Array], schedule: NewtonSchedule | None = None
-    ) -> OptimizationResult | None:
-        """Return what another problem leads to from a start; None where that is nowhere.
-
-        By no more ways than the `schedule` allows.
-        """
+    def _found_by(self, other: BarrierProblem, start: tuple[Array, Array]) -> OptimizationResult | None:
+        """Return what another problem leads to from a start, without beginning again; None where that is nowhere."""
         try:
             other.start(start)
-            found = Loop(other, other.settings, schedule=schedule).run()
+            found = Loop(other, other.settings).run()
         except LeastActionError:
             return None
         self.rollouts += found.rollouts
@@ -249,8 +243,6 @@ class BarrierProblem(ShootingProblem):
         more = self.stages.advance(self.shown, self._limits(), moved=moved)
         if was_lent:
             self.values = None  # there may be less leeway
-        if not more and self.begin_dearer():
-            return True
         self.room = None  # it is one of other prices, even where there is no more
         curvature = self.curvature if np.array_equal(before, self.duals.y.flat) else None
         if more:
@@ -258,11 +250,11 @@ class BarrierProblem(ShootingProblem):
             self.curvature = curvature  # of the same duals
         return more
 
-    def begin_dearer(self) -> bool:
-        """Begin again with higher prices, where the last stage shows that they were too low; return whether it does."""
-        return False
+    @property
+    def is_unmet(self) -> bool:
+        return not (self.is_open or self.stages.are_met(self._asked()))
 
-    def retry_stage(self) -> bool:
+    def relent(self) -> bool:
         """Make a stage again that led nowhere, otherwise; return whether there is another way.
 
         Without the leeway it was lent; else with all excess as dear, where limits are far off.
@@ -313,7 +305,7 @@ class BarrierProblem(ShootingProblem):
         if self.is_open:
             return None
         if not self.stages.are_met(self._asked()):
-            return Status.INFEASIBLE, self._report().contradiction(self.system.when)
+            return Status.INFEASIBLE, self.report().contradiction(self.system.when)
         return None if self._is_determined() else (Status.NO_DIRECTION, "")
 
     def _is_determined(self) -> bool:
@@ -338,7 +330,7 @@ class BarrierProblem(ShootingProblem):
     def unmet(self) -> str:
         if self.is_open or not self._begun or self.stages.are_met(self._asked()):
             return ""
-        return f"Limits are still violated: {self._report().violated(self.system.when)}."
+        return f"Limits are still violated: {self.report().violated(self.system.when)}."
 
     # ---- Directions -----------------------------------------------------------------------------
 
@@ -510,7 +502,7 @@ class BarrierProblem(ShootingProblem):
         far = -direction.slope > _FAR * abs(self.shown)
         return refined(self.duals, self._room(), direction, self.motion, self._solve_within, far=far)
 
-    def _solve_within(self, direction: DiscreteDirection, duals: Sided, sigmas: Sided) -> Solved | None:
+    def _solve_within(self, direction: DiscreteDirection, duals: Sided, sigmas: Sided) -> SolvedWithin | None:
         """Return the minimum of a direction's model with other duals and stiffnesses; None if there is none.
 
         Its law stands where those of directions do.
@@ -536,7 +528,7 @@ class BarrierProblem(ShootingProblem):
         dx, du = self._sweep(model, dx0)
         least = least_of(model, dx0)
         change = self.limited.along(dx, du, self._jacobians()).flat
-        return Solved(least, dx, du, model.K if own_gain is None else own_gain, model.C, change)
+        return SolvedWithin(least, dx, du, model.K if own_gain is None else own_gain, model.C, change)
 
     def _hessian_within(self, share: float, sigmas: Sided) -> ModelHessian:
         """Return second derivatives with other stiffnesses, which are written over those of the iterate."""
@@ -573,7 +565,7 @@ class BarrierProblem(ShootingProblem):
     # ---- What is told ---------------------------------------------------------------------------
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        return replace(super().result(summary), limits=self._report())
+        return changed(super().result(summary), limits=self.report())
 
     def _duals(self) -> Sided:
         """Return the duals after a last step of theirs along Newton's direction, which the motion hardly needs."""
@@ -600,7 +592,8 @@ class BarrierProblem(ShootingProblem):
         except LeastActionError:
             return None  # The duals of the last step will do.
 
-    def _report(self) -> LimitReport:
+    def report(self) -> LimitReport:
+        """Return what is told of the limits."""
         k = [rows.k for rows in self.limited.rows]
         if not self.is_open or self.earlier is None:
             return self.stages.report(k, self._asked(), self._duals(), self.shown)

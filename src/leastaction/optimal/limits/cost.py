@@ -10,10 +10,10 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import is_diagonal, own_matrices
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import ModelHessian, same
-from leastaction.optimal.limits.duals import Duals, Side
+from leastaction.optimal.limits.duals import Duals, LimitSide
 from leastaction.optimal.limits.entries import EntryRows
 from leastaction.optimal.limits.rows import Rows, Weights
-from leastaction.optimal.limits.sides import Layout, Sided
+from leastaction.optimal.limits.sides import Sided, SideLayout
 from leastaction.optimal.limits.together import together
 from leastaction.optimal.quantity import Entries, Instants
 
@@ -40,7 +40,7 @@ class LimitedCost:
         self.cost, self.rows = cost, tuple(rows)
         self.duals = Duals(
             [
-                Side(
+                LimitSide(
                     r.limit,
                     r.labels,
                     r.equal,
@@ -51,7 +51,7 @@ class LimitedCost:
                 )
                 for r in self.rows
             ],
-            Layout([r.bounds.shape for r in self.rows]),
+            SideLayout([r.bounds.shape for r in self.rows]),
         )
         self.layout = self.duals.layout
         self.of_states = EntryRows(self.rows, self.layout, of_state=True, width=nx)

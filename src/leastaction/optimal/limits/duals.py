@@ -23,7 +23,7 @@ from leastaction.optimal.limits.barrier import (
     stiffness,
 )
 from leastaction.optimal.limits.leeway import Leeway
-from leastaction.optimal.limits.sides import Layout, Sided
+from leastaction.optimal.limits.sides import Sided, SideLayout
 from leastaction.optimal.quantity import Instants
 
 # Times its dual is the price of an excess; and in the end that of an equation, which is met the better the dearer it
@@ -44,7 +44,7 @@ _GUIDING = 0.1  # of what excess costs, where all is as dear, is that of the bar
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class LimitSide:
     """One side of a limit, as far as its duals go.
 
     ``limit``, ``labels``, ``equal``: as in a `LimitState`. ``first``: whether it is the first of the two sides of an
@@ -78,7 +78,7 @@ class Duals:
     ``sides``: of each, what it is. ``layout``: of their values over the horizon.
     """
 
-    def __init__(self, sides: Sequence[Side], layout: Layout) -> None:
+    def __init__(self, sides: Sequence[LimitSide], layout: SideLayout) -> None:
         self.sides, self.layout = tuple(sides), layout
         self.begun = False
         self.mu = np.nan

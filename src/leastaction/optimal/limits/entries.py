@@ -9,7 +9,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.limits.sides import Layout, Sided
+from leastaction.optimal.limits.sides import Sided, SideLayout
 from leastaction.optimal.quantity import Entries
 
 
@@ -27,7 +27,7 @@ class EntryRows:
         Number of entries of a state, or of an input.
     """
 
-    def __init__(self, rows: Sequence[Rows], layout: Layout, *, of_state: bool, width: int) -> None:
+    def __init__(self, rows: Sequence[Rows], layout: SideLayout, *, of_state: bool, width: int) -> None:
         places, factors, bounds = [np.empty(0, dtype=np.intp)], [np.empty(0)], [np.empty(0)]
         at = [np.empty(0, dtype=np.intp)]
         for i, each in enumerate(rows):

@@ -64,13 +64,6 @@ class Limit(ABC):
             Unknown names, values of wrong shapes, or bounds that contradict each other.
         """
 
-    def refined(self, parts: int, N: int) -> Limit | None:  # noqa: ARG002 - overridden
-        """Return the limit for a system whose N steps are each made in so many parts; None if it is not known.
-
-        `optimize` begins with it where it is stuck because its steps are too coarse.
-        """
-        return None
-
 
 @dataclass(frozen=True)
 class Bound(Limit):
@@ -113,9 +106,6 @@ class Bound(Limit):
             raise ArgumentError(f"{what}: got neither min nor max, expected one of them at least")
         return _bounded(system, quantity, self.min, self.max, self.at, first, what)
 
-    def refined(self, parts: int, N: int) -> Limit:
-        return replace(self, **_finer(self.at, parts, N, min=self.min, max=self.max))
-
 
 @dataclass(frozen=True)
 class Within(Limit):
@@ -142,11 +132,6 @@ class Within(Limit):
         what = f"Within({self.quantity.names[0]!r})"
         rows = _bounded(system, self.quantity, least, self.max, self.at, first, what)
         return [replace(row, is_own=True) for row in rows]
-
-    def refined(self, parts: int, N: int) -> Limit | None:
-        if not self.quantity.is_of_any_steps:
-            return None
-        return replace(self, **_finer(self.at, parts, N, min=self.min, max=self.max))
 
 
 @dataclass(frozen=True)
@@ -188,11 +173,6 @@ class Equal(Limit):
             Rows(what, quantity, sign, value, k, scale, equal=True, is_own=own, start=at_start) for sign in (1.0, -1.0)
         ]
 
-    def refined(self, parts: int, N: int) -> Limit | None:
-        if isinstance(self.names, Quantity) and not self.names.is_of_any_steps:
-            return None
-        return replace(self, **_finer(self.at, parts, N, value=self.value))
-
 
 @dataclass(frozen=True)
 class FromSecond(Limit):
@@ -202,10 +182,6 @@ class FromSecond(Limit):
 
     def rows(self, system: Any, first: int) -> list[Rows]:
         return [replace(rows, start=None) for rows in self.limit.rows(system, first)]
-
-    def refined(self, parts: int, N: int) -> Limit | None:
-        finer = self.limit.refined(parts, N)
-        return None if finer is None else FromSecond(finer)
 
 
 def checked_limits(limits: Sequence[Limit]) -> list[Limit]:
@@ -386,32 +362,3 @@ def _values(
     bounds = np.array(np.broadcast_to(array, (n, m)))
     constant = array.ndim == 0 or (n > 1 and len(array) == 1)
     return bounds, bounds[0].copy() if fixed and constant else None
-
-
-def finer_instants(at: When, parts: int, N: int) -> When:
-    """Return the same instants of a system whose N steps are each made in so many parts."""
-    if at is None or isinstance(at, (str, bool, float)):
-        return at
-    if isinstance(at, (int, np.integer)):
-        return int(at + (N + 1 if at < 0 else 0)) * parts
-    return [finer_instants(one, parts, N) for one in at]  # type: ignore[return-value]
-
-
-def _finer(at: When, parts: int, N: int, **values: Any) -> dict[str, Any]:
-    """Return instants and values of a limit for finer steps."""
-    finer = {name: _finer_value(value, at, parts, N) for name, value in values.items()}
-    return {"at": finer_instants(at, parts, N), **finer}
-
-
-def _finer_value(value: Any, at: When, parts: int, N: int) -> Any:
-    """Return bounds over the instants for those of finer steps: between two of them there are others."""
-    if at is not None or value is None or callable(value) or np.ndim(value) == 0 or len(value) not in (N, N + 1):
-        return value
-    values = np.asarray(value, dtype=np.float64)
-    if len(values) == N:
-        return np.repeat(values, parts, axis=0)
-    low, share = np.divmod(np.arange(N * parts + 1), parts)
-    before, after = values[low], values[np.minimum(low + 1, N)]
-    share = share.reshape(-1, *[1] * (values.ndim - 1)) / parts
-    there = np.isfinite(before) & np.isfinite(after)
-    return np.where(there, (1.0 - share) * np.where(there, before, 0.0) + share * np.where(there, after, 0.0), before)

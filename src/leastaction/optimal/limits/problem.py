@@ -10,6 +10,7 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.direction import DiscreteDirection
 from leastaction.optimal.discrete.problem import DiscreteProblem
@@ -18,13 +19,10 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.barrier_problem import BarrierProblem
-from leastaction.optimal.limits.leeway import may_be_obstacle
-from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.memory import Memory, Place, Start
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.schedule import NewtonSchedule
-from leastaction.optimal.settings import Settings
 
 # Where steps of time may shrink, what is asked at one instant is so much dearer than elsewhere; and than that where the
 # search is stuck.
@@ -32,16 +30,10 @@ _DEARER, _DEARER_AGAIN = 20.0, 10.0
 _SHORTER = 0.7  # of what it lasts is what a step of the search takes off at most
 
 _SAME = 1e-6  # of a cost that was found, by which it differs where it is another cost
-# Iterations that the minimum without limits may take where a run begins again from there, and a tolerance that will do.
-_SOON, _ROUGHLY = 30, 1e-3
 
 # How much dearer inputs are at first where it begins again with an easier cost, by which factor less from one stage to
 # the next, and of each the tolerance and the most iterations: it only leads to the next.
 _EASIEST, _STRIDE, _LOOSE, _LONGEST = 1e6, 10.0, 1e-2, 20
-
-_PAST = 200  # iterations that the minimum without obstacles may take where they cannot be met
-
-_PARTS = 2  # into which a step of time is divided that is too coarse
 
 
 class LimitedProblem(BarrierProblem):
@@ -52,11 +44,9 @@ class LimitedProblem(BarrierProblem):
     system : DiscreteSystem
     cost : Cost
     rows : sequence of Rows
-    settings : Settings
+    settings : Options
     free_start, gapped
         As of `ShootingProblem`.
-    stated : sequence of Limit
-        What the rows came from; none where it is not to be stated for shorter steps of time.
     final_time : int, optional
         The place in the state of the time (s) at which the motion ends, if that is found too. The motion may then be
         made to last ever shorter, which also costs ever less: only the price of what is not reached stands against a
@@ -71,21 +61,15 @@ class LimitedProblem(BarrierProblem):
         system: DiscreteSystem,
         cost: Cost,
         rows: list[Rows],
-        settings: Settings,
+        settings: Options,
         free_start: bool | Sequence[str] = False,
         gapped: Gapped = "never",
         final_time: int | None = None,
-        stated: Sequence[Limit] = (),
     ) -> None:
         dearer = 1.0 if final_time is None else _DEARER
         super().__init__(system, cost, rows, settings, free_start, gapped, dearer)
-        self.final_time, self.stated = final_time, tuple(stated)
+        self.asked, self.final_time = cost, final_time
         self.wanted: Start | None = None  # from where gaps are tried once more
-        # Where it stood, and with what limits, when it began again with higher prices.
-        self.further: tuple[Place, LimitReport] | None = None
-        self.went_dearer = False  # whether it began again with higher prices
-        self.went_past = False  # whether it began again from the minimum without obstacles
-        self.went_finer = False  # whether it was looked where half the steps of time lead: always to the same place
 
     def start(self, initial: Any) -> None:
         """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
@@ -93,6 +77,8 @@ class LimitedProblem(BarrierProblem):
         if found is not None:
             self.found, initial = found, (found.x, found.u)
         super().start(initial)
+        if not self.is_open:
+            self.first = Start(self.x, self.u)
         # What was found with another cost is no minimum of this one.
         same = found is not None and abs(self.shown - found.cost) <= _SAME * abs(found.cost)
         self.begins_at_minimum = found is not None and found.success and same
@@ -110,7 +96,7 @@ class LimitedProblem(BarrierProblem):
             return None
         return Start(read_only(np.concatenate([start.x[None], wanted[1:]])), start.u)
 
-    def _with(self, rows: list[Rows], settings: Settings) -> LimitedProblem:
+    def _with(self, rows: list[Rows], settings: Options) -> LimitedProblem:
         return LimitedProblem(self.system, self.cost, rows, settings, self.free_start, final_time=self.final_time)
 
     # ---- Other ways to begin --------------------------------------------------------------------
@@ -141,85 +127,49 @@ class LimitedProblem(BarrierProblem):
         """Have gaps tried from the wanted motion next, where an initial state alone was given; once."""
         self.given, self.wanted = self.wanted, None
 
-    def resume(self, result: OptimizationResult) -> None:
-        super().resume(result)
-        if result.memory is not None:
-            self.wanted = result.memory.wanted
+    def renew(self) -> None:
+        """Take the limits out, for another run from somewhere else."""
+        self.duals.begun = False
+        self.duals.leeway.give_all_back()
+        self.stages.dearer = 1.0 if self.final_time is None else _DEARER
+
+    def recall(self, memory: Memory) -> None:
+        super().recall(memory)
+        self.wanted = memory.wanted
 
     def memory(self) -> Memory:
-        return replace(super().memory(), wanted=self.wanted)
-
-    def begin_again(self) -> bool:
-        """Begin again with higher prices where the motion was made too short, or else from what easier costs lead to.
-
-        Return whether that can be done.
-        """
-        return self._begin_with_ease() if self.final_time is None else self.begin_dearer()
+        return changed(super().memory(), wanted=self.wanted)
 
     def begin_dearer(self) -> bool:
-        met = self.stages.are_met(self._asked())
-        if self.further is not None and not met:
-            self._go_to_the_nearer(self.further)
-        self.further = None
-        if self.final_time is None and self._begin_past_obstacles():
-            return True
-        if self.given is None or met:
+        """Begin again from the given start, with higher prices of what is asked at a single instant; once."""
+        if self.given is None:
             return False
-        if self.final_time is None and (self.went_dearer or not self._misses_an_instant()):
-            return False
-        self.went_dearer = True
         start, self.given = self.given, None
-        self.further = self._place(), self._report()
         self._put_out()
         ShootingProblem.start(self, (start.x, start.u))
         self.stages.dearer *= _DEARER_AGAIN
         self._begin()
         return True
 
-    def _misses_an_instant(self) -> bool:
-        """Whether what is asked at a single instant, or an equation, is not met: that may have been too cheap."""
+    def misses_an_instant(self) -> bool:
+        """Whether what is asked at a single instant, or an equation, is not met."""
         sides = zip(self.duals.sides, self._asked(), self.duals.scale, strict=True)
         return any(
             (side.equal or len(c) == 1) and bool((-c > self.stages.met * scale).any()) for side, c, scale in sides
         )
 
-    def _go_to_the_nearer(self, other: tuple[Place, LimitReport]) -> None:
-        """Go back to an earlier end with its duals, if that was nearer to what is asked for."""
-        place, report = other
+    def go_to_the_nearer(self, place: Place, report: LimitReport) -> bool:
+        """Go back to an earlier end with its duals, if that was nearer to what is asked for; whether it was."""
         asked, scales = self.limited.asked(place.x, place.u).flat, self.duals.scales
         off, now = (float((np.maximum(-c, 0.0) / scales).sum()) for c in (asked, self._asked().flat))
-        if off < now:
-            ShootingProblem._go_to(self, place)
-            self.stages.take(report, resumed=True)
-            self._set_out()
-
-    def _begin_past_obstacles(self) -> bool:
-        """Begin again, once, from the minimum without obstacles, where they cannot be met from the start.
-
-        A search may stand before an obstacle that is passed from elsewhere.
-        """
-        if self.went_past or self.stages.are_met(self._asked()):
+        if off >= now:
             return False
-        others = [rows for rows in self.limited.rows if not may_be_obstacle(rows, self.x, self.u)]
-        if len(others) == len(self.limited.rows):
-            return False
-        self.went_past = True
-        found = self._found_with(others, _PAST)
-        return found is not None and found.success and self._stand_at(found.x, found.u)
+        ShootingProblem._go_to(self, place)
+        self.stages.take(report, resumed=True)
+        self._set_out()
+        return True
 
-    def begin_freely(self) -> bool:
-        """Begin again from the minimum without limits, if that is found soon; return whether it is.
-
-        Not where that says little: where there are conditions or limits of the user's own, such as places to keep off,
-        and where the start was a result already.
-        """
-        own = any(rows.equal or rows.is_own for rows in self.limited.rows)
-        if self.is_open or own or self.given is None or self.given.was_found or self.final_time is not None:
-            return False
-        found = self._found_with([], _SOON, tolerance=_ROUGHLY)
-        return found is not None and found.success and self._stand_at(found.x, found.u)
-
-    def _begin_with_ease(self) -> bool:
+    def begin_with_ease(self) -> bool:
         """Begin again from the motion that costs no effort, by stages whose inputs are ever less dear.
 
         As `EasedProblem` does, with the limits held in every stage.
@@ -231,47 +181,36 @@ class LimitedProblem(BarrierProblem):
         while ease > 1.0:
             stage = self.cost.eased(ease)
             assert stage is not None
-            found = self._found_by(self._eased(stage[0]), (x, u), NewtonSchedule(again=True, finer=True))
+            found = self._found_by(self._eased(stage[0]), (x, u))
             if found is None:
                 return False
             x, u, ease = found.x, found.u, ease / _STRIDE
-        return self._stand_at(x, u)
+        return self.stand_at(x, u)
 
     def _eased(self, cost: Cost) -> LimitedProblem:
         settings = replace(self.settings, max_iterations=_LONGEST, tolerance=_LOOSE)
         return LimitedProblem(self.system, cost, list(self.limited.rows), settings, self.free_start)
 
-    def begin_finer(self) -> bool:
-        """Begin again from what half the steps of time lead to, where those that were given are too coarse."""
-        if self.went_finer or self.prefers_gaps or self.is_open:
-            return False
-        system, cost = self.system.refined(_PARTS), self.cost.refined(_PARTS)
-        eased = None if cost is None else cost.eased(1.0)
-        restated = [limit.refined(_PARTS, self.system.N) for limit in self.stated]
-        limits = [limit for limit in restated if limit is not None]
-        if system is None or cost is None or eased is None or not limits or len(limits) < len(restated):
-            return False
-        self.went_finer = True
-        first = 1 if self.free_start is False else 0
-        rows = [row for limit in limits for row in limit.rows(system, first)]
-        finer = LimitedProblem(system, cost, rows, self.settings, self.free_start, "where needed")
-        found = self._found_by(finer, (self.x[0], eased[1]), NewtonSchedule(finer=True))
-        if found is None or (found.worst_step is not None and found.worst_step.is_coarse and not found.success):
-            return False
-        return self._stand_at(found.x[::_PARTS], self.system.merged_inputs(found.u, _PARTS))
-
-    def _stand_at(self, x: Array, u: Array) -> bool:
-        """Begin again at the projection of a curve, and remember where it stood; whether there is one."""
-        now = self._place()
+    def stand_at(self, x: Array, u: Array) -> bool:
+        """Begin again at the projection of a curve; whether there is one."""
+        now = self.place()
         self._put_out()
         try:
             DiscreteProblem.start(self, (x, u))
         except LeastActionError:
             self._go_to(now)
             return False
-        self._remember(now)
         self._begin()
         return True
+
+    def go_on_from(self, x: Array, u: Array, report: LimitReport | None) -> None:
+        """Begin again at a trajectory; ``report``: of the limits there, where their duals are known."""
+        self._put_out()
+        DiscreteProblem.start(self, (x, u))
+        self._begin()
+        if report is not None:
+            self.stages.take(report, resumed=False)
+            self._set_out()
 
     # ---- Steps ----------------------------------------------------------------------------------
 

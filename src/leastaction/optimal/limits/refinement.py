@@ -32,7 +32,7 @@ _LONG, _AGREES = 0.9, 0.1  # is a first step after which there are none, if it g
 _ENOUGH, _ENOUGH_FAR = 0.1, 0.3  # of all that was gained is what the last of them gains; and far from the minimum
 
 
-class Solved(NamedTuple):
+class SolvedWithin(NamedTuple):
     """The minimum of a linear-quadratic problem: its value, where it is, its law, and the changes of limits there."""
 
     least: float
@@ -86,7 +86,7 @@ def refined(
     room: Room,
     direction: DiscreteDirection,
     sweep: Callable[[DiscreteDirection], tuple[Array, Array]],
-    solve: Callable[[DiscreteDirection, Sided, Sided], Solved | None],
+    solve: Callable[[DiscreteDirection, Sided, Sided], SolvedWithin | None],
     *,
     far: bool,
 ) -> DiscreteDirection:

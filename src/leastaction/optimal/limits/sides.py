@@ -20,7 +20,7 @@ Entry = TypeVar("Entry", bound=np.generic)
 Indices = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 
-class Layout:
+class SideLayout:
     """Where the arrays of sides begin and end; nothing in it changes. ``shapes``: of the arrays."""
 
     def __init__(self, shapes: Sequence[tuple[int, ...]]) -> None:
@@ -41,9 +41,9 @@ class Layout:
     # ---- Columns of sides (n, m): what has one value for each of them is of the layout `columns` ---
 
     @cached_property
-    def columns(self) -> Layout:
+    def columns(self) -> SideLayout:
         """That of one value for each column (m,) of every side."""
-        return Layout([shape[1:] for shape in self.shapes])
+        return SideLayout([shape[1:] for shape in self.shapes])
 
     def spread(self, values: NDArray[Entry]) -> NDArray[Entry]:
         """Return values of all columns, one after the other, for each of their entries."""
@@ -76,7 +76,7 @@ class Sided:
 
     __slots__ = ("flat", "layout")
 
-    def __init__(self, flat: Array, layout: Layout) -> None:
+    def __init__(self, flat: Array, layout: SideLayout) -> None:
         self.flat, self.layout = flat, layout
 
     def __len__(self) -> int:

@@ -37,7 +37,7 @@ _LITTLE_BESIDE, _TRACES = 0.1, 1e-4
 _CLOSER = 1e-2
 
 
-class Stages:
+class BarrierStages:
     """The stages of an optimisation with limits: one barrier problem after the other.
 
     ``tolerance``: of the optimisation. ``digits``: of a limit's size is the least room that is told from none.

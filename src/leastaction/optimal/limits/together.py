@@ -9,7 +9,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.limits.sides import Layout, Sided
+from leastaction.optimal.limits.sides import Sided, SideLayout
 from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples, names_of
 
 
@@ -19,7 +19,7 @@ class Together:
     ``rows``: what they are together. ``at`` (n, m): where their values are among those of all rows.
     """
 
-    def __init__(self, parts: Sequence[Rows], which: Sequence[int], quantity: Quantity, layout: Layout) -> None:
+    def __init__(self, parts: Sequence[Rows], which: Sequence[int], quantity: Quantity, layout: SideLayout) -> None:
         self.at = np.hstack([np.arange(*layout.ends[i : i + 2]).reshape(layout.shapes[i]) for i in which])
         self.rows = parts[0]
         if len(parts) > 1:
@@ -80,7 +80,7 @@ class _Beside(Quantity):
         return np.asarray(sum(bent[1:], bent[0])) if bent else None
 
 
-def together(rows: Sequence[Rows], which: Sequence[int], layout: Layout, nx: int, nu: int) -> list[Together]:
+def together(rows: Sequence[Rows], which: Sequence[int], layout: SideLayout, nx: int, nu: int) -> list[Together]:
     """Return some of the rows of a problem, as few at a time as those that are alike can be.
 
     Alike are those of the same instants whose quantities can be joined, or depend on the same entries.

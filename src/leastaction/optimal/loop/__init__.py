@@ -8,6 +8,6 @@ problem (`stages`) and says how it ended (`ending`).
 from __future__ import annotations
 
 from leastaction.optimal.loop.loop import Callback, Loop
-from leastaction.optimal.loop.problem import Clock, Direction, Model, Problem
+from leastaction.optimal.loop.problem import Clock, Direction, ModelSolution, Problem
 
-__all__ = ["Callback", "Clock", "Direction", "Loop", "Model", "Problem"]
+__all__ = ["Callback", "Clock", "Direction", "Loop", "ModelSolution", "Problem"]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from leastaction.optimal.loop.ending import Found, Outcome
+from leastaction.optimal.loop.ending import EndFound, Outcome
 from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.result import Status
@@ -42,7 +42,7 @@ class Directions:
         """Yield one direction after the other, for as long as they cannot be followed.
 
         First those of the methods, each of which is simpler than the one before; then, of the automatic choice,
-        ever shorter ones (Levenberg-Marquardt). Raises `Found` at a minimum.
+        ever shorter ones (Levenberg-Marquardt). Raises `EndFound` at a minimum.
         """
         run = self.run
         shift, methods = run.schedule.shift, self._methods()
@@ -76,7 +76,7 @@ class Directions:
         first = self.run.settings.method
         if first == "auto":
             schedule = self.run.schedule
-            newton = self.run.problem.has_curvature and (schedule.newton or schedule.wait == 0)
+            newton = self.run.problem.has_curvature and schedule.wait == 0
             first = "newton" if newton else "quasi-newton"
         return _CHAIN[_CHAIN.index(first) :]
 
@@ -96,7 +96,8 @@ class Directions:
             return str(model.message)
         damped = "-damped" if 0.0 < scale < 1.0 else ""
         shifted = "-shifted" if shift > 0.0 else ""
-        return problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
+        found: Direction = problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
+        return found
 
     def _unless_newton_will_do(self, direction: Direction | str) -> Direction | str:
         """Return a quasi-Newton direction; that of Newton's method, where one step of it is foretold to be the last.
@@ -111,36 +112,37 @@ class Directions:
             return direction
         model = problem.minimise_model("newton", 1.0)
         if model.definite:
-            return problem.direction("newton", model, 1.0)
+            found: Direction = problem.direction("newton", model, 1.0)
+            return found
         return self._direction("quasi-newton", 0.0)  # the model was written over the direction
 
     # ---- Whether it is a minimum ----------------------------------------------------------------
 
     def _end_drowned(self) -> None:
-        """Raise `Found` where rounding has left no model, and next to nothing is expected."""
+        """Raise `EndFound` where rounding has left no model, and next to nothing is expected."""
         run = self.run
         if not run.problem.is_drowned:
             return
         left = run.problem.left_beside_rounding()
         if left <= run.asked:
-            raise Found(Outcome(Status.CONVERGED, expected=left))
+            raise EndFound(Outcome(Status.CONVERGED, expected=left))
         if run.history.iterations > 0:
             expected = run.history.expected_decreases[-1]  # in an earlier stage, perhaps
             if expected <= _STALLED_CLOSE * abs(run.problem.value):
-                raise Found(Outcome(Status.STALLED, expected=expected))
+                raise EndFound(Outcome(Status.STALLED, expected=expected))
 
     def _confirm(self, direction: Direction) -> Direction:
         """Return a direction along which the cost still falls, where a model expects no more of its own.
 
         Damped and shifted models have a minimum at a saddle too: only the undamped second derivative tells.
-        Raises `Found` if there is nowhere to go.
+        Raises `EndFound` if there is nowhere to go.
         """
         run, problem = self.run, self.run.problem
         expected = -direction.slope
         status = Status.STALLED if run.stalled else Status.CONVERGED
         run.set_shift(0.0)
         if not problem.tells_saddles:
-            raise Found(Outcome(status, expected=expected))
+            raise EndFound(Outcome(status, expected=expected))
         goes_on = run.settings.method in ("auto", "newton")
         if direction.curvature_scale == 1.0 > direction.shift:
             return self._unless_close(direction, status)
@@ -148,16 +150,16 @@ class Directions:
         if model.definite:
             newton = problem.direction("newton", model, 1.0)
             if not goes_on:
-                raise Found(Outcome(status, expected=expected))
+                raise EndFound(Outcome(status, expected=expected))
             return self._unless_close(newton, status)
         scale = 0.0 if direction.shift > 0.0 else direction.curvature_scale
-        down = problem.negative_curvature(scale) if goes_on else None
+        down: Direction | None = problem.negative_curvature(scale) if goes_on else None
         if down is None:
-            raise Found(Outcome(Status.SADDLE, model.message, expected))
+            raise EndFound(Outcome(Status.SADDLE, model.message, expected))
         promise = -(down.slope + 0.5 * down.bend)
         if promise <= max(run.goal, problem.noise):
             detail = f"So is the decrease that negative curvature promises along the direction found, {promise:.2g}."
-            raise Found(Outcome(status, detail, max(expected, promise)))
+            raise EndFound(Outcome(status, detail, max(expected, promise)))
         return down
 
     def _unless_close(self, newton: Direction, status: Status) -> Direction:
@@ -167,10 +169,10 @@ class Directions:
         if run.stalled:
             enough = max(enough, _STALLED_CLOSE * abs(problem.value))
         if expected <= enough:
-            raise Found(Outcome(status, expected=expected))
+            raise EndFound(Outcome(status, expected=expected))
         if run.still >= problem.patience + _STALLED_STEPS:
             detail = "The cost has not fallen for several steps."
-            raise Found(Outcome(Status.LINE_SEARCH_FAILED, detail, expected))
+            raise EndFound(Outcome(Status.LINE_SEARCH_FAILED, detail, expected))
         return newton
 
     def foretold(self, before: NewtonSchedule, expected: float, agreement: float) -> Outcome | None:

@@ -42,7 +42,11 @@ class Outcome:
     refused: StepQuality | None = None
 
 
-class Found(Exception):
+LOST = Outcome(Status.ITERATION_LIMIT, "the gaps did not close")
+"""How gaps end that do not close, where the run had begun violently: it is not stuck, but likely to get lost."""
+
+
+class EndFound(Exception):
     """The search for a direction has come to an end of the optimisation."""
 
     def __init__(self, outcome: Outcome) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import LeastActionError
-from leastaction.optimal.line_search import Step, Trial
+from leastaction.numerics.frozen import changed
+from leastaction.optimal.line_search import SearchStep, Trial
 from leastaction.optimal.loop.directions import Directions
-from leastaction.optimal.loop.ending import Found, Outcome, message, outlook
+from leastaction.optimal.loop.ending import EndFound, Outcome, message, outlook
 from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.search import Search
-from leastaction.optimal.loop.stages import Stages
+from leastaction.optimal.loop.stages import StageSequence
+from leastaction.optimal.loop.way import Way
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import IterationRecord, OptimizationResult, Status
-from leastaction.optimal.schedule import NewtonSchedule
-from leastaction.optimal.settings import Settings
 
 # Times the noise that was seen is the least decrease that is found again in it, by steps as short as searches make.
 _LOST = 50.0
@@ -31,37 +32,36 @@ class Loop:
     """One optimisation.
 
     ``problem``: standing at its first iterate. ``callback``: told of every iteration; a true answer ends it.
-    ``resume``: the result whose history goes on. ``schedule``: what a run that does not resume begins with.
+    ``resume``: the result whose history goes on. ``ways``: to begin again, in the order in which they are tried.
     """
 
     def __init__(
         self,
         problem: Problem[Any, Any, Any],
-        settings: Settings,
+        settings: Options,
         callback: Callback | None = None,
         resume: OptimizationResult | None = None,
-        schedule: NewtonSchedule | None = None,
+        ways: Sequence[Way] = (),
     ) -> None:
         self.callback = callback
-        self.progress = Run(problem, settings, resume, schedule)
-        self.stages = Stages(self.progress)
+        self.progress = Run(problem, settings, resume)
+        self.stages = StageSequence(self.progress, ways)
         self.directions = Directions(self.progress)
         self.search = Search(self.progress)
 
     def run(self) -> OptimizationResult:
         """Iterate until there is a reason to stop."""
-        problem = self.progress.problem
         try:
             outcome = None
             if not self.progress.history.cost:
-                outcome = self._tell(None, None, np.nan, problem.note)
+                outcome = self._tell(None, None, np.nan, self.progress.problem.note)
             while outcome is None or self.stages.go_on(outcome):
                 self.stages.look()
                 outcome = self._advance()
             outcome = self.stages.verdict(outcome)
         except KeyboardInterrupt:
             # A solution may have been left half written; none of it belongs to the iterate.
-            problem.forget()
+            self.progress.problem.forget()
             outcome = Outcome(Status.INTERRUPTED)
         return self._finish(outcome)
 
@@ -99,7 +99,7 @@ class Loop:
                     return Outcome(Status.SADDLE, ended, expected, refused=refusal.coarsest)
                 if refusal.hopeless and direction.shift > 0.0:
                     break
-        except Found as found:
+        except EndFound as found:
             return found.outcome
         except LeastActionError as error:
             return Outcome(Status.DERIVATIVES_FAILED, str(error))
@@ -112,7 +112,7 @@ class Loop:
             return Outcome(Status.STALLED, notes[-1], expected)
         return Outcome(Status.LINE_SEARCH_FAILED, notes[-1], expected, refusal.failed, refusal.coarsest)
 
-    def _accept(self, direction: Direction, step: Step[Any], trial: Trial[Any], note: str) -> Outcome | None:
+    def _accept(self, direction: Direction, step: SearchStep[Any], trial: Trial[Any], note: str) -> Outcome | None:
         run, problem = self.progress, self.progress.problem
         decrease, expected = problem.value - trial.cost, -direction.slope
         agreement = decrease / max(0.5 * expected, 1e-300)
@@ -128,7 +128,9 @@ class Loop:
             problem.keep_feedback(direction)
         return self._tell(direction, step, decrease, note) or foretold
 
-    def _tell(self, direction: Direction | None, step: Step[Any] | None, decrease: float, note: str) -> Outcome | None:
+    def _tell(
+        self, direction: Direction | None, step: SearchStep[Any] | None, decrease: float, note: str
+    ) -> Outcome | None:
         """Tell the history and the callback of an iteration, or of where it all starts."""
         run, problem = self.progress, self.progress.problem
         x, u = problem.arrays()
@@ -194,4 +196,4 @@ class Loop:
             }
         )
         timings["total"] = clock.seconds
-        return result
+        return changed(result, memory=run.remembered(result.memory))

@@ -47,7 +47,7 @@ class _Part:
         self.timings[self.part] += time.perf_counter() - self.began
 
 
-class Model(Protocol):
+class ModelSolution(Protocol):
     """The solution of a linear-quadratic problem, as far as the loop looks into it."""
 
     @property
@@ -84,7 +84,7 @@ class Direction:
     bend: float = 0.0
 
 
-M = TypeVar("M", bound=Model)
+M = TypeVar("M", bound=ModelSolution)
 D = TypeVar("D", bound=Direction)
 I = TypeVar("I")  # noqa: E741 - an iterate
 
@@ -105,14 +105,14 @@ class Problem(ABC, Generic[M, D, I]):
     """Whether Newton's undamped model can be trusted to tell a minimum from a saddle."""
     note: str = ""
     """What is to be said of where it starts."""
+    remark: str = ""
+    """What is to be said of the stage that it is in, where it begins."""
     worst_step: StepQuality | None = None
     """The coarsest step along the current iterate; None where that is not known."""
     largest_shift: float = 1e9
     """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
     roughness: float = 0.0
     """What the cost was seen to be off by, beyond the rounding of its sum."""
-    ease: float = 1.0
-    """How much easier the problem of this stage is than the one that was asked for."""
     begins_at_minimum: bool = False
     """Whether it begins with what was found without the limits that it has now: there its model holds."""
     is_drowned: bool = False
@@ -185,52 +185,12 @@ class Problem(ABC, Generic[M, D, I]):
         return False
 
     @property
-    def long_run(self) -> int | None:
-        """Iterations after which gaps may be the shorter way; None where they are none."""
-        return None
-
-    @property
-    def tells_violence(self) -> bool:
-        """Whether first steps that are cut short tell of a run that is likely to get lost."""
-        return True
-
-    @property
-    def prefers_gaps(self) -> bool:
-        """Whether gaps are more promising than an easier stage, where a run gets lost."""
+    def is_unmet(self) -> bool:
+        """Whether the minimum of the last stage violates limits."""
         return False
 
-    def begin_with_gaps(self, *, brief: bool) -> bool:  # noqa: ARG002
-        """Begin again with gaps between the steps, and return whether that can be done.
-
-        If `brief`, they have to close soon: there are other ways.
-        """
-        return False
-
-    def begin_freely(self) -> bool:
-        """Begin again from the minimum without limits, if there are some; return whether that was found."""
-        return False
-
-    def begin_again(self) -> bool:
-        """Begin again with an easier stage, and return whether there is one."""
-        return False
-
-    def retry_stage(self) -> bool:
-        """Make a stage again that led nowhere, in another way, and return whether there is one."""
-        return False
-
-    def fall_back(self) -> bool:
-        """Return to where it stood before it began again, if that is better, and return whether it was."""
-        return False
-
-    def arrive(self) -> None:
-        """Stay where the last stage has come to its end: no other place is returned, though it may cost less."""
-
-    def begin_plainly(self) -> bool:
-        """Begin again with the first trajectory, to go on from there by one method; return whether that can be done."""
-        return False
-
-    def begin_finer(self) -> bool:
-        """Begin again from what shorter steps of time lead to, and return whether there is such a thing."""
+    def relent(self) -> bool:
+        """Have a stage that led nowhere ask for less, or otherwise, and return whether there is such a thing."""
         return False
 
     def verdict(self) -> tuple[Status, str] | None:

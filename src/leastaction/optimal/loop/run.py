@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.line_search import Step
+from leastaction.optimal.line_search import SearchStep
 from leastaction.optimal.loop.problem import Direction, Problem
+from leastaction.optimal.memory import Memory, Nearer, Resolved
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import HistoryBuilder, OptimizationResult
 from leastaction.optimal.schedule import NewtonSchedule
-from leastaction.optimal.settings import Settings
 
 # Of so many first steps, most were shorter than the last where a run is likely to get lost.
 _FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
@@ -32,20 +33,25 @@ class Run:
     """How far an optimisation has come.
 
     ``problem``: standing at its current iterate. ``history``: of all iterations. ``limit``: how many there may be.
-    ``schedule``: what the choice of a direction remembers. ``still``: steps in a row that lowered the cost by no more
-    than its noise; ``stalled``: whether that were too many. ``remark``: what is to be said of the next iteration.
-    ``searched``: roll-outs of searches.
+    ``schedule``: what the choice of a direction remembers. ``taken``: the ways to begin again that were taken.
+    ``nearer``: where it ended before prices were raised. ``resolved``: what the search among motions that the steps of
+    time resolve remembers; None elsewhere. ``asked_problem``: the problem to go on with after that. ``still``: steps in
+    a row that lowered the cost by no more than its noise; ``stalled``: whether that were too many. ``remark``: what is
+    to be said of the next iteration. ``searched``: roll-outs of searches.
     """
 
     def __init__(
         self,
         problem: Problem[Any, Direction, Any],
-        settings: Settings,
+        settings: Options,
         resume: OptimizationResult | None,
-        schedule: NewtonSchedule | None,
     ) -> None:
-        self.problem = problem
+        self.problem: Problem[Any, Any, Any] = problem
         self.settings = settings
+        self.taken: tuple[str, ...] = ()
+        self.resolved: Resolved | None = None
+        self.nearer: Nearer | None = None
+        self.asked_problem: Problem[Any, Any, Any] = problem
         self.searched = 0
         self.still = 0
         self.stalled = False
@@ -53,11 +59,35 @@ class Run:
         if resume is None:
             self.history = HistoryBuilder()
             self.limit = settings.max_iterations
-            self.schedule = schedule or NewtonSchedule(holds=problem.begins_at_minimum)
+            self.schedule = NewtonSchedule(holds=problem.begins_at_minimum)
         else:
             self.history = HistoryBuilder(resume.history)
             self.limit = settings.max_iterations + resume.iterations
             self.schedule = resume.schedule
+            if resume.memory is not None:
+                self.recall(resume.memory)
+
+    def recall(self, memory: Memory) -> None:
+        """Remember what an earlier run did."""
+        self.taken, self.resolved, self.nearer = memory.taken, memory.resolved, memory.nearer
+        self.still, self.remark = memory.still, memory.remark
+        self.problem.roughness = memory.roughness
+        if memory.tells_saddles is not None:
+            self.problem.tells_saddles = memory.tells_saddles
+        self.stalled = self.still >= self.problem.patience
+
+    def remembered(self, memory: Memory | None) -> Memory:
+        """Return what resuming needs, given what it needs of the problem."""
+        return changed(
+            memory or Memory(),
+            taken=self.taken,
+            resolved=self.resolved,
+            nearer=self.nearer,
+            still=self.still,
+            roughness=self.problem.roughness,
+            tells_saddles=self.problem.tells_saddles,
+            remark=self.remark,
+        )
 
     @property
     def is_automatic(self) -> bool:
@@ -108,8 +138,19 @@ class Run:
     def set_out(self, schedule: NewtonSchedule, why: str = "") -> None:
         """Begin a stage of the problem; the note of the next iteration says why."""
         self.still, self.stalled = 0, False
-        self.schedule = changed(schedule, ease=self.problem.ease, spent=0)
-        self.remark = why or self.remark
+        self.schedule = changed(schedule, spent=0)
+        self.remark = "; ".join(part for part in (self.remark, why, self.problem.remark) if part)
+
+    @property
+    def began_again(self) -> bool:
+        """Whether it has begun again, but for gaps."""
+        return bool(self.taken)
+
+    def begin_again(self, way: str, why: str) -> None:
+        """Set out as one that has begun again by a way."""
+        if way and way not in self.taken:
+            self.taken = (*self.taken, way)
+        self.set_out(NewtonSchedule(), why)
 
     def note_failure(self, method: str) -> None:
         """Remember that a direction of a method could not be found or followed."""
@@ -126,7 +167,9 @@ class Run:
         if shift != self.schedule.shift:
             self.schedule = changed(self.schedule, shift=shift)
 
-    def note_step(self, direction: Direction, step: Step[Any], decrease: float, agreement: float, cost: float) -> None:
+    def note_step(
+        self, direction: Direction, step: SearchStep[Any], decrease: float, agreement: float, cost: float
+    ) -> None:
         """Remember a step that is to be accepted.
 
         ``decrease``: by how much it lowers the cost. ``agreement``: that in parts of what the model promised. ``cost``:
@@ -148,7 +191,4 @@ class Run:
     def remarks(self) -> list[str]:
         """Return what is to be said of the stage that an iteration begins."""
         said, self.remark = [self.remark] * bool(self.remark), ""
-        ease = self.problem.ease
-        if ease != 1.0 and self.schedule.spent == 0:
-            said.append(f"inputs are {ease:.4g} times as dear as asked for")
         return said

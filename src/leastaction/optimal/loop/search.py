@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.optimal.line_search import LineSearch, Step
-from leastaction.optimal.loop.ending import Found, Outcome
+from leastaction.optimal.line_search import LineSearch, SearchStep
+from leastaction.optimal.loop.ending import EndFound, Outcome
 from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.result import Status
@@ -36,11 +36,11 @@ class Search:
         self.run = run
         self.line_search = LineSearch(run.settings.alpha, run.settings.beta)
 
-    def __call__(self, direction: Direction) -> Step[Any]:
-        """Return the step along a direction; raises `Found` where its negative curvature is seen to be wrong."""
+    def __call__(self, direction: Direction) -> SearchStep[Any]:
+        """Return the step along a direction; raises `EndFound` where its negative curvature is seen to be wrong."""
         return self._along(direction) if direction.bend == 0.0 else self._down(direction)
 
-    def _along(self, direction: Direction, first: float | None = None) -> Step[Any]:
+    def _along(self, direction: Direction, first: float | None = None) -> SearchStep[Any]:
         run, problem = self.run, self.run.problem
         if first is None:
             first = min(1.0, _LONGER * run.schedule.length)
@@ -86,10 +86,10 @@ class Search:
         problem.roughness = off
         return True
 
-    def _down(self, direction: Direction) -> Step[Any]:
+    def _down(self, direction: Direction) -> SearchStep[Any]:
         """Search along negative curvature; if need be, with steps so short that the second derivative holds.
 
-        Raises `Found` if the cost is seen not to bend downwards there: then the given second derivative is wrong, or
+        Raises `EndFound` if the cost is seen not to bend downwards there: then the given second derivative is wrong, or
         holds for much shorter steps only. Nothing speaks against a minimum if the convex model expects none either.
         """
         length = self._bends(direction)
@@ -100,7 +100,7 @@ class Search:
             )
             expected = self._least_expected()
             status = Status.CONVERGED if expected <= self.run.goal else Status.LINE_SEARCH_FAILED
-            raise Found(Outcome(status, detail, expected))
+            raise EndFound(Outcome(status, detail, expected))
         step = self._along(direction)
         return step if step.trial is not None else self._along(direction, first=length)
 

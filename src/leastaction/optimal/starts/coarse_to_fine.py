@@ -18,7 +18,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus, check_options
+from leastaction.optimal.starts.stages import StageCallback, StartResult, StartStages, StartStatus, check_options
 
 Build = Callable[[Array], tuple[Any, Any]]
 Transfer = Callable[[OptimizationResult, Any, Any], tuple[Array, Array]]
@@ -86,7 +86,7 @@ def coarse_to_fine(
     nx = np.shape(given)[-1] if np.ndim(given) else 1
     x = as_array(given, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
     check_options(options, "the stages, each starts from the one before")
-    stages = Stages(callback, () if resume is None else resume.stages)
+    stages = StartStages(callback, () if resume is None else resume.stages)
     best: OptimizationResult | None = None
     before: tuple[DiscreteSystem, Array] | None = None
     reached = levels[0]

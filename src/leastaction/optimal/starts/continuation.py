@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus
+from leastaction.optimal.starts.stages import StageCallback, StartResult, StartStages, StartStatus
 
 Solve = Callable[[float, OptimizationResult | None], OptimizationResult]
 Scale = Literal["linear", "log"]
@@ -93,7 +93,7 @@ def continuation(
     least = as_number(least_step, "least_step", above=0.0, below=1.0)
     accept = accept or (lambda result: result.success)
     last = len(path) - 1.0
-    stages = Stages(callback, () if resume is None else resume.stages)
+    stages = StartStages(callback, () if resume is None else resume.stages)
 
     def at(position: float) -> float:
         between = float(np.interp(position, np.arange(len(path)), path))

@@ -16,7 +16,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.limits.limit import FromSecond, Limit
 from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.starts.stages import StageCallback, Stages, StartResult, StartStatus, check_options
+from leastaction.optimal.starts.stages import StageCallback, StartResult, StartStages, StartStatus, check_options
 from leastaction.optimal.system import check_system
 
 
@@ -98,7 +98,7 @@ def receding_horizon(
     options.setdefault("max_iterations", 50)
     # A window that cannot be begun is a shorter one.
     options.setdefault("shooting", "single")
-    stages = Stages(callback, () if resume is None else resume.stages)
+    stages = StartStages(callback, () if resume is None else resume.stages)
     k = 0
     if resume is not None:
         k = len(resume.u)

@@ -17,7 +17,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import checked_limits
 from leastaction.optimal.limits.rows import check_agreement
 from leastaction.optimal.result import OptimizationResult, Status
-from leastaction.optimal.table import Table
+from leastaction.optimal.table import PrintedTable
 from leastaction.optimal.unknowns.periodic import Periodic
 
 
@@ -150,7 +150,7 @@ def check_last_limits(system: DiscreteSystem, options: Mapping[str, Any]) -> Non
     check_agreement([row for limit in limits for row in limit.rows(system, first)], system.when)
 
 
-class Stages:
+class StartStages:
     """Makes stages and tells of them: the part that is the same in every search for a start.
 
     Parameters
@@ -245,7 +245,7 @@ _COLUMNS = (
 )
 
 
-class StageTable(Table):
+class StageTable(PrintedTable):
     """Prints the stages of a search as they happen; give it as the callback, one for each search.
 
     On a terminal it is in colour. Threads do not share it.

@@ -86,14 +86,6 @@ class CostOfAccelerations(AddedCost):
         result.dt = self.dt[start:stop]
         return result
 
-    def refined(self, parts: int) -> Cost | None:
-        cost = self.cost.refined(parts)
-        if cost is None:
-            return None
-        result = self._beside(cost, len(self.dt) * parts)
-        result.dt, result.weights = np.repeat(self.dt, parts) / parts, self.weights / parts
-        return result
-
     def _accelerations(self, x: Array, u: Array, start: int) -> Array:
         dt = self.dt[start : start + len(u), None]
         return np.asarray(((u[:, self.rho_next] - x[:, self.rho]) / dt - x[:, self.v_rho]) / dt)

@@ -46,7 +46,7 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     if kind == "rate":
         return Rates(m.variables, np.arange(m.nq), dt)
     if kind == "acceleration":
-        return Accelerations(m, np.arange(m.nrho), dt)
+        return AccelerationQuantity(m, np.arange(m.nrho), dt)
     if kind == "tension":
         return Tensions(m, Scaled.tensions(m, 1.0), dt)
     raise ArgumentError(f"quantity: got {kind!r}, expected one of {', '.join(map(repr, KINDS))}")
@@ -85,7 +85,7 @@ class Rates(Quantity):
         return isinstance(other, Rates) and np.array_equal(self.dt, other.dt)
 
 
-class Accelerations(Quantity):
+class AccelerationQuantity(Quantity):
     """Accelerations of kinematic variables over steps, ``((rho_next - rho) / dt - v_rho) / dt``."""
 
     kind = "acceleration of"
@@ -112,16 +112,16 @@ class Accelerations(Quantity):
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
 
-    def joined(self, others: Sequence[Quantity]) -> Accelerations | None:
+    def joined(self, others: Sequence[Quantity]) -> AccelerationQuantity | None:
         which = np.concatenate([part.which for part in self.among(others)])
         # Places come once.
-        return Accelerations(self.mechanism, which, self.dt) if len(np.unique(which)) == len(which) else None
+        return AccelerationQuantity(self.mechanism, which, self.dt) if len(np.unique(which)) == len(which) else None
 
-    def select(self, rows: Sequence[int]) -> Accelerations:
-        return Accelerations(self.mechanism, self.which[list(rows)], self.dt)
+    def select(self, rows: Sequence[int]) -> AccelerationQuantity:
+        return AccelerationQuantity(self.mechanism, self.which[list(rows)], self.dt)
 
     def is_like(self, other: Quantity) -> bool:
-        return isinstance(other, Accelerations) and np.array_equal(self.dt, other.dt)
+        return isinstance(other, AccelerationQuantity) and np.array_equal(self.dt, other.dt)
 
 
 class Tensions(Quantity):

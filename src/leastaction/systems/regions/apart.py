@@ -9,7 +9,7 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 
 
-class Solid(NamedTuple):
+class ConvexSolid(NamedTuple):
     """Boxes along the axes, corners (n, 3), and all that is within a distance of them: a ball is that of a point."""
 
     low: Array
@@ -31,19 +31,19 @@ class Hole(NamedTuple):
     radius: float
 
 
-Shape = Solid | Side | Hole
+Shape = ConvexSolid | Side | Hole
 
 
 def apart(one: Shape, other: Shape) -> Array:
     """Return how far two parts of space are apart (n,); not above zero where they meet, by how much may be wrong."""
     for a, b in ((one, other), (other, one)):
-        if isinstance(a, Solid) and isinstance(b, Hole):
+        if isinstance(a, ConvexSolid) and isinstance(b, Hole):
             farthest = np.maximum(np.abs(a.low - b.center), np.abs(a.high - b.center))
             return np.asarray(b.radius - np.linalg.norm(farthest, axis=1) - a.radius)
-        if isinstance(a, Solid) and isinstance(b, Side):
+        if isinstance(a, ConvexSolid) and isinstance(b, Side):
             corner = np.where(b.normal > 0.0, a.high, a.low)[:, b.normal != 0.0]
             return np.asarray(b.offset - corner @ b.normal[b.normal != 0.0] - a.radius)
-    if isinstance(one, Solid) and isinstance(other, Solid):
+    if isinstance(one, ConvexSolid) and isinstance(other, ConvexSolid):
         between = np.maximum(np.maximum(one.low - other.high, other.low - one.high), 0.0)
         return np.asarray(np.linalg.norm(between, axis=1) - one.radius - other.radius)
     if isinstance(one, Side) and isinstance(other, Side) and one.normal @ other.normal < -1.0 + 1e-12:

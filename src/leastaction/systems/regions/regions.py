@@ -13,7 +13,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_number, read_only
 from leastaction.numerics.frozen import changed, own_arrays, restore_state, saved_state
 from leastaction.optimal.quantity import Instants
-from leastaction.systems.regions.apart import Hole, Shape, Side, Solid
+from leastaction.systems.regions.apart import ConvexSolid, Hole, Shape, Side
 
 Place = ArrayLike | Callable[[float], ArrayLike]
 
@@ -91,7 +91,7 @@ class Box(Region):
 
     def shape(self, k: Instants) -> Shape:  # noqa: ARG002
         low, high = (np.asarray(each, dtype=np.float64)[None] for each in (self.low, self.high))
-        return Solid(low, high)
+        return ConvexSolid(low, high)
 
     def values(self, p: Array, k: Instants) -> Array:  # noqa: ARG002 - boxes do not move
         return np.stack([sign * (p[:, axis] - at) for axis, sign, at in self._faces], axis=1)
@@ -176,7 +176,7 @@ class Ball(Region):
 
     def shape(self, k: Instants) -> Shape:
         center = np.broadcast_to(self.center_at(k), (len(k), 3))
-        return Solid(center, center, self.radius)
+        return ConvexSolid(center, center, self.radius)
 
     def values(self, p: Array, k: Instants) -> Array:
         """Return ``(radius^2 - d^2) / (2 radius)``, which is the distance near the surface and smooth at the centre."""
@@ -221,7 +221,11 @@ class Outside(Region):
         inside = self.region.shape(k)
         if isinstance(inside, Side):
             return Side(-inside.normal, -inside.offset)
-        return Hole(inside.low, inside.radius) if isinstance(self.region, Ball) and isinstance(inside, Solid) else None
+        return (
+            Hole(inside.low, inside.radius)
+            if isinstance(self.region, Ball) and isinstance(inside, ConvexSolid)
+            else None
+        )
 
     def values(self, p: Array, k: Instants) -> Array:
         return -self.region.values(p, k)

@@ -15,7 +15,7 @@ from leastaction.viz.scene import Scene
 from leastaction.viz.viewer.page_data import page_data
 from leastaction.viz.viewer.stage import staged
 
-_SCRIPTS: Final = ("motion", "vectors", "painter", "view", "scene", "panels", "controls")
+_SCRIPTS: Final = ("motion", "vectors", "painter", "view", "scene", "panels", "sliders", "controls")
 
 
 def animation_page(scenes: Scene | Sequence[Scene], *, joints: bool = False, forces: bool = False) -> str:

@@ -32,7 +32,7 @@ def read_collada(path: Path) -> tuple[ColouredMesh, ...]:
     """
     try:
         root = ET.parse(path).getroot()
-        pieces = _Reader(root).pieces()
+        pieces = _ColladaReader(root).pieces()
     except (ET.ParseError, ValueError, IndexError, KeyError, AttributeError) as error:
         raise ArgumentError(f"{path}: this Collada file cannot be read: {error}") from error
     if not pieces:
@@ -44,7 +44,7 @@ def _numbers(element: ET.Element | None, dtype: type = float) -> Array:
     return np.array((element.text or "").split() if element is not None else [], dtype=dtype)
 
 
-class _Reader:
+class _ColladaReader:
     """One file: its elements by their ids."""
 
     def __init__(self, root: ET.Element) -> None:

@@ -115,7 +115,7 @@ def _panel(stage: Stage, meshes: _Meshes, share: float) -> dict[str, Any]:
             for c in scene.cords
         ],
         "tension": [_encode(pulls[c.name], "<f4") if c.name in pulls else None for c in scene.cords] if pulls else None,
-        "top": max([1e-9, *(float(np.quantile(pull, 0.995)) for pull in pulls.values())]),
+        "top": scene.top_tension,
         "error": None if scene.error is None else _encode(scene.error[keep], "<f4"),
         "traces": [index[name] for name in scene.traces],
         "arrows": [
@@ -127,6 +127,7 @@ def _panel(stage: Stage, meshes: _Meshes, share: float) -> dict[str, Any]:
             [mark.name, mark.kind, place[mark.frame], _rounded(mark.point), _rounded(mark.axis), list(mark.reach)]
             for mark in scene.marks
         ],
+        "kinematics": scene.kinematics,
         "limits": [[limit.name, [list(span) for span in limit.spans]] for limit in scene.limits],
         "focus": index[scene.focus] if scene.focus else -1,
         "spot": stage.centre.tolist(),

@@ -83,7 +83,8 @@ def painted(
     depth = np.full(image.shape[:2], np.inf)
     for layer, amid in ((ghost, False), (solid, True), (paths, True), (hinges, False)):
         _lay(layer, camera, look, lamp, image, depth if amid else np.full(image.shape[:2], np.inf))
-    fine = image.reshape(height, _FINER, width, _FINER, 3).mean(axis=(1, 3))
+    parts = [image[i::_FINER, j::_FINER] for i in range(_FINER) for j in range(_FINER)]
+    fine = sum(parts) / len(parts)
     return np.asarray(np.clip(fine, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)
 
 
@@ -153,6 +154,11 @@ class _Lamp:
             seen = index[number[row, column]]
             share = weights(px[seen], py[seen], column + 0.5, row + 0.5)
             self.depth[row, column] = np.sum(share * depth[seen], axis=1)
+        self.near = np.zeros((_SHADOW, _SHADOW), dtype=bool)  # something is there, or within two pixels
+        there = np.pad(np.isfinite(self.depth[3:-3, 3:-3]), 3)
+        for dx in range(-2, 3):
+            for dy in range(-2, 3):
+                self.near |= np.roll(there, (dx, dy), axis=(0, 1))
 
     def _seen(self, places: Array) -> tuple[Array, Array, Array]:
         """Return x, y in the lamp's picture (pixels), and the distance along its light."""
@@ -163,14 +169,17 @@ class _Lamp:
     def reaches(self, places: Array) -> Array:
         """Return how much of the light reaches places (n, 3), 0 to 1; soft at the edges of shadows."""
         px, py, depth = self._seen(places)
-        total = np.zeros(len(places))
+        i, j = (np.clip(p, 0, _SHADOW - 1).astype(int) for p in (py, px))
+        found = np.ones(len(places))
+        near = np.flatnonzero(self.near[i, j])  # elsewhere nothing is in its way
+        px, py, depth = px[near], py[near], depth[near]
+        total = np.zeros(len(near))
         for dx in (-1.5, -0.5, 0.5, 1.5):
             for dy in (-1.5, -0.5, 0.5, 1.5):
-                i = np.clip(np.floor(py + dy), 0, _SHADOW - 1).astype(int)
-                j = np.clip(np.floor(px + dx), 0, _SHADOW - 1).astype(int)
+                i, j = (np.clip(p, 0, _SHADOW - 1).astype(int) for p in (py + dy, px + dx))
                 total += depth <= self.depth[i, j] + 0.5 * self.lift
-        inside = (np.abs(px - 0.5 * _SHADOW) < 0.5 * _SHADOW - 2) & (np.abs(py - 0.5 * _SHADOW) < 0.5 * _SHADOW - 2)
-        return np.where(inside, total / 16.0, 1.0)
+        found[near] = total / 16.0
+        return found
 
 
 def _lit(

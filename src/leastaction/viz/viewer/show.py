@@ -14,9 +14,10 @@ from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
-from leastaction.optimal import LimitReport
+from leastaction.optimal import LimitReport, LimitState
 from leastaction.viz.scene import ActiveLimit, Arrow, Scene
 from leastaction.viz.viewer.actions import Actions, cords_of
+from leastaction.viz.viewer.kinematics import kinematics
 from leastaction.viz.viewer.sampling import refined
 from leastaction.viz.viewer.sides import plane_normal, side, upright, upward
 from leastaction.viz.viewer.skeletons import joint_marks, skeleton
@@ -193,7 +194,7 @@ def motion_scene(
     turn = upright(upward(m, up, normal))
     drawn = skeleton(m, q)
     bones = () if shapes else drawn.bones
-    solids = tuple(shapes) or drawn.shapes
+    solids = tuple(shape for shape in shapes if shape.color[3] > 0.0) or drawn.shapes
     cords = cords_of(m)
     size = max(float(np.linalg.norm(np.ptp(m.positions(q), axis=1), axis=1).max()), 0.1)
     marks = joint_marks(m, q, size)
@@ -220,6 +221,7 @@ def motion_scene(
         )
     return Scene(
         t=t,
+        kinematics=kinematics(m, q[0], turn, [*frames, *held], size) if len(t) == 1 and reference is None else None,
         points=points(q, list(frames)),
         bones=tuple(bones),
         cords=tuple(cords),
@@ -227,6 +229,7 @@ def motion_scene(
         tension=tension or None,
         traces=tuple(traces),
         focus=focus,
+        base=m.frames[0],
         title=title,
         poses=poses(q, list(held)),
         ghost_poses=poses(wanted, list(dict.fromkeys(s.frame for s in solids))) if wanted is not None else None,
@@ -243,21 +246,29 @@ def _floating(m: Mechanism) -> str:
     for group, indices in m.tree.compositions:
         if group.kind == "free":
             return m.tree.frames[indices[-1]].name
-    first = m.tree.frames[1:4]
     row = [
-        at.name for at in first if at.frame.twist is not None and not at.frame.twist[3:].any() and at.frame.variables
+        at.name
+        for at in m.tree.frames[1:4]
+        if at.frame.twist is not None and not at.frame.twist[3:].any() and at.frame.variables
     ]
     return row[-1] if len(row) == 3 else ""
 
 
 def active_limits(report: LimitReport, t: Array) -> tuple[ActiveLimit, ...]:
     """Return when which limit of an optimisation holds the motion back. ``t`` (N+1,): the times of its instants."""
-    found: list[ActiveLimit] = []
-    for state in report.sides:
-        times = state.t if state.t is not None else t[np.minimum(state.k, len(t) - 1)]
-        ends = np.append(times[1:], min(2.0 * times[-1] - times[-2], t[-1]) if len(times) > 1 else times[-1])
-        for column, label in enumerate(() if state.equation else state.labels):
-            on = np.flatnonzero(state.active[:, column])
-            groups = np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else []
-            found.append(ActiveLimit(name=label, spans=tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)))
+    found = [
+        ActiveLimit(name=label, spans=_spans(state, column, t))
+        for state in report.sides
+        if not state.equation
+        for column, label in enumerate(state.labels)
+    ]
     return tuple(limit for limit in found if limit.spans)
+
+
+def _spans(state: LimitState, column: int, t: Array) -> tuple[tuple[float, float], ...]:
+    """Return from when to when a limit is active; each instant counts until the next."""
+    times = state.t if state.t is not None else t[np.minimum(state.k, len(t) - 1)]
+    ends = np.append(times[1:], min(2.0 * times[-1] - times[-2], t[-1]) if len(times) > 1 else times[-1])
+    on = np.flatnonzero(state.active[:, column])
+    groups = np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else []
+    return tuple((float(times[g[0]]), float(ends[g[-1]])) for g in groups)

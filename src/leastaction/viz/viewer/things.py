@@ -172,7 +172,7 @@ def bodies(stage: Stage, time: float, *, ghost: Colour | None = None) -> list[Th
 def cords(stage: Stage, time: float, look: Look3D, thin: Callable[[Array, float], float]) -> list[Thing]:
     """Return strings and springs at a time. ``thin(place, pixels)``: half the thickness of what is so many thick."""
     scene, size = stage.scene, stage.size
-    top = max([1e-9, *(float(np.quantile(scene.tension_at(name, scene.t), 0.995)) for name in scene.tension or {})])
+    top = scene.top_tension
     found = []
     for cord in scene.cords:
         known = cord.name in (scene.tension or {})

@@ -92,7 +92,7 @@ def _null_space(jacobian: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Regulator(Frozen):
+class RestRegulator(Frozen):
     """Gains that hold a mechanism at rest: ``u = u_rest - K [q - q_rest; v]``, ``K`` (n_inputs, 2 nd).
 
     ``eigenvalues`` (2 nf,): of the closed loop (1/s), or of a step where inputs are held over ``dt``.
@@ -103,7 +103,7 @@ class Regulator(Frozen):
     dt: float | None
 
 
-def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None) -> Regulator:
+def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None) -> RestRegulator:
     """Return the linear-quadratic regulator over an endless horizon.
 
     ``weights`` (2 nd,): of the squares of [dq; dv]. ``effort`` (n_inputs,): of those of du. ``dt``: inputs are held
@@ -143,7 +143,7 @@ def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None)
             f"there is no steady regulator with these weights ({str(error).rstrip('.')}): every motion that does not "
             "die away needs a weight above zero (--weight), and so does every input (--effort)"
         ) from error
-    return Regulator(K @ lift.T, np.linalg.eigvals(A - B @ K).astype(complex), dt)
+    return RestRegulator(K @ lift.T, np.linalg.eigvals(A - B @ K).astype(complex), dt)
 
 
 def gain_table(K: Array, u: Array, inputs: Sequence[str], states: Sequence[str], width: int = 80) -> Table:

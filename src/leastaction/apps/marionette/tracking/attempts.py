@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.errors import ProjectionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import OptimizationResult, Status, optimize
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.optimization import Shooting
-from leastaction.optimal.settings import Method
+from leastaction.optimal.options import Method, Shooting
 
 
 def attempted(
-    plan: Plan,
+    plan: TrackingPlan,
     start: tuple[Array, Array],
     kinds: Collection[str],
     *,

@@ -16,7 +16,7 @@ from leastaction.apps.marionette.tracking.growing import grown
 from leastaction.apps.marionette.tracking.limits import FIRST_KINDS, KINDS
 from leastaction.apps.marionette.tracking.motors import search
 from leastaction.apps.marionette.tracking.parts import found_in_parts
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.apps.marionette.tracking.poses import hanging
 from leastaction.apps.marionette.tracking.problem import below_strings
 from leastaction.apps.marionette.tracking.ties import FIRM
@@ -97,7 +97,7 @@ def _search(tracker: Tracker, cut_short: TrackingSearch | None) -> None:
         _search_with_motors(tracker, plan, cut_short)
 
 
-def _search_with_motors(tracker: Tracker, plan: Plan, cut_short: TrackingSearch | None) -> None:
+def _search_with_motors(tracker: Tracker, plan: TrackingPlan, cut_short: TrackingSearch | None) -> None:
     """Begin with what motors on all joints lead to, or where a search with them was."""
     stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
     coarse, slow = coarser(plan, tracker.motion)
@@ -131,7 +131,9 @@ def _elsewhere(tracker: Tracker) -> list[tuple[str, Callable[[], Curve]]]:
     return [(_GROWING, partial(_grown, tracker)), (_HANGING, partial(_hanging, tracker))]
 
 
-def _searched_by(tracker: Tracker, plan: Plan, *, stage: int = 0, result: OptimizationResult | None = None) -> Curve:
+def _searched_by(
+    tracker: Tracker, plan: TrackingPlan, *, stage: int = 0, result: OptimizationResult | None = None
+) -> Curve:
     assert tracker.plan is not None
     scale = tracker.plan.system.N / plan.system.N
     return search(
@@ -170,7 +172,7 @@ def _hanging(tracker: Tracker) -> Curve:
     return hanging(tracker.plan)
 
 
-def coarser(plan: Plan, motion: Motion) -> tuple[Plan, Motion]:
+def coarser(plan: TrackingPlan, motion: Motion) -> tuple[TrackingPlan, Motion]:
     """Return a plan with steps of twice the length, and its motion; those given where it has few, or long ones."""
     slow = tying.slower(motion)
     return (plan, motion) if slow is motion else (plan.following(slow), slow)

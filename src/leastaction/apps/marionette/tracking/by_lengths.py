@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.apps.marionette.tracking.settle import NotTiedError, settled
 from leastaction.errors import LeastActionError
 from leastaction.mechanics import Trajectory
@@ -19,7 +19,7 @@ _SAME = 1e-6  # m or rad, by which the same motion may differ, by tensions and b
 _NEARLY = 1e-3  # of limits, by which a motion that keeps to them may be off
 
 
-def by_lengths(plan: Plan, result: OptimizationResult) -> OptimizationResult:
+def by_lengths(plan: TrackingPlan, result: OptimizationResult) -> OptimizationResult:
     """Return a result of this system as one of the puppet on strings of prescribed lengths: the same motion.
 
     With strings on bars it is one near it on which their lengths are exact and limits are kept. Raises `NotTiedError`
@@ -45,7 +45,7 @@ def by_lengths(plan: Plan, result: OptimizationResult) -> OptimizationResult:
     return replace(result, x=x, u=u, K=K, projection_gain=K)
 
 
-def _said_by_lengths(plan: Plan, x: Array, u: Array) -> tuple[Array, Array]:
+def _said_by_lengths(plan: TrackingPlan, x: Array, u: Array) -> tuple[Array, Array]:
     """Return states and inputs by lengths of what is said by tensions."""
     m, whole = plan.mechanism, plan.problem.mechanism
     N, nq, nd = len(u), whole.nq, whole.nd
@@ -61,7 +61,7 @@ def _said_by_lengths(plan: Plan, x: Array, u: Array) -> tuple[Array, Array]:
     return made, q[1:, nd:]
 
 
-def _tied(plan: Plan, result: OptimizationResult) -> tuple[Array, Array]:
+def _tied(plan: TrackingPlan, result: OptimizationResult) -> tuple[Array, Array]:
     """Return a motion by lengths near a result, with strings on bars as long as they are tied.
 
     Raises `NotTiedError` where none is found.
@@ -75,7 +75,7 @@ def _tied(plan: Plan, result: OptimizationResult) -> tuple[Array, Array]:
     return found
 
 
-def _qualified(plan: Plan, result: OptimizationResult, x: Array, u: Array) -> OptimizationResult:
+def _qualified(plan: TrackingPlan, result: OptimizationResult, x: Array, u: Array) -> OptimizationResult:
     """Return a result that does not say it converged where the motion by lengths breaks limits."""
     problem, limits = plan.problem, plan.limits
     broken = limits.loosened(_NEARLY).broken(problem.mechanism, problem.t, problem.pelvis, x)
@@ -89,7 +89,9 @@ def _qualified(plan: Plan, result: OptimizationResult, x: Array, u: Array) -> Op
     return replace(result, status=Status.INFEASIBLE, message=said)
 
 
-def by_tensions(plan: Plan, trajectory: Trajectory, tension: Array, result: OptimizationResult) -> OptimizationResult:
+def by_tensions(
+    plan: TrackingPlan, trajectory: Trajectory, tension: Array, result: OptimizationResult
+) -> OptimizationResult:
     """Return a motion on strings of prescribed lengths, and its result, as one of this system: the same motion."""
     m = plan.mechanism
     x = plan.system.states_along(trajectory.q[:, plan.columns], trajectory.p)

@@ -54,7 +54,3 @@ class TrackingCost(CostOfAccelerations):
     def eased(self, ease: float) -> None:  # noqa: ARG002
         """Return None: a puppet whose strings move at no effort falls, and leads to no motion that pulls."""
         return
-
-    def refined(self, parts: int) -> None:  # noqa: ARG002
-        """Return None: multipliers in the state are impulses of a step, which shorter ones would have less of."""
-        return

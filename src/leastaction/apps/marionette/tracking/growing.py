@@ -15,7 +15,7 @@ import numpy as np
 
 from leastaction.apps.marionette.tracking.attempts import attempted
 from leastaction.apps.marionette.tracking.limits import KINDS
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.apps.marionette.tracking.poses import at_rest
 from leastaction.errors import ArgumentError
 from leastaction.io.motion.motion import Motion
@@ -30,8 +30,8 @@ _ROUGHLY: Final = 0.02
 
 
 def grown(
-    plan: Plan,
-    coarse: Plan,
+    plan: TrackingPlan,
+    coarse: TrackingPlan,
     motion: Motion,
     say: Callable[[str], object],
     count: Callable[[OptimizationResult, float], None],
@@ -59,7 +59,7 @@ def grown(
 
 
 def _followed(
-    plan: Plan,
+    plan: TrackingPlan,
     start: tuple[Array, Array],
     say: Callable[[str], object],
     count: Callable[[OptimizationResult], None],
@@ -74,7 +74,7 @@ def _followed(
     return result.x, result.u
 
 
-def smaller(plan: Plan, motion: Motion, size: float) -> Plan:
+def smaller(plan: TrackingPlan, motion: Motion, size: float) -> TrackingPlan:
     """Return the plan of a motion that goes a part of the way from the first pose of another to each of its poses.
 
     ``plan``: that of the motion.

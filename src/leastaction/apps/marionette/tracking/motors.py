@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.apps.marionette.tracking.limits import FIRST_KINDS
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.apps.marionette.tracking.poses import at_rest, hanging
 from leastaction.errors import ProjectionError
 from leastaction.io.motion.motion import Motion
@@ -42,7 +42,7 @@ Count = Callable[[OptimizationResult, bool], None]
 
 
 def search(
-    plan: Plan,
+    plan: TrackingPlan,
     say: Callable[[str], object],
     *,
     stage: int = 0,
@@ -102,7 +102,7 @@ def search(
     return hanging(plan)
 
 
-def _unless_still(plan: Plan, x: Array, u: Array, say: Callable[[str], object]) -> tuple[Array, Array]:
+def _unless_still(plan: TrackingPlan, x: Array, u: Array, say: Callable[[str], object]) -> tuple[Array, Array]:
     """Return a motion; that of a puppet which hangs still, where it is nearer to the wanted one.
 
     Where strings are too few for what the motors did, the motion without them is violent, and leads nowhere.
@@ -114,7 +114,7 @@ def _unless_still(plan: Plan, x: Array, u: Array, say: Callable[[str], object]) 
     return xs, us
 
 
-def _begun(plan: Plan, solve: Callable[..., OptimizationResult]) -> OptimizationResult:
+def _begun(plan: TrackingPlan, solve: Callable[..., OptimizationResult]) -> OptimizationResult:
     """Return what the first stage finds from the wanted motion, or a smoother one where steps cannot follow it."""
     # On its limit a tension has a barrier like a wall, from which no direction leads away.
     least, most = plan.tensions_inside(_INSIDE)
@@ -131,7 +131,7 @@ def _begun(plan: Plan, solve: Callable[..., OptimizationResult]) -> Optimization
         raise
 
 
-def _options(plan: Plan, more: Collection[str] = (), tolerance: float = _ROUGHLY) -> dict[str, Any]:
+def _options(plan: TrackingPlan, more: Collection[str] = (), tolerance: float = _ROUGHLY) -> dict[str, Any]:
     """Return options of a stage: limits of the first kinds and `more`, what is free of the start, the tolerance."""
     return {
         "limits": plan.limits.of(plan.mechanism, plan.problem.pelvis, {*FIRST_KINDS, *more}),
@@ -140,7 +140,9 @@ def _options(plan: Plan, more: Collection[str] = (), tolerance: float = _ROUGHLY
     }
 
 
-def _release(plan: Plan, result: OptimizationResult, motors: range, stated: frozenset[str]) -> OptimizationResult:
+def _release(
+    plan: TrackingPlan, result: OptimizationResult, motors: range, stated: frozenset[str]
+) -> OptimizationResult:
     """Return what is found without motors from where they did something; stopped at once where that is far off.
 
     ``stated``: kinds of limits that the motion with motors breaks. Without motors it would break them by far, and
@@ -164,7 +166,7 @@ def _release(plan: Plan, result: OptimizationResult, motors: range, stated: froz
         return replace(result, status=Status.STOPPED_BY_CALLBACK)
 
 
-def _within(plan: Plan, result: OptimizationResult, stated: frozenset[str]) -> OptimizationResult:
+def _within(plan: TrackingPlan, result: OptimizationResult, stated: frozenset[str]) -> OptimizationResult:
     """Return a motion without motors that keeps to limits which one that was found breaks, and to those stated."""
     kinds = stated | plan.broken(result.x)
     if kinds == stated:
@@ -178,7 +180,7 @@ def _within(plan: Plan, result: OptimizationResult, stated: frozenset[str]) -> O
     )
 
 
-def driven(plan: Plan, q: Array, tensions: Array) -> tuple[Array, Array]:
+def driven(plan: TrackingPlan, q: Array, tensions: Array) -> tuple[Array, Array]:
     """Return a motion q (N+1, nq) from rest with the motors that make it: behind the tensions among the inputs.
 
     Of a motion q, each step of the midpoint rule says what acts in its middle, given what acted in the last one and

@@ -44,7 +44,7 @@ _LITTLE = 1.1  # times the cost that may take
 _HELD = "Strings push on the motion found, and on all near it: the puppet hangs still."
 
 
-class Plan:
+class TrackingPlan:
     """The tracking problem with the tensions as inputs.
 
     ``problem``: the same by lengths. ``weights``, ``limits``: what is minimised, and what is kept to.
@@ -76,11 +76,11 @@ class Plan:
         self.limits = limits
         self.free_start = m.variables
 
-    def following(self, motion: Motion) -> Plan:
+    def following(self, motion: Motion) -> TrackingPlan:
         """Return the plan of another motion of the same puppet."""
         old = self.problem
         problem = TrackingProblem(old.mechanism, motion, old.weights, old.threads, old.follow)
-        return Plan(problem, self.weights, self.limits)
+        return TrackingPlan(problem, self.weights, self.limits)
 
     @cached_property
     def by_motors(self) -> PulledSystem:
@@ -144,7 +144,7 @@ class Plan:
         """Return the states (N+1, nx) of a motion q (N+1, nq), whose momenta are those of its slope."""
         return self.system.states_along(q, to_momentum(self.mechanism, q, np.gradient(q, self.t, axis=0)))
 
-    def finer(self, coarse: Plan, x: Array, u: Array) -> tuple[Array, Array]:
+    def finer(self, coarse: TrackingPlan, x: Array, u: Array) -> tuple[Array, Array]:
         """Return a trajectory of a plan with longer steps between its instants, as a curve to start from."""
         m, strings = self.mechanism, len(self.strings)
         # The motion begins at rest.

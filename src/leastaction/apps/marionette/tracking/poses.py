@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from leastaction.apps.marionette.markers import LIMB_MARKERS
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.errors import ArgumentError
 from leastaction.models.marionette import REST, hang_strings
 from leastaction.models.puppet_controls import ends_of
@@ -42,7 +42,7 @@ class PoseSearch:
     that limits allow (N).
     """
 
-    def __init__(self, plan: Plan, *, tied: bool = True, more: float = 0.0) -> None:
+    def __init__(self, plan: TrackingPlan, *, tied: bool = True, more: float = 0.0) -> None:
         self.plan, self.mechanism, self.more = plan, plan.mechanism, more
         self.ties = plan.ties if tied else None
         cost, strings = plan.tracking_cost(), len(plan.strings)
@@ -163,7 +163,7 @@ def _of(values: Array, k: int | None) -> Array:
     return np.array(values.mean(axis=0) if k is None else values[k])
 
 
-def at_rest(plan: Plan, *starts: Array, k: int | None = 0) -> tuple[Array, Array]:
+def at_rest(plan: TrackingPlan, *starts: Array, k: int | None = 0) -> tuple[Array, Array]:
     """Return states and inputs of a plan in which strings hold the puppet still, nearest to where it is to begin.
 
     Strings on bars are as long there as they happen to be. ``starts``: poses, with their tensions, in which the search
@@ -184,7 +184,7 @@ def at_rest(plan: Plan, *starts: Array, k: int | None = 0) -> tuple[Array, Array
     return x, u
 
 
-def hanging(plan: Plan) -> tuple[Array, Array]:
+def hanging(plan: TrackingPlan) -> tuple[Array, Array]:
     """Return what the puppet does where its strings are held, or poses at rest where it falls from them.
 
     Raises `ArgumentError` where there is no such pose within the limits.
@@ -193,7 +193,7 @@ def hanging(plan: Plan) -> tuple[Array, Array]:
     return hung if len(hung[1]) == plan.system.N else at_rest(plan)
 
 
-def held_still(plan: Plan, near: OptimizationResult) -> OptimizationResult:
+def held_still(plan: TrackingPlan, near: OptimizationResult) -> OptimizationResult:
     """Return a motion of a plan in which strings hold the puppet still, nearest to what is wanted.
 
     It is in the pose nearest to where it is to begin, or to where it is to be in the mean, whichever is nearer all

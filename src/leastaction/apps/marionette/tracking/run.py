@@ -35,7 +35,7 @@ from leastaction.io.motion.motion import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.optimal import OptimizationResult, Status
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.settings import Method
+from leastaction.optimal.options import Method
 
 _NONE_NEAR: Final = "strings on bars: no motion in which all of them pull is near to what was found"
 

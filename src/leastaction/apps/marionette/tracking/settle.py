@@ -21,7 +21,7 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.models.marionette import string_lengths, strings_of
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Bound, IterationRecord, OptimizationResult, QuadraticCost, optimize
-from leastaction.optimal.settings import Method
+from leastaction.optimal.options import Method
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
 # Of what limits are broken by, at first: by 1 N, rad or m, m/s or rad/s, and so on.

@@ -15,7 +15,7 @@ from leastaction.apps.marionette.tracking.found import CUT_SHORT, STUCK, Effort,
 from leastaction.apps.marionette.tracking.limits import PuppetLimits
 from leastaction.apps.marionette.tracking.motors import SEARCH_STAGES
 from leastaction.apps.marionette.tracking.pace import Pace
-from leastaction.apps.marionette.tracking.plan import Plan
+from leastaction.apps.marionette.tracking.plan import TrackingPlan
 from leastaction.apps.marionette.tracking.problem import TrackingProblem
 from leastaction.apps.marionette.tracking.ties import FIRM
 from leastaction.apps.marionette.tracking.weights import FORCED, TrackingWeights
@@ -25,7 +25,7 @@ from leastaction.mechanics import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.settings import Method
+from leastaction.optimal.options import Method
 
 LOST: Final = 2.0
 """Times the cost with longer steps may the motion cost that begins with these."""
@@ -73,7 +73,7 @@ class Tracker:
     # The motion with longer steps, while strings on bars are tied with these.
     slow: Motion | None = None
     problem: TrackingProblem = field(init=False)
-    plan: Plan | None = None
+    plan: TrackingPlan | None = None
     effort: Effort = field(default_factory=Effort)
     # Where the next optimisation begins: a curve or a result, or it goes on with an earlier one.
     start: Curve | OptimizationResult | None = None
@@ -100,10 +100,10 @@ class Tracker:
         """The motion with the steps that it is followed with for the time being."""
         return self.motion if self.slow is None else self.slow
 
-    def planned(self) -> Plan:
+    def planned(self) -> TrackingPlan:
         """Return the plan by tensions of the problem with the weights of such motions."""
         self.problem = self.problem_with(FORCED)
-        return Plan(self.problem, self.weights or FORCED, self.limits)
+        return TrackingPlan(self.problem, self.weights or FORCED, self.limits)
 
     def broken(self, x: Array) -> frozenset[str]:
         """Return the kinds of limits that states break, besides that of the tensions."""

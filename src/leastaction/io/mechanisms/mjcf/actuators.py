@@ -29,7 +29,7 @@ class _LeftOutError(Exception):
 
 
 @dataclass(frozen=True)
-class _Reader:
+class _ActuatorReader:
     """What reading an actuator needs, and what it finds beside elements."""
 
     spec: Any
@@ -41,7 +41,7 @@ class _Reader:
 
 def elements_of_actuators(spec: Any, names: Names, bare: Bare) -> Found:
     """Return the actuators of a specification, and the bounds of their inputs."""
-    read = _Reader(spec, names, Places(spec), bare)
+    read = _ActuatorReader(spec, names, Places(spec), bare)
     elements: list[Element] = []
     limits: list[Bound] = []
     inputs: list[str | None] = []
@@ -62,7 +62,7 @@ def elements_of_actuators(spec: Any, names: Names, bare: Bare) -> Found:
     return Found(tuple(elements), tuple(limits), tuple(read.left_out), tuple(inputs))
 
 
-def _elements(actuator: Any, name: str, u: str, read: _Reader) -> Iterator[Element]:
+def _elements(actuator: Any, name: str, u: str, read: _ActuatorReader) -> Iterator[Element]:
     mujoco = mujoco_module()
     gains, biases, transmissions = mujoco.mjtGain, mujoco.mjtBias, mujoco.mjtTrn
     if actuator.dyntype == mujoco.mjtDyn.mjDYN_USER or actuator.plugin.active:
@@ -93,7 +93,7 @@ def _word(kind: Any) -> str:
     return str(kind).rpartition("_")[2].split(":")[0].lower()
 
 
-def _transmission(actuator: Any, read: _Reader) -> Along:
+def _transmission(actuator: Any, read: _ActuatorReader) -> Along:
     """Return the length of an actuator as MuJoCo counts it; raise where it has none here."""
     kinds = mujoco_module().mjtTrn
     along = None
@@ -118,7 +118,7 @@ def _transmission(actuator: Any, read: _Reader) -> Along:
     return along.times(gear)
 
 
-def _affine(actuator: Any, name: str, u: str, along: Along, read: _Reader) -> Element:
+def _affine(actuator: Any, name: str, u: str, along: Along, read: _ActuatorReader) -> Element:
     """Return the force of a motor or a servo, without the offset of its length."""
     mujoco = mujoco_module()
     affine = actuator.gaintype == mujoco.mjtGain.mjGAIN_AFFINE
@@ -152,12 +152,12 @@ def _affine(actuator: Any, name: str, u: str, along: Along, read: _Reader) -> El
     )
 
 
-def _damping_by_ratio(ratio: float, stiffness: float, along: Along, read: _Reader) -> float:
+def _damping_by_ratio(ratio: float, stiffness: float, along: Along, read: _ActuatorReader) -> float:
     """Return the damping of a servo of place by its ratio to the critical one, of the inertia at the reference."""
     return float(2.0 * ratio * np.sqrt(stiffness * inertia_along(along, read.names, read.bare)))
 
 
-def _at_site(actuator: Any, name: str, u: str, read: _Reader) -> Iterator[Element]:
+def _at_site(actuator: Any, name: str, u: str, read: _ActuatorReader) -> Iterator[Element]:
     """Yield the wrench of a propeller or a jet, in the axes of its site."""
     mujoco = mujoco_module()
     if actuator.refsite:
@@ -173,7 +173,7 @@ def _at_site(actuator: Any, name: str, u: str, read: _Reader) -> Iterator[Elemen
     yield BodyWrench(read.names.sites[actuator.target], force, torque, name=f"motor.{name}")
 
 
-def _passive(actuator: Any, name: str, along: Along, read: _Reader) -> Iterator[Element]:
+def _passive(actuator: Any, name: str, along: Along, read: _ActuatorReader) -> Iterator[Element]:
     """Yield the rotor and the damping of the actuator itself."""
     damping, *more = map(float, getattr(actuator, "damping", [0.0]))
     if any(more) or damping < 0.0:
@@ -189,7 +189,7 @@ def _passive(actuator: Any, name: str, along: Along, read: _Reader) -> Iterator[
             yield Armature(along.scalar, armature, name=f"armature.{name}")
 
 
-def _bound(actuator: Any, name: str, u: str, read: _Reader) -> Bound | None:
+def _bound(actuator: Any, name: str, u: str, read: _ActuatorReader) -> Bound | None:
     """Return the bound of an input, of what its force may be too where that is the input times a number."""
     mujoco = mujoco_module()
     integrates = actuator.dyntype == mujoco.mjtDyn.mjDYN_INTEGRATOR
@@ -219,7 +219,7 @@ def _bound(actuator: Any, name: str, u: str, read: _Reader) -> Bound | None:
     return None if ends == [None, None] else Bound(u, ends[0], ends[1], of="input")
 
 
-def _inherited(actuator: Any, read: _Reader) -> tuple[float, float] | None:
+def _inherited(actuator: Any, read: _ActuatorReader) -> tuple[float, float] | None:
     """Return the range of the place that a servo takes over from what it drives."""
     joint = read.names.joints.get(actuator.target)
     share = float(actuator.inheritrange)

@@ -21,7 +21,7 @@ from leastaction.mechanics.elements import Element
 from leastaction.numerics.arrays import Array
 
 
-class _LeftOutError(Exception):
+class _NoEqualityError(Exception):
     """Why an equality is left out."""
 
 
@@ -32,7 +32,7 @@ def elements_of_equalities(spec: Any, names: Names) -> Found:
         name = _name(equality, number)
         try:
             found += Found(elements=tuple(_elements(equality, name, number, spec, names, places)))
-        except _LeftOutError as error:
+        except _NoEqualityError as error:
             found += Found(left_out=(LeftOut(f"equality {name!r}", str(error)),))
     return found
 
@@ -84,7 +84,7 @@ def _elements(equality: Any, name: str, number: int, spec: Any, names: Names, pl
     mujoco = mujoco_module()
     kinds = mujoco.mjtEq
     if not equality.active:
-        raise _LeftOutError("it is not active")
+        raise _NoEqualityError("it is not active")
     if equality.type in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
         by_site = equality.objtype == mujoco.mjtObj.mjOBJ_SITE
         if by_site:
@@ -95,7 +95,7 @@ def _elements(equality: Any, name: str, number: int, spec: Any, names: Names, pl
             ends = [names.sites[_end(equality, number, end)] for end in (1, 2)]
         apart = places.movers(bodies[0], names) ^ places.movers(bodies[1], names)
         if not apart:
-            raise _LeftOutError("nothing moves its ends relative to each other")
+            raise _NoEqualityError("nothing moves its ends relative to each other")
         yield PointToPoint(*ends, name=name)
         if equality.type == kinds.mjEQ_WELD:
             yield FixedOrientation(*ends, name=f"{name}.turn")
@@ -104,7 +104,7 @@ def _elements(equality: Any, name: str, number: int, spec: Any, names: Names, pl
     elif equality.type == kinds.mjEQ_TENDON:
         yield from _coupling(equality, name, [of_tendon(each, spec, names, places) for each in _named(equality)])
     else:
-        raise _LeftOutError("only connect, weld, joint and tendon are taken over")
+        raise _NoEqualityError("only connect, weld, joint and tendon are taken over")
 
 
 def _named(equality: Any) -> list[str]:
@@ -115,7 +115,7 @@ def _coupling(equality: Any, name: str, given: list[Along | None]) -> Iterator[E
     """Yield what says ``y - y0 = c0 + c1 (x - x0) + ...``, both counted as MuJoCo does."""
     sides = [each for each in given if each is not None]
     if len(sides) < len(given):
-        raise _LeftOutError("one side is no joint of one variable, and no tendon of such")
+        raise _NoEqualityError("one side is no joint of one variable, and no tendon of such")
     y, x = sides[0], sides[1] if len(sides) > 1 else None
     polynomial = Polynomial(np.trim_zeros(np.array(equality.data[:5], dtype=float), "b"))
     if x is None or polynomial.degree() == 0 or not x.moves:
@@ -126,7 +126,7 @@ def _coupling(equality: Any, name: str, given: list[Along | None]) -> Iterator[E
     # In the sums without their offsets.
     whole = polynomial(Polynomial([x.offset - x.reference, 1.0])) + (y.reference - y.offset)
     if not y.moves and whole.degree() > 1:
-        raise _LeftOutError("the side that moves is the one that the polynomial is of")
+        raise _NoEqualityError("the side that moves is the one that the polynomial is of")
     if whole.degree() > 1 or y.of_paths or x.of_paths:
         _hold_if_moving(y)
         yield PolynomialCoupling(y.scalar, x.scalar, tuple(map(float, whole.coef)), name=name)
@@ -136,13 +136,13 @@ def _coupling(equality: Any, name: str, given: list[Along | None]) -> Iterator[E
         factors[key] = factors.get(key, 0.0) - float(whole.coef[1]) * factor
     factors = {key: factor for key, factor in factors.items() if factor != 0.0}
     if not factors:
-        raise _LeftOutError("both sides follow the same variable already")
+        raise _NoEqualityError("both sides follow the same variable already")
     yield Coupling(factors, float(whole.coef[0]), name=name)
 
 
 def _hold_if_moving(y: Along) -> None:
     if not y.moves:
-        raise _LeftOutError("nothing moves it")
+        raise _NoEqualityError("nothing moves it")
 
 
 def _held(y: Along, value: float, name: str) -> Element:

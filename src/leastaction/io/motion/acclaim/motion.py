@@ -8,7 +8,7 @@ from typing import NoReturn
 import numpy as np
 
 from leastaction.errors import some
-from leastaction.io.motion.acclaim.skeleton import TURNS, Bone
+from leastaction.io.motion.acclaim.skeleton import TURNS, AcclaimBone
 from leastaction.io.motion.text import LONGEST, SHORTEST, MotionText, is_missing, number_of, shown
 from leastaction.numerics.arrays import Array
 
@@ -16,20 +16,20 @@ _RATES = ("SAMPLES-PER-SECOND", "FRAMES-PER-SECOND")
 _FLAGS = ("FULLY-SPECIFIED", "DEGREES", "RADIANS", *_RATES)
 
 
-def read_values(path: Path, text: str, bones: dict[str, Bone]) -> tuple[Array, float | None]:
+def read_values(path: Path, text: str, bones: dict[str, AcclaimBone]) -> tuple[Array, float | None]:
     """Return the values (F, width) of an AMC file's frames, angles in degrees, and its frames a second if it says them.
 
     ``text``: what is in the file. ``bones``: of its skeleton, in whose order the values come. Raises `MotionFileError`:
     the file is none of its kind, is truncated, or does not go with the skeleton.
     """
-    reader = _Reader(path, text, bones)
+    reader = _MotionReader(path, text, bones)
     return reader.read(), reader.rate
 
 
-class _Reader(MotionText):
+class _MotionReader(MotionText):
     """One pass over the lines of an AMC file."""
 
-    def __init__(self, path: Path, text: str, bones: dict[str, Bone]) -> None:
+    def __init__(self, path: Path, text: str, bones: dict[str, AcclaimBone]) -> None:
         super().__init__(path, text)
         self.columns: dict[str, slice] = {}
         start = 0

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from leastaction.io.motion.acclaim.motion import read_values
-from leastaction.io.motion.acclaim.skeleton import MOVES, ROOT, Bone, read_skeleton, skeleton_beside
+from leastaction.io.motion.acclaim.skeleton import MOVES, ROOT, AcclaimBone, read_skeleton, skeleton_beside
 from leastaction.io.motion.capture import Capture, Joint
 from leastaction.io.motion.gaps import fill_gaps
 from leastaction.io.motion.text import LONGEST, SHORTEST, read_text
@@ -76,7 +76,7 @@ def read_amc(
     return fill_gaps(capture) if fill else capture
 
 
-def _capture(path: Path, bones: dict[str, Bone], rows: Array, frame_time: float) -> Capture:
+def _capture(path: Path, bones: dict[str, AcclaimBone], rows: Array, frame_time: float) -> Capture:
     """Return a motion as a capture: the turns to a bone's axes and back are channels that do not change."""
     joints: list[Joint] = []
     index: dict[str, int] = {}
@@ -113,7 +113,7 @@ def _capture(path: Path, bones: dict[str, Bone], rows: Array, frame_time: float)
     return Capture(str(path), tuple(joints), frame_time, values)
 
 
-def _end_of(name: str, bones: dict[str, Bone]) -> str:
+def _end_of(name: str, bones: dict[str, AcclaimBone]) -> str:
     end = f"{name}_end"
     while end in bones:
         end += "_"

@@ -48,7 +48,7 @@ def skeleton_beside(path: str | PathLike[str]) -> Path:
 
 
 @dataclass
-class Bone:
+class AcclaimBone:
     """A bone of a skeleton; the root is one of no length."""
 
     name: str
@@ -69,26 +69,26 @@ class Bone:
         return x, y, z
 
 
-def read_skeleton(path: Path) -> dict[str, Bone]:
+def read_skeleton(path: Path) -> dict[str, AcclaimBone]:
     """Return the bones of an ASF file by name, each after the one that it hangs from; the root first.
 
     Raises `MotionFileError`: the file is missing, is none of its kind, is truncated, or contradicts itself.
     """
-    return _Reader(path, read_text(path, "an ASF")).read()
+    return _SkeletonReader(path, read_text(path, "an ASF")).read()
 
 
-class _Reader(MotionText):
+class _SkeletonReader(MotionText):
     """One pass over the lines of an ASF file."""
 
     def __init__(self, path: Path, text: str) -> None:
         super().__init__(path, text)
-        self.bones: dict[str, Bone] = {}
+        self.bones: dict[str, AcclaimBone] = {}
         self.radians = False
         self.sections: dict[str, int] = {}
 
-    def read(self) -> dict[str, Bone]:
+    def read(self) -> dict[str, AcclaimBone]:
         section = ""
-        block: Bone | None = None
+        block: AcclaimBone | None = None
         open_since = 0
         for words in self.uncommented():
             key = words[0].lower()
@@ -102,7 +102,7 @@ class _Reader(MotionText):
                     "a section such as :version: this is no ASF skeleton",
                 )
             elif section in ("bonedata", "hierarchy") and key == "begin" and not open_since:
-                block, open_since = Bone("", self.line), self.line
+                block, open_since = AcclaimBone("", self.line), self.line
             elif section in ("bonedata", "hierarchy") and key == "end" and open_since:
                 if section == "bonedata" and block is not None:
                     self.add(block)
@@ -131,7 +131,7 @@ class _Reader(MotionText):
             self.fail(f"a second section :{name} (the first is at line {self.sections[name]})", "each section once")
         self.sections[name] = self.line
         if name == ROOT:
-            self.bones[ROOT] = Bone(ROOT, self.line)
+            self.bones[ROOT] = AcclaimBone(ROOT, self.line)
         return name
 
     def one_of(self, words: list[str], allowed: tuple[str, ...]) -> str:
@@ -151,7 +151,7 @@ class _Reader(MotionText):
         elif key not in ("position", "orientation"):
             self.fail(shown(" ".join(words)), "order, axis, position or orientation of the root")
 
-    def read_of_bone(self, bone: Bone, words: list[str]) -> None:
+    def read_of_bone(self, bone: AcclaimBone, words: list[str]) -> None:
         key = words[0].lower()
         if key.startswith("("):  # a further line of limits
             return
@@ -190,7 +190,7 @@ class _Reader(MotionText):
             self.fail(shown(" ".join(words)), "an order of the axes such as XYZ")
         return order
 
-    def add(self, bone: Bone) -> None:
+    def add(self, bone: AcclaimBone) -> None:
         self.line, last = bone.line, self.line
         for needed in ("name", "direction", "length", "axis"):
             if needed not in bone.given:
@@ -215,12 +215,12 @@ class _Reader(MotionText):
             bone.parent = parent
             self.bones[parent].children.append(name)
 
-    def from_the_root(self) -> dict[str, Bone]:
+    def from_the_root(self) -> dict[str, AcclaimBone]:
         root = self.bones[ROOT]
         if "order" not in root.given:
             self.line = root.line
             self.fail("a root without order", "order of the root's channels")
-        found: dict[str, Bone] = {}
+        found: dict[str, AcclaimBone] = {}
         waiting = [ROOT]
         while waiting:
             name = waiting.pop()

@@ -10,8 +10,9 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, frame_index, shaped
 from leastaction.mechanics.mechanism.queries.frame_derivatives import Slots, jacobian_derivative, pose_derivative
 from leastaction.mechanics.mechanism.queries.path_motion import Axes, PathMotion, inverted, origins_of, poses_of
-from leastaction.numerics.arrays import Array, as_array, as_count
+from leastaction.numerics.arrays import Array, as_array, as_count, as_flag
 from leastaction.numerics.memory import MAX_BYTES, check_memory
+from leastaction.numerics.names import as_names
 
 
 def frame_pose(m: Compiled, q: ArrayLike, name: str, *, inverse: bool = False) -> Array:
@@ -32,7 +33,7 @@ def frame_pose(m: Compiled, q: ArrayLike, name: str, *, inverse: bool = False) -
     """
     values, one = batch(m, q)
     poses = poses_of(m.tree, frame_index(m, name), m.core.joint_poses(values))
-    return shaped(inverted(poses) if inverse else poses, one)
+    return shaped(inverted(poses) if as_flag(inverse, "inverse") else poses, one)
 
 
 def frame_pose_derivative(
@@ -75,7 +76,7 @@ def frame_pose_derivative(
     values, one = batch(m, q)
     motion = PathMotion.of(m, values, frame, (0.0, 0.0, 0.0), "world")
     slots = _slots(m, motion, order, along, (len(values), 4, 4), max_bytes, "frame_pose_derivative")
-    return shaped(_without(along, pose_derivative(motion, slots, inverse=inverse)), one)
+    return shaped(_without(along, pose_derivative(motion, slots, inverse=as_flag(inverse, "inverse"))), one)
 
 
 def positions(m: Compiled, q: ArrayLike, names: Sequence[str] | None = None) -> Array:
@@ -93,9 +94,7 @@ def positions(m: Compiled, q: ArrayLike, names: Sequence[str] | None = None) -> 
         Metres.
     """
     values, one = batch(m, q)
-    if isinstance(names, str):
-        raise ArgumentError(f"names: expected a list of frames, got the string {names!r}")
-    indices = [frame_index(m, name) for name in (m.tree.index if names is None else names)]
+    indices = [frame_index(m, name) for name in (m.tree.index if names is None else as_names(names, "names", "frames"))]
     return shaped(origins_of(m.tree, indices, m.core.joint_poses(values)), one)
 
 

@@ -130,13 +130,14 @@ def constraint(m: Compiled, q: ArrayLike, element: str | None = None) -> Functio
     return FunctionDerivatives.of(_called("h", element), {"q": m.nq}, evaluate, rows=rows, highest_order=order)
 
 
-def _parts_of(m: Compiled, element: str | None, kind: type[Any]) -> Parts:
+def _parts_of(m: Compiled, element: object, kind: type[Any]) -> Parts:
     """Return the parts of an element of a kind, or of all elements."""
     if element is None:
         return m.parts[None]
-    found = m.elements.get(element)
+    name: object = element
+    found = m.elements.get(element) if isinstance(name, str) else None
     known = [name for name, each in m.elements.items() if isinstance(each, kind)]
-    if not isinstance(found, kind):
+    if not isinstance(element, str) or not isinstance(found, kind):
         what = f"{kind.__name__.lower()}s"
         given = f"unknown element {element!r}" if found is None else f"{element!r} is a {type(found).__name__}"
         raise ArgumentError(f"element: {given}; {closest(element, known, what=what)}")

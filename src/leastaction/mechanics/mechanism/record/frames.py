@@ -209,7 +209,7 @@ def tree_of(world_name: str, records: Sequence[FrameRecord], document: Document,
 
     ``place``: where the list stands in the document. Raises `ModelFileError` with the place of what is wrong.
     """
-    reader = _Reader(document, world(world_name))
+    reader = _FrameReader(document, world(world_name))
     try:
         reader.read(records, place)
         places, parents = preorder(reader.root)
@@ -224,7 +224,7 @@ def tree_of(world_name: str, records: Sequence[FrameRecord], document: Document,
         raise document.error(place, str(error)) from None
 
 
-class _Reader:
+class _FrameReader:
     """Puts the frames of a file on the world."""
 
     def __init__(self, document: Document, root: Branch) -> None:

@@ -9,7 +9,7 @@ function stepTime(by) {
   playing = false; time = T.T[clamp(by > 0 ? (w >= 1 ? k + 2 : k + 1) : (w > 0 ? k : k - 1), 0, T.last)]; dirty = true;
 }
 addEventListener("keydown", e => {
-  if (e.ctrlKey || e.metaKey || e.altKey || e.target.tagName === "SELECT") return;
+  if (e.ctrlKey || e.metaKey || e.altKey || e.target.tagName === "SELECT" || e.target.closest?.("#sliders")) return;
   if (e.key === " ") { e.preventDefault(); if (e.target.tagName === "BUTTON") e.target.blur(); toggle(); }
   else if (e.key === "ArrowRight" || e.key === "ArrowLeft") { e.preventDefault(); if (!still) stepTime(e.key === "ArrowRight" ? 1 : -1); }
   else if (e.key === "Home" || e.key === "End") { e.preventDefault(); playing = false; time = e.key === "Home" ? begin : end; dirty = true; }

@@ -1,0 +1,340 @@
+"""An optimisation that is made ready once and run as often as one likes: `optimize` is one run of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from functools import cache
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+from threadpoolctl import ThreadpoolController
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import as_array, as_count, read_only, require_instance
+from leastaction.numerics.frozen import changed
+from leastaction.optimal.accuracy import Accuracy
+from leastaction.optimal.collocation.problem import CollocationProblem
+from leastaction.optimal.continuous.cost import ContinuousCost
+from leastaction.optimal.continuous.problem import ContinuousProblem
+from leastaction.optimal.continuous.system import ContinuousSystem
+from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
+from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.easing import EasedProblem
+from leastaction.optimal.discrete.shooting import Gapped
+from leastaction.optimal.discrete.system import DiscreteSystem, given_start
+from leastaction.optimal.limits.limit import Limit, checked_limits
+from leastaction.optimal.limits.problem import LimitedProblem
+from leastaction.optimal.loop import Callback, Clock, Loop, Problem
+from leastaction.optimal.options import Options
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.system import check_system
+from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
+from leastaction.optimal.unknowns.periodic import Periodic
+from leastaction.optimal.unknowns.unknown import Unknown
+from leastaction.optimal.ways import WAYS
+from leastaction.optimal.ways.resolved import resumed as resume_within
+
+
+class Optimizer:
+    """A system, a cost, limits and options, ready to be optimised from one start after the other.
+
+    It owns the memory that the iterations work in, which every run uses again: for predictive control, and wherever
+    many runs of one problem follow each other. A run leaves nothing behind but what `again` starts from: `run` returns
+    what `optimize` does. Threads do not share one.
+
+    Parameters
+    ----------
+    system, cost, limits, horizon, free_start, unknowns, options, settings
+        As of `optimize`.
+
+    Raises
+    ------
+    ArgumentError
+        What is no system, or not yet one; settings, shapes or values that are wrong.
+
+    Examples
+    --------
+    A mass is brought to rest from one state after the other, as a predictive controller does:
+
+    >>> import numpy as np
+    >>> from leastaction import Bound, JointForce, Mechanism, MidpointSystem, MidpointVI, QuadraticCost, tx
+    >>> from leastaction.optimal import Optimizer
+    >>> slide = Mechanism([tx("x", mass=1.0)], [JointForce("x", input="push")])
+    >>> system = MidpointSystem(MidpointVI(slide), np.linspace(0.0, 1.0, 21))
+    >>> cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[10.0, 1.0], R=[0.1])
+    >>> optimizer = Optimizer(system, cost, [Bound("push", -5.0, 5.0)])
+    >>> result = optimizer.run((np.array([1.0, 0.0]), np.zeros((20, 1))))
+    >>> for _ in range(3):
+    ...     result = optimizer.again(result.x[1], shift=1)
+    >>> result.success
+    True
+    """
+
+    def __init__(
+        self,
+        system: DiscreteSystem | ContinuousSystem,
+        cost: Cost | ContinuousCost,
+        limits: Sequence[Limit] = (),
+        *,
+        horizon: tuple[float, float] | None = None,
+        free_start: bool | Sequence[str] = False,
+        unknowns: Sequence[Unknown] = (),
+        options: Options | None = None,
+        **settings: Any,
+    ) -> None:
+        check_system(system, (DiscreteSystem, ContinuousSystem), ("nx", "nu"))
+        self.system, self.cost, self.horizon = system, cost, horizon
+        self.options = (options or Options()).changed(**settings)
+        if self.options.method == "newton" and not system.has_curvature:
+            raise ArgumentError(
+                f"method: got 'newton', but {type(system).__name__} has no second derivative. Give it a `curvature`, "
+                "or use 'auto' or 'quasi-newton'."
+            )
+        kind = Cost if isinstance(system, DiscreteSystem) else ContinuousCost
+        if not isinstance(cost, kind):
+            raise ArgumentError(
+                f"cost: got {type(cost).__name__}, expected a {kind.__name__} to go with {type(system).__name__}"
+            )
+        self.limits, self.free_start = checked_limits(limits), _checked_start(free_start, system)
+        self.unknowns = checked_unknowns(unknowns)
+        self.ways = [way for way in WAYS if way.name not in self.options.without]
+        self.result: OptimizationResult | None = None
+        self._extension: Extension | None = None
+        self._problem = self._discrete() if isinstance(system, DiscreteSystem) else self._continuous()
+        self._fresh = vars(self._problem).copy()
+
+    # ---- Runs -------------------------------------------------------------------------------------
+
+    def run(
+        self, initial: Any = None, *, resume: OptimizationResult | None = None, callback: Callback | None = None
+    ) -> OptimizationResult:
+        """Return what `optimize` does from a start, or where an earlier run ended.
+
+        Parameters
+        ----------
+        initial, resume, callback
+            As of `optimize`.
+
+        Raises
+        ------
+        ArgumentError
+            As of `optimize`.
+        """
+        result = self.run_once(initial, resume=resume, callback=callback)
+        # The next run works where these stand.
+        own = {name: read_only(getattr(result, name).copy()) for name in ("K", "projection_gain")}
+        self.result = changed(result, **own)
+        return self.result
+
+    def run_once(
+        self, initial: Any = None, *, resume: OptimizationResult | None = None, callback: Callback | None = None
+    ) -> OptimizationResult:
+        """Return what `run` does, for an optimiser that does not run again: gains stand in its own memory."""
+        if (initial is None) == (resume is None):
+            got = "neither" if initial is None else "both"
+            raise ArgumentError(f"initial, resume: got {got}, expected one of them.")
+        if callback is not None and not callable(callback):
+            raise ArgumentError(f"callback: got {type(callback).__name__}, expected a function of an IterationRecord")
+        is_discrete, extension, problem = isinstance(self.system, DiscreteSystem), self._extension, self._renewed()
+        if resume is not None:
+            made = OptimizationResult if is_discrete else ContinuousOptimizationResult
+            require_instance(resume, "resume", made, "optimize() returns one")
+        if isinstance(self.system, DiscreteSystem):
+            if self.free_start is False and initial is not None and not isinstance(initial, OptimizationResult):
+                self.system.check_start(np.atleast_2d(given_start(self.system, initial)[0])[0])
+            if extension is not None:
+                resume = None if resume is None else extension.resume(resume)
+                initial = None if initial is None else extension.start(initial)
+                callback = extension.callback(callback)
+            if resume is not None:
+                _check_unknowns(resume, extension)
+            if isinstance(initial, OptimizationResult) and not isinstance(problem, LimitedProblem):
+                initial = initial.x, initial.u
+        elif isinstance(initial, ContinuousOptimizationResult) and not isinstance(problem, CollocationProblem):
+            initial = initial.dense
+        with _one_thread() if isinstance(problem, CollocationProblem) else nullcontext():
+            memory = None if resume is None else resume.memory
+            if resume is not None and memory is not None and memory.resolved is not None:
+                loop = Loop(problem, self.options, callback, resume, self.ways)
+                resume_within(loop.progress, resume, memory)
+            elif resume is not None:
+                _check_resumed(problem, resume)
+                problem.resume(resume)
+                loop = Loop(problem, self.options, callback, resume, self.ways)
+            else:
+                problem.start(initial)
+                loop = Loop(problem, self.options, callback, ways=self.ways)
+            result = loop.run()
+        return result if extension is None else extension.result(result)
+
+    def again(
+        self,
+        x0: ArrayLike | None = None,
+        *,
+        shift: int = 0,
+        cost: Cost | None = None,
+        callback: Callback | None = None,
+    ) -> OptimizationResult:
+        """Return the optimum from where the last one leads, with its multipliers: in discrete time.
+
+        Parameters
+        ----------
+        x0 : array_like (nx,), optional
+            Initial state; that of the last result, shifted, if left out. The start is the projection of that result.
+        shift : int
+            Steps by which the horizon has moved on: states and inputs of the last result are taken from there on, and
+            the last ones are held.
+        cost : Cost, optional
+            Another cost from now on, such as one with another wanted motion.
+        callback : callable, optional
+            As of `optimize`.
+
+        Raises
+        ------
+        ArgumentError
+            If there was no run; wrong shapes; a system in continuous time.
+        """
+        last, system = self.result, self.system
+        if last is None:
+            raise ArgumentError("again: got no result to start from, expected a `run` before")
+        if not isinstance(system, DiscreteSystem):
+            raise ArgumentError(f"again: got a {type(system).__name__}, expected a discrete system; use run(result)")
+        if cost is not None:
+            self._replace_cost(cost)
+        steps = as_count(shift, "shift", 0)
+        x, u = last.x, last.u
+        if steps:
+            x, u = (np.concatenate([a[steps:], np.repeat(a[-1:], min(steps, len(a)), axis=0)]) for a in (x, u))
+        if x0 is not None:
+            x = np.array(x)
+            x[0] = as_array(x0, "x0", (system.nx,), meaning="(nx,)")
+        return self.run(replace(last, x=read_only(np.array(x)), u=read_only(np.array(u))), callback=callback)
+
+    # ---- The problem ------------------------------------------------------------------------------
+
+    def _renewed(self) -> Problem[Any, Any, Any]:
+        """Return the problem as it was made, with the memory that the last run has worked in."""
+        problem = self._problem
+        if self.result is None:
+            return problem
+        kept = {name: getattr(problem, name) for name in ("old_linearization",) if hasattr(problem, name)}
+        vars(problem).clear()
+        vars(problem).update(self._fresh)
+        vars(problem).update(kept)
+        problem.clock = Clock()
+        if isinstance(problem, LimitedProblem):
+            problem.renew()
+        return problem
+
+    def _replace_cost(self, cost: Cost) -> None:
+        require_instance(cost, "cost", Cost, "such as a QuadraticCost")
+        self.cost, last = cost, self.result
+        self._problem = self._discrete()
+        self._fresh = vars(self._problem).copy()
+        self.result = last
+
+    def _discrete(self) -> Problem[Any, Any, Any]:
+        """Return the problem in steps of time, with limits or without, of the extended system where there is one."""
+        system, cost, settings, free = (
+            cast(DiscreteSystem, self.system),
+            cast(Cost, self.cost),
+            self.options,
+            self.free_start,
+        )
+        check_system(system, (DiscreteSystem,), ("N",))
+        of_time = {"horizon": self.horizon, "accuracy": settings.accuracy, "collocate": settings.collocate or None}
+        for name, value in of_time.items():
+            if value is not None:
+                raise ArgumentError(
+                    f"{name}: got {value!r}, expected None: {type(system).__name__} is a discrete system, which "
+                    "brings its times along."
+                )
+        cost.check_shapes(system.N, system.nx, system.nu)
+        final_time = None
+        if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):
+            self._extension = extension = Extension(system, cost, self.unknowns, self.limits, free)
+            rows, free, final_time = extension.rows(), True, extension.system.final_time
+            system, cost = extension.system, extension.cost
+        else:
+            rows = [row for limit in self.limits for row in limit.rows(system, 1 if free is False else 0)]
+        tries_gaps = settings.method == "auto" and settings.regulator == "descent" and self._extension is None
+        tries_gaps = tries_gaps and settings.shooting == "auto" and "gaps" not in settings.without
+        gapped: Gapped = "where needed" if tries_gaps else "never"
+        gapped = "at once" if settings.shooting == "multiple" else gapped
+        if rows:
+            return LimitedProblem(system, cost, rows, settings, free, gapped, final_time)
+        return EasedProblem(system, cost, settings, free, gapped)
+
+    def _continuous(self) -> Problem[Any, Any, Any]:
+        """Return the problem in continuous time, on a mesh where something asks for it."""
+        system, cost, settings = cast(ContinuousSystem, self.system), cast(ContinuousCost, self.cost), self.options
+        if settings.shooting == "multiple":
+            raise ArgumentError(f"shooting: got {settings.shooting!r} for a continuous system, expected 'single'")
+        if self.unknowns:
+            raise ArgumentError(
+                "unknowns: got some for a continuous system, expected none: they are for discrete systems"
+            )
+        if any(isinstance(limit, Periodic) for limit in self.limits):
+            raise ArgumentError(
+                f"limits: got a Periodic for {type(system).__name__}, expected a discrete system for a motion that "
+                "returns; in continuous time `Equal` asks for a given last state"
+            )
+        accuracy = settings.accuracy or Accuracy()
+        if self.limits or self.free_start is not False or settings.collocate:
+            return CollocationProblem(system, cost, self.limits, settings, accuracy, self.horizon, self.free_start)
+        return ContinuousProblem(system, cost, settings, accuracy, self.horizon)
+
+
+def _one_thread() -> AbstractContextManager[object]:
+    """Return a context in which BLAS has one thread.
+
+    More gain nothing on many matrices of a few hundred rows, and wait for each other on a busy machine: such a matrix
+    was factored in 73 ms instead of 1.
+    """
+    context: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
+    return context
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Return the libraries with threads of their own: to look for them takes as long as an iteration or two."""
+    import scipy.linalg.lapack  # noqa: F401 - which has a BLAS of its own
+
+    return ThreadpoolController()
+
+
+def _check_unknowns(resume: OptimizationResult, extension: Extension | None) -> None:
+    names = () if extension is None else extension.system.names
+    others = [name for name in resume.unknowns if name not in names]
+    if others:
+        raise ArgumentError(
+            f"resume: got a result with the unknown {others[0]!r}, expected those of this call. Name it among the "
+            "unknowns, or give initial=result and system.with_parameters(result.unknowns)"
+        )
+
+
+def _check_resumed(problem: Problem[Any, Any, Any], resume: OptimizationResult) -> None:
+    """Check that there are limits in a run that goes on if there were any before."""
+    if isinstance(problem, CollocationProblem):
+        return  # it says so itself
+    had, has = resume.limits is not None, isinstance(problem, LimitedProblem)
+    if had != has:
+        raise ArgumentError(
+            f"resume: got a result {'with' if had else 'without'} limits, expected those of this call"
+            f"{'' if has else ', none'}. Give initial=result to start from its trajectory"
+        )
+
+
+def _checked_start(free: bool | Sequence[str], system: DiscreteSystem | ContinuousSystem) -> bool | tuple[str, ...]:
+    if isinstance(free, bool):
+        return free
+    if not isinstance(free, Iterable):
+        raise ArgumentError(
+            f"free_start: got {free!r}, expected True, False or names of entries of the state such as ['p_cart']"
+        )
+    names = (free,) if isinstance(free, str) else tuple(free)
+    system.free_entries(names)
+    return names

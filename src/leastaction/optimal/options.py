@@ -1,0 +1,111 @@
+"""Every setting of an optimisation that is no part of the problem: the same in discrete and in continuous time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, get_args
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.numerics.arrays import as_choice, as_count, as_number
+from leastaction.optimal.accuracy import Accuracy
+
+Method = Literal["auto", "steepest", "quasi-newton", "newton"]
+Regulator = Literal["descent", "lqr"]
+Shooting = Literal["auto", "single", "multiple"]
+
+WAY_NAMES = ("freely", "gaps", "easing", "prices", "obstacles", "resolved")
+"""Names of the ways to begin again (see `leastaction.optimal.ways`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The settings of an optimisation. Frozen: any number of runs and threads may share them.
+
+    Parameters
+    ----------
+    method : {"auto", "steepest", "quasi-newton", "newton"}
+        Model of the descent direction; "auto" goes from quasi-Newton to Newton, and begins again where it is stuck.
+    regulator : {"descent", "lqr"}
+        Gains of the projection: those of the direction's own linear-quadratic problem, which cost nothing more, or an
+        LQR with identities as weights (dissertation 6.3.1).
+    shooting : {"auto", "single", "multiple"}
+        Whether the steps of a curve may miss the next states, until the gaps are closed: where it helps, never, or
+        from the start.
+    collocate : bool
+        Whether a problem in continuous time is put on a mesh where neither limits nor a free start ask for it.
+    max_iterations : int
+        Limit on the iterations of a run.
+    tolerance : float
+        Expected decrease ``-Dg . dxi``, relative to the cost, at which a run has converged.
+    absolute_tolerance : float
+        The same in units of the cost, added: of a cost that goes to zero.
+    alpha : float
+        Armijo's fraction of the linear decrease that a step has to bring, in (0, 1/2).
+    beta : float
+        Factor from one trial step to the next, in (0, 1).
+    max_backtracks : int
+        Shorter steps tried along one direction.
+    chunk : int
+        Steps of time simulated between two looks at the cost of a trial, which may be given up early.
+    accuracy : Accuracy, optional
+        Integrator and tolerances in continuous time.
+    without : iterable of str
+        Ways to begin again that are not taken: "freely" (from the minimum without limits), "gaps" (multiple shooting),
+        "easing" (dear inputs first), "prices" (dearer limits), "obstacles" (from the minimum without them), "resolved"
+        (within what the steps of time resolve).
+
+    Raises
+    ------
+    ArgumentError
+        A setting that does not exist or is out of range.
+    """
+
+    method: str = "auto"
+    regulator: str = "descent"
+    shooting: str = "auto"
+    collocate: bool = False
+    max_iterations: int = 1000
+    tolerance: float = 1e-9
+    absolute_tolerance: float = 1e-14
+    alpha: float = 1e-4
+    beta: float = 0.5
+    max_backtracks: int = 20
+    chunk: int = 256
+    accuracy: Accuracy | None = None
+    without: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        as_choice(self.method, "method", get_args(Method))
+        as_choice(self.regulator, "regulator", get_args(Regulator))
+        as_choice(self.shooting, "shooting", get_args(Shooting))
+        given: Any = self.without
+        without = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+        for name in without:
+            as_choice(name, "without", WAY_NAMES)
+        checked = {
+            "max_iterations": as_count(self.max_iterations, "max_iterations", 0),
+            "tolerance": as_number(self.tolerance, "tolerance", least=0.0),
+            "absolute_tolerance": as_number(self.absolute_tolerance, "absolute_tolerance", least=0.0),
+            "alpha": as_number(self.alpha, "alpha", above=0.0, below=0.5),
+            "beta": as_number(self.beta, "beta", above=0.0, below=1.0),
+            "max_backtracks": as_count(self.max_backtracks, "max_backtracks", 0),
+            "chunk": as_count(self.chunk, "chunk", 1),
+            "without": without,
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    def changed(self, **settings: Any) -> Options:
+        """Return the options with other values of some.
+
+        Raises
+        ------
+        ArgumentError
+            As of `Options`; or a name that is none.
+        """
+        names = [each.name for each in fields(self)]
+        for name in settings:
+            if name not in names:
+                raise ArgumentError(f"{name}: is no option; {closest(name, names, what='options')}")
+        return replace(self, **settings)
