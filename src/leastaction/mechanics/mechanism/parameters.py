@@ -189,7 +189,8 @@ def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str
         what = "the string " if isinstance(names, str) else ""
         raise ArgumentError(f"parameters: expected a list of names, got {what}{brief(repr(names))}")
     names = tuple(names)
-    for name in names:
+    given: tuple[object, ...] = names
+    for name in given:
         if not isinstance(name, str):
             raise unknown("parameter", name, parameter_places(tree, slots))
     # Those of elements are found without naming all that frames have, which takes longer than a short simulation.
