@@ -180,7 +180,7 @@ def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
     return float(body.inertia[AXES.index(which[0]), AXES.index(which[1])])
 
 
-def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str, Place]:
+def find(tree: Tree, slots: Mapping[str, int], names: object) -> dict[str, Place]:
     """Return the places of some parameters; raise an `ArgumentError` for a name that is none.
 
     Those of a frame are found by the name of the frame too, where `parameter_places` calls it by its variable.
@@ -189,8 +189,7 @@ def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str
         what = "the string " if isinstance(names, str) else ""
         raise ArgumentError(f"parameters: expected a list of names, got {what}{brief(repr(names))}")
     names = tuple(names)
-    given: tuple[object, ...] = names
-    for name in given:
+    for name in names:
         if not isinstance(name, str):
             raise unknown("parameter", name, parameter_places(tree, slots))
     # Those of elements are found without naming all that frames have, which takes longer than a short simulation.
