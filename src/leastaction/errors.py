@@ -192,6 +192,10 @@ class EnergyBalanceWarning(UserWarning):
     """A simulation lost or gained energy beside the work that was done."""
 
 
+class RoundingWarning(UserWarning):
+    """A motion is so far from the origin, or its steps are so short, that rounding eats it."""
+
+
 class SwingWarning(UserWarning):
     """A curve through points swings: between two of them it is far from all that are near."""
 

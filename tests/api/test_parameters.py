@@ -367,3 +367,20 @@ def test_a_frame_without_a_name_has_parameters_by_its_variable() -> None:
     assert taken.parameters["tx(cart).mass"] == 2.0
     with pytest.raises(ArgumentError, match=r"'tx\(wagon\)\.mass'.*unknown|unknown.*wagon"):
         m.with_parameters({"tx(wagon).mass": 1.0})
+
+
+def test_more_frames() -> None:
+    """Frames that are added are as if they had been described, and what hangs on them has its names last."""
+    m = Mechanism([ty("y", name="bob", mass=1.0)], [la.Gravity()])
+    hook = [tz(2.0), [ty("cart", name="hook", kinematic=True)]]
+    string = la.Distance("hook", "bob", "length", name="string")
+    more = m.with_frames("world", hook).with_elements([string])
+    assert more.kinematic == ("cart", "length")
+    assert more == Mechanism([ty("y", name="bob", mass=1.0), *hook], [la.Gravity(), string])
+    heavier = m.with_parameters({"bob.mass": 2.0}).with_frames("bob", [ty("z", name="load", mass=1.0)])
+    assert heavier.dynamic == ("y", "z")
+    assert heavier.parameters["bob.mass"] == 2.0
+    with pytest.raises(ArgumentError, match="bib"):
+        m.with_frames("bib", hook)
+    with pytest.raises(DescriptionError, match="massless"):
+        m.with_frames("bob", [ty("z")])

@@ -225,6 +225,17 @@ def test_a_full_disk_sends_the_run_elsewhere(tmp_path: Path) -> None:
     assert load_run(kept).result.status is Status.CONVERGED
 
 
+def test_a_full_disk_leaves_an_earlier_run_as_it_was(tmp_path: Path) -> None:
+    folder, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    for each in (folder, elsewhere):
+        each.mkdir()
+    for name in ("tracking.png", "animation.html", "trajectory.npz"):
+        (folder / name).write_text("of an earlier run", encoding="utf-8")
+    code, _, _ = run([*SHORT, "--out", folder, "--checkpoint", "0"], before=FULL, cwd=elsewhere)
+    assert code == 1
+    assert {path.name for path in folder.iterdir()} == {"tracking.png", "animation.html", "trajectory.npz"}
+
+
 PICTURES = """
 import os, signal
 import leastaction.apps.cli.report as report

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from leastaction.errors import ArgumentError, EnergyBalanceWarning, LeastActionError
+from leastaction.errors import ArgumentError, EnergyBalanceWarning, LeastActionError, RoundingWarning
 from leastaction.mechanics import (
     CoulombFriction,
     Damping,
@@ -216,3 +216,37 @@ def test_balances_of_nothing_are_empty_and_bad_arguments_are_named() -> None:
     other = MidpointVI(reeled())
     with pytest.raises(ArgumentError, match="trajectory"):
         other.balance(run)
+
+
+@pytest.mark.parametrize("far", [1e11, 1e12, 1e15])
+def test_a_motion_that_rounding_eats_says_so(far: float) -> None:
+    """The same cart and pole, so far away that numbers are farther apart than a step moves."""
+    m = cart()
+    vi = MidpointVI(m)
+    with pytest.warns(RoundingWarning, match="'cart' is at .*numbers are .* apart"):
+        run = vi.simulate(vi.start([far, 1.0]), np.linspace(0.0, 1.0, 101))
+    assert run.status is SimulationStatus.ROUNDED
+    assert "rounding eats the motion" in str(run)
+
+
+@pytest.mark.parametrize("far", [4e8, 1e9])
+def test_a_step_that_rounding_fails_says_so(far: float) -> None:
+    m = cart()
+    vi = MidpointVI(m)
+    run = vi.simulate(vi.start([far, 1.0]), np.linspace(0.0, 1.0, 101))
+    assert run.status is SimulationStatus.STEP_FAILED
+    assert "rounding eats the motion: 'cart' is at" in run.message
+
+
+def test_a_motion_not_so_far_away_is_what_it_is_at_the_origin() -> None:
+    m, t = cart(), np.linspace(0.0, 1.0, 101)
+    vi = MidpointVI(m)
+    here, there = (vi.simulate(vi.start([far, 1.0]), t) for far in (0.0, 4e6))
+    assert there.status is SimulationStatus.COMPLETED
+    assert np.abs(here["pole"] - there["pole"]).max() < 1e-6
+    still = vi.simulate(vi.start([4e6, 0.0]), t)
+    assert still.status is SimulationStatus.COMPLETED
+
+
+def cart() -> Mechanism:
+    return Mechanism([ty("cart", mass=2.0), [rx("pole"), [tz(-1.0, mass=1.0, name="bob")]]], [Gravity()])

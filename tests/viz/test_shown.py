@@ -33,6 +33,7 @@ from leastaction.models.marionette import marionette, rest_pose
 from leastaction.viz import Scene
 from leastaction.viz.viewer.show import active_limits
 from leastaction.viz.viewer.skeletons import equivalent_box
+from leastaction.viz.viewer.stage import staged
 from viz import scenes
 
 
@@ -209,3 +210,28 @@ def test_what_cannot_be_shown() -> None:
         show(run, reference=np.zeros((3, 1)))
     with pytest.raises(ArgumentError, match=r"which is not there.*packages="):
         show(m, shapes=[Shape(frame="arm", kind="mesh", size=np.ones(3), file=Path("absent.stl"))]).page()
+
+
+def test_shapes_that_are_wholly_transparent_are_not_drawn() -> None:
+    """They would hide what is behind them; where all are, bodies are drawn as without shapes."""
+    m = Mechanism([rz("angle", name="arm", mass=1.0, inertia=(0.1, 0.1, 0.1))])
+    seen = Shape(frame="arm", kind="sphere", size=[0.1])
+    touched = Shape(frame="arm", kind="sphere", size=[0.3], color=(0.0, 0.0, 1.0, 0.0))
+    assert only(show(m, shapes=[seen, touched])).shapes == (seen,)
+    assert touched not in only(show(m, shapes=[touched])).shapes
+
+
+def test_scenery_that_is_far_off_does_not_make_the_rest_small() -> None:
+    m = Mechanism([rz("angle", name="arm", mass=1.0, inertia=(0.1, 0.1, 0.1))])
+    arm = Shape(frame="arm", kind="box", size=[0.5, 0.1, 0.1])
+    table = Shape(frame="world", kind="box", size=[0.4, 0.4, 0.1])
+    away = np.eye(4)
+    away[1, 3] = 20.0
+    stairs = Shape(frame="world", kind="box", size=[1.0, 1.0, 1.0], pose=away)
+
+    def size(*shapes: Shape) -> float:
+        (stage,) = staged([only(show(m, shapes=shapes))])
+        return stage.size
+
+    assert size(arm, table, stairs) == size(arm, table) > size(arm)
+    assert size(stairs) > 1.0  # alone it is what there is to see

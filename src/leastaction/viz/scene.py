@@ -143,6 +143,8 @@ class Scene:
         Names of the points whose paths are drawn.
     focus
         Name of the point that the camera follows; when empty it stays where it is.
+    base
+        Name of the frame of the world: shapes on it that are far from everything else do not count for the camera.
     ground
         Height of the floor, m; the lowest point of any bone when None.
     title
@@ -175,6 +177,7 @@ class Scene:
     error: Array | None = None
     traces: tuple[str, ...] = ()
     focus: str = ""
+    base: str = ""
     ground: float | None = None
     title: str = "leastaction"
     poses: Mapping[str, Array] = field(default_factory=dict)

@@ -224,3 +224,19 @@ def test_what_a_mechanism_has_no_use_for(tmp_path: Path) -> None:
         "2 <gazebo>", "<transmission>", "safety_controller of the joint 'j'", "calibration of the joint 'j'",
     }  # fmt: skip
     assert {"damping", "friction.j"} <= set(model.mechanism.elements)
+
+
+def test_bodies_take_the_place_of_what_the_file_says(tmp_path: Path) -> None:
+    inside = '<link name="base"/><link name="hand"/>' + joint("turn", "base", "hand")
+    with pytest.raises(ModelFileError, match="massless dynamic variable 'turn'"):
+        loaded(tmp_path, inside)
+    hand = leastaction.Body(2.0, com=(0.1, 0.0, 0.0), inertia=(0.01, 0.02, 0.02))
+    m = loaded(tmp_path, inside, bodies={"hand": hand}).mechanism
+    assert m.mass == 2.0
+    np.testing.assert_allclose(m.mass_matrix([0.3]), [[0.02 + 2.0 * 0.1**2]], rtol=1e-14)
+    given = loaded(tmp_path, link("base") + link("hand") + joint("turn", "base", "hand"), bodies={"hand": hand})
+    np.testing.assert_allclose(given.mechanism.mass_matrix([0.3]), [[0.04]], rtol=1e-14)
+    with pytest.raises(ArgumentError, match=r"bodies: .*'hnd'.*hand"):
+        loaded(tmp_path, inside, bodies={"hnd": hand})
+    with pytest.raises(ArgumentError, match=r"bodies: 'hand'.*Body"):
+        loaded(tmp_path, inside, bodies={"hand": 2.0})

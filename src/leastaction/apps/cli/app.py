@@ -1,4 +1,4 @@
-"""The commands: demo, optimize, info, draw, examples."""
+"""The commands, in the order in which help shows them; those of any mechanism are in `mechanism`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import errno
 import filecmp
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -58,11 +58,9 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 app.register_install_completion_command()
-for _command in (commands.view, commands.simulate, commands.lqr, commands.check, commands.convert, commands.bench):
-    app.command(_command)
 
 
-@app.command
+@app.command(sort_key=0)
 def demo(
     *,
     duration: Annotated[float, Parameter(group=MOTION)] = 10.0,
@@ -86,7 +84,7 @@ def demo(
         return _run(request, optimiser, output, folder)
 
 
-@app.command
+@app.command(sort_key=1)
 def optimize(
     problem: str,
     /,
@@ -97,6 +95,7 @@ def optimize(
     resume: Annotated[Path | None, Parameter(group=MOTION)] = None,
     optimiser: OptimiserOptions | None = None,
     output: OutputOptions,
+    json: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False,
 ) -> int:
     """Make a mechanism do what a problem file says, or the marionette follow a motion; write the result into a folder.
 
@@ -115,7 +114,23 @@ def optimize(
     resume
         result.npz of an earlier run of the problem; of the marionette trajectory.npz, or search.npz of one that still
         sought a first trajectory: go on from there, with the motion that it followed.
+    json
+        Print the numbers of summary.json, and how it goes on the error stream.
     """
+    with _printing_numbers(output.out) if json else nullcontext():
+        return _optimized(problem, wanted, puppet, check, resume, optimiser, output)
+
+
+def _optimized(
+    problem: str,
+    wanted: MotionOptions | None,
+    puppet: PuppetOptions | None,
+    check: bool,
+    resume: Path | None,
+    optimiser: OptimiserOptions | None,
+    output: OutputOptions,
+) -> int:
+    """Solve a problem, or make the marionette follow a motion; see `optimize`."""
     if problem != "marionette":
         if wanted is not None or puppet is not None or check:
             raise ArgumentError(
@@ -196,7 +211,7 @@ def _motion(wanted: MotionOptions) -> Motion | AtSpeeds:
     return AtSpeeds(motion_at, wanted.error) if wanted.speed == "auto" else motion_at(wanted.speed)
 
 
-@app.command
+@app.command(sort_key=6)
 def info(file: str, /, *, json: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False) -> int:
     """Show what is in a file: a run and how it ended, a result with its limits, a model and what was left out of it.
 
@@ -213,11 +228,11 @@ def info(file: str, /, *, json: Annotated[bool, Parameter(group=OUTPUT, negative
     if json:
         print(facts_of(file))
     else:
-        Console(highlight=False).print(text_of(file))
+        Console(highlight=False).print(text_of(file), soft_wrap=True)
     return 0
 
 
-@app.command
+@app.command(sort_key=8)
 def draw(file: Path, /, *, output: OutputOptions) -> int:
     """Draw the plots and the animation of a result file again.
 
@@ -253,7 +268,7 @@ def draw(file: Path, /, *, output: OutputOptions) -> int:
     return 0
 
 
-@app.command
+@app.command(sort_key=9)
 def examples(example: str | None = None, /, *, out: Path = Path("pictures")) -> int:
     """List the example scripts, or run one: it prints what it finds and draws a picture.
 
@@ -282,6 +297,14 @@ def examples(example: str | None = None, /, *, out: Path = Path("pictures")) -> 
     return 0
 
 
+app.command(commands.view, sort_key=2)
+app.command(commands.check, sort_key=3)
+app.command(commands.simulate, sort_key=4)
+app.command(commands.lqr, sort_key=5)
+app.command(commands.convert, sort_key=7)
+app.command(commands.bench, sort_key=10)
+
+
 @contextmanager
 def _folder(output: OutputOptions) -> Iterator[Path]:
     """Check before a run that its results can be drawn and written; yields their folder, see `output_folder`."""
@@ -292,6 +315,18 @@ def _folder(output: OutputOptions) -> Iterator[Path]:
         check_pictures()
     with output_folder(output.out) as folder:
         yield folder
+
+
+@contextmanager
+def _printing_numbers(folder: Path) -> Iterator[None]:
+    """Send what is printed inside to the error stream, and print the summary that was written after it."""
+    summary = folder / "summary.json"
+    before = summary.stat().st_mtime_ns if summary.exists() else None
+    with redirect_stdout(sys.stderr):
+        yield
+    # That of an earlier run in the folder is not what was asked for.
+    if summary.exists() and summary.stat().st_mtime_ns != before:
+        print(summary.read_text(encoding="utf-8").rstrip())
 
 
 def _run(request: Request, optimiser: OptimiserOptions | None, output: OutputOptions, folder: Path) -> int:

@@ -203,9 +203,9 @@ def _keep(found: TrackingRun, folder: Path, complain: Complain) -> Path:
 
 def _save(found: TrackingRun, folder: Path) -> Path:
     """Write a run into its folder, in place of the search that led to it."""
-    # Pictures of an earlier run would lie beside a trajectory that is not theirs.
-    remove_report(folder)
     path = save_run(folder / TRAJECTORY, found)
+    # Pictures of an earlier run lie beside a trajectory that is not theirs now; without it they stay.
+    remove_report(folder)
     with contextlib.suppress(OSError):
         (folder / SEARCH).unlink(missing_ok=True)
     return path

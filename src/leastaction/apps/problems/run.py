@@ -73,8 +73,8 @@ def run_problem(
     began = time.perf_counter()
     found = solve(problem, resume=resume, options=options, console=console)
     with whole():
-        remove_report(folder)
         found.result.save(folder / RESULT)
+        remove_report(folder)  # of an earlier run; it stays where this one could not be written
     console.print()
     console.print(str(found), markup=False, soft_wrap=True)
     if found.result.limits is not None:

@@ -1,12 +1,26 @@
-"""What is asked of a file when it is loaded: joints that are welded, a base that is free."""
+"""What is asked of a file when it is loaded: masses that it leaves out, joints that are welded, a base that is free."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from leastaction.errors import ArgumentError, unknown
-from leastaction.io.mechanisms.parts import JointPart, Mimic, Robot
+from leastaction.io.mechanisms.parts import JointPart, MassPart, Mimic, Robot
+from leastaction.mechanics import Body
+from leastaction.numerics.arrays import require_instance, require_mapping
+
+
+def with_bodies(robot: Robot, bodies: Mapping[str, Body]) -> Robot:
+    """Return the robot with other masses of some links, by name."""
+    require_mapping(bodies, "bodies", "{'hand': Body(0.4)}")
+    links = {link.name: link for link in robot.links}
+    for name, body in bodies.items():
+        if name not in links:
+            raise unknown("link", name, links, "bodies")
+        require_instance(body, f"bodies: {name!r}", Body)
+        links[name] = replace(links[name], mass=MassPart(body.mass, body.com, body.inertia))
+    return replace(robot, links=tuple(links.values()))
 
 
 def with_free_base(robot: Robot) -> Robot:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Literal
 
 from leastaction.errors import DescriptionError, ModelFileError, some
 from leastaction.io.mechanisms import rotations
-from leastaction.io.mechanisms.changes import with_fixed, with_free_base
+from leastaction.io.mechanisms.changes import with_bodies, with_fixed, with_free_base
 from leastaction.io.mechanisms.joint_elements import elements_of_joints, settling
 from leastaction.io.mechanisms.joint_elements import motors as motors_of
 from leastaction.io.mechanisms.kinds import OWN, is_mjcf, parse, read_text, require_urdf
@@ -20,7 +20,7 @@ from leastaction.io.mechanisms.names import Names, settle
 from leastaction.io.mechanisms.parts import Robot
 from leastaction.io.mechanisms.tree import tree_of
 from leastaction.io.mechanisms.urdf import read_urdf
-from leastaction.mechanics import Armature, Gravity, JointForce, Mechanism
+from leastaction.mechanics import Armature, Body, Gravity, JointForce, Mechanism
 from leastaction.mechanics.elements import Element
 from leastaction.numerics.arrays import as_choice, as_flag
 from leastaction.optimal import Bound
@@ -33,6 +33,7 @@ def load(
     fixed: Sequence[str] = (),
     packages: Sequence[str | PathLike[str]] = (),
     motors: bool | Sequence[str] | None = None,
+    bodies: Mapping[str, Body] | None = None,
     inertia: Literal["strict", "repair"] = "strict",
     strict: bool = False,
 ) -> Model:
@@ -56,6 +57,8 @@ def load(
         Which joints have a motor, an input ``joint.torque`` (N m) or ``joint.force`` (N): all, none, or those that are
         named, instead of the actuators of the file. By default the actuators of an MJCF, and of a URDF every joint
         whose effort is limited.
+    bodies : mapping of str to Body, optional
+        Masses and inertias of links, by name, in the place of what the file says of them.
     inertia : "strict" or "repair", optional
         Whether negative masses and inertias and joints that move no mass are errors, or are mended: by the nearest
         inertia that a body can have, and a small mass. ``left_out`` says what was changed.
@@ -73,7 +76,8 @@ def load(
         For a file that is not there, is broken or holds no robot, for masses that cannot be, and with ``strict`` for
         anything left out.
     ArgumentError
-        For an unknown joint in ``fixed`` or ``motors``, or another argument that cannot be.
+        For an unknown joint in ``fixed`` or ``motors``, an unknown link in ``bodies``, or another argument that cannot
+        be.
     MissingExtraError
         For an MJCF without the package ``mujoco``.
     """
@@ -93,6 +97,8 @@ def load(
         require_urdf(root, file)
         robot = read_urdf(root, file, [Path(fspath(folder)) for folder in packages])
     try:
+        if bodies is not None:
+            robot = with_bodies(robot, bodies)
         if free:
             robot = with_free_base(robot)
         model = _model(with_fixed(robot, fixed), robot, spec, motors, inertia == "repair")

@@ -17,6 +17,7 @@ from leastaction.mechanics.continuous.monitoring import EnergyBalance
 from leastaction.mechanics.continuous.stabilisation import Drift
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
+from leastaction.mechanics.mechanism.reactions import reactions
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, shape_of
 
@@ -165,6 +166,14 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     def acceleration(self, name: str) -> Array:
         """Return the acceleration (N+1,) of a variable by name (m/s^2 or rad/s^2)."""
         return self.a[:, self._variable(name)]
+
+    def reactions(self) -> dict[str, Array]:
+        """Return the wrench in every joint at every instant, (N+1, 6) by the frame that it moves.
+
+        The force (N), then the torque (N m) about the origin of that frame, in world axes, with which what is before
+        the joint acts on what is behind it. Drives, springs and friction of the joint itself are part of it.
+        """
+        return reactions(self.mechanism, self.q, self.v, self.a, self.inputs, self.lam)
 
     def energy(self) -> Energy:
         """Return the energy at every instant, arrays (N+1,) (J)."""

@@ -64,7 +64,7 @@ class Branch:
         places, parents = preorder(self.root)
         index = next(i for i, place in enumerate(places) if place is self)
         frames = [place.frame for place in places]
-        return _grown, (self.root.world_name, frames, parents, index)
+        return grown, (self.root.world_name, frames, parents, index)
 
     def put(self, frame: Frame | Composition) -> Branch:
         """Put a frame on this one and return the place of the new frame."""
@@ -123,7 +123,8 @@ def preorder(root: Branch) -> tuple[list[Branch], list[int]]:
     return places, parents
 
 
-def _grown(world_name: str, frames: Sequence[Frame | None], parents: Sequence[int], index: int) -> Branch:
+def grown(world_name: str, frames: Sequence[Frame | None], parents: Sequence[int], index: int) -> Branch:
+    """Return a place, by its index, of the tree that `preorder` takes apart; its first frame is that of the world."""
     places = [Branch(None, world_name=world_name)]
     for frame, parent in zip(frames[1:], parents[1:], strict=True):
         assert frame is not None

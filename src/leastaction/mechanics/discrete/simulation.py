@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction import _core
-from leastaction.errors import ArgumentError, CoarseStepWarning, StepError
+from leastaction.errors import ArgumentError, CoarseStepWarning, RoundingWarning, StepError
 from leastaction.mechanics.configuration.assembly import check_lengths
 from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of, tell
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
+from leastaction.mechanics.discrete.rounding import eaten
 from leastaction.mechanics.discrete.trajectory import (
     SimulationStatus,
     State,
@@ -82,6 +83,8 @@ def simulate(
         If the time step is so coarse somewhere that the solution is about to be lost; see `Trajectory.worst_step`.
     EnergyBalanceWarning
         If energy was lost or gained beside the work that was done; see `Trajectory.balance`.
+    RoundingWarning
+        If the motion is so far from the origin that rounding eats it.
     SingularityWarning
         If the motion comes near the singularity of a `ball` or `free` joint; once for every joint.
     """
@@ -109,6 +112,14 @@ def simulate(
     complaint = tell(balance, stacklevel=2)
     if complaint and status is SimulationStatus.COMPLETED:
         status, message = SimulationStatus.UNBALANCED, f"{message}, but {complaint}"
+    failed = status is SimulationStatus.STEP_FAILED
+    upto = slice(0, max(done, 1) + 1)  # the step that failed, if it was the first
+    rounded = eaten(m, times[upto], run.x[: done + 1, : m.nq], u[0, : m.n_inputs], balance.scale, failed=failed)
+    if rounded and failed:
+        message = f"{message}. But {rounded}"
+    elif rounded:
+        warnings.warn(rounded, RoundingWarning, stacklevel=2)
+        status, message = SimulationStatus.ROUNDED, f"{message}, but {rounded}"
     return trajectory_of(
         m,
         times[: done + 1],

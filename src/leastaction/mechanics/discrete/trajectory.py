@@ -14,6 +14,7 @@ from leastaction.mechanics.discrete.tensions import tensions
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
+from leastaction.mechanics.mechanism.reactions import reactions
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.frozen import made
@@ -29,6 +30,10 @@ class SimulationStatus(Enum):
     UNBALANCED = (
         "every step was solved, but energy was lost or gained beside the work that was done: do not trust the motion "
         "from there on. Try a smaller time step, or a start that stays away from where constraints lose rank"
+    )
+    ROUNDED = (
+        "every step was solved, but so far from the origin that rounding eats the motion. Measure variables from "
+        "somewhere nearer, or take longer steps"
     )
     STEP_FAILED = (
         "a step could not be solved: the trajectory ends before it. Try a smaller time step, smoother "
@@ -201,6 +206,25 @@ class Trajectory(BaseTrajectory[State]):
     def energy(self) -> Energy:
         """Return the energy at the midpoint of every step, arrays (N,) (J)."""
         return self.mechanism.energy(0.5 * (self.q[1:] + self.q[:-1]), self.v)
+
+    def reactions(self) -> dict[str, Array]:
+        """Return the wrench in every joint at the instants between two steps, ``t[1:-1]``.
+
+        With velocities and accelerations from the differences of the steps beside each, so to the second order in them;
+        of what is prescribed too.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (N-1, 6)
+            By the frame that the joint moves: the force (N), then the torque (N m) about the origin of that frame, in
+            world axes, with which what is before the joint acts on what is behind it. Drives, springs and friction of
+            the joint itself are part of it.
+        """
+        dt = np.diff(self.t)[:, None]
+        held = 0.5 * (dt[1:] + dt[:-1])
+        v, u = self.v, 0.5 * (self.inputs[1:] + self.inputs[:-1])
+        middle, a = 0.5 * (v[1:] + v[:-1]), (v[1:] - v[:-1]) / held
+        return reactions(self.mechanism, self.q[1:-1], middle, a, u, -self.lam[1:] / held)
 
     def tensions(self) -> dict[str, Array]:
         """Return the tension of every string over each step: `strings.tensions` says what counts as one.

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import unknown
-from leastaction.mechanics.description.branch import Branch
+from leastaction.mechanics.description.branch import Branch, grown
 from leastaction.mechanics.description.flattening import flatten
 from leastaction.mechanics.description.masses import check_masses
 from leastaction.mechanics.description.tree import BallAngles
@@ -191,8 +191,41 @@ class Mechanism(Compiled):
 
     # The same with changes
 
+    def with_frames(self, parent: str, description: Sequence[Any]) -> Mechanism:
+        """Return the same mechanism with more frames; orders stay, new variables come last of their kind.
+
+        Parameters
+        ----------
+        parent : str
+            The frame that they are put on, behind those that are there; of the world too.
+        description : nested list of frames
+            What to add, as of a description.
+
+        Raises
+        ------
+        ArgumentError
+            For a name that no frame has.
+        DescriptionError
+            If they do not fit, as when they are given with the description.
+        """
+        if parent not in self.tree.index:
+            raise unknown("frame", parent, self.frames, "parent")
+        first, *rest = self.tree.frames
+        frames, parents = [None, *(at.frame for at in rest)], [-1, *(at.parent for at in rest)]
+        tree = flatten(grown(first.name, frames, parents, self.tree.index[parent]).add(description))
+        return self._of(
+            plan(
+                tree,
+                list(self._plan.elements.values()),
+                dynamic=[*self.dynamic, *(name for name in tree.dynamic if name not in self.dynamic)],
+                kinematic=[*self.kinematic, *(name for name in tree.kinematic if name not in self.kinematic)],
+                inputs=self.inputs,
+                numbers=self._plan.numbers,
+            )
+        )
+
     def with_elements(self, elements: Sequence[Element]) -> Mechanism:
-        """Return the same mechanism with more elements; names and orders stay, new inputs come last.
+        """Return the same mechanism with more elements; orders stay, new names come last of their kind.
 
         Parameters
         ----------
@@ -205,12 +238,13 @@ class Mechanism(Compiled):
             If they do not fit, as when they are given with the description.
         """
         added = [name for e in elements for name in e.uses.inputs if name not in self.inputs]
+        new = [name for e in elements for name in (*e.uses.kinematic, *e.uses.either) if name not in self.variables]
         return self._of(
             plan(
                 self.tree,
                 [*self._plan.elements.values(), *elements],
                 dynamic=self.dynamic,
-                kinematic=self.kinematic,
+                kinematic=[*self.kinematic, *dict.fromkeys(new)],
                 inputs=[*self.inputs, *dict.fromkeys(added)],
                 numbers=self._plan.numbers,
             )

@@ -14,7 +14,8 @@ def needed(t: Array, tracks: Array, tolerance: Array) -> NDArray[np.intp]:
     By Ramer, Douglas and Peucker (Comput. Graph. Image Process. 1, 1972): where a line misses a track, the instant at
     which it misses most is kept, and both halves are looked at. First and last are always kept.
 
-    ``t`` (n,): times. ``tracks`` (n, m): values over time. ``tolerance`` (m,): of each, positive.
+    ``t`` (n,): times. ``tracks`` (n, m): values over time; m is 0 where nothing moves. ``tolerance``
+    (m,): of each, positive.
     """
     last = len(t) - 1
     keep = np.zeros(len(t), dtype=bool)
@@ -26,7 +27,7 @@ def needed(t: Array, tracks: Array, tolerance: Array) -> NDArray[np.intp]:
         if b - a < 2:
             continue
         share = ((t[a + 1 : b] - t[a]) / (t[b] - t[a]))[:, None]
-        off = np.abs(scaled[a] + share * (scaled[b] - scaled[a]) - scaled[a + 1 : b]).max(axis=1)
+        off = np.abs(scaled[a] + share * (scaled[b] - scaled[a]) - scaled[a + 1 : b]).max(axis=1, initial=0.0)
         worst = int(off.argmax())
         if off[worst] > 1.0:
             middle = a + 1 + worst

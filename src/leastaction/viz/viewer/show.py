@@ -194,7 +194,7 @@ def motion_scene(
     turn = upright(upward(m, up, normal))
     drawn = skeleton(m, q)
     bones = () if shapes else drawn.bones
-    solids = tuple(shapes) or drawn.shapes
+    solids = tuple(shape for shape in shapes if shape.color[3] > 0.0) or drawn.shapes
     cords = cords_of(m)
     size = max(float(np.linalg.norm(np.ptp(m.positions(q), axis=1), axis=1).max()), 0.1)
     marks = joint_marks(m, q, size)
@@ -229,6 +229,7 @@ def motion_scene(
         tension=tension or None,
         traces=tuple(traces),
         focus=focus,
+        base=m.frames[0],
         title=title,
         poses=poses(q, list(held)),
         ghost_poses=poses(wanted, list(dict.fromkeys(s.frame for s in solids))) if wanted is not None else None,

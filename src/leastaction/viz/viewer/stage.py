@@ -50,6 +50,7 @@ class Stage:
         """Corners of all that is drawn at up to 60 instants, (instants, corners, 3)."""
         scene = self.scene
         k = np.unique(np.linspace(0, scene.t.size - 1, 60).astype(int))
+        scenery: list[Array] = []
         radius: dict[str, float] = {}
         for bone in scene.bones:
             for name in (bone.start, bone.end):
@@ -67,7 +68,8 @@ class Stage:
             if each.width:
                 half = np.array([0.0, 0.0, each.width])
                 found = np.concatenate((found - half, found + half), axis=1)
-            parts.append(found)
+            (scenery if each.frame == scene.base else parts).append(found)
+        parts += _beside(parts, scenery)
         for mark in scene.marks:
             if mark.kind == "slide":
                 pose = scene.poses[mark.frame][k]
@@ -152,6 +154,16 @@ def staged(scenes: Sequence[Scene]) -> tuple[Stage, ...]:
         Stage(scene, tuple(each for shape in scene.shapes for each in _drawn(shape, found.get(id(shape), []), small)))
         for scene in scenes
     )
+
+
+def _beside(parts: Sequence[Array], scenery: Sequence[Array]) -> list[Array]:
+    """Return what of the scenery reaches no farther from all parts than these are large; all where there are none."""
+    if not parts:
+        return list(scenery)
+    low = np.min([part.min(axis=(0, 1)) for part in parts], axis=0)
+    high = np.max([part.max(axis=(0, 1)) for part in parts], axis=0)
+    reach = float(np.linalg.norm(high - low))
+    return [each for each in scenery if (each > low - reach).all() and (each < high + reach).all()]
 
 
 def _drawn(shape: Shape, pieces: list[tuple[Solid, Colour | None]], small: dict[int, Solid]) -> list[Drawn]:

@@ -56,7 +56,7 @@ class CheckReport:
             if check.advice:
                 text.append(f"\n{check.advice}", style="dim")
             table.add_row(mark, check.what, text)
-        parts: list[RenderableType] = [Text(self.name, style="bold"), table]
+        parts: list[RenderableType] = [Text(self.name, style="bold", overflow="fold"), table]
         if self.left_out:
             parts.append(Text(f"Left out of the file: {len(self.left_out)}", style="bold"))
             parts += [Text(f"  {each['name']}: {each['why']}") for each in self.left_out]
@@ -69,9 +69,19 @@ def check_mechanism(m: Mechanism, q: Array, *, name: str, left_out: tuple[dict[s
     return CheckReport(name, looks, left_out)
 
 
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def _first(error: LeastActionError) -> str:
+    """Return what is wrong, without what to do about it in Python."""
+    return str(error).splitlines()[0].partition(". ")[0]
+
+
 def _size(m: Mechanism, q: Array) -> Check:
     free = m.degrees_of_freedom(q)
-    found = f"{m.nd} dynamic variables, {m.nrho} prescribed, {m.n_inputs} inputs, {m.nc} equations, {free} freedoms"
+    counts = ((m.nd, "dynamic variable"), (m.nrho, "prescribed one"), (m.n_inputs, "input"), (m.nc, "equation"))
+    found = ", ".join(_counted(n, what) for n, what in (*counts, (free, "degree"))) + " of freedom"
     return Check("size", m.nd > 0, found)
 
 
@@ -82,7 +92,7 @@ def _masses(m: Mechanism) -> Check:
         least, middle, largest = np.linalg.eigvalsh(body.inertia)
         if least < 0.0 or largest > (least + middle) * (1.0 + 1e-6):
             odd.append(frame)
-    found = f"{m.mass:.6g} kg in {sum(body.mass > 0.0 for _, body in bodies)} bodies"
+    found = f"{m.mass:.6g} kg in {_counted(sum(body.mass > 0.0 for _, body in bodies), 'part')}"
     if odd:
         return Check("masses", False, f"{found}; no real body has the inertia of {some(odd)}", "correct their moments")
     return Check("masses", m.mass > 0.0, found, "" if m.mass else "nothing has a mass")
@@ -95,7 +105,7 @@ def _mass_matrix(m: Mechanism, q: Array) -> Check:
     condition = float(values[-1] / values[0]) if values[0] > 0.0 else np.inf
     good = condition < _CONDITION
     advice = "" if good else "some motion moves nearly no mass there: an angle that is singular, or a very light link"
-    return Check("mass matrix", good, f"condition {condition:.3g} (of a scaled one)", advice)
+    return Check("mass matrix", good, f"condition {condition:.3g}, scaled to a diagonal of ones", advice)
 
 
 def _loops(m: Mechanism, q: Array) -> Check:
@@ -104,11 +114,11 @@ def _loops(m: Mechanism, q: Array) -> Check:
     off = max(abs(float(value)) for value in m.constraint_residuals(q).values())
     if m.constraint_rank(q) < m.constraint_rank(_near(m, q)):
         found = f"closed to {off:.2g}, in a singular configuration: equations that are independent elsewhere are not"
-        return Check("loops", False, found, "begin elsewhere (--set elbow=30deg)")
+        return Check("loops", False, found, f"begin elsewhere (--set {m.dynamic[0]}=30deg)")
     redundant = m.redundancy(q)
     found = f"closed to {off:.2g}"
     if redundant:
-        found += f"; {len(redundant)} equations follow from others: {some(list(redundant))}"
+        found += f"; following from others: {some(list(redundant))}"
     return Check("loops", off < 1e-8, found, "they run with the reactions of least norm" if redundant else "")
 
 
@@ -128,9 +138,10 @@ def _rest(m: Mechanism, q: Array) -> Check:
     try:
         found = equilibrium(m, q)
     except LeastActionError as error:
-        return Check("rest", True, f"no pose at rest without inputs was found near: {str(error).splitlines()[0]}")
+        return Check("rest", True, f"no pose at rest without inputs was found near: {_first(error)}")
     moved = float(np.abs(found.q - q).max(initial=0.0))
-    text = f"{found.stability.value.partition(':')[0]}, {moved:.3g} (rad or m) from here"
+    where = "here" if moved < 1e-9 else f"up to {moved:.3g} (rad or m) from here"
+    text = f"{found.stability.value.partition(':')[0]}, {where}"
     if len(found.frequencies):
         hertz = found.frequencies / (2.0 * np.pi)
         text += f"; swings at {hertz[0]:.3g} to {hertz[-1]:.3g} Hz"
@@ -146,6 +157,6 @@ def _step(m: Mechanism, q: Array) -> Check:
             return Check("derivatives", False, run.message, "steps of 1 ms cannot be made near by")
         report = check_derivatives(MidpointSystem(vi, t), run.x, run.u, tolerance=_DERIVATIVES)
     except LeastActionError as error:
-        return Check("derivatives", False, str(error).splitlines()[0], "steps of 1 ms cannot be made near by")
+        return Check("derivatives", False, _first(error), "steps of 1 ms cannot be made near by")
     worst = max(report.errors.values(), default=0.0)
     return Check("derivatives", bool(worst < _DERIVATIVES), f"of a step right to {worst:.2g}, beside differences")

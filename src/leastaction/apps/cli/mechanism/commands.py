@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,7 +39,7 @@ def view(
     from leastaction.apps.cli.mechanism.source import MODEL_FILES, configuration_of, model_of
     from leastaction.viz import show
 
-    if Path(source).suffix in MODEL_FILES or not Path(source).suffix:
+    if Path(source).suffix.lower() in MODEL_FILES or not Path(source).suffix:
         shown: Any = model_of(source, model)
         seen = show(shown, q=configuration_of(shown, pose))
     else:
@@ -48,7 +49,7 @@ def view(
     if out is None:
         seen.open()
     else:
-        Console(highlight=False).print(f"written: {seen.save(out)}", markup=False)
+        Console(highlight=False).print(f"written: {seen.save(out)}", markup=False, soft_wrap=True)
     return 0
 
 
@@ -87,6 +88,8 @@ def simulate(
     from leastaction.apps.cli.mechanism.simulation import simulated, times
     from leastaction.apps.cli.mechanism.source import configuration_of, model_of, numbers_by_name
     from leastaction.apps.cli.progress import progress_bar
+    from leastaction.apps.cli.shield import uninterrupted
+    from leastaction.mechanics import SimulationStatus
     from leastaction.numerics.files import output_folder
 
     t = times(until, dt)
@@ -95,19 +98,23 @@ def simulate(
     inputs = numbers_by_name(input, m.inputs, "--input")
     q = configuration_of(chosen, pose)
     console = Console(highlight=False, stderr=json_)
-    with progress_bar("simulating", len(t) - 1, console) as told:
-        run = simulated(m, q, t, inputs, told)
     written: list[str] = []
-    if out is not None:
-        with output_folder(out) as folder, console.status("writing"):
-            written = _write_run(run, chosen.shapes, folder)
+    # The folder is looked at before the run, which may be a long one.
+    with nullcontext() if out is None else output_folder(out) as folder:
+        with progress_bar("simulating", len(t) - 1, console) as told:
+            run = simulated(m, q, t, inputs, told)
+        if folder is not None:
+            with uninterrupted(), console.status("writing"):
+                written = _write_run(run, chosen.shapes, folder)
     if json_:
         print(json.dumps(_facts(run) | {"written": written}))
     else:
-        console.print(str(run), markup=False)
+        console.print(str(run), markup=False, soft_wrap=True)
         for name in written:
-            console.print(f"written: {name}", markup=False)
-    return 0 if run.steps == len(t) - 1 else 1
+            console.print(f"written: {name}", markup=False, soft_wrap=True)
+    if run.status is SimulationStatus.INTERRUPTED:
+        return 130
+    return 0 if run.status is SimulationStatus.COMPLETED else 1
 
 
 def lqr(
@@ -162,14 +169,12 @@ def lqr(
         }))  # fmt: skip
         return 0
     console = Console(highlight=False)
-    console.print(gain_table(found.K, rest.u, m.inputs, states))
-    if dt is None:
-        slowest = float(-found.eigenvalues.real.max())
-        end = f"the slowest motion dies away at {slowest:.3g} 1/s"
-    else:
-        largest = float(np.abs(found.eigenvalues).max())
-        end = f"held over {dt:g} s; what is left after a step: {largest:.4g}"
-    console.print(f"u = u_rest - K [q - q_rest; v]; {end}", markup=False)
+    console.print(gain_table(found.K, rest.u, m.inputs, states, console.width))
+    values = found.eigenvalues
+    slowest = -values.real.max() if dt is None else -np.log(np.abs(values).max()) / dt
+    held = "" if dt is None else f"inputs held over {dt:g} s; "
+    end = f"{held}the slowest motion dies away at {slowest:.3g} 1/s"
+    console.print(f"u = u_rest - K [q - q_rest; v]; {end}", markup=False, soft_wrap=True)
     return 0
 
 
@@ -217,7 +222,7 @@ def convert(source: Path, target: Path, /, *, model: ModelOptions | None = None)
     """
     from leastaction.apps.cli.mechanism.conversion import converted
 
-    Console(highlight=False).print(f"written: {converted(source, target, model)}", markup=False)
+    Console(highlight=False).print(f"written: {converted(source, target, model)}", markup=False, soft_wrap=True)
     return 0
 
 
@@ -245,6 +250,8 @@ def bench(
     from leastaction.apps.cli.mechanism.bench import timings
     from leastaction.apps.cli.mechanism.source import configuration_of, model_of
 
+    if not 0.0 < dt < float("inf"):
+        raise ArgumentError(f"--dt: got {dt:g} s, expected a time above zero")
     chosen = model_of(source, model)
     m = chosen.mechanism
     console = Console(highlight=False, stderr=json_)
@@ -253,7 +260,7 @@ def bench(
     if json_:
         print(json.dumps({"source": source, "core": _core.variant, "us": found}))
         return 0
-    console.print(f"[bold]{source}[/bold]: {m.nq} variables, {m.nc} equations; core {_core.variant}")
+    console.print(f"[bold]{source}[/bold]: variables {m.nq}, equations {m.nc}; core {_core.variant}")
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(justify="right")
     for name, value in found.items():

@@ -7,6 +7,7 @@ from pathlib import Path
 from leastaction.apps.cli.mechanism.options import ModelOptions
 from leastaction.apps.cli.mechanism.source import MODEL_FILES, model_of
 from leastaction.errors import ArgumentError
+from leastaction.models import MODELS
 
 _RUNS = (".h5", ".npz")
 _MOTIONS = (".bvh", ".amc", ".csv")
@@ -22,7 +23,7 @@ def converted(source: Path, target: Path, options: ModelOptions | None = None) -
         For endings that do not go together.
     """
     kind = _kind(source)
-    if target.suffix not in _TARGETS[kind]:
+    if target.suffix.lower() not in _TARGETS[kind]:
         raise ArgumentError(
             f"got {source.name} and {target.name}: a {kind} is written as {', '.join(_TARGETS[kind])}, "
             f"not as {target.suffix or 'a file without an ending'}"
@@ -40,8 +41,10 @@ def converted(source: Path, target: Path, options: ModelOptions | None = None) -
 
 
 def _kind(source: Path) -> str:
+    if str(source) in MODELS:
+        return "model"
     for kind, endings in (("model", MODEL_FILES), ("run", _RUNS), ("motion", _MOTIONS)):
         if source.suffix.lower() in endings:
             return kind
     known = ", ".join((*MODEL_FILES, *_RUNS, *_MOTIONS))
-    raise ArgumentError(f"got {source.name}, expected a file that ends in one of {known}")
+    raise ArgumentError(f"got {source.name}, expected a file that ends in one of {known}, or the name of a ready model")

@@ -16,7 +16,7 @@ from leastaction.numerics.frozen import Frozen
 
 _AT_REST = 1e-6  # acceleration that is left, by the largest that inputs have to balance
 _SHOWN = 1e-9  # part of the largest gain under which a gain is shown as none
-_COLUMNS = 8  # of a table that a terminal shows
+_NUMBER = 10  # characters of a gain
 _REACHED = 1e-9  # singular value under which a mode counts as out of reach, by the size of [A - s I, B]
 
 
@@ -117,6 +117,10 @@ def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None)
     from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
     from scipy.signal import cont2discrete
 
+    if weights.min(initial=0.0) < 0.0 or effort.min(initial=1.0) <= 0.0:
+        raise ArgumentError(
+            "weights are at least zero, and efforts above zero: what costs less than nothing has no best"
+        )
     lost = rest.out_of_reach()
     if lost:
         modes = "; ".join(f"{some(names)} ({value:.3g} 1/s)" for value, names in lost)
@@ -131,8 +135,9 @@ def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None)
             K = np.linalg.solve(R, B.T @ P)
         else:
             A, B, *_ = cont2discrete((A, B, np.eye(2 * n), np.zeros_like(B)), dt)
-            P = solve_discrete_are(A, B, Q, R * dt) if n else np.zeros((0, 0))
-            K = np.linalg.solve(R * dt + B.T @ P @ B, B.T @ P @ A)
+            # The costs of a step are dt times these, of states and of inputs, which is no matter to the gains.
+            P = solve_discrete_are(A, B, Q, R)
+            K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
     except (LinAlgError, ValueError) as error:
         raise ArgumentError(
             f"there is no steady regulator with these weights ({str(error).rstrip('.')}): every motion that does not "
@@ -141,16 +146,19 @@ def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None)
     return RestRegulator(K @ lift.T, np.linalg.eigvals(A - B @ K).astype(complex), dt)
 
 
-def gain_table(K: Array, u: Array, inputs: Sequence[str], states: Sequence[str]) -> Table:
-    """Return gains K (n_inputs, nx) and inputs at rest u (n_inputs,) as a table; those that count if it is wide."""
+def gain_table(K: Array, u: Array, inputs: Sequence[str], states: Sequence[str], width: int = 80) -> Table:
+    """Return gains K (n_inputs, nx) and inputs at rest u (n_inputs,) as a table.
+
+    Where a column for each input is wider than ``width`` characters, there is a row for each, with its largest gains.
+    """
     least = _SHOWN * float(np.abs(K).max(initial=0.0))
-    if len(inputs) > _COLUMNS:
+    if max(map(len, states), default=0) + sum(max(len(name), _NUMBER) + 2 for name in inputs) > width:
         table = Table("input", "at rest", "gains", box=None, pad_edge=False)
         for name, gains, held in zip(inputs, K, u, strict=True):
             order = np.argsort(-np.abs(gains))[:4]
             most = ", ".join(f"{states[i]} {gains[i]:.4g}" for i in order if abs(gains[i]) > least)
-            table.add_row(name, f"{held:.4g}", f"{most}, ...")
-        table.caption = "the four largest of each input; --json prints all"
+            table.add_row(name, f"{held:.4g}" if abs(held) > 1e-9 else "0", most)
+        table.caption = "the four largest gains of each input; --json prints all"
         return table
     table = Table("gain", *inputs, box=None, pad_edge=False)
     for name, column in zip(states, K.T, strict=True):

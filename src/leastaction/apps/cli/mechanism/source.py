@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from leastaction.apps.cli.mechanism.options import ModelOptions, PoseOptions
 from leastaction.errors import ArgumentError, closest, unknown
 from leastaction.io.mechanisms import Model, load
-from leastaction.mechanics import Mechanism, project_configuration
+from leastaction.mechanics import project_configuration
 from leastaction.models import MODELS, build
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import matching
@@ -30,6 +30,10 @@ def model_of(source: str, options: ModelOptions | None = None) -> Model:
         return Model(name=source, mechanism=build(source))
     options = options or ModelOptions()
     path = Path(source)
+    if path.suffix and path.suffix.lower() not in MODEL_FILES:
+        raise ArgumentError(
+            f"got {source}, expected a model: a file that ends in {', '.join(MODEL_FILES)}, or the name of a ready one"
+        )
     if not path.suffix and not path.exists():
         known = closest(source, MODELS, what="ready models")
         raise ArgumentError(f"there is no file {source!r}, and no ready model of that name; {known}")
@@ -93,8 +97,3 @@ def numbers_by_name(words: Iterable[str], known: Sequence[str], option: str) -> 
 def left_out(model: Model) -> list[dict[str, str]]:
     """Return what was not taken over from a model's file."""
     return [{"name": each.name, "why": each.why} for each in model.left_out]
-
-
-def inputs_at(mechanism: Mechanism, values: Mapping[str, float]) -> Array:
-    """Return inputs (n_inputs,) from values by name; the others are zero."""
-    return np.array([values.get(name, 0.0) for name in mechanism.inputs])
