@@ -166,7 +166,7 @@ def test_ctrl_c_while_the_package_is_imported() -> None:
 import sys
 class Interrupting:
     def find_spec(self, name, path=None, target=None):
-        if name == "leastaction.mechanics":
+        if name == "leastaction.apps":
             raise KeyboardInterrupt
 sys.meta_path.insert(0, Interrupting())
 """
